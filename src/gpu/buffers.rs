@@ -1,0 +1,192 @@
+//! Labelled buffers and read-back.
+
+use bytemuck::{NoUninit, Pod};
+use wgpu::util::DeviceExt as _;
+
+use super::context::{GpuContext, GpuError};
+
+const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::COPY_SRC)
+    .union(wgpu::BufferUsages::COPY_DST);
+
+/// An empty storage buffer of at least 16 bytes (WebGPU binds nothing smaller than the struct it holds).
+///
+/// # Errors
+/// [`GpuError::TooLarge`] if the adapter cannot bind it.
+pub fn storage_buffer(
+    context: &GpuContext,
+    label: &str,
+    bytes: u64,
+) -> Result<wgpu::Buffer, GpuError> {
+    check_size(context, label, bytes)?;
+    context.guarded(label, || {
+        Ok(context.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(16).next_multiple_of(16),
+            usage: STORAGE | wgpu::BufferUsages::INDIRECT,
+            mapped_at_creation: false,
+        }))
+    })
+}
+
+/// A storage buffer that holds `data`; an empty slice becomes 256 zero bytes, so that it can be bound.
+///
+/// # Errors
+/// [`GpuError::TooLarge`] if the adapter cannot bind it.
+pub fn storage_buffer_with_data<T: NoUninit>(
+    context: &GpuContext,
+    label: &str,
+    data: &[T],
+) -> Result<wgpu::Buffer, GpuError> {
+    let bytes: &[u8] = bytemuck::cast_slice(data);
+    check_size(context, label, bytes.len() as u64)?;
+    context.guarded(label, || {
+        Ok(context
+            .device
+            .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents: if bytes.is_empty() { &[0; 256] } else { bytes },
+                usage: STORAGE,
+            }))
+    })
+}
+
+/// A uniform buffer of `bytes` bytes.
+pub fn uniform_buffer(context: &GpuContext, label: &str, bytes: u64) -> wgpu::Buffer {
+    context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.next_multiple_of(16),
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn check_size(context: &GpuContext, label: &str, bytes: u64) -> Result<(), GpuError> {
+    if bytes > context.max_binding_bytes {
+        return Err(GpuError::TooLarge {
+            what: label.to_owned(),
+            bytes,
+            limit: context.max_binding_bytes,
+            mend: "use fewer photons, a smaller --size, a smaller scene, or another --adapter",
+        });
+    }
+    Ok(())
+}
+
+/// Copies the first `count` elements of a buffer to the host. Waits for the device.
+///
+/// # Errors
+/// [`GpuError::Lost`] or [`GpuError::Validation`], naming `what`.
+pub fn read_buffer<T: Pod>(
+    context: &GpuContext,
+    what: &str,
+    buffer: &wgpu::Buffer,
+    count: usize,
+) -> Result<Vec<T>, GpuError> {
+    let bytes = (count * size_of::<T>()) as u64;
+    if bytes == 0 {
+        return Ok(Vec::new());
+    }
+    let staging = context.guarded(what, || {
+        let staging = context.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read-back"),
+            size: bytes.next_multiple_of(4),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder =
+            context
+                .device
+                .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                    label: Some("read-back"),
+                });
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, staging.size());
+        context.queue.submit([encoder.finish()]);
+        Ok(staging)
+    })?;
+    map_and_copy(context, what, &staging, bytes)
+}
+
+/// Maps a staging buffer and copies its first `bytes` bytes out as elements.
+pub(super) fn map_and_copy<T: Pod>(
+    context: &GpuContext,
+    what: &str,
+    staging: &wgpu::Buffer,
+    bytes: u64,
+) -> Result<Vec<T>, GpuError> {
+    let fail = |reason: String| GpuError::Validation {
+        pass: what.to_owned(),
+        reason,
+    };
+    let (sender, receiver) = std::sync::mpsc::channel();
+    staging.map_async(wgpu::MapMode::Read, .., move |result| {
+        // The receiver outlives this call unless the wait below failed, and then nobody listens.
+        let _ = sender.send(result);
+    });
+    context.wait(what)?;
+    receiver
+        .recv()
+        .map_err(|error| fail(error.to_string()))?
+        .map_err(|error| fail(error.to_string()))?;
+    let elements = {
+        let view = staging
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| fail(error.to_string()))?;
+        bytemuck::pod_collect_to_vec::<u8, T>(&view[..bytes as usize])
+    };
+    staging.unmap();
+    Ok(elements)
+}
+
+/// A storage buffer that is made anew, larger, when an upload no longer fits.
+pub struct GrowingBuffer {
+    label: &'static str,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl GrowingBuffer {
+    /// Nothing allocated yet.
+    pub const fn new(label: &'static str) -> Self {
+        Self {
+            label,
+            buffer: None,
+        }
+    }
+
+    /// Uploads `data`; true if the buffer is another one now, so that it must be bound again.
+    ///
+    /// # Errors
+    /// As [`storage_buffer`].
+    pub fn upload<T: NoUninit>(
+        &mut self,
+        context: &GpuContext,
+        data: &[T],
+    ) -> Result<bool, GpuError> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let fits = self
+            .buffer
+            .as_ref()
+            .is_some_and(|buffer| buffer.size() >= bytes.len() as u64);
+        if !fits {
+            // A quarter more, so that a scene that grows by one instance does not reallocate every frame.
+            let capacity = (bytes.len() as u64 + bytes.len() as u64 / 4).min(context.max_binding_bytes);
+            self.buffer = Some(storage_buffer(
+                context,
+                self.label,
+                capacity.max(bytes.len() as u64).max(256),
+            )?);
+        }
+        if let Some(buffer) = &self.buffer
+            && !bytes.is_empty()
+        {
+            context.queue.write_buffer(buffer, 0, bytes);
+        }
+        Ok(!fits)
+    }
+
+    /// The buffer, if anything was uploaded.
+    pub fn buffer(&self) -> Option<&wgpu::Buffer> {
+        self.buffer.as_ref()
+    }
+}

@@ -1,0 +1,345 @@
+//! Adapter choice and the headless device.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use thiserror::Error;
+
+/// Storage buffers that the largest kernel binds; the device is asked for no more.
+const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
+/// Threads of the largest workgroup that a shader declares.
+const WORKGROUP_INVOCATIONS: u32 = 256;
+
+/// What can go wrong between the host and the device.
+#[derive(Debug, Error)]
+pub enum GpuError {
+    /// No Vulkan, Metal or DirectX 12 adapter answered.
+    #[error(
+        "no GPU adapter found: install a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers, a software driver)"
+    )]
+    NoAdapter,
+    /// `--adapter` named none of the adapters that are there.
+    #[error("--adapter {wanted:?} matches no adapter; there are: {available}")]
+    NoMatchingAdapter {
+        /// The substring asked for.
+        wanted: String,
+        /// The names that exist, comma separated.
+        available: String,
+    },
+    /// The adapter lacks features or limits that the renderer uses.
+    #[error("adapter {adapter:?} lacks what the renderer needs: {missing}; choose another with --adapter")]
+    Missing {
+        /// Adapter name.
+        adapter: String,
+        /// Every missing feature and limit, comma separated.
+        missing: String,
+    },
+    /// The driver refused to create a device.
+    #[error("adapter {adapter:?} could not be opened: {reason}")]
+    Device {
+        /// Adapter name.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// A shader did not compile.
+    #[error("shader {shader}: {reason}")]
+    Shader {
+        /// Shader name, such as `passes/gather`.
+        shader: String,
+        /// The compiler's words.
+        reason: String,
+    },
+    /// A kernel was given no resource under a name that its shader declares.
+    #[error("pass {pass}: no resource is bound to {binding:?}")]
+    Unbound {
+        /// Pass name.
+        pass: String,
+        /// Binding name in the shader.
+        binding: String,
+    },
+    /// The API rejected a call.
+    #[error("pass {pass}: {reason}")]
+    Validation {
+        /// The pass, or the stage of the frame, in which it happened.
+        pass: String,
+        /// The API's words.
+        reason: String,
+    },
+    /// A buffer is larger than the adapter binds.
+    #[error("{what} needs {bytes} bytes, but the adapter binds at most {limit}; {mend}")]
+    TooLarge {
+        /// What the buffer holds.
+        what: String,
+        /// Bytes needed.
+        bytes: u64,
+        /// Bytes allowed.
+        limit: u64,
+        /// What the user can do.
+        mend: &'static str,
+    },
+    /// The device is gone.
+    #[error("the device was lost in {pass}: {reason}")]
+    Lost {
+        /// The stage of the frame in which it was noticed.
+        pass: String,
+        /// The driver's words.
+        reason: String,
+    },
+}
+
+/// One adapter as `info` lists it.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct AdapterSummary {
+    /// The driver's name for the adapter; `--adapter` takes any part of it.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// `vulkan`, `metal`, `dx12`.
+    pub backend: String,
+    /// Driver name.
+    pub driver: String,
+    /// Driver version text.
+    pub driver_info: String,
+}
+
+impl AdapterSummary {
+    /// Summary of what wgpu says of an adapter.
+    pub fn of(info: &wgpu::AdapterInfo) -> Self {
+        Self {
+            name: info.name.clone(),
+            kind: kind_name(info.device_type),
+            backend: info.backend.to_string(),
+            driver: info.driver.clone(),
+            driver_info: info.driver_info.clone(),
+        }
+    }
+
+    /// True if the adapter computes on the CPU, so that its timings must be labelled.
+    pub fn is_software(&self) -> bool {
+        self.kind == "software"
+    }
+}
+
+fn kind_name(kind: wgpu::DeviceType) -> &'static str {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => "discrete",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
+        wgpu::DeviceType::VirtualGpu => "virtual",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    }
+}
+
+/// Order of preference without `--adapter`: discrete, integrated, then software.
+fn rank(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// The device, its queue, and what was learnt about the adapter.
+pub struct GpuContext {
+    /// The logical device.
+    pub device: wgpu::Device,
+    /// Its only queue.
+    pub queue: wgpu::Queue,
+    /// Name, kind and driver of the adapter.
+    pub adapter: AdapterSummary,
+    /// Whether passes can be timed by the device.
+    pub has_timestamps: bool,
+    /// Largest storage buffer binding in bytes.
+    pub max_binding_bytes: u64,
+    lost: Arc<Mutex<Option<String>>>,
+    uncaptured: Arc<Mutex<Option<String>>>,
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::PRIMARY;
+    // Labels cost little and make captures readable; validation layers only on request (WGPU_VALIDATION=1).
+    descriptor.flags = wgpu::InstanceFlags::from_env_or_default();
+    wgpu::Instance::new(descriptor)
+}
+
+/// Every adapter of this machine in the order of preference.
+pub fn adapters() -> Vec<AdapterSummary> {
+    let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+    found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    found
+        .iter()
+        .map(|adapter| AdapterSummary::of(&adapter.get_info()))
+        .collect()
+}
+
+impl GpuContext {
+    /// Opens the preferred adapter, or the first whose name holds `wanted` (any case).
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`], [`GpuError::NoMatchingAdapter`], [`GpuError::Missing`] (one line that names all
+    /// that is missing) and [`GpuError::Device`].
+    pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
+        let instance = instance();
+        let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        if found.is_empty() {
+            return Err(GpuError::NoAdapter);
+        }
+        found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+        let wanted = wanted.filter(|name| !name.is_empty());
+        let adapter = match wanted {
+            None => found.into_iter().next().ok_or(GpuError::NoAdapter)?,
+            Some(wanted) => {
+                let needle = wanted.to_lowercase();
+                let available = found
+                    .iter()
+                    .map(|adapter| adapter.get_info().name)
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                found
+                    .into_iter()
+                    .find(|adapter| adapter.get_info().name.to_lowercase().contains(&needle))
+                    .ok_or_else(|| GpuError::NoMatchingAdapter {
+                        wanted: wanted.to_owned(),
+                        available,
+                    })?
+            }
+        };
+        Self::from_adapter(&adapter)
+    }
+
+    fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
+        let info = adapter.get_info();
+        let summary = AdapterSummary::of(&info);
+        let offered = adapter.limits();
+        let required_limits = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: STORAGE_BUFFERS_PER_STAGE,
+            max_compute_invocations_per_workgroup: WORKGROUP_INVOCATIONS,
+            max_compute_workgroup_size_x: WORKGROUP_INVOCATIONS,
+            // How much a scene or a photon map may hold depends on these two, so take what there is.
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            max_buffer_size: offered.max_buffer_size,
+            ..wgpu::Limits::downlevel_defaults()
+        };
+        let mut missing = Vec::new();
+        required_limits.check_limits_with_fail_fn(&offered, false, |name, needed, allowed| {
+            missing.push(format!("limit {name} of {needed} (has {allowed})"));
+        });
+        if !missing.is_empty() {
+            return Err(GpuError::Missing {
+                adapter: info.name,
+                missing: missing.join(", "),
+            });
+        }
+        // Timing is a diagnostic: without the feature the renderer runs and says that it cannot time.
+        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+                label: Some("stereolux"),
+                required_features,
+                required_limits,
+                experimental_features: wgpu::ExperimentalFeatures::disabled(),
+                memory_hints: wgpu::MemoryHints::MemoryUsage,
+                trace: wgpu::Trace::Off,
+            }))
+            .map_err(|error| GpuError::Device {
+                adapter: info.name.clone(),
+                reason: error.to_string(),
+            })?;
+
+        let lost = Arc::new(Mutex::new(None));
+        let uncaptured = Arc::new(Mutex::new(None));
+        let lost_in_callback = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                set_once(&lost_in_callback, format!("{reason:?}: {message}"));
+            }
+        });
+        let uncaptured_in_callback = Arc::clone(&uncaptured);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            set_once(&uncaptured_in_callback, one_line(&error.to_string()));
+        }));
+        log::debug!("adapter {} ({})", summary.name, summary.driver_info);
+        Ok(Self {
+            has_timestamps: device.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+            max_binding_bytes: device.limits().max_storage_buffer_binding_size,
+            device,
+            queue,
+            adapter: summary,
+            lost,
+            uncaptured,
+        })
+    }
+
+    /// Runs `work` under error scopes, so that what the API rejects comes back as an error that names `pass`.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`] or [`GpuError::Lost`] beside whatever `work` returns.
+    pub fn guarded<T>(
+        &self,
+        pass: &str,
+        work: impl FnOnce() -> Result<T, GpuError>,
+    ) -> Result<T, GpuError> {
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let result = work();
+        let memory = pollster::block_on(memory.pop());
+        let validation = pollster::block_on(validation.pop());
+        self.check(pass)?;
+        if let Some(error) = memory.or(validation) {
+            return Err(GpuError::Validation {
+                pass: pass.to_owned(),
+                reason: one_line(&error.to_string()),
+            });
+        }
+        result
+    }
+
+    /// Waits until the device has finished all that was submitted.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] if the device went away, [`GpuError::Validation`] for an error outside every scope.
+    pub fn wait(&self, pass: &str) -> Result<(), GpuError> {
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check(pass)?;
+        polled.map(|_| ()).map_err(|error| GpuError::Lost {
+            pass: pass.to_owned(),
+            reason: error.to_string(),
+        })
+    }
+
+    fn check(&self, pass: &str) -> Result<(), GpuError> {
+        if let Some(reason) = take(&self.lost) {
+            // Kept, so that every later call says the same.
+            set_once(&self.lost, reason.clone());
+            return Err(GpuError::Lost {
+                pass: pass.to_owned(),
+                reason,
+            });
+        }
+        if let Some(reason) = take(&self.uncaptured) {
+            return Err(GpuError::Validation {
+                pass: pass.to_owned(),
+                reason,
+            });
+        }
+        Ok(())
+    }
+}
+
+fn set_once(slot: &Mutex<Option<String>>, message: String) {
+    slot.lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .get_or_insert(message);
+}
+
+fn take(slot: &Mutex<Option<String>>) -> Option<String> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+/// wgpu's messages span lines; an error of ours is one line.
+pub(crate) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

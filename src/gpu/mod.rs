@@ -1,0 +1,23 @@
+//! Everything that talks to wgpu: the device, shaders, kernels, buffers, timing and read-back.
+//!
+//! - [`context`]: adapter choice, device, errors;
+//! - [`shaders`]: WESL sources, specialised by features, to WGSL;
+//! - [`kernel`]: one compute pipeline whose bindings are found by name;
+//! - [`buffers`]: labelled buffers, uploads and read-back;
+//! - [`timing`]: timestamp queries per pass;
+//! - [`types`]: the structs that host and shaders share;
+//! - [`scene`]: packing of a scene into those structs.
+
+pub mod buffers;
+pub mod context;
+pub mod kernel;
+// pub mod scene;
+pub mod shaders;
+pub mod timing;
+pub mod types;
+
+pub use buffers::{GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer};
+pub use context::{GpuContext, GpuError};
+pub use kernel::{Kernel, Resources};
+pub use shaders::{CompiledShader, ShaderLibrary};
+pub use timing::{FrameRecorder, PassTimes};

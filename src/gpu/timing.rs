@@ -1,0 +1,190 @@
+//! Recording of a frame's passes with a timestamp before and after each.
+
+use std::collections::BTreeMap;
+
+use super::buffers::map_and_copy;
+use super::context::{GpuContext, GpuError};
+use super::kernel::{Bound, Kernel};
+
+/// Queries of one set; wgpu's own limit.
+const QUERIES: u32 = 4096;
+
+/// Device milliseconds by pass name. A pass that ran several times is summed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PassTimes {
+    /// Milliseconds and number of dispatches by name.
+    pub passes: BTreeMap<String, (f64, u32)>,
+}
+
+impl PassTimes {
+    fn add(&mut self, name: &str, milliseconds: f64) {
+        let entry = self.passes.entry(name.to_owned()).or_default();
+        entry.0 += milliseconds;
+        entry.1 += 1;
+    }
+
+    /// Milliseconds of all passes together.
+    pub fn total_ms(&self) -> f64 {
+        self.passes.values().map(|(ms, _)| ms).sum()
+    }
+}
+
+/// Query set and buffers for timing; made once and used by every frame.
+pub struct Timer {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    staging: wgpu::Buffer,
+}
+
+impl Timer {
+    /// A timer, or `None` if the adapter has no timestamps.
+    pub fn new(context: &GpuContext) -> Option<Self> {
+        context.has_timestamps.then(|| {
+            let bytes = u64::from(QUERIES) * 8;
+            Self {
+                queries: context.device.create_query_set(&wgpu::QuerySetDescriptor {
+                    label: Some("pass timestamps"),
+                    ty: wgpu::QueryType::Timestamp,
+                    count: QUERIES,
+                }),
+                resolved: context.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("pass timestamps"),
+                    size: bytes,
+                    usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                    mapped_at_creation: false,
+                }),
+                staging: context.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("pass timestamps read-back"),
+                    size: bytes,
+                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                }),
+            }
+        })
+    }
+}
+
+/// Records the passes of one submission.
+pub struct FrameRecorder<'a> {
+    context: &'a GpuContext,
+    timer: Option<&'a Timer>,
+    encoder: wgpu::CommandEncoder,
+    timed: Vec<String>,
+}
+
+impl<'a> FrameRecorder<'a> {
+    /// Starts a command buffer.
+    pub fn new(context: &'a GpuContext, timer: Option<&'a Timer>, label: &str) -> Self {
+        Self {
+            context,
+            timer,
+            encoder: context
+                .device
+                .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
+            timed: Vec::new(),
+        }
+    }
+
+    /// Passes that still fit into the timer.
+    pub fn room(&self) -> usize {
+        (QUERIES / 2) as usize - self.timed.len()
+    }
+
+    fn begin(&mut self, label: &str) -> wgpu::ComputePass<'_> {
+        let slot = 2 * self.timed.len() as u32;
+        let timestamp_writes = match self.timer {
+            Some(timer) if slot + 1 < QUERIES => {
+                self.timed.push(label.to_owned());
+                Some(wgpu::ComputePassTimestampWrites {
+                    query_set: &timer.queries,
+                    beginning_of_pass_write_index: Some(slot),
+                    end_of_pass_write_index: Some(slot + 1),
+                })
+            }
+            _ => None,
+        };
+        self.encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(label),
+                timestamp_writes,
+            })
+    }
+
+    /// Dispatches `kernel` over `groups` workgroups under the name `label`.
+    pub fn dispatch(
+        &mut self,
+        label: &str,
+        kernel: &Kernel,
+        bound: &Bound,
+        dispatch_index: u32,
+        groups: [u32; 3],
+    ) {
+        let mut pass = self.begin(label);
+        kernel.set(&mut pass, bound, dispatch_index);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+
+    /// Dispatches `kernel` over the workgroups that `arguments` holds at byte `offset`.
+    pub fn dispatch_indirect(
+        &mut self,
+        label: &str,
+        kernel: &Kernel,
+        bound: &Bound,
+        dispatch_index: u32,
+        arguments: &wgpu::Buffer,
+        offset: u64,
+    ) {
+        let mut pass = self.begin(label);
+        kernel.set(&mut pass, bound, dispatch_index);
+        pass.dispatch_workgroups_indirect(arguments, offset);
+    }
+
+    /// Zeroes a whole buffer.
+    pub fn clear(&mut self, buffer: &wgpu::Buffer) {
+        self.encoder.clear_buffer(buffer, 0, None);
+    }
+
+    /// Copies the first `bytes` bytes from one buffer to another.
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
+        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+    }
+
+    /// Submits, waits, and adds the device times to `times`.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`] or [`GpuError::Lost`], naming `stage` (wgpu's own words name the pass by its label).
+    pub fn submit(self, stage: &str, times: &mut PassTimes) -> Result<(), GpuError> {
+        let Self {
+            context,
+            timer,
+            mut encoder,
+            timed,
+        } = self;
+        let count = 2 * timed.len() as u32;
+        let timer = timer.filter(|_| count > 0);
+        context.guarded(stage, || {
+            if let Some(timer) = timer {
+                encoder.resolve_query_set(&timer.queries, 0..count, &timer.resolved, 0);
+                encoder.copy_buffer_to_buffer(
+                    &timer.resolved,
+                    0,
+                    &timer.staging,
+                    0,
+                    u64::from(count) * 8,
+                );
+            }
+            context.queue.submit([encoder.finish()]);
+            Ok(())
+        })?;
+        let Some(timer) = timer else {
+            return context.wait(stage);
+        };
+        let ticks: Vec<u64> = map_and_copy(context, stage, &timer.staging, u64::from(count) * 8)?;
+        let ms_per_tick = f64::from(context.queue.get_timestamp_period()) * 1e-6;
+        for (name, pair) in timed.iter().zip(ticks.chunks_exact(2)) {
+            // A device may reset its clock between two queries; such a pair says nothing.
+            times.add(name, pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! Records of the two-level hierarchy, shared with `shaders/shared/bvh_types.wesl`.
+//!
+//! Layouts are those of WGSL storage buffers: a `vec3f` is followed by a scalar that fills its
+//! 16 bytes, so none of these types has padding.
+
+use bytemuck::{Pod, Zeroable};
+
+/// What [`Triangle::emitter`] holds where a triangle does not emit.
+pub const NO_EMITTER: u32 = u32::MAX;
+/// [`Instance::flags`]: the matrix has a negative determinant.
+pub const INSTANCE_MIRRORED: u32 = 1;
+/// [`Triangle::flags`]: the material may let rays pass (alpha mask or blend).
+pub const TRIANGLE_ALPHA: u32 = 1;
+/// [`Triangle::flags`]: the material is double sided.
+pub const TRIANGLE_DOUBLE_SIDED: u32 = 2;
+
+/// An inner node that holds the bounds of both its children: 64 bytes, one cache line.
+///
+/// A child with count 0 is the inner node at its index. Otherwise the index is the first of `count`
+/// primitives in leaf order: triangles in a mesh hierarchy, exactly one instance at the top. A child
+/// that does not exist has bounds with min > max.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct BvhNode {
+    /// Lower corner of the left child's bounds, metres.
+    pub left_min: [f32; 3],
+    /// Inner node or first primitive of the left child.
+    pub left_index: u32,
+    /// Upper corner of the left child's bounds, metres.
+    pub left_max: [f32; 3],
+    /// Primitives in the left child, 0 for an inner node.
+    pub left_count: u32,
+    /// Lower corner of the right child's bounds, metres.
+    pub right_min: [f32; 3],
+    /// Inner node or first primitive of the right child.
+    pub right_index: u32,
+    /// Upper corner of the right child's bounds, metres.
+    pub right_max: [f32; 3],
+    /// Primitives in the right child, 0 for an inner node.
+    pub right_count: u32,
+}
+
+/// A placed mesh: 112 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Instance {
+    /// Row 0 of the 3x4 matrix that takes object space to render space.
+    pub render_from_object_0: [f32; 4],
+    /// Row 1.
+    pub render_from_object_1: [f32; 4],
+    /// Row 2.
+    pub render_from_object_2: [f32; 4],
+    /// Row 0 of the inverse, rounded from its own f64 value.
+    pub object_from_render_0: [f32; 4],
+    /// Row 1 of the inverse.
+    pub object_from_render_1: [f32; 4],
+    /// Row 2 of the inverse.
+    pub object_from_render_2: [f32; 4],
+    /// Root of the mesh in the array of mesh nodes.
+    pub blas_root: u32,
+    /// Where the emissive triangles of this instance begin in the table of lights.
+    pub first_emitter: u32,
+    /// [`INSTANCE_MIRRORED`].
+    pub flags: u32,
+    /// The scene node that places it.
+    pub node: u32,
+}
+
+/// A triangle in object space, in leaf order: 48 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Triangle {
+    /// First vertex.
+    pub v0: [f32; 3],
+    /// Index into the scene's materials.
+    pub material: u32,
+    /// Second vertex.
+    pub v1: [f32; 3],
+    /// Ordinal among the emissive triangles of its mesh in the mesh's own order, or [`NO_EMITTER`].
+    pub emitter: u32,
+    /// Third vertex.
+    pub v2: [f32; 3],
+    /// [`TRIANGLE_ALPHA`], [`TRIANGLE_DOUBLE_SIDED`].
+    pub flags: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_those_of_the_shaders() {
+        assert_eq!(size_of::<BvhNode>(), 64);
+        assert_eq!(size_of::<Instance>(), 112);
+        assert_eq!(size_of::<Triangle>(), 48);
+    }
+}

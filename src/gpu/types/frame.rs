@@ -1,0 +1,78 @@
+//! The frame uniform: `shaders/shared/frame.wesl`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// One eye in render space (world axes, origin at the head).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Eye {
+    /// Eye position in render space, metres.
+    pub position: [f32; 3],
+    /// Tangent of the field of view's left edge (negative for a symmetric view).
+    pub tan_left: f32,
+    /// First column of render_from_eye.
+    pub axis_x: [f32; 3],
+    /// Tangent of the right edge.
+    pub tan_right: f32,
+    /// Second column of render_from_eye.
+    pub axis_y: [f32; 3],
+    /// Tangent of the upper edge.
+    pub tan_up: f32,
+    /// Third column of render_from_eye; the eye looks along its negative.
+    pub axis_z: [f32; 3],
+    /// Tangent of the lower edge.
+    pub tan_down: f32,
+}
+
+/// Uniform block of one frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Frame {
+    /// Left eye.
+    pub left: Eye,
+    /// Right eye.
+    pub right: Eye,
+    /// Left eye's position minus the right eye's, metres, subtracted in f64.
+    pub left_from_right: [f32; 3],
+    /// `FRAME_*` bits.
+    pub flags: u32,
+    /// Render space minus photon space, metres.
+    pub photon_offset: [f32; 3],
+    /// Gather radius, metres.
+    pub photon_radius: f32,
+    /// Pixels per eye, across.
+    pub width: u32,
+    /// Pixels per eye, down.
+    pub height: u32,
+    /// Random seed.
+    pub seed: u32,
+    /// Frame number.
+    pub frame_index: u32,
+    /// Sample number of dispatch entry 0.
+    pub first_sample: u32,
+    /// Samples per pixel of the whole frame.
+    pub sample_count: u32,
+    /// Longest light path from eye to light, in segments.
+    pub max_depth: u32,
+    /// Photon paths asked for.
+    pub photon_paths: u32,
+    /// Frame number that keys the photons' random streams.
+    pub photon_frame_index: u32,
+    /// Least cosine between a photon's normal and that of the surface that gathers it.
+    pub normal_min_cos: f32,
+    /// glTF roughness from which a surface counts as independent of the viewing direction.
+    pub reuse_min_roughness: f32,
+    /// GGX alpha below which eye paths follow a reflection instead of gathering.
+    pub follow_max_alpha: f32,
+}
+
+/// The eyes have one pose and one field of view.
+pub const FRAME_EYES_EQUAL: u32 = 1;
+/// Paths end by Russian roulette.
+pub const FRAME_RUSSIAN_ROULETTE: u32 = 2;
+/// Direct light comes from the photon map.
+pub const FRAME_DIRECT_FROM_MAP: u32 = 4;
+/// Density kernel: Epanechnikov.
+pub const FRAME_KERNEL_EPANECHNIKOV: u32 = 8;
+/// Density kernel: cone.
+pub const FRAME_KERNEL_CONE: u32 = 16;

@@ -1,0 +1,2 @@
+//! stereolux
+pub mod gpu;
