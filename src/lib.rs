@@ -1,2 +1,36 @@
-//! stereolux
+//! Headset application skeleton that ray traces global illumination in stereo.
+//!
+//! # One frame
+//!
+//! The [frame loop](frame_loop) asks an [XR session](xr) for the time at which the frame will be seen and for both eyes'
+//! views then. It cannot tell whether a simulated headset, a recording or a runtime answers. The
+//! [renderer](renderer) moves the [scene](scene) to the head: positions are f64 on the host and f32 relative to the
+//! head on the device. If the photon map is missing, photons are traced from the lights through the two-level
+//! [hierarchy](bvh), stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
+//! them directly, photons within a radius light them indirectly. The left eye's hits are projected into the right eye;
+//! those that it sees, and whose light does not depend on the viewing direction, are carried over; the pixels that are
+//! still empty are listed and rendered by the same passes. The [passes] module lists them in order. Images, statistics
+//! and false-colour provenance are [written](output) to disk, and [metrics] compare them with a reference.
+//!
+//! # Modules
+//!
+//! - [`commands`], [`options`]: the program's commands and their checked options;
+//! - [`frame_loop`], [`xr`], [`output`]: frames from a session to files;
+//! - [`renderer`], [`passes`], [`gpu`]: images from views;
+//! - [`scene`], [`bvh`]: what is rendered;
+//! - [`metrics`], [`images`]: errors against a reference, image files.
+//!
+//! Matrix names read target_from_source; points and vectors carry their space in their names.
+
+pub mod bvh;
+pub mod commands;
+pub mod frame_loop;
 pub mod gpu;
+pub mod images;
+pub mod metrics;
+pub mod options;
+pub mod output;
+pub mod passes;
+pub mod renderer;
+pub mod scene;
+pub mod xr;

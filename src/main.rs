@@ -1,1 +1,37 @@
-fn main(){}
+//! The `stereolux` program: flags to checked options to a command; errors to an exit status.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use stereolux::commands::{Failure, execute};
+use stereolux::options::{parse, resolve};
+
+fn main() -> ExitCode {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
+        // wgpu reports each adapter quirk as a warning; what matters to a user comes back as an error.
+        "warn,wgpu=error,wgpu_core=error,wgpu_hal=error,naga=error",
+    ))
+    .format_target(false)
+    .format_timestamp(None)
+    .init();
+    let cli = match parse(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(exit) => {
+            if exit.status == 0 {
+                // A closed pipe is the reader's choice.
+                let _ = write!(std::io::stdout(), "{}", exit.text);
+                return ExitCode::SUCCESS;
+            }
+            eprintln!("{}", exit.text.trim_end());
+            return ExitCode::from(exit.status);
+        }
+    };
+    let outcome = resolve(cli).map_err(Failure::from).and_then(execute);
+    match outcome {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            eprintln!("error: {}", failure.message);
+            ExitCode::from(failure.status)
+        }
+    }
+}

@@ -11,7 +11,7 @@
 pub mod buffers;
 pub mod context;
 pub mod kernel;
-// pub mod scene;
+pub mod scene;
 pub mod shaders;
 pub mod timing;
 pub mod types;

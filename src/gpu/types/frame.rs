@@ -60,8 +60,8 @@ pub struct Frame {
     pub photon_frame_index: u32,
     /// Least cosine between a photon's normal and that of the surface that gathers it.
     pub normal_min_cos: f32,
-    /// glTF roughness from which a surface counts as independent of the viewing direction.
-    pub reuse_min_roughness: f32,
+    /// Dependence on the viewing direction (0 Lambert, 1 mirror) up to which a surface is reused.
+    pub reuse_max_view_dependence: f32,
     /// GGX alpha below which eye paths follow a reflection instead of gathering.
     pub follow_max_alpha: f32,
 }

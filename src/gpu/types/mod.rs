@@ -2,3 +2,6 @@
 //! one with what naga reads from the shaders.
 
 pub mod frame;
+pub mod bvh;
+pub mod light;
+pub mod material;

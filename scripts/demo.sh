@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# Sets everything up and renders ten stereo frames of the embedded gallery with the simulated headset.
+#   scripts/demo.sh [more flags of `stereolux run`]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+. scripts/setup.sh
+
+ensure_build_tools
+ensure_vulkan
+cargo build --release --locked --bin stereolux
+target/release/stereolux run --session simulated --scene builtin:gallery --size 256x256 --frames 10 --every 5 \
+    --out out/demo "$@"
+echo
+echo "pictures (both eyes side by side): out/demo/frame_0000.png, out/demo/frame_0005.png"
+echo "where the right eye's pixels came from: out/demo/frame_0000_reuse.png"
+echo "linear radiance per eye: out/demo/frame_0000_left.exr, out/demo/frame_0000_right.exr"
+echo "milliseconds per pass and reuse, frame by frame: out/demo/stats.jsonl; settings and medians: out/demo/run.json"

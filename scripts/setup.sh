@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# Makes sure that a Vulkan adapter answers; on Debian and Ubuntu it installs the software driver if none does.
+# Sourced by demo.sh and test.sh.
+
+# Whether the Vulkan loader and at least one driver manifest are there. A driver that is there but broken is reported
+# by the program itself.
+has_vulkan() {
+    ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || return 1
+    [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] && return 0
+    local folder
+    for folder in /usr/share/vulkan/icd.d /etc/vulkan/icd.d /usr/local/share/vulkan/icd.d "$HOME/.local/share/vulkan/icd.d"; do
+        compgen -G "$folder/*.json" >/dev/null && return 0
+    done
+    return 1
+}
+
+apt_install() {
+    if ! command -v apt-get >/dev/null; then
+        echo "error: please install $* with your system's package manager, then run this again" >&2
+        exit 1
+    fi
+    local sudo=""
+    [ "$(id -u)" -eq 0 ] || sudo="sudo"
+    echo "installing $*" >&2
+    $sudo env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+    $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+ensure_vulkan() {
+    has_vulkan && return 0
+    apt_install libvulkan1 mesa-vulkan-drivers
+}
+
+ensure_build_tools() {
+    if ! command -v cargo >/dev/null; then
+        [ -f "$HOME/.cargo/env" ] && . "$HOME/.cargo/env"
+    fi
+    if ! command -v cargo >/dev/null; then
+        echo "error: no cargo found; install Rust from https://rustup.rs, then run this again" >&2
+        exit 1
+    fi
+    # The FLIP metric is C++.
+    command -v c++ >/dev/null || apt_install g++
+}

@@ -1,0 +1,258 @@
+//! Mesh hierarchies: one per mesh, in object space, built once.
+//!
+//! Topology comes from `obvhs`: PLOC (Meister and Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume
+//! Hierarchy Construction", 2018) followed by parallel reinsertion (the same authors, 2018) and leaf collapse by the
+//! surface area heuristic. Boxes are computed here from the vertices themselves.
+
+use glam::{Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::ploc::{PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
+
+use super::bounds::{Bounds32, PAD_UNITS};
+use super::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
+use super::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
+use crate::gpu::types::bvh::{BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle};
+use crate::scene::{AlphaMode, Material, Mesh};
+
+/// What the hierarchy notes about a material in its triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MaterialMarks {
+    /// Its triangles are numbered as area lights.
+    pub emits: bool,
+    /// [`TRIANGLE_ALPHA`] and [`TRIANGLE_DOUBLE_SIDED`].
+    pub flags: u32,
+}
+
+impl MaterialMarks {
+    /// Marks of a scene's material: it emits where any channel's factor is above 0.
+    pub fn of(material: &Material) -> Self {
+        let alpha = if material.alpha_mode == AlphaMode::Opaque { 0 } else { TRIANGLE_ALPHA };
+        let sides = if material.double_sided { TRIANGLE_DOUBLE_SIDED } else { 0 };
+        Self {
+            emits: material.emission.iter().any(|&channel| channel > 0.0),
+            flags: alpha | sides,
+        }
+    }
+}
+
+/// Where one mesh lies in the arrays of [`MeshHierarchies`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshRange {
+    /// Its root node.
+    pub root: u32,
+    /// Its first triangle.
+    pub first_triangle: u32,
+    /// Its triangles.
+    pub triangle_count: u32,
+    /// Its first vertex, when the vertices of all meshes are concatenated in order.
+    pub first_vertex: u32,
+    /// Its emissive triangles.
+    pub emitter_count: u32,
+    /// Inner nodes on the longest path from its root.
+    pub depth: u32,
+    /// Its bounds in object space, without padding; `None` if it has no triangles.
+    pub bounds: Option<Bounds32>,
+}
+
+/// The hierarchies of all meshes in one set of arrays; all indices in them are global.
+#[derive(Clone, Debug, Default)]
+pub struct MeshHierarchies {
+    /// Nodes.
+    pub nodes: Vec<BvhNode>,
+    /// Triangles in leaf order, mesh after mesh.
+    pub triangles: Vec<Triangle>,
+    /// For each triangle: its vertices in the concatenation of all meshes' vertex arrays, then its index in its mesh.
+    pub triangle_vertices: Vec<[u32; 4]>,
+    /// One entry per mesh.
+    pub meshes: Vec<MeshRange>,
+    /// Inner nodes on the longest path of any mesh; at most [`MESH_STACK`].
+    pub max_depth: u32,
+    /// Subtrees that were rebuilt balanced because they were too deep.
+    pub rebuilt_subtrees: u32,
+}
+
+impl MeshHierarchies {
+    /// Builds the hierarchies of `meshes` on all cores. `marks` holds one entry per material; a material beyond it
+    /// has no marks.
+    ///
+    /// # Errors
+    /// [`BvhError::Coordinate`], [`BvhError::VertexIndex`], [`BvhError::TooMany`].
+    pub fn build(meshes: &[Mesh], marks: &[MaterialMarks]) -> Result<Self, BvhError> {
+        let triangle_total: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        let vertex_total: usize = meshes.iter().map(|mesh| mesh.positions.len()).sum();
+        for (what, count) in [("triangles", triangle_total), ("vertices", vertex_total)] {
+            // A quarter of the index space: two nodes per triangle at most, and one per empty mesh.
+            if count + meshes.len() > (MAX_INDEX / 4) as usize {
+                return Err(BvhError::TooMany { what, count, limit: MAX_INDEX / 4 });
+            }
+        }
+        let parts: Vec<Flat> = meshes
+            .par_iter()
+            .enumerate()
+            .map(|(index, mesh)| build_one(index, mesh))
+            .collect::<Result<_, _>>()?;
+
+        let mut all = Self {
+            triangles: Vec::with_capacity(triangle_total),
+            triangle_vertices: Vec::with_capacity(triangle_total),
+            nodes: Vec::with_capacity(parts.iter().map(|part| part.nodes.len()).sum()),
+            ..Self::default()
+        };
+        let mut first_vertex = 0;
+        for (mesh, part) in meshes.iter().zip(&parts) {
+            all.append(mesh, part, marks, first_vertex);
+            first_vertex += mesh.positions.len() as u32;
+        }
+        Ok(all)
+    }
+
+    fn append(&mut self, mesh: &Mesh, part: &Flat, marks: &[MaterialMarks], first_vertex: u32) {
+        let root = self.nodes.len() as u32;
+        let first_triangle = self.triangles.len() as u32;
+        self.nodes.extend(part.nodes.iter().map(|node| {
+            let shift = |index, count| index + if count == 0 { root } else { first_triangle };
+            BvhNode {
+                left_index: shift(node.left_index, node.left_count),
+                right_index: shift(node.right_index, node.right_count),
+                ..*node
+            }
+        }));
+        let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();
+        let mut emitter_count = 0;
+        let emitters: Vec<u32> = mesh
+            .triangles
+            .iter()
+            .map(|triangle| {
+                if marks_of(triangle.material).emits {
+                    emitter_count += 1;
+                    emitter_count - 1
+                } else {
+                    NO_EMITTER
+                }
+            })
+            .collect();
+        for &index in &part.order {
+            let triangle = &mesh.triangles[index as usize];
+            let [v0, v1, v2] = triangle.vertices.map(|vertex| mesh.positions[vertex as usize]);
+            let [a, b, c] = triangle.vertices.map(|vertex| vertex + first_vertex);
+            self.triangles.push(Triangle {
+                v0,
+                material: triangle.material,
+                v1,
+                emitter: emitters[index as usize],
+                v2,
+                flags: marks_of(triangle.material).flags,
+            });
+            self.triangle_vertices.push([a, b, c, index]);
+        }
+        self.meshes.push(MeshRange {
+            root,
+            first_triangle,
+            triangle_count: part.order.len() as u32,
+            first_vertex,
+            emitter_count,
+            depth: part.depth,
+            bounds: part.bounds,
+        });
+        self.max_depth = self.max_depth.max(part.depth);
+        self.rebuilt_subtrees += part.rebuilt;
+    }
+
+    /// Proves that every triangle lies in exactly one leaf of its mesh, inside all boxes above it, and that no path is
+    /// deeper than the traversal's stack.
+    ///
+    /// # Errors
+    /// [`BvhError::Invalid`] with the mesh and what is wrong.
+    pub fn validate(&self) -> Result<(), BvhError> {
+        for (index, mesh) in self.meshes.iter().enumerate() {
+            let triangles = mesh.first_triangle..mesh.first_triangle + mesh.triangle_count;
+            tree::check(&self.nodes, mesh.root, triangles, mesh.depth.min(MESH_STACK), |triangle| {
+                let triangle = &self.triangles[triangle as usize];
+                Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
+            })
+            .map_err(|reason| BvhError::Invalid(format!("mesh {index}: {reason}")))?;
+        }
+        Ok(())
+    }
+}
+
+fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
+    let bad_vertex = mesh.positions.iter().position(|position| {
+        // Written so that a NaN is refused too.
+        !position.iter().all(|x| x.abs() <= MAX_COORDINATE)
+    });
+    if let Some(vertex) = bad_vertex {
+        return Err(BvhError::Coordinate {
+            mesh: index,
+            name: mesh.name.clone(),
+            vertex,
+            position: mesh.positions[vertex],
+        });
+    }
+    let mut boxes = Vec::with_capacity(mesh.triangles.len());
+    for (triangle_index, triangle) in mesh.triangles.iter().enumerate() {
+        let mut bounds = Bounds32::EMPTY;
+        for vertex in triangle.vertices {
+            let position = mesh.positions.get(vertex as usize).ok_or_else(|| BvhError::VertexIndex {
+                mesh: index,
+                name: mesh.name.clone(),
+                triangle: triangle_index,
+                index: vertex,
+                count: mesh.positions.len(),
+            })?;
+            bounds = bounds.union(&Bounds32::of_points([Vec3::from(*position)]));
+        }
+        boxes.push(bounds);
+    }
+    Ok(tree::flatten(
+        Some(&quality_tree(&boxes)),
+        &boxes,
+        &MESH_SHAPE,
+        &mut Scratch::default(),
+    ))
+}
+
+const MESH_SHAPE: Shape = Shape {
+    max_depth: MESH_STACK,
+    leaf_size: 4,
+    split: Split::Median,
+    pad_units: PAD_UNITS,
+};
+
+fn quality_tree(boxes: &[Bounds32]) -> Tree {
+    if boxes.is_empty() {
+        return Tree::default();
+    }
+    // Areas are products of two extents. Scaled to about 1 they neither overflow nor underflow, and a power of two
+    // changes no comparison.
+    let largest = boxes.iter().map(Bounds32::max_magnitude).fold(0.0f32, f32::max);
+    let scale = if largest > 0.0 { (-largest.log2().ceil()).clamp(-100.0, 100.0).exp2() } else { 1.0 };
+    let scaled: Vec<Aabb> = boxes
+        .iter()
+        .map(|bounds| Aabb::new(Vec3A::from(bounds.min * scale), Vec3A::from(bounds.max * scale)))
+        .collect();
+    let bvh = build_bvh2(&scaled, BUILD, &mut std::time::Duration::default());
+    Tree {
+        nodes: bvh
+            .nodes
+            .iter()
+            .map(|node| TreeNode { count: node.prim_count, first: node.first_index })
+            .collect(),
+        order: bvh.primitive_indices,
+    }
+}
+
+/// No spatial splits: a triangle in two leaves would cost memory and could be met twice.
+const BUILD: BvhBuildParams = BvhBuildParams {
+    pre_split: false,
+    ploc_search_distance: PlocSearchDistance::Medium,
+    search_depth_threshold: 2,
+    reinsertion_batch_ratio: 0.15,
+    post_collapse_reinsertion_batch_ratio_multiplier: 1.0,
+    sort_precision: SortPrecision::U64,
+    max_prims_per_leaf: 4,
+    collapse_traversal_cost: 1.0,
+};

@@ -1,0 +1,55 @@
+//! `info`: what there is, as JSON on stdout.
+
+use serde_json::{Value, json};
+
+use super::{Failure, load_scene};
+use crate::gpu::context::adapters;
+use crate::options::{InfoOptions, Settings, registry};
+use crate::renderer::{automatic_radius_m, sample_passes, shader_features};
+use crate::scene::Needs;
+
+/// Prints adapters, OpenXR state and, with a scene, its needs.
+pub fn info(options: &InfoOptions) -> Result<(), Failure> {
+    let mut report = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "adapters": adapters(),
+        "openxr": {
+            "runtime": Value::Null,
+            "reason": "this version cannot drive an OpenXR runtime yet",
+        },
+    });
+    if let Some(name) = &options.scene {
+        report["scene"] = scene_report(name, &options.settings)?;
+    }
+    if options.list_settings {
+        report["settings"] = json!(registry::rows());
+    }
+    let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
+    println!("{text}");
+    Ok(())
+}
+
+fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
+    let settings = Settings {
+        scene: name.to_owned(),
+        ..settings.clone()
+    };
+    let scene = load_scene(&settings)?;
+    let needs = Needs::of(&scene);
+    let features = shader_features(&needs, &settings);
+    Ok(json!({
+        "name": name,
+        "warnings": scene.warnings,
+        "bounds_in_world": scene
+            .bounds_in_world()
+            .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),
+        "surface_area_m2": scene.surface_area_m2(),
+        "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
+        "needs": needs,
+        "shader_features": features,
+        "passes_per_sample": sample_passes(&settings)
+            .iter()
+            .map(|pass| pass.to_string())
+            .collect::<Vec<_>>(),
+    }))
+}

@@ -1,0 +1,159 @@
+//! What each command does, once its options are known to be usable.
+
+mod compare;
+mod info;
+mod report;
+mod run;
+
+use std::path::Path;
+
+use crate::frame_loop::LoopError;
+use crate::gpu::GpuError;
+use crate::images::ImageError;
+use crate::metrics::CompareError;
+use crate::options::{Options, OptionsError, Settings};
+use crate::output::OutputError;
+use crate::renderer::RenderError;
+use crate::scene::{Scene, SceneError, load_environment};
+use crate::xr::XrError;
+
+/// Why a command ends: the text on stderr and the exit status.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failure {
+    /// 1: failed while running; 2: unusable arguments or input.
+    pub status: u8,
+    /// One line: what, where, how to mend it.
+    pub message: String,
+}
+
+impl Failure {
+    /// Unusable arguments or input.
+    pub fn unusable(message: impl ToString) -> Self {
+        Self {
+            status: 2,
+            message: message.to_string(),
+        }
+    }
+
+    /// Failed while running.
+    pub fn failed(message: impl ToString) -> Self {
+        Self {
+            status: 1,
+            message: message.to_string(),
+        }
+    }
+}
+
+impl From<OptionsError> for Failure {
+    fn from(error: OptionsError) -> Self {
+        Self::unusable(error)
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Self::unusable(error)
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        Self::unusable(error)
+    }
+}
+
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        Self::unusable(error)
+    }
+}
+
+impl From<CompareError> for Failure {
+    fn from(error: CompareError) -> Self {
+        Self::unusable(error)
+    }
+}
+
+impl From<XrError> for Failure {
+    fn from(error: XrError) -> Self {
+        if error.is_unusable_input() {
+            Self::unusable(error)
+        } else {
+            Self::failed(error)
+        }
+    }
+}
+
+impl From<GpuError> for Failure {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::NoMatchingAdapter { .. }
+            | GpuError::Missing { .. }
+            | GpuError::TooLarge { .. } => Self::unusable(error),
+            _ => Self::failed(error),
+        }
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Gpu(error) => error.into(),
+            RenderError::Bvh(error) => Self::unusable(error),
+            RenderError::Pack(error) => Self::unusable(error),
+        }
+    }
+}
+
+impl From<LoopError> for Failure {
+    fn from(error: LoopError) -> Self {
+        match error {
+            LoopError::Session(error) => error.into(),
+            LoopError::Render(error) => error.into(),
+            // The folder was writable when the run began.
+            LoopError::Output(error) => Self::failed(error),
+        }
+    }
+}
+
+/// Carries out a command; the exit status of success is 0, unless `compare` finds too large an error.
+///
+/// # Errors
+/// [`Failure`].
+pub fn execute(options: Options) -> Result<u8, Failure> {
+    match options {
+        Options::Run(options) => run::run(&options).map(|()| 0),
+        Options::Render(options) => run::render(&options).map(|()| 0),
+        Options::Compare(options) => compare::compare(&options),
+        Options::Info(options) => info::info(&options).map(|()| 0),
+        Options::Bench(_) => Err(Failure::failed(
+            "bench: this version has no benchmark suites yet; `run` writes timings per pass to stats.jsonl",
+        )),
+        Options::View(_) => Err(Failure::failed(
+            "view: this version has no desktop viewer yet; use `run` or `render`, which write pictures to --out",
+        )),
+    }
+}
+
+/// Prefix of scenes that are embedded in the program.
+const BUILTIN: &str = "builtin:";
+
+/// Loads a scene by `--scene`'s rules, with the environment that the settings name.
+fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
+    let mut scene = match settings.scene.strip_prefix(BUILTIN) {
+        Some(name) => Scene::builtin(name)?,
+        None => Scene::load(Path::new(&settings.scene))?,
+    };
+    if !settings.environment.path.is_empty() {
+        let (environment, warnings) = load_environment(
+            &settings.environment.path,
+            settings.environment.strength as f32,
+        )?;
+        scene.environment = Some(environment);
+        scene.warnings.extend(warnings);
+    }
+    for warning in &scene.warnings {
+        log::warn!("{warning}");
+    }
+    Ok(scene)
+}

@@ -1,0 +1,238 @@
+//! The frame loop: a session's views become images, statistics and files.
+//!
+//! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
+//! runtime.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::gpu::PassTimes;
+use crate::images::{Image, ImageError, ImageRgb};
+use crate::output::{FrameImages, OutputError, OutputFolder};
+use crate::renderer::{
+    CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
+};
+use crate::xr::{FrameSubmission, XrError, XrSession};
+
+/// What ends a loop early.
+#[derive(Debug, thiserror::Error)]
+pub enum LoopError {
+    /// The session.
+    #[error(transparent)]
+    Session(#[from] XrError),
+    /// A pass or the device.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A file.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+impl From<ImageError> for LoopError {
+    fn from(error: ImageError) -> Self {
+        Self::Output(error.into())
+    }
+}
+
+/// One line of `stats.jsonl`.
+#[derive(Debug, Clone, Serialize)]
+pub struct FrameStats {
+    /// Frame number from 0.
+    pub frame: u32,
+    /// Predicted display time, nanoseconds.
+    pub display_time_ns: i64,
+    /// Device milliseconds by pass; `left.` and `right.` passes belong to that eye, `photons.` to both.
+    pub pass_ms: BTreeMap<String, f64>,
+    /// Device milliseconds of the photon map, the left eye, the right eye, and all together.
+    pub gpu_ms: GpuSums,
+    /// Host milliseconds by stage.
+    pub cpu_ms: CpuMs,
+    /// The photon map.
+    pub photons: PhotonStats,
+    /// Stereo reuse.
+    pub stereo: StereoStats,
+    /// Pixels of this frame's images that were not finite and were written as 0; must be 0.
+    pub non_finite_pixels: usize,
+    /// The tracker had no usable pose: the last good one was shown again.
+    pub pose_repeated: bool,
+}
+
+/// Device milliseconds by part of the frame.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct GpuSums {
+    /// Photon tracing and sorting.
+    pub photons: f64,
+    /// Left eye.
+    pub left: f64,
+    /// Right eye.
+    pub right: f64,
+    /// All passes.
+    pub total: f64,
+}
+
+impl GpuSums {
+    fn of(times: &PassTimes) -> Self {
+        let sum = |prefix: &str| {
+            times
+                .passes
+                .iter()
+                .filter(|(name, _)| name.starts_with(prefix))
+                .map(|(_, (ms, _))| ms)
+                .sum()
+        };
+        Self {
+            photons: sum("photons."),
+            left: sum("left."),
+            right: sum("right."),
+            total: times.total_ms(),
+        }
+    }
+}
+
+/// Host milliseconds by stage.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct CpuMs {
+    /// Stages of the renderer.
+    #[serde(flatten)]
+    pub renderer: CpuTimes,
+    /// Reading images back and writing files.
+    pub write: f64,
+    /// The whole frame, waiting for the session included.
+    pub frame: f64,
+}
+
+/// How a loop is run.
+#[derive(Debug, Clone, Copy)]
+pub struct LoopOptions {
+    /// Images are written of frames whose number is a multiple of this.
+    pub every: u32,
+    /// Whether images are written at all.
+    pub images: bool,
+    /// Exposure of the tone-mapped pictures.
+    pub exposure: f64,
+    /// Images of this size.
+    pub size: [u32; 2],
+}
+
+/// What the caller is told while the loop runs.
+pub trait LoopProgress {
+    /// `done` of `total` samples of frame `frame` are rendered.
+    fn sample(&mut self, frame: u32, done: u32);
+    /// A frame is finished.
+    fn frame(&mut self, stats: &FrameStats);
+}
+
+/// Runs until the session ends. Returns the statistics of every frame.
+///
+/// # Errors
+/// [`LoopError`]; files and statistics of the frames before it are on disk.
+pub fn run(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    output: &mut OutputFolder,
+    options: LoopOptions,
+    progress: &mut dyn LoopProgress,
+) -> Result<Vec<FrameStats>, LoopError> {
+    let mut all = Vec::new();
+    let mut index = 0;
+    loop {
+        let began = Instant::now();
+        let Some(state) = session.wait_frame()? else {
+            return Ok(all);
+        };
+        session.begin_frame()?;
+        let views = if state.should_render {
+            session.locate_views(state.predicted_display_time_ns)?
+        } else {
+            None
+        };
+        let Some(located) = views else {
+            session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
+            continue;
+        };
+        session.acquire_targets()?;
+        let result = renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
+        session.end_frame(FrameSubmission::new(
+            state.predicted_display_time_ns,
+            Some(&located),
+        ))?;
+
+        let written = Instant::now();
+        let mut non_finite_pixels = 0;
+        if options.images && index % options.every.max(1) == 0 {
+            let images = read_images(renderer, options.size, &mut non_finite_pixels)?;
+            output.write_frame(index, &images, options.exposure)?;
+        }
+        let stats = FrameStats {
+            frame: index,
+            display_time_ns: state.predicted_display_time_ns,
+            pass_ms: pass_ms(&result),
+            gpu_ms: GpuSums::of(&result.times),
+            cpu_ms: CpuMs {
+                renderer: result.cpu_ms,
+                write: written.elapsed().as_secs_f64() * 1e3,
+                frame: began.elapsed().as_secs_f64() * 1e3,
+            },
+            photons: result.photons,
+            stereo: result.stereo,
+            non_finite_pixels,
+            pose_repeated: located.repeated,
+        };
+        output.append_stats(&stats)?;
+        progress.frame(&stats);
+        all.push(stats);
+        index += 1;
+    }
+}
+
+fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {
+    result
+        .times
+        .passes
+        .iter()
+        .map(|(name, (ms, _))| (name.clone(), *ms))
+        .collect()
+}
+
+/// Reads the frame's images; values that are not finite become 0 and are counted.
+///
+/// # Errors
+/// [`LoopError::Render`].
+pub fn read_images(
+    renderer: &Renderer,
+    size: [u32; 2],
+    non_finite_pixels: &mut usize,
+) -> Result<FrameImages, LoopError> {
+    let mut read = |eye| -> Result<Option<ImageRgb>, LoopError> {
+        let Some(mut pixels) = renderer.read_radiance(eye)? else {
+            return Ok(None);
+        };
+        for pixel in &mut pixels {
+            if !pixel.iter().all(|channel| channel.is_finite()) {
+                *pixel = [0.0; 3];
+                *non_finite_pixels += 1;
+            }
+        }
+        Ok(Some(Image::new(size[0], size[1], pixels)?))
+    };
+    let left = read(Eye::Left)?;
+    let right = read(Eye::Right)?;
+    if *non_finite_pixels > 0 {
+        log::error!("{non_finite_pixels} pixels were not finite and are written as 0; please report the scene");
+    }
+    let provenance = if right.is_some() {
+        renderer
+            .eyes()
+            .read_provenance(renderer.context())
+            .map_err(RenderError::from)?
+    } else {
+        None
+    };
+    Ok(FrameImages {
+        left,
+        right,
+        provenance,
+    })
+}

@@ -1,0 +1,424 @@
+//! Lights: records, powers, and the table that picks them in proportion to power.
+//!
+//! Order of the records: the environment (if any), directional, point and spot lights, then the emissive triangles of
+//! each instance in the mesh's own order. So the leading records are those that move with the origin of render space,
+//! and an emissive triangle's light is `first_emitter` of its instance plus its ordinal in the mesh.
+//!
+//! Powers weigh the pick only. Whatever they are, sampling stays unbiased as long as no light that shines has power 0.
+
+use std::f64::consts::PI;
+
+use glam::{DAffine3, DVec3};
+
+use crate::gpu::types::light::{
+    LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light, LightAlias,
+};
+use crate::scene::{LightKind, Mesh, Scene};
+
+use super::environment::PackedEnvironment;
+use super::textures::sample_image;
+
+/// [`emitter_ordinals`]: the triangle does not emit.
+const NO_EMITTER: u32 = u32::MAX;
+/// The bounding sphere is grown by this share: photons start on its rim.
+const SPHERE_MARGIN: f64 = 1.0e-4;
+/// Least cosine range of a spot's ramp (KHR_lights_punctual's own guard).
+const LEAST_RAMP: f64 = 1.0e-3;
+/// A textured emitter is sampled at most this finely, per edge.
+const MOST_STEPS: usize = 64;
+/// What a textured emitter's power is at least, as a share of its brightest sample.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Which kinds of light take part: those whose shader features are on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LightKinds {
+    /// Emissive triangles.
+    pub emitters: bool,
+    /// Point lights.
+    pub points: bool,
+    /// Spot lights.
+    pub spots: bool,
+    /// Directional lights.
+    pub directionals: bool,
+    /// The environment map.
+    pub environment: bool,
+}
+
+impl Default for LightKinds {
+    /// All of them.
+    fn default() -> Self {
+        Self { emitters: true, points: true, spots: true, directionals: true, environment: true }
+    }
+}
+
+/// Where each triangle of a mesh lies in the `triangles` array, which is in the hierarchy's leaf order.
+#[derive(Clone, Debug, Default)]
+pub struct TriangleOrder {
+    /// Per mesh, per original triangle: its index in the array.
+    pub leaf_of_triangle: Vec<Vec<u32>>,
+}
+
+impl TriangleOrder {
+    /// From the packed `triangle_vertices`, whose fourth word is the original index; `first_triangle[m]` is where
+    /// mesh m begins.
+    pub fn from_leaf_order(scene: &Scene, first_triangle: &[u32], triangle_vertices: &[[u32; 4]]) -> Self {
+        let leaf_of_triangle = scene
+            .meshes
+            .iter()
+            .zip(first_triangle)
+            .map(|(mesh, first)| {
+                let mut leaf_of = vec![0; mesh.triangles.len()];
+                let start = *first as usize;
+                for (offset, words) in
+                    triangle_vertices.iter().skip(start).take(mesh.triangles.len()).enumerate()
+                {
+                    if let Some(slot) = leaf_of.get_mut(words[3] as usize) {
+                        *slot = (start + offset) as u32;
+                    }
+                }
+                leaf_of
+            })
+            .collect();
+        Self { leaf_of_triangle }
+    }
+}
+
+/// What lights are packed from.
+#[derive(Clone, Copy)]
+pub struct LightSources<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its environment, packed.
+    pub environment: Option<&'a PackedEnvironment>,
+    /// Leaf order of the meshes' triangles.
+    pub order: &'a TriangleOrder,
+    /// Kinds that take part.
+    pub kinds: LightKinds,
+}
+
+/// All lights of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct PackedLights {
+    /// One per light. Empty without lights.
+    pub records: Vec<Light>,
+    /// Header and alias table; never empty.
+    pub alias: Vec<LightAlias>,
+    /// Per instance ([`Scene::instances`] order): index of its first emissive triangle's record, or `0xffffffff`.
+    pub first_emitter: Vec<u32>,
+    /// How many leading records depend on the origin of render space and are uploaded again when it moves.
+    pub origin_dependent: usize,
+    /// Total power, W: what the mean photon carries. Within rounding for untextured lights; a textured emitter's and
+    /// an environment's are by quadrature, and alpha coverage is not counted.
+    pub total_power: [f64; 3],
+    /// Positions of the leading records in the world.
+    positions_in_world: Vec<DVec3>,
+}
+
+impl PackedLights {
+    /// Moves the origin of render space: rewrites the first `origin_dependent` records.
+    pub fn set_origin(&mut self, origin_in_world: DVec3) {
+        for (record, position) in self.records.iter_mut().zip(&self.positions_in_world) {
+            record.position = (*position - origin_in_world).as_vec3().to_array();
+        }
+    }
+}
+
+/// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
+pub fn emitter_ordinals(scene: &Scene, mesh: &Mesh) -> Vec<u32> {
+    let mut next = 0;
+    mesh.triangles
+        .iter()
+        .map(|triangle| {
+            let emits = scene
+                .materials
+                .get(triangle.material as usize)
+                .is_some_and(|material| material.is_emissive());
+            if !emits {
+                return NO_EMITTER;
+            }
+            next += 1;
+            next - 1
+        })
+        .collect()
+}
+
+/// Packs the lights that `sources.kinds` admits. `origin_in_world` is the origin of render space, the head.
+pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> PackedLights {
+    let scene = sources.scene;
+    let mut packed = PackedLights::default();
+    let mut weights = Vec::new();
+    let (center, radius) = bounding_sphere(scene, origin_in_world);
+
+    if let Some(environment) = sources.environment.filter(|_| sources.kinds.environment) {
+        let power = environment.integral.map(|integral| PI * radius * radius * integral);
+        packed.positions_in_world.push(center);
+        packed.push(&mut weights, power, 1.0, Light {
+            kind: LIGHT_ENVIRONMENT,
+            direction: [0.0, 0.0, 1.0],
+            scene_radius: radius as f32,
+            instance: environment.width,
+            triangle: environment.height,
+            ..Light::default()
+        });
+    }
+    push_punctual(&mut packed, &mut weights, sources, center, radius);
+    packed.origin_dependent = packed.records.len();
+    if sources.kinds.emitters {
+        push_triangles(&mut packed, &mut weights, sources);
+    } else {
+        packed.first_emitter = vec![NO_EMITTER; scene.instances().len()];
+    }
+
+    let probabilities = probabilities(&weights);
+    for (record, probability) in packed.records.iter_mut().zip(&probabilities) {
+        record.pick_pdf = *probability as f32;
+    }
+    packed.alias = alias_table(&probabilities);
+    packed.set_origin(origin_in_world);
+    packed
+}
+
+impl PackedLights {
+    fn push(&mut self, weights: &mut Vec<f64>, power: [f64; 3], boost: f64, record: Light) {
+        let power = power.map(|channel| if channel.is_finite() { channel.max(0.0) } else { 0.0 });
+        for (total, channel) in self.total_power.iter_mut().zip(power) {
+            *total += channel;
+        }
+        weights.push(power.iter().sum::<f64>() / 3.0 * boost);
+        self.records.push(record);
+    }
+}
+
+/// Centre and radius of a sphere around the scene, world space.
+fn bounding_sphere(scene: &Scene, origin_in_world: DVec3) -> (DVec3, f64) {
+    scene.bounds_in_world().map_or((origin_in_world, 0.0), |bounds| {
+        let center = bounds.center();
+        (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
+    })
+}
+
+fn push_punctual(
+    packed: &mut PackedLights,
+    weights: &mut Vec<f64>,
+    sources: &LightSources<'_>,
+    center: DVec3,
+    radius: f64,
+) {
+    for placed in sources.scene.light_instances() {
+        let Some(light) = sources.scene.lights.get(placed.light) else {
+            continue;
+        };
+        let intensity = light.intensity.map(f64::from);
+        let along = placed.world_from_light.matrix3 * DVec3::NEG_Z;
+        let mut record = Light {
+            direction: along.normalize_or(DVec3::NEG_Z).as_vec3().to_array(),
+            radiance: light.intensity,
+            ..Light::default()
+        };
+        let mut position = placed.world_from_light.translation;
+        let power = match light.kind {
+            LightKind::Point if sources.kinds.points => {
+                record.kind = LIGHT_POINT;
+                intensity.map(|intensity| 4.0 * PI * intensity)
+            }
+            LightKind::Spot { inner_cone_rad, outer_cone_rad } if sources.kinds.spots => {
+                let (scale, offset) = spot_falloff(inner_cone_rad, outer_cone_rad);
+                record.kind = LIGHT_SPOT;
+                record.spot_scale = scale as f32;
+                record.spot_offset = offset as f32;
+                intensity.map(|intensity| intensity * spot_solid_angle(scale, offset))
+            }
+            LightKind::Directional if sources.kinds.directionals => {
+                record.kind = LIGHT_DIRECTIONAL;
+                record.scene_radius = radius as f32;
+                position = center;
+                intensity.map(|irradiance| PI * radius * radius * irradiance)
+            }
+            _ => continue,
+        };
+        packed.positions_in_world.push(position);
+        packed.push(weights, power, 1.0, record);
+    }
+}
+
+/// Scale and offset of a spot's falloff, clamp(cos theta * scale + offset, 0, 1)^2, as KHR_lights_punctual recommends.
+pub fn spot_falloff(inner_cone_rad: f32, outer_cone_rad: f32) -> (f64, f64) {
+    let cos_outer = f64::from(outer_cone_rad).cos();
+    let scale = 1.0 / (f64::from(inner_cone_rad).cos() - cos_outer).max(LEAST_RAMP);
+    (scale, -cos_outer * scale)
+}
+
+/// Integral of a spot's falloff over the sphere, sr: power per intensity.
+pub fn spot_solid_angle(scale: f64, offset: f64) -> f64 {
+    let width = 1.0 / scale;
+    let cos_outer = -offset * width;
+    let ramp_end = ((1.0 - cos_outer) * scale).min(1.0);
+    2.0 * PI * (ramp_end.powi(3) * width / 3.0 + (1.0 - cos_outer - width).max(0.0))
+}
+
+/// Mean emission of a triangle, and by how much its pick is raised above its power so that no glowing spot is missed.
+struct Glow {
+    triangle: usize,
+    mean: [f64; 3],
+    boost: f64,
+    double_sided: bool,
+}
+
+fn push_triangles(packed: &mut PackedLights, weights: &mut Vec<f64>, sources: &LightSources<'_>) {
+    let scene = sources.scene;
+    let mut glows_of_mesh: Vec<Option<Vec<Glow>>> = scene.meshes.iter().map(|_| None).collect();
+    for (instance_index, instance) in scene.instances().into_iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh];
+        let glows = glows_of_mesh[instance.mesh].get_or_insert_with(|| mesh_glows(scene, mesh));
+        if glows.is_empty() {
+            packed.first_emitter.push(NO_EMITTER);
+            continue;
+        }
+        packed.first_emitter.push(packed.records.len() as u32);
+        for glow in glows.iter() {
+            let area = triangle_area(mesh, glow.triangle, &instance.world_from_object);
+            let sides = if glow.double_sided { 2.0 } else { 1.0 };
+            let leaf = sources
+                .order
+                .leaf_of_triangle
+                .get(instance.mesh)
+                .and_then(|leaf_of| leaf_of.get(glow.triangle))
+                .copied()
+                .unwrap_or_default();
+            packed.push(weights, glow.mean.map(|mean| PI * area * sides * mean), glow.boost, Light {
+                kind: LIGHT_TRIANGLE,
+                radiance: glow.mean.map(|mean| mean as f32),
+                instance: instance_index as u32,
+                triangle: leaf,
+                ..Light::default()
+            });
+        }
+    }
+}
+
+fn triangle_area(mesh: &Mesh, triangle: usize, world_from_object: &DAffine3) -> f64 {
+    let [a, b, c] = mesh.corners(&mesh.triangles[triangle]);
+    let edge = |v: DVec3| world_from_object.matrix3 * v;
+    0.5 * edge(b - a).cross(edge(c - a)).length()
+}
+
+fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {
+    let ordinals = emitter_ordinals(scene, mesh);
+    (0..mesh.triangles.len())
+        .filter(|triangle| ordinals[*triangle] != NO_EMITTER)
+        .map(|triangle| glow_of(scene, mesh, triangle))
+        .collect()
+}
+
+/// Mean of the emissive texture over the triangle, by a barycentric grid about as fine as the texels. A triangle that
+/// the grid finds dark or dim keeps a share of the brightest sample: glow between the samples is then still picked.
+fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
+    let corners = mesh.triangles[triangle].vertices;
+    let material = &scene.materials[mesh.triangles[triangle].material as usize];
+    let factor = material.emission.map(|channel| f64::from(channel.max(0.0)));
+    let mut glow = Glow { triangle, mean: factor, boost: 1.0, double_sided: material.double_sided };
+    let Some(reference) = material.emissive_texture else {
+        return glow;
+    };
+    let uv_set = if reference.uv_set == 1 { &mesh.uv1 } else { &mesh.uv0 };
+    let m = reference.texcoord_from_uv.map(f64::from);
+    let texcoords = corners.map(|vertex| {
+        let [u, v] = uv_set.get(vertex as usize).copied().unwrap_or_default().map(f64::from);
+        [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]]
+    });
+    let image = scene
+        .textures
+        .get(reference.texture as usize)
+        .and_then(|texture| scene.images.get(texture.image as usize));
+    let size = image.map_or([1.0; 2], |image| [f64::from(image.width), f64::from(image.height)]);
+    let reach = |a: usize, b: usize| -> f64 {
+        (0..2).map(|axis| ((texcoords[a][axis] - texcoords[b][axis]) * size[axis]).abs()).fold(0.0, f64::max)
+    };
+    let texels = reach(0, 1).max(reach(1, 2)).max(reach(2, 0));
+    // `as` saturates; NaN gives 0.
+    let steps = (texels.ceil() as usize).clamp(1, MOST_STEPS);
+    let is_coarse = texels > MOST_STEPS as f64;
+    let (mut sum, mut brightest, mut count) = ([0.0; 3], 0.0f64, 0.0);
+    let mut add = |first: f64, second: f64, weight: f64| {
+        let third = 1.0 - first - second;
+        let at = std::array::from_fn(|axis| {
+            first * texcoords[0][axis] + second * texcoords[1][axis] + third * texcoords[2][axis]
+        });
+        let texel = sample_image(scene, reference.texture, at, true);
+        let mut level = 0.0;
+        for channel in 0..3 {
+            sum[channel] += weight * texel[channel];
+            level += texel[channel] * factor[channel] / 3.0;
+        }
+        brightest = brightest.max(level);
+        count += weight;
+    };
+    let step = 1.0 / steps as f64;
+    for row in 0..steps {
+        for column in 0..steps - row {
+            // Centroids of the upright and of the inverted small triangles.
+            add((row as f64 + 1.0 / 3.0) * step, (column as f64 + 1.0 / 3.0) * step, 1.0);
+            if column + 1 < steps - row {
+                add((row as f64 + 2.0 / 3.0) * step, (column as f64 + 2.0 / 3.0) * step, 1.0);
+            }
+        }
+    }
+    // Corners too: where only they touch what glows, the centroids may all be dark.
+    let mean_level = |mean: &[f64; 3]| (0..3).map(|channel| mean[channel]).sum::<f64>() / 3.0;
+    for corner in [(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)] {
+        add(corner.0, corner.1, 0.0);
+    }
+    let mean: [f64; 3] = std::array::from_fn(|channel| factor[channel] * sum[channel] / count);
+    if is_coarse {
+        brightest = brightest.max(mean_level(&factor) * LEAST_SHARE);
+    }
+    let level = mean_level(&mean);
+    let floor = brightest * LEAST_SHARE;
+    if level < floor {
+        // A dark triangle has no power to raise: lend it the floor.
+        glow.boost = if level > 0.0 { floor / level } else { 1.0 };
+        glow.mean = if level > 0.0 { mean } else { factor.map(|channel| channel * LEAST_SHARE * LEAST_SHARE) };
+    } else {
+        glow.mean = mean;
+    }
+    glow
+}
+
+/// Shares of the total; all 0 without power.
+fn probabilities(weights: &[f64]) -> Vec<f64> {
+    let total: f64 = weights.iter().sum();
+    weights.iter().map(|weight| if total > 0.0 { weight / total } else { 0.0 }).collect()
+}
+
+/// Vose 1991, "A linear algorithm for generating random numbers with a given distribution", behind a header entry.
+fn alias_table(probabilities: &[f64]) -> Vec<LightAlias> {
+    let count = probabilities.len();
+    // Without power nothing can be picked.
+    let usable = if probabilities.iter().any(|probability| *probability > 0.0) { count } else { 0 };
+    let mut table = vec![LightAlias { threshold: 0.0, alias_index: usable as u32 }];
+    let mut scaled: Vec<f64> = probabilities.iter().map(|probability| probability * count as f64).collect();
+    let mut entries: Vec<LightAlias> =
+        (0..count).map(|index| LightAlias { threshold: 1.0, alias_index: index as u32 }).collect();
+    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..count).partition(|index| scaled[*index] < 1.0);
+    while let (Some(less), Some(more)) = (small.pop(), large.last().copied()) {
+        entries[less] = LightAlias { threshold: scaled[less] as f32, alias_index: more as u32 };
+        scaled[more] -= 1.0 - scaled[less];
+        if scaled[more] < 1.0 {
+            large.pop();
+            small.push(more);
+        }
+    }
+    // What is left is 1 up to rounding, except lights without power that rounding stranded.
+    if let Some(brightest) = (0..count).max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b])) {
+        for (index, entry) in entries.iter_mut().enumerate() {
+            if probabilities[index] == 0.0 && entry.threshold > 0.0 {
+                *entry = LightAlias { threshold: 0.0, alias_index: brightest as u32 };
+            }
+        }
+    }
+    table.append(&mut entries);
+    table
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,142 @@
+//! Materials, with references into the packed textures.
+
+use crate::gpu::types::material::{
+    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, Material, TEXTURE_UV1_BIT,
+    TextureSlot,
+};
+use crate::scene::{self, AlphaMode, Scene, TextureRef};
+
+use super::textures::PackedTextures;
+
+/// Stands for an infinite index of refraction, KHR_materials_ior's special value 0: F0 is 1 in f32.
+const INFINITE_IOR: f32 = 1.0e8;
+/// Attenuation colours are kept above this, so that Beer's exponent stays finite.
+const DARKEST_ATTENUATION: f32 = 1.0e-30;
+
+/// Packs all materials of the scene in order. Slots whose texture `textures` left out read no texture.
+pub fn pack_materials(scene: &Scene, textures: &PackedTextures) -> Vec<Material> {
+    scene.materials.iter().map(|material| pack_material(material, textures)).collect()
+}
+
+fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Material {
+    let mut flags = 0;
+    if material.double_sided {
+        flags |= MATERIAL_DOUBLE_SIDED;
+    }
+    let mut alpha_cutoff = 0.0;
+    match material.alpha_mode {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask { cutoff } => {
+            flags |= MATERIAL_ALPHA_MASK;
+            alpha_cutoff = cutoff;
+        }
+        AlphaMode::Blend => flags |= MATERIAL_ALPHA_BLEND,
+    }
+    let slot = |reference: Option<TextureRef>| pack_slot(reference, textures);
+    Material {
+        base_color: material.base_color,
+        emission: material.emission,
+        flags,
+        specular_color: material.specular_color,
+        specular: material.specular,
+        attenuation_per_m: attenuation_per_m(material),
+        ior: if material.ior > 0.0 { material.ior } else { INFINITE_IOR },
+        metallic: material.metallic,
+        roughness: material.roughness,
+        transmission: material.transmission,
+        normal_scale: material.normal_scale,
+        alpha_cutoff,
+        user_bsdf: material.user_bsdf,
+        reserved_0: 0,
+        reserved_1: 0,
+        base_color_map: slot(material.base_color_texture),
+        metallic_roughness_map: slot(material.metallic_roughness_texture),
+        normal_map: slot(material.normal_texture),
+        emissive_map: slot(material.emissive_texture),
+        specular_map: slot(material.specular_texture),
+        specular_color_map: slot(material.specular_color_texture),
+        transmission_map: slot(material.transmission_texture),
+    }
+}
+
+/// KHR_materials_volume: the colour is what is left after the attenuation distance.
+fn attenuation_per_m(material: &scene::Material) -> [f32; 3] {
+    let distance = material.attenuation_distance_m;
+    if !(distance > 0.0 && distance.is_finite()) {
+        return [0.0; 3];
+    }
+    material.attenuation_color.map(|color| {
+        let exponent = -color.clamp(DARKEST_ATTENUATION, 1.0).ln() / distance;
+        exponent.min(f32::MAX).max(0.0)
+    })
+}
+
+fn pack_slot(reference: Option<TextureRef>, textures: &PackedTextures) -> TextureSlot {
+    let Some(reference) = reference else {
+        return TextureSlot::NONE;
+    };
+    let Some(info) = textures.info_of_texture.get(reference.texture as usize).copied().flatten() else {
+        return TextureSlot::NONE;
+    };
+    let [m0, m1, m2, m3, m4, m5] = reference.texcoord_from_uv;
+    TextureSlot {
+        row_u: [m0, m1, m2],
+        info: if reference.uv_set == 1 { info | TEXTURE_UV1_BIT } else { info },
+        row_v: [m3, m4, m5],
+        reserved: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::types::material::NO_TEXTURE;
+
+    fn packed(material: scene::Material) -> Material {
+        let scene = Scene { materials: vec![material], ..Scene::default() };
+        pack_materials(&scene, &PackedTextures::default())[0]
+    }
+
+    #[test]
+    fn attenuation_leaves_the_colour_at_the_distance() {
+        let material = packed(scene::Material {
+            attenuation_distance_m: 0.5,
+            attenuation_color: [0.25, 1.0, 0.0],
+            ..scene::Material::default()
+        });
+        let left = material.attenuation_per_m.map(|sigma| (-sigma * 0.5).exp());
+        assert!((left[0] - 0.25).abs() < 1e-6);
+        assert_eq!(material.attenuation_per_m[1], 0.0);
+        assert!(left[2] < 1e-29 && material.attenuation_per_m[2].is_finite());
+        assert_eq!(packed(scene::Material::default()).attenuation_per_m, [0.0; 3]);
+    }
+
+    #[test]
+    fn flags_follow_the_alpha_mode() {
+        let mask = packed(scene::Material {
+            alpha_mode: AlphaMode::Mask { cutoff: 0.3 },
+            double_sided: true,
+            ..scene::Material::default()
+        });
+        assert_eq!(mask.flags, MATERIAL_ALPHA_MASK | MATERIAL_DOUBLE_SIDED);
+        assert_eq!(mask.alpha_cutoff, 0.3);
+        let blend = packed(scene::Material { alpha_mode: AlphaMode::Blend, ..scene::Material::default() });
+        assert_eq!(blend.flags, MATERIAL_ALPHA_BLEND);
+    }
+
+    #[test]
+    fn special_ior_reflects_everything_and_missing_textures_are_none() {
+        let material = packed(scene::Material {
+            ior: 0.0,
+            base_color_texture: Some(TextureRef {
+                texture: 7,
+                uv_set: 0,
+                texcoord_from_uv: TextureRef::IDENTITY,
+            }),
+            ..scene::Material::default()
+        });
+        let ratio = (material.ior - 1.0) / (material.ior + 1.0);
+        assert_eq!(ratio * ratio, 1.0);
+        assert_eq!(material.base_color_map.info, NO_TEXTURE);
+    }
+}

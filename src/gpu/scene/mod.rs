@@ -1,0 +1,55 @@
+//! Packing of a [`crate::scene::Scene`] into the arrays that shaders read. Nothing here calls the GPU.
+//!
+//! | array (binding name) | made by |
+//! |---|---|
+//! | `materials` | [`pack_materials`] |
+//! | `texture_infos`, `texels` | [`pack_textures`] |
+//! | `vertices` | [`pack_vertices`] |
+//! | `environment_texels`, `environment_cdf` | [`pack_environment`] |
+//! | `lights`, `light_alias` | [`pack_lights`] |
+//! | the module `shared/bsdf_user` | [`install_user_bsdfs`] |
+
+mod environment;
+mod lights;
+mod materials;
+mod textures;
+mod user_bsdf;
+mod vertices;
+
+pub use environment::{PackedEnvironment, pack_environment};
+pub use lights::{
+    LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_lights,
+    spot_falloff, spot_solid_angle,
+};
+pub use materials::pack_materials;
+pub use textures::{PackedTextures, linear_from_srgb, pack_textures, sample_image};
+pub use user_bsdf::{UserBsdf, install_user_bsdfs, user_bsdf_dispatch};
+pub use vertices::{PackedVertices, pack_vertices};
+
+/// A scene that cannot be packed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PackError {
+    /// The images do not fit into one binding.
+    #[error(
+        "textures need {bytes} bytes ({images} images), but at most {budget} bytes can be bound; \
+         scale the largest image down ({largest}) or choose another --adapter"
+    )]
+    TexturesTooLarge {
+        /// Bytes of all images that materials in use refer to.
+        bytes: u64,
+        /// How many images these are.
+        images: usize,
+        /// What can be bound.
+        budget: u64,
+        /// Name and size of the largest image.
+        largest: String,
+    },
+    /// A user's BSDF cannot be named in a shader.
+    #[error("user BSDF {name:?}: {reason}")]
+    UserBsdf {
+        /// The name that was registered.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+}

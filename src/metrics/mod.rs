@@ -1,0 +1,167 @@
+//! Error metrics of an image against a reference.
+//!
+//! - [`compare`]: relative MSE, RMSE, mean relative bias and FLIP with their standard errors, over all pixels or those of a [`Mask`];
+//! - [`binocular_error`]: how much the two eyes' errors disagree at points that both see;
+//! - [`BlockStatistics`] and [`z_test`]: whether two sets of independent renders have the same expectation.
+//!
+//! Sums are formed in f64. Throughout, x is the image, r the reference, and s the mean of r^2 over the pixels and
+//! channels of the whole reference, masked or not: so the relative MSEs of a mask and of its complement add up, weighted
+//! by their pixels, to that of the whole image.
+
+mod binocular;
+mod blocks;
+mod comparison;
+mod flip;
+mod normal;
+
+pub use binocular::{BinocularError, binocular_error, error_image};
+pub use blocks::{BlockStatistics, ZTest, mean_image, z_test};
+pub use comparison::{CompareError, Comparison, compare, compare_files};
+pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
+pub use normal::{normal_quantile, sidak_z_limit};
+
+use crate::images::{Image, ImageRgb, srgb_decode};
+
+/// Side of the blocks of pixels that standard errors are taken over. Neighbours are correlated (one photon serves many
+/// gather points, FLIP filters), so that single pixels as samples would claim too much.
+pub const STANDARD_ERROR_BLOCK: u32 = 8;
+
+/// Images that cannot be compared. Each message is one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MetricsError {
+    /// Two images differ in size.
+    #[error(
+        "{what} has {found:?} pixels (width, height), but {expected:?} are needed; compare images of equal size"
+    )]
+    SizeMismatch {
+        /// Which image.
+        what: &'static str,
+        /// Its width and height.
+        found: [u32; 2],
+        /// Width and height of the other.
+        expected: [u32; 2],
+    },
+    /// No pixel is left to compare.
+    #[error("no pixel is left to compare: {0}")]
+    NothingCounted(&'static str),
+    /// A correspondence that points out of the image.
+    #[error(
+        "the correspondence of pixel {from} points to pixel {to}, but the other image has {pixels}"
+    )]
+    CorrespondenceOutside {
+        /// Index of the pixel.
+        from: usize,
+        /// Index that it points to.
+        to: usize,
+        /// Pixels of the other image.
+        pixels: usize,
+    },
+    /// Too few independent renders for a spread.
+    #[error("{found} independent renders give no spread; at least {needed} are needed")]
+    TooFewRenders {
+        /// Renders given.
+        found: usize,
+        /// Renders needed.
+        needed: usize,
+    },
+}
+
+fn require_size<P, Q>(
+    what: &'static str,
+    image: &Image<P>,
+    other: &Image<Q>,
+) -> Result<(), MetricsError> {
+    let (found, expected) = ([image.width, image.height], [other.width, other.height]);
+    if found == expected {
+        Ok(())
+    } else {
+        Err(MetricsError::SizeMismatch {
+            what,
+            found,
+            expected,
+        })
+    }
+}
+
+/// Which pixels count.
+pub type Mask = Image<bool>;
+
+impl Mask {
+    /// White pixels count: those with a channel of at least half, sRGB encoded.
+    #[must_use]
+    pub fn from_image(image: &ImageRgb) -> Self {
+        let half = srgb_decode(0.5);
+        let white = |pixel: &[f32; 3]| pixel.iter().any(|&channel| channel >= half);
+        Self {
+            width: image.width,
+            height: image.height,
+            pixels: image.pixels.iter().map(white).collect(),
+        }
+    }
+
+    /// The pixels that this mask leaves out.
+    #[must_use]
+    pub fn complement(&self) -> Self {
+        Self {
+            width: self.width,
+            height: self.height,
+            pixels: self.pixels.iter().map(|counted| !counted).collect(),
+        }
+    }
+}
+
+/// Mean over pixels of values that come in blocks, with the standard error of that mean.
+///
+/// With n_b pixels and mean m_b in block b of B, the mean is m = sum n_b m_b / N and its variance
+/// B / (B - 1) sum n_b^2 (m_b - m)^2 / N^2: the ratio estimator of cluster sampling (Cochran, Sampling Techniques,
+/// 3rd ed., section 9A.2).
+#[derive(Clone, Debug, Default)]
+struct BlockedMean {
+    sums: Vec<f64>,
+    counts: Vec<f64>,
+    blocks_per_row: usize,
+}
+
+impl BlockedMean {
+    fn new(width: u32, height: u32) -> Self {
+        let columns = width.div_ceil(STANDARD_ERROR_BLOCK) as usize;
+        let rows = height.div_ceil(STANDARD_ERROR_BLOCK) as usize;
+        Self {
+            sums: vec![0.0; columns * rows],
+            counts: vec![0.0; columns * rows],
+            blocks_per_row: columns,
+        }
+    }
+
+    /// Adds the value of the pixel with this index in an image of this width.
+    fn add(&mut self, index: usize, width: u32, value: f64) {
+        let side = STANDARD_ERROR_BLOCK as usize;
+        let (x, y) = (index % width as usize, index / width as usize);
+        let block = y / side * self.blocks_per_row + x / side;
+        if let (Some(sum), Some(count)) = (self.sums.get_mut(block), self.counts.get_mut(block)) {
+            *sum += value;
+            *count += 1.0;
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        self.sums.iter().sum::<f64>() / self.counts.iter().sum::<f64>()
+    }
+
+    /// `None` where fewer than two blocks hold a pixel.
+    fn standard_error(&self) -> Option<f64> {
+        let total: f64 = self.counts.iter().sum();
+        let mean = self.mean();
+        let filled = self.counts.iter().filter(|&&count| count > 0.0).count() as f64;
+        if filled < 2.0 {
+            return None;
+        }
+        let squares: f64 = self
+            .sums
+            .iter()
+            .zip(&self.counts)
+            .map(|(sum, count)| (sum - count * mean).powi(2))
+            .sum();
+        Some((filled / (filled - 1.0) * squares).sqrt() / total)
+    }
+}

@@ -1,0 +1,89 @@
+//! Flags and settings files into validated options.
+//!
+//! A command line passes three stations: [`cli::parse`] reads the flags as typed, [`layers::Layers`] puts the settings
+//! of a config file, `--set` and flags over the defaults and checks each against [`registry`], and [`resolve()`] checks
+//! what concerns several flags together. Nothing is opened or made before all of that has passed, but for the config
+//! file.
+
+pub mod cli;
+pub mod layers;
+pub mod numbers;
+pub mod registry;
+pub mod resolve;
+pub mod settings;
+
+pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, TraceUp, parse};
+pub use numbers::{FovAngles, HeadPose};
+pub use resolve::{
+    BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,
+    TraceOptions, ViewOptions, resolve,
+};
+pub use settings::{DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings};
+
+/// Unusable flags or settings; each message is one line. Exit status 2.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OptionsError {
+    /// The config file could not be read.
+    #[error("{path}: {reason}; give --config a TOML file of settings")]
+    ConfigUnreadable {
+        /// Path as given.
+        path: String,
+        /// What went wrong.
+        reason: String,
+    },
+    /// The config file is not TOML.
+    #[error("{path}:{line}: not valid TOML: {reason}")]
+    ConfigSyntax {
+        /// Path as given.
+        path: String,
+        /// 1-based line.
+        line: usize,
+        /// What the parser says.
+        reason: String,
+    },
+    /// A key that no setting has.
+    #[error("{place}: unknown setting `{key}`; the nearest known one is `{nearest}`")]
+    UnknownKey {
+        /// `FILE:LINE` or `--set`.
+        place: String,
+        /// The key as given.
+        key: String,
+        /// The known key most like it.
+        nearest: &'static str,
+    },
+    /// A value of the wrong type or out of range.
+    #[error("{place}: {key} = {value}: must be {allowed}")]
+    BadSetting {
+        /// `FILE:LINE` or `--set`.
+        place: String,
+        /// Dotted key.
+        key: &'static str,
+        /// The value as given.
+        value: String,
+        /// Allowed values in words.
+        allowed: String,
+    },
+    /// A flag's value that cannot be used.
+    #[error("{flag} {value}: {reason}")]
+    BadFlag {
+        /// The flag.
+        flag: &'static str,
+        /// The value as given, quoted.
+        value: String,
+        /// What is wrong and what is allowed.
+        reason: String,
+    },
+    /// Flags that do not go together.
+    #[error("{0}")]
+    Conflict(String),
+}
+
+/// Quotes a value for a one-line message: control characters escaped, long text cut.
+pub(crate) fn quoted(text: &str) -> String {
+    const LONGEST: usize = 100;
+    let mut shown: String = text.chars().take(LONGEST).collect();
+    if shown.len() < text.len() {
+        shown.push_str("...");
+    }
+    format!("{shown:?}")
+}

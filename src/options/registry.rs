@@ -1,0 +1,503 @@
+//! Every setting with its kind, range, unit and one line of explanation.
+//!
+//! One list drives validation, the listing under `--help` and `info --settings`, and later the viewer's panels.
+//! Defaults are not repeated here: they are read from [`Settings::default`].
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::settings::Settings;
+
+/// What values a setting takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// `true` or `false`.
+    Bool,
+    /// A whole number in `min..=max`.
+    Whole {
+        /// Smallest value.
+        min: u64,
+        /// Largest value.
+        max: u64,
+    },
+    /// A finite number between `min` and `max`.
+    Real {
+        /// Lower bound.
+        min: f64,
+        /// Upper bound.
+        max: f64,
+        /// Whether the bounds themselves are allowed.
+        inclusive: bool,
+    },
+    /// One of these words.
+    Choice(&'static [&'static str]),
+    /// Text; may it be empty?
+    Text {
+        /// Whether the empty text is allowed.
+        empty: bool,
+    },
+    /// Width and height in pixels, each in `1..=max`.
+    Size {
+        /// Largest width or height.
+        max: u32,
+    },
+}
+
+impl Kind {
+    /// The allowed values in words, to follow "must be".
+    #[must_use]
+    pub fn allowed(&self) -> String {
+        match self {
+            Self::Bool => "true or false".to_owned(),
+            Self::Whole { min, max } => format!("a whole number from {min} to {max}"),
+            Self::Real {
+                min,
+                max,
+                inclusive: true,
+            } => format!("a number from {min} to {max}"),
+            Self::Real {
+                min,
+                max,
+                inclusive: false,
+            } => {
+                format!("a number between {min} and {max}, both excluded")
+            }
+            Self::Choice(words) => match words {
+                [] => "nothing".to_owned(),
+                [only] => (*only).to_owned(),
+                [first @ .., last] => format!("{} or {last}", first.join(", ")),
+            },
+            Self::Text { empty: true } => "text".to_owned(),
+            Self::Text { empty: false } => "text that is not empty".to_owned(),
+            Self::Size { max } => {
+                format!("[width, height] or \"WIDTHxHEIGHT\", each from 1 to {max} pixels")
+            }
+        }
+    }
+
+    /// The kind's short name, for listings.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::Whole { .. } => "whole",
+            Self::Real { .. } => "real",
+            Self::Choice(_) => "choice",
+            Self::Text { .. } => "text",
+            Self::Size { .. } => "size",
+        }
+    }
+}
+
+/// One setting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// Dotted key, as in `--set KEY=VALUE` and in the config file.
+    pub key: &'static str,
+    /// Kind and range.
+    pub kind: Kind,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// One line for a newcomer.
+    pub doc: &'static str,
+}
+
+const FORCE: Kind = Kind::Choice(&["auto", "on", "off"]);
+const DEPTH: Kind = Kind::Whole { min: 1, max: 64 };
+
+const fn setting(key: &'static str, kind: Kind, unit: &'static str, doc: &'static str) -> Setting {
+    Setting {
+        key,
+        kind,
+        unit,
+        doc,
+    }
+}
+
+/// Largest width or height of an eye's image in pixels.
+pub const MAX_SIZE: u32 = 16_384;
+
+/// All settings, in the order of [`Settings`].
+pub static SETTINGS: &[Setting] = &[
+    setting(
+        "scene",
+        Kind::Text { empty: false },
+        "",
+        "glTF file (.gltf, .glb) or builtin:NAME",
+    ),
+    setting(
+        "method",
+        Kind::Choice(&["photon", "path"]),
+        "",
+        "light transport",
+    ),
+    setting(
+        "reuse",
+        Kind::Choice(&["off", "scatter"]),
+        "",
+        "how the right eye reuses the left; off renders each by itself",
+    ),
+    setting(
+        "spp",
+        Kind::Whole {
+            min: 1,
+            max: 1_048_576,
+        },
+        "samples per pixel",
+        "primary samples per pixel and frame, averaged",
+    ),
+    setting(
+        "seed",
+        Kind::Whole {
+            min: 0,
+            max: u32::MAX as u64,
+        },
+        "",
+        "random seed",
+    ),
+    setting(
+        "size",
+        Kind::Size { max: MAX_SIZE },
+        "pixels",
+        "size of each eye's image; unset takes the headset's",
+    ),
+    setting(
+        "headset",
+        Kind::Text { empty: false },
+        "",
+        "headset profile from config/headsets/",
+    ),
+    setting(
+        "adapter",
+        Kind::Text { empty: true },
+        "",
+        "substring of the adapter's name; empty takes the best one",
+    ),
+    setting(
+        "path.max_depth",
+        DEPTH,
+        "segments",
+        "length of a path from eye to light: 1 is emission seen directly, 2 is direct light",
+    ),
+    setting(
+        "path.russian_roulette",
+        Kind::Bool,
+        "",
+        "end dim paths by chance, without bias",
+    ),
+    setting(
+        "path.sampler",
+        Kind::Choice(&["random", "sobol"]),
+        "",
+        "independent random numbers or Owen-scrambled Sobol points",
+    ),
+    setting(
+        "photon.count",
+        Kind::Whole {
+            min: 0,
+            max: 67_108_864,
+        },
+        "photons",
+        "photons emitted per frame",
+    ),
+    setting(
+        "photon.radius_m",
+        Kind::Real {
+            min: 0.0,
+            max: 1e9,
+            inclusive: true,
+        },
+        "metres",
+        "gather radius; 0 takes it from the scene's area and the photon count",
+    ),
+    setting(
+        "photon.max_depth",
+        DEPTH,
+        "segments",
+        "length of a path from eye to light, counted as path.max_depth is",
+    ),
+    setting(
+        "photon.direct",
+        Kind::Choice(&["nee", "map"]),
+        "",
+        "direct light by next-event estimation or from the photon map",
+    ),
+    setting(
+        "photon.kernel",
+        Kind::Choice(&["constant", "epanechnikov", "cone"]),
+        "",
+        "weight of a photon by its distance from the gather point",
+    ),
+    setting(
+        "photon.capacity",
+        Kind::Whole {
+            min: 0,
+            max: 268_435_456,
+        },
+        "photons",
+        "stored photons that the buffer holds; 0 takes it from photon.count",
+    ),
+    setting(
+        "photon.grid_cells_max",
+        Kind::Whole {
+            min: 64,
+            max: 67_108_864,
+        },
+        "cells",
+        "upper bound on the hash grid's cells",
+    ),
+    setting(
+        "photon.every_frame",
+        Kind::Bool,
+        "",
+        "trace photons for every frame, even where scene and lights are static",
+    ),
+    setting(
+        "photon.progressive",
+        Kind::Bool,
+        "",
+        "shrink the radius from frame to frame, converging to the path tracer",
+    ),
+    setting(
+        "photon.progressive_alpha",
+        Kind::Real {
+            min: 0.0,
+            max: 1.0,
+            inclusive: false,
+        },
+        "",
+        "share of new photons kept at each progressive step",
+    ),
+    setting(
+        "photon.normal_min_cos",
+        Kind::Real {
+            min: -1.0,
+            max: 1.0,
+            inclusive: true,
+        },
+        "cosine",
+        "a photon counts where its surface normal and the gather point's agree this well",
+    ),
+    setting(
+        "stereo.max_view_dependence",
+        Kind::Real {
+            min: 0.0,
+            max: 1.0,
+            inclusive: true,
+        },
+        "",
+        "view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction",
+    ),
+    setting(
+        "stereo.position_tolerance",
+        Kind::Real {
+            min: 0.0,
+            max: 1e3,
+            inclusive: true,
+        },
+        "pixel footprints",
+        "largest distance between a reused sample and the right eye's own hit",
+    ),
+    setting(
+        "environment.path",
+        Kind::Text { empty: true },
+        "",
+        "equirectangular .hdr or .exr file; empty for a black surround",
+    ),
+    setting(
+        "environment.strength",
+        Kind::Real {
+            min: 0.0,
+            max: 1e9,
+            inclusive: true,
+        },
+        "",
+        "factor on the environment's radiance",
+    ),
+    setting(
+        "output.exposure",
+        Kind::Real {
+            min: 0.0,
+            max: 1e9,
+            inclusive: true,
+        },
+        "",
+        "exposure factor of the tone-mapped PNG files; EXR files are never scaled",
+    ),
+    setting(
+        "output.images",
+        Kind::Bool,
+        "",
+        "write images; stats.jsonl and run.json are written in any case",
+    ),
+    setting(
+        "force.glossy",
+        FORCE,
+        "",
+        "glossy and metallic lobes in the shaders: as the scene needs, always, never",
+    ),
+    setting("force.dielectric", FORCE, "", "glass in the shaders"),
+    setting("force.textures", FORCE, "", "textures in the shaders"),
+    setting("force.normal_maps", FORCE, "", "normal maps in the shaders"),
+    setting(
+        "force.alpha",
+        FORCE,
+        "",
+        "alpha mask and blend in the shaders",
+    ),
+    setting(
+        "force.vertex_colors",
+        FORCE,
+        "",
+        "vertex colours in the shaders",
+    ),
+    setting(
+        "force.caustics",
+        FORCE,
+        "",
+        "the caustic photon map and its passes",
+    ),
+    setting(
+        "force.environment",
+        FORCE,
+        "",
+        "the environment map in the shaders",
+    ),
+    setting(
+        "simulated.motion",
+        Kind::Choice(&["still", "yaw", "walk", "sway"]),
+        "",
+        "motion of the simulated headset",
+    ),
+    setting(
+        "gpu.timestamps",
+        Kind::Bool,
+        "",
+        "time each pass with GPU timestamp queries",
+    ),
+];
+
+/// The setting under a dotted key.
+#[must_use]
+pub fn find(key: &str) -> Option<&'static Setting> {
+    SETTINGS.iter().find(|setting| setting.key == key)
+}
+
+/// Keys of the settings under a section, such as `photon`; empty if there is no such section.
+#[must_use]
+pub fn section_keys(name: &str) -> Vec<&'static str> {
+    let under = |key: &&'static str| {
+        key.strip_prefix(name)
+            .is_some_and(|rest| rest.starts_with('.'))
+    };
+    SETTINGS
+        .iter()
+        .map(|setting| setting.key)
+        .filter(under)
+        .collect()
+}
+
+/// The known key most like an unknown one; `section` looks among the sections' names as well.
+#[must_use]
+pub fn nearest(unknown: &str, section: bool) -> &'static str {
+    let score = |known: &str| {
+        let whole = strsim::normalized_damerau_levenshtein(unknown, known);
+        // `radius_m` should find `photon.radius_m`; a little less sure than the same words in full.
+        let leaf = known.rsplit('.').next().map_or(0.0, |leaf| {
+            0.9 * strsim::normalized_damerau_levenshtein(unknown, leaf)
+        });
+        whole.max(leaf)
+    };
+    let sections = SETTINGS
+        .iter()
+        .filter_map(|setting| Some(setting.key.split_once('.')?.0))
+        .filter(|_| section);
+    let mut best = ("scene", -1.0);
+    for known in SETTINGS.iter().map(|setting| setting.key).chain(sections) {
+        let likeness = score(known);
+        if likeness > best.1 {
+            best = (known, likeness);
+        }
+    }
+    best.0
+}
+
+/// The default of a setting as JSON, `null` where unset.
+#[must_use]
+pub fn default_of(key: &str) -> Value {
+    let tree = serde_json::to_value(Settings::default()).unwrap_or(Value::Null);
+    let mut at = &tree;
+    for part in key.split('.') {
+        match at.get(part) {
+            Some(next) => at = next,
+            None => return Value::Null,
+        }
+    }
+    at.clone()
+}
+
+/// A setting as `info --settings` prints it.
+#[derive(Clone, Debug, Serialize)]
+pub struct SettingRow {
+    /// Dotted key.
+    pub key: &'static str,
+    /// `bool`, `whole`, `real`, `choice`, `text` or `size`.
+    pub kind: &'static str,
+    /// Default, `null` where unset.
+    pub default: Value,
+    /// Allowed values in words.
+    pub allowed: String,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// One line of explanation.
+    pub doc: &'static str,
+}
+
+/// All settings as rows, in the registry's order.
+#[must_use]
+pub fn rows() -> Vec<SettingRow> {
+    SETTINGS
+        .iter()
+        .map(|setting| SettingRow {
+            key: setting.key,
+            kind: setting.kind.name(),
+            default: default_of(setting.key),
+            allowed: setting.kind.allowed(),
+            unit: setting.unit,
+            doc: setting.doc,
+        })
+        .collect()
+}
+
+/// All settings as text, for `--help`.
+#[must_use]
+pub fn help_text() -> String {
+    let mut text = String::from(
+        "Settings, for --set KEY=VALUE and for the TOML file of --config\n\
+         (a dotted key there is a key under a [section]; flags win over --set, --set over the file):\n",
+    );
+    for row in rows() {
+        let default = match &row.default {
+            Value::Null => "unset".to_owned(),
+            other => other.to_string(),
+        };
+        let unit = if row.unit.is_empty() {
+            String::new()
+        } else {
+            format!(", {}", row.unit)
+        };
+        let range = match row.kind {
+            "text" => String::new(),
+            _ => format!("; {}", row.allowed),
+        };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "  {} = {default}{unit}\n      {}{range}",
+            row.key, row.doc
+        );
+    }
+    text
+}

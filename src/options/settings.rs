@@ -1,0 +1,351 @@
+//! The settings tree: every value that a config file, `--set` or a flag can change.
+//!
+//! Ranges, units and one-line docs that a person sees live in [`super::registry`]; a test holds the two together.
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+/// Light transport method (`method`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Photon mapping: photons traced from the lights, gathered at the eye's hits
+    #[default]
+    Photon,
+    /// Path tracing: the reference that errors are measured against
+    Path,
+}
+
+/// How the right eye reuses the left eye's work (`reuse`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reuse {
+    /// Render each eye by itself
+    Off,
+    /// Scatter the left eye's hits into the right eye, trace only what stays empty
+    #[default]
+    Scatter,
+}
+
+/// Random numbers of the path tracer (`path.sampler`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampler {
+    /// Independent uniform numbers
+    #[default]
+    Random,
+    /// Owen-scrambled Sobol points
+    Sobol,
+}
+
+/// Where photon mapping takes direct light from (`photon.direct`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DirectLight {
+    /// Next-event estimation; the map holds only photons that scattered at least once
+    #[default]
+    Nee,
+    /// The photon map, as in the 2020 report
+    Map,
+}
+
+/// Weight of a photon by its distance from the gather point (`photon.kernel`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// The same weight over the whole disc
+    #[default]
+    Constant,
+    /// 2 (1 - d^2/r^2) / (pi r^2)
+    Epanechnikov,
+    /// Falls linearly to the rim: 3 (1 - d/r) / (pi r^2)
+    Cone,
+}
+
+/// Motion of the simulated headset (`simulated.motion`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// The head does not move
+    Still,
+    /// The head turns left and right
+    Yaw,
+    /// The head moves along a walk
+    Walk,
+    /// Small band-limited movements of a standing person
+    #[default]
+    Sway,
+}
+
+/// A shader feature that is compiled in when needed, always or never (`force.*`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Force {
+    /// In when the scene needs it
+    #[default]
+    Auto,
+    /// Always in
+    On,
+    /// Always out, even where that changes the image
+    Off,
+}
+
+impl Force {
+    /// Whether the feature is in, given what the scene needs.
+    #[must_use]
+    pub fn apply(self, needed: bool) -> bool {
+        match self {
+            Self::Auto => needed,
+            Self::On => true,
+            Self::Off => false,
+        }
+    }
+}
+
+/// Every setting, validated against [`super::registry`] before it is built.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// glTF file or `builtin:NAME`; default `builtin:cornell`.
+    pub scene: String,
+    /// Light transport; default photon mapping.
+    pub method: Method,
+    /// Right eye's reuse of the left; default scatter.
+    pub reuse: Reuse,
+    /// Primary samples per pixel and frame, 1 to 1048576; default 1.
+    pub spp: u32,
+    /// Random seed; default 0.
+    pub seed: u32,
+    /// Pixels per eye, width and height, 1 to 16384 each; `None` takes the headset's.
+    pub size: Option<[u32; 2]>,
+    /// Headset profile's name; default `symmetric`.
+    pub headset: String,
+    /// Substring of the adapter's name; empty takes the best one.
+    pub adapter: String,
+    /// Path tracer.
+    pub path: PathSettings,
+    /// Photon mapping.
+    pub photon: PhotonSettings,
+    /// Stereo reuse.
+    pub stereo: StereoSettings,
+    /// Environment map.
+    pub environment: EnvironmentSettings,
+    /// Files written.
+    pub output: OutputSettings,
+    /// Shader features forced in or out, for measuring.
+    pub force: ForceSettings,
+    /// Simulated headset.
+    pub simulated: SimulatedSettings,
+    /// GPU use.
+    pub gpu: GpuSettings,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            scene: "builtin:cornell".to_owned(),
+            method: Method::default(),
+            reuse: Reuse::default(),
+            spp: 1,
+            seed: 0,
+            size: None,
+            headset: "symmetric".to_owned(),
+            adapter: String::new(),
+            path: PathSettings::default(),
+            photon: PhotonSettings::default(),
+            stereo: StereoSettings::default(),
+            environment: EnvironmentSettings::default(),
+            output: OutputSettings::default(),
+            force: ForceSettings::default(),
+            simulated: SimulatedSettings::default(),
+            gpu: GpuSettings::default(),
+        }
+    }
+}
+
+/// Settings of the path tracer (`path.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PathSettings {
+    /// Segments of the whole path from eye to light, 1 to 64: 1 is emission seen directly, 2 is direct light; default 8.
+    pub max_depth: u32,
+    /// End dim paths by chance, without bias; default false.
+    pub russian_roulette: bool,
+    /// Random numbers; default independent.
+    pub sampler: Sampler,
+}
+
+impl Default for PathSettings {
+    fn default() -> Self {
+        Self {
+            max_depth: 8,
+            russian_roulette: false,
+            sampler: Sampler::default(),
+        }
+    }
+}
+
+/// Settings of photon mapping (`photon.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhotonSettings {
+    /// Photons emitted per frame, 0 to 67108864; default 262144.
+    pub count: u32,
+    /// Gather radius in metres; 0 takes it from the scene's area and the photon count; default 0.
+    pub radius_m: f64,
+    /// Segments of the whole path from eye to light, 1 to 64; default 8.
+    pub max_depth: u32,
+    /// Source of direct light; default next-event estimation.
+    pub direct: DirectLight,
+    /// Density kernel; default constant.
+    pub kernel: Kernel,
+    /// Photons that the buffer holds, 0 to 268435456; 0 takes it from the photon count; default 0.
+    pub capacity: u32,
+    /// Upper bound on hash-grid cells, 64 to 67108864; default 2097152.
+    pub grid_cells_max: u32,
+    /// Trace photons anew for every frame, even where scene and lights are static; default false.
+    pub every_frame: bool,
+    /// Shrink the radius from frame to frame; default false.
+    pub progressive: bool,
+    /// Share of new photons kept per progressive step (alpha of Hachisuka and Jensen 2009), in (0, 1); default 0.7.
+    pub progressive_alpha: f64,
+    /// Smallest cosine between a photon's surface normal and the gather point's, -1 to 1; default 0.5.
+    pub normal_min_cos: f64,
+}
+
+impl Default for PhotonSettings {
+    fn default() -> Self {
+        Self {
+            count: 262_144,
+            radius_m: 0.0,
+            max_depth: 8,
+            direct: DirectLight::default(),
+            kernel: Kernel::default(),
+            capacity: 0,
+            grid_cells_max: 2_097_152,
+            every_frame: false,
+            progressive: false,
+            progressive_alpha: 0.7,
+            normal_min_cos: 0.5,
+        }
+    }
+}
+
+/// Settings of stereo reuse (`stereo.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StereoSettings {
+    /// View-dependence limit of what may be carried over, 0 to 1; at 0 only what does not depend on the viewing
+    /// direction; default 0.
+    pub max_view_dependence: f64,
+    /// Largest distance between a cached sample and the right eye's own hit, in footprints of the right eye's pixel; default 1.5.
+    pub position_tolerance: f64,
+}
+
+impl Default for StereoSettings {
+    fn default() -> Self {
+        Self {
+            max_view_dependence: 0.0,
+            position_tolerance: 1.5,
+        }
+    }
+}
+
+/// Settings of the environment map (`environment.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentSettings {
+    /// Equirectangular `.hdr` or `.exr`; empty for a black surround.
+    pub path: String,
+    /// Factor on its radiance, 0 or more; default 1.
+    pub strength: f64,
+}
+
+impl Default for EnvironmentSettings {
+    fn default() -> Self {
+        Self {
+            path: String::new(),
+            strength: 1.0,
+        }
+    }
+}
+
+/// Settings of the files written (`output.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSettings {
+    /// Exposure factor of the tone-mapped PNG; EXR files are never scaled; default 1.
+    pub exposure: f64,
+    /// Write images; default true.
+    pub images: bool,
+}
+
+impl Default for OutputSettings {
+    fn default() -> Self {
+        Self {
+            exposure: 1.0,
+            images: true,
+        }
+    }
+}
+
+/// Shader features forced in or out (`force.*`); all default to [`Force::Auto`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceSettings {
+    /// Glossy and metallic lobes.
+    pub glossy: Force,
+    /// Dielectrics.
+    pub dielectric: Force,
+    /// Textures.
+    pub textures: Force,
+    /// Normal maps.
+    pub normal_maps: Force,
+    /// Alpha mask and blend.
+    pub alpha: Force,
+    /// Vertex colours.
+    pub vertex_colors: Force,
+    /// The caustic map.
+    pub caustics: Force,
+    /// The environment map.
+    pub environment: Force,
+}
+
+impl ForceSettings {
+    /// Shader feature names with their setting, in the registry's order.
+    #[must_use]
+    pub fn by_feature(&self) -> [(&'static str, Force); 8] {
+        [
+            ("glossy", self.glossy),
+            ("dielectric", self.dielectric),
+            ("textures", self.textures),
+            ("normal_maps", self.normal_maps),
+            ("alpha", self.alpha),
+            ("vertex_colors", self.vertex_colors),
+            ("caustics", self.caustics),
+            ("environment", self.environment),
+        ]
+    }
+}
+
+/// Settings of the simulated headset (`simulated.*`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatedSettings {
+    /// Its motion; default sway.
+    pub motion: Motion,
+}
+
+/// Settings of GPU use (`gpu.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GpuSettings {
+    /// Time each pass with timestamp queries; default true.
+    pub timestamps: bool,
+}
+
+impl Default for GpuSettings {
+    fn default() -> Self {
+        Self { timestamps: true }
+    }
+}

@@ -1,0 +1,171 @@
+//! Files under `--out`.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::images::{
+    Image, ImageError, ImageRgb, ImageRgb8, tone_map, write_atomically, write_exr, write_png,
+};
+use crate::renderer::Provenance;
+
+/// Why nothing can be written; exit status 2.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// The folder cannot be made or written to.
+    #[error("--out {}: {reason}; choose a folder that can be written to", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
+    /// A file in it cannot be written.
+    #[error("{}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
+    /// An image cannot be written.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// The images of one frame.
+#[derive(Debug, Default)]
+pub struct FrameImages {
+    /// Left eye, linear radiance.
+    pub left: Option<ImageRgb>,
+    /// Right eye, linear radiance.
+    pub right: Option<ImageRgb>,
+    /// Provenance of the right eye's pixels, row-major; `None` without reuse.
+    pub provenance: Option<Vec<u32>>,
+}
+
+/// The folder that a run writes to.
+pub struct OutputFolder {
+    path: PathBuf,
+    stats: File,
+}
+
+impl OutputFolder {
+    /// Makes the folder if need be and starts `stats.jsonl` in it.
+    ///
+    /// # Errors
+    /// [`OutputError::Folder`] if that is impossible.
+    pub fn create(path: &Path) -> Result<Self, OutputError> {
+        let fail = |error: std::io::Error| OutputError::Folder {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        };
+        fs::create_dir_all(path).map_err(fail)?;
+        let stats = File::create(path.join("stats.jsonl")).map_err(fail)?;
+        Ok(Self {
+            path: path.to_owned(),
+            stats,
+        })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends one line to `stats.jsonl` and hands it to the system, so that a killed run keeps it.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn append_stats(&mut self, stats: &impl Serialize) -> Result<(), OutputError> {
+        let path = self.path.join("stats.jsonl");
+        let fail = |reason: String| OutputError::File { path, reason };
+        let mut line = match serde_json::to_string(stats) {
+            Ok(line) => line,
+            Err(error) => return Err(fail(error.to_string())),
+        };
+        line.push('\n');
+        self.stats
+            .write_all(line.as_bytes())
+            .map_err(|error| fail(error.to_string()))
+    }
+
+    /// Writes `run.json`.
+    ///
+    /// # Errors
+    /// [`OutputError`].
+    pub fn write_run(&self, run: &impl Serialize) -> Result<(), OutputError> {
+        let path = self.path.join("run.json");
+        let text = serde_json::to_string_pretty(run).map_err(|error| OutputError::File {
+            path: path.clone(),
+            reason: error.to_string(),
+        })?;
+        write_atomically(&path, |out| {
+            out.write_all(text.as_bytes())?;
+            out.write_all(b"\n")
+        })?;
+        Ok(())
+    }
+
+    /// Writes a frame's images: EXR per eye, both tone mapped side by side, provenance in false colour.
+    ///
+    /// # Errors
+    /// [`OutputError`].
+    pub fn write_frame(
+        &self,
+        index: u32,
+        images: &FrameImages,
+        exposure: f64,
+    ) -> Result<(), OutputError> {
+        for (eye, image) in [("left", &images.left), ("right", &images.right)] {
+            if let Some(image) = image {
+                write_exr(&self.path.join(format!("frame_{index:04}_{eye}.exr")), image)?;
+            }
+        }
+        let picture = match (&images.left, &images.right) {
+            (Some(left), Some(right)) => Some(Image::side_by_side(
+                &tone_map(left, exposure),
+                &tone_map(right, exposure),
+            )?),
+            (Some(image), None) | (None, Some(image)) => Some(tone_map(image, exposure)),
+            (None, None) => None,
+        };
+        if let Some(picture) = picture {
+            write_png(&self.path.join(format!("frame_{index:04}.png")), &picture)?;
+        }
+        if let (Some(provenance), Some(right)) = (&images.provenance, &images.right) {
+            let picture = provenance_picture(right.width, right.height, provenance)?;
+            write_png(&self.path.join(format!("frame_{index:04}_reuse.png")), &picture)?;
+        }
+        Ok(())
+    }
+}
+
+/// Colour of a provenance: what the legend in `docs/architecture.md` says.
+pub fn provenance_color(provenance: u32) -> [u8; 3] {
+    match provenance {
+        p if p == Provenance::Background as u32 => [0, 0, 0],
+        p if p == Provenance::Reused as u32 => [70, 130, 90],
+        p if p == Provenance::OutOfLeftView as u32 => [60, 90, 220],
+        p if p == Provenance::Disoccluded as u32 => [220, 50, 40],
+        p if p == Provenance::Edge as u32 => [245, 210, 60],
+        p if p == Provenance::ViewDependent as u32 => [200, 90, 220],
+        p if p == Provenance::Gap as u32 => [240, 240, 240],
+        // Not a provenance: a colour that nobody overlooks.
+        _ => [255, 0, 255],
+    }
+}
+
+fn provenance_picture(
+    width: u32,
+    height: u32,
+    provenance: &[u32],
+) -> Result<ImageRgb8, ImageError> {
+    Image::new(
+        width,
+        height,
+        provenance.iter().map(|&p| provenance_color(p)).collect(),
+    )
+}

@@ -1,0 +1,13 @@
+//! `cell_count`: see `shaders/passes/cell_count.wesl`.
+
+use super::{Over, Pass};
+
+/// Counts the photons of every cell.
+pub const PASS: Pass = Pass {
+    name: "cell_count",
+    what: "Counts the photons of every cell.",
+    over: Over::Photons,
+    traces: false,
+    reads: &["photon_counters", "photons", "photon_grid"],
+    writes: &["cell_starts"],
+};

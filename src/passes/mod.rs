@@ -1,0 +1,143 @@
+//! The passes of a frame, in order.
+//!
+//! A pass is one compute shader: `shaders/passes/NAME.wesl` beside `src/passes/NAME.rs`, which declares what it reads
+//! and writes (a test compares that with what naga finds in the shader). Resources are named buffers; a name that a
+//! shader declares and the frame does not hold is an error. The lists below are the whole frame: there is no graph.
+//!
+//! ```text
+//! photon map   PHOTON_BATCH per batch of paths, then PHOTON_GRID         (once for a static scene)
+//! left eye     EYE_PHOTON or EYE_PATH over all pixels                    (per sample)
+//! right eye    off:     the same over all pixels
+//!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
+//! ```
+
+use std::fmt;
+
+macro_rules! passes {
+    ($($name:ident),* $(,)?) => {
+        $(pub mod $name;)*
+        /// Every pass there is, by name.
+        pub const ALL: &[&Pass] = &[$(&$name::PASS),*];
+    };
+}
+
+passes!(
+    photon_trace,
+    scan_blocks,
+    scan_sums,
+    scan_add,
+    photon_append,
+    photon_count,
+    photon_bounds,
+    grid_setup,
+    cell_count,
+    cell_scatter,
+    cell_sort,
+    photon_reorder,
+    eye_hits,
+    direct_light,
+    photon_gather,
+    eye_combine,
+    path_trace,
+    scatter_depth,
+    scatter_winner,
+    reuse_resolve,
+    fill_setup,
+    fill_reasons,
+);
+
+/// What a pass is dispatched over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Over {
+    /// One workgroup.
+    Once,
+    /// The photon paths of a batch.
+    Batch,
+    /// Blocks of 2,048 values of a prefix sum.
+    ScanBlocks,
+    /// Values of a prefix sum.
+    ScanValues,
+    /// Photons, sixteen per thread, by the list's capacity.
+    PhotonSixteenths,
+    /// Stored photons, indirectly.
+    Photons,
+    /// Grid cells in use, indirectly.
+    Cells,
+    /// All pixels in 8x8 tiles, or the pixels of the fill list, indirectly.
+    Pixels,
+}
+
+/// Declaration of one pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pass {
+    /// Name of shader, source file, label and timing.
+    pub name: &'static str,
+    /// One sentence.
+    pub what: &'static str,
+    /// Domain.
+    pub over: Over,
+    /// Whether it sees the scene (hierarchies, materials, lights) and is specialised by what the scene needs.
+    pub traces: bool,
+    /// Buffers that it only reads, besides the scene's.
+    pub reads: &'static [&'static str],
+    /// Buffers that it writes.
+    pub writes: &'static [&'static str],
+}
+
+impl fmt::Display for Pass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}({}) -> {}",
+            self.name,
+            self.reads.join(", "),
+            self.writes.join(", ")
+        )
+    }
+}
+
+/// Prefix sum over one buffer.
+pub const SCAN: &[&Pass] = &[&scan_blocks::PASS, &scan_sums::PASS, &scan_add::PASS];
+
+/// Traces one batch of photon paths; [`SCAN`] over the paths' counts runs in between.
+pub const PHOTON_BATCH: &[&Pass] = &[
+    &photon_trace::PASS,
+    &photon_append::PASS,
+    &photon_count::PASS,
+];
+
+/// Sorts the photons into the grid; [`SCAN`] over the cells' counts runs after `cell_count`.
+pub const PHOTON_GRID: &[&Pass] = &[
+    &photon_bounds::PASS,
+    &grid_setup::PASS,
+    &cell_count::PASS,
+    &cell_scatter::PASS,
+    &cell_sort::PASS,
+    &photon_reorder::PASS,
+];
+
+/// One sample of an eye by photon mapping.
+pub const EYE_PHOTON: &[&Pass] = &[
+    &eye_hits::PASS,
+    &direct_light::PASS,
+    &photon_gather::PASS,
+    &eye_combine::PASS,
+];
+
+/// One sample of an eye by photon mapping with direct light from the map.
+pub const EYE_PHOTON_MAP_ONLY: &[&Pass] =
+    &[&eye_hits::PASS, &photon_gather::PASS, &eye_combine::PASS];
+
+/// One sample of an eye by path tracing.
+pub const EYE_PATH: &[&Pass] = &[&path_trace::PASS];
+
+/// Carries the left eye's sample over to the right eye and lists what is left.
+pub const STEREO_SCATTER: &[&Pass] = &[
+    &scatter_depth::PASS,
+    &scatter_winner::PASS,
+    &reuse_resolve::PASS,
+    &fill_setup::PASS,
+];
+
+/// Diagnosis of the filled pixels.
+pub const FILL_REASONS: &[&Pass] = &[&fill_reasons::PASS];

@@ -1,0 +1,97 @@
+//! The kernels of a frame, compiled once for what the scene needs.
+
+use std::collections::BTreeMap;
+
+use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::{GpuContext, GpuError, Kernel, ShaderLibrary};
+use crate::passes::{Over, Pass};
+
+/// Feature of the eye passes' second variant: work on the list of empty pixels.
+const FROM_LIST: &str = "from_list";
+
+/// Compiled passes by name.
+pub struct KernelSet {
+    kernels: BTreeMap<&'static str, Kernel>,
+    from_list: BTreeMap<&'static str, Kernel>,
+}
+
+impl KernelSet {
+    /// Compiles `wanted`, and those of `filling` once more for the fill list. Passes that see the scene get
+    /// `features`, the others none.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] or [`GpuError::Validation`], naming the pass.
+    pub fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        features: &ShaderFeatures,
+        wanted: &[&Pass],
+        filling: &[&Pass],
+    ) -> Result<Self, GpuError> {
+        let mut set = Self {
+            kernels: BTreeMap::new(),
+            from_list: BTreeMap::new(),
+        };
+        for pass in wanted {
+            let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, false))?;
+            set.kernels.insert(pass.name, kernel);
+        }
+        for pass in filling {
+            let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, true))?;
+            set.from_list.insert(pass.name, kernel);
+        }
+        Ok(set)
+    }
+
+    /// The kernel of `pass` over its whole domain.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if the set was compiled without it.
+    pub fn get(&self, pass: &Pass) -> Result<&Kernel, GpuError> {
+        find(&self.kernels, pass)
+    }
+
+    /// The kernel of `pass` over the fill list.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if the set was compiled without it.
+    pub fn get_from_list(&self, pass: &Pass) -> Result<&Kernel, GpuError> {
+        find(&self.from_list, pass)
+    }
+
+    /// Names of all compiled passes; those over the fill list carry `(list)`.
+    pub fn names(&self) -> Vec<String> {
+        let listed = self.from_list.keys().map(|name| format!("{name} (list)"));
+        self.kernels
+            .keys()
+            .map(|name| (*name).to_owned())
+            .chain(listed)
+            .collect()
+    }
+}
+
+fn find<'a>(
+    kernels: &'a BTreeMap<&'static str, Kernel>,
+    pass: &Pass,
+) -> Result<&'a Kernel, GpuError> {
+    kernels.get(pass.name).ok_or_else(|| GpuError::Unbound {
+        pass: pass.name.to_owned(),
+        binding: "any (the pass was not compiled for this frame)".to_owned(),
+    })
+}
+
+/// Name of a pass's shader module.
+pub fn shader_name(pass: &Pass) -> String {
+    format!("passes/{}", pass.name)
+}
+
+/// Features that `pass` is compiled with in a scene of `features`.
+pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
+    let mut own = if pass.traces {
+        features.clone()
+    } else {
+        ShaderFeatures::new()
+    };
+    own.insert(FROM_LIST.to_owned(), from_list && pass.over == Over::Pixels);
+    own
+}

@@ -1,0 +1,597 @@
+//! From views to images: the passes of a frame, recorded in order.
+//!
+//! [`Renderer::render_frame`] is the whole frame. It moves the scene to the head ([`SceneBuffers::set_origin`]), traces
+//! photons if the map is missing or out of date, renders the left eye, carries it over to the right eye, fills what is
+//! left, and reads back counters. Images stay on the device until they are asked for.
+
+pub mod eyes;
+pub mod kernels;
+pub mod photon_map;
+pub mod scene_buffers;
+
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::bvh::BvhError;
+use crate::gpu::scene::PackError;
+use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::timing::Timer;
+use crate::gpu::types::frame::{
+    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_EYES_EQUAL, FRAME_KERNEL_CONE,
+    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
+};
+use crate::gpu::{
+    FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderLibrary, uniform_buffer,
+};
+use crate::options::{DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Settings};
+use crate::passes::{self, Pass};
+use crate::scene::{Needs, Scene};
+use crate::xr::View;
+
+pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
+pub use kernels::KernelSet;
+pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
+pub use scene_buffers::SceneBuffers;
+
+/// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
+/// that the bias stays small.
+const AUTOMATIC_GATHER: f64 = 60.0;
+/// Photon paths that land nowhere when the automatic radius is estimated: about one photon is stored per path.
+const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
+/// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
+const FOLLOW_MAX_ALPHA: f32 = 0.05;
+
+/// What can go wrong while a frame is made.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// The device or a pass.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The scene's geometry.
+    #[error(transparent)]
+    Bvh(#[from] BvhError),
+    /// The scene's textures or materials.
+    #[error(transparent)]
+    Pack(#[from] PackError),
+}
+
+/// Where the right eye's pixels came from; the shaders hold the same numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Provenance {
+    /// No surface.
+    Background = 0,
+    /// Carried over.
+    Reused = 1,
+    /// Filled: outside the left image.
+    OutOfLeftView = 2,
+    /// Filled: hidden from the left eye.
+    Disoccluded = 3,
+    /// Filled: the left image shows another surface there.
+    Edge = 4,
+    /// Filled: what is seen depends on the viewing direction.
+    ViewDependent = 5,
+    /// Filled: the left eye sees the surface, but no sample landed in the pixel.
+    Gap = 6,
+}
+
+/// Photons of a frame, for `stats.jsonl`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct PhotonStats {
+    /// Whether this frame traced photons, or used those of an earlier one.
+    pub traced: bool,
+    /// Paths emitted for the map in use.
+    pub emitted: u32,
+    /// Photons in the map.
+    pub stored: u32,
+    /// Photons that found no room.
+    pub dropped: u32,
+    /// Paths whose photons are all in the map; the flux is divided by this.
+    pub paths_kept: u32,
+    /// Photons that the list holds at most.
+    pub capacity: u32,
+}
+
+/// Why pixels of the right eye were filled, summed over the frame's samples.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct FilledBecause {
+    /// Outside the left image.
+    pub out_of_left_view: u32,
+    /// Hidden from the left eye.
+    pub disoccluded: u32,
+    /// The left image shows another surface there.
+    pub edge: u32,
+    /// What is seen depends on the viewing direction.
+    pub view_dependent: u32,
+    /// The left eye sees the surface, but no sample landed in the pixel.
+    pub gap: u32,
+}
+
+/// Stereo reuse of a frame, summed over its samples.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct StereoStats {
+    /// Left samples that hit a surface.
+    pub left_hits: u32,
+    /// Those that the right eye sees and may take over.
+    pub scattered: u32,
+    /// Right pixels that took one over.
+    pub reused: u32,
+    /// Right pixels that see a surface and were filled.
+    pub filled: u32,
+    /// `reused` / (`reused` + `filled`); 0 if the right eye sees no surface.
+    pub reuse_fraction: f64,
+    /// Why not reused.
+    pub filled_because: FilledBecause,
+}
+
+/// Host milliseconds of a frame by stage.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct CpuTimes {
+    /// Instance hierarchy, lights and their upload.
+    pub update: f64,
+    /// Recording, submitting and waiting for the device.
+    pub render: f64,
+    /// Reading back counters.
+    pub read_back: f64,
+}
+
+/// What one frame did.
+#[derive(Debug, Clone, Default)]
+pub struct FrameResult {
+    /// Device milliseconds by pass.
+    pub times: PassTimes,
+    /// Host milliseconds by stage.
+    pub cpu_ms: CpuTimes,
+    /// Photons, with the photon method.
+    pub photons: PhotonStats,
+    /// Stereo reuse; zero without it.
+    pub stereo: StereoStats,
+}
+
+/// Everything that turns views into images for one scene and one set of settings.
+pub struct Renderer {
+    context: GpuContext,
+    settings: Settings,
+    features: ShaderFeatures,
+    eye_choice: EyeChoice,
+    width: u32,
+    height: u32,
+    radius_m: f64,
+    scene: SceneBuffers,
+    kernels: KernelSet,
+    photon_map: Option<PhotonMap>,
+    eyes: Eyes,
+    frame_uniform: wgpu::Buffer,
+    timer: Option<Timer>,
+    is_bound: bool,
+    has_lights: bool,
+    origin_in_world: DVec3,
+}
+
+/// Shader features for what a scene needs, with the settings' forces applied.
+pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
+    let mut features: ShaderFeatures = needs
+        .shader_features()
+        .into_iter()
+        .map(|(name, on)| (name.to_owned(), on))
+        .collect();
+    for (name, force) in settings.force.by_feature() {
+        let needed = features.get(name).copied().unwrap_or(false);
+        features.insert(name.to_owned(), force.apply(needed));
+    }
+    features
+}
+
+/// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
+pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
+    let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
+    let radius = (AUTOMATIC_GATHER * scene.surface_area_m2() / (std::f64::consts::PI * photons)).sqrt();
+    if radius.is_finite() && radius > 0.0 { radius } else { 0.1 }
+}
+
+/// The passes of one sample of an eye.
+pub fn sample_passes(settings: &Settings) -> &'static [&'static Pass] {
+    match (settings.method, settings.photon.direct) {
+        (Method::Path, _) => passes::EYE_PATH,
+        (Method::Photon, DirectLight::Nee) => passes::EYE_PHOTON,
+        (Method::Photon, DirectLight::Map) => passes::EYE_PHOTON_MAP_ONLY,
+    }
+}
+
+impl Renderer {
+    /// Uploads `scene`, compiles its passes and allocates images of `size` pixels per eye.
+    ///
+    /// # Errors
+    /// [`RenderError`]: the scene does not fit, or the driver refuses a shader.
+    pub fn new(
+        context: GpuContext,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        settings: &Settings,
+        eye_choice: EyeChoice,
+        size: [u32; 2],
+    ) -> Result<Self, RenderError> {
+        let needs = Needs::of(scene);
+        let features = shader_features(&needs, settings);
+        let buffers = SceneBuffers::new(&context, scene, &features)?;
+        let photon = settings.method == Method::Photon;
+        let both = eye_choice == EyeChoice::Both;
+        let plan = EyePlan {
+            sample: sample_passes(settings),
+            photon,
+            reuse: both && settings.reuse != Reuse::Off,
+        };
+        let mut wanted: Vec<&Pass> = plan.sample.to_vec();
+        if photon {
+            wanted.extend(passes::PHOTON_BATCH.iter().chain(passes::SCAN).chain(passes::PHOTON_GRID));
+        }
+        let mut filling: Vec<&Pass> = Vec::new();
+        if plan.reuse {
+            wanted.extend(passes::STEREO_SCATTER);
+            filling.extend(plan.sample.iter().chain(passes::FILL_REASONS));
+        }
+        let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
+        let has_lights = buffers.light_count() > 0;
+        let photon_map = photon
+            .then(|| {
+                PhotonMap::new(
+                    &context,
+                    PhotonMapConfig {
+                        // Without lights there is nothing to emit, and no path may be traced for it.
+                        paths: if has_lights { settings.photon.count } else { 0 },
+                        max_depth: settings.photon.max_depth,
+                        capacity: settings.photon.capacity,
+                        cells: settings.photon.grid_cells_max,
+                    },
+                )
+            })
+            .transpose()?;
+        let radius_m = if settings.photon.radius_m > 0.0 {
+            settings.photon.radius_m
+        } else {
+            automatic_radius_m(scene, settings.photon.count)
+        };
+        let eyes = Eyes::new(&context, size, plan, both)?;
+        Ok(Self {
+            frame_uniform: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
+            timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
+            settings: settings.clone(),
+            features,
+            eye_choice,
+            width: size[0],
+            height: size[1],
+            radius_m,
+            scene: buffers,
+            kernels,
+            photon_map,
+            eyes,
+            is_bound: false,
+            has_lights,
+            origin_in_world: DVec3::ZERO,
+            context,
+        })
+    }
+
+    /// The device.
+    pub fn context(&self) -> &GpuContext {
+        &self.context
+    }
+
+    /// Images of both eyes.
+    pub fn eyes(&self) -> &Eyes {
+        &self.eyes
+    }
+
+    /// The photon map, with the photon method.
+    pub fn photon_map(&self) -> Option<&PhotonMap> {
+        self.photon_map.as_ref()
+    }
+
+    /// The scene on the device.
+    pub fn scene(&self) -> &SceneBuffers {
+        &self.scene
+    }
+
+    /// Gather radius in use, metres.
+    pub fn radius_m(&self) -> f64 {
+        self.radius_m
+    }
+
+    /// Shader features that the passes were compiled with.
+    pub fn features(&self) -> &ShaderFeatures {
+        &self.features
+    }
+
+    /// Names of the compiled passes.
+    pub fn pass_names(&self) -> Vec<String> {
+        self.kernels.names()
+    }
+
+    /// Origin of the last frame's render space (world, metres).
+    pub fn origin_in_world(&self) -> DVec3 {
+        self.origin_in_world
+    }
+
+    /// Renders one frame. `progress` is told how many of the frame's samples are done.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] naming the pass.
+    pub fn render_frame(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        mut progress: impl FnMut(u32),
+    ) -> Result<FrameResult, RenderError> {
+        let mut result = FrameResult::default();
+        let began = Instant::now();
+        let origin = midpoint(views);
+        self.origin_in_world = origin;
+        let replaced = self.scene.set_origin(&self.context, origin)?;
+        if replaced || !self.is_bound {
+            self.bind()?;
+        }
+        result.cpu_ms.update = milliseconds_since(began);
+
+        let began = Instant::now();
+        self.trace_photons(views, frame_index, &mut result)?;
+        let samples = self.settings.spp;
+        let mut first = 0;
+        while first < samples {
+            let count = SAMPLES_PER_SUBMISSION.min(samples - first);
+            self.write_frame_uniform(views, frame_index, first);
+            let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
+            if first == 0 {
+                self.eyes.record_clear(&mut recorder);
+            }
+            for sample in 0..count {
+                if recorder.room() < 64 {
+                    let full = std::mem::replace(
+                        &mut recorder,
+                        FrameRecorder::new(&self.context, self.timer.as_ref(), "frame"),
+                    );
+                    full.submit("frame", &mut result.times)?;
+                }
+                self.record_sample(&mut recorder, sample)?;
+            }
+            recorder.submit("frame", &mut result.times)?;
+            first += count;
+            progress(first);
+        }
+        result.cpu_ms.render = milliseconds_since(began);
+
+        let began = Instant::now();
+        if let Some(counters) = self.eyes.read_counters(&self.context)? {
+            result.stereo = stereo_stats(&counters);
+        }
+        result.cpu_ms.read_back = milliseconds_since(began);
+        Ok(result)
+    }
+
+    fn record_sample(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        sample: u32,
+    ) -> Result<(), GpuError> {
+        // A single eye is rendered into the left buffers through its own view.
+        self.eyes.record_full(recorder, &self.kernels, Eye::Left, sample)?;
+        if self.eye_choice == EyeChoice::Both {
+            self.eyes.record_reuse(recorder, &self.kernels, sample)?;
+        }
+        Ok(())
+    }
+
+    fn bind(&mut self) -> Result<(), GpuError> {
+        let scene = self.scene.resources().with("frame", &self.frame_uniform);
+        if let Some(map) = &mut self.photon_map {
+            map.bind(&self.context, &self.kernels, &scene)?;
+        }
+        let shared = match &self.photon_map {
+            Some(map) => scene.and(&map.resources()),
+            None => scene,
+        };
+        self.eyes.bind(&self.context, &self.kernels, &shared)?;
+        self.is_bound = true;
+        Ok(())
+    }
+
+    fn trace_photons(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        result: &mut FrameResult,
+    ) -> Result<(), GpuError> {
+        let Some(map) = &mut self.photon_map else {
+            return Ok(());
+        };
+        if map.grow(&self.context)? {
+            log::info!(
+                "the photon list overflowed by {} photons and now holds {}",
+                map.counters().dropped,
+                map.capacity()
+            );
+            self.bind()?;
+        }
+        let is_due = self
+            .photon_map
+            .as_ref()
+            .is_some_and(|map| map.traced_at().is_none() || self.settings.photon.every_frame);
+        if is_due {
+            self.write_frame_uniform(views, frame_index, 0);
+            let origin = self.origin_in_world;
+            if let Some(map) = &mut self.photon_map {
+                let mut recorder =
+                    FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
+                map.record(&mut recorder, &self.kernels, origin, frame_index)?;
+                recorder.submit("photon map", &mut result.times)?;
+                let counters = map.read_counters(&self.context)?;
+                if counters.dropped > 0 {
+                    log::warn!(
+                        "{} of {} photons found no room; {} of {} paths count",
+                        counters.dropped,
+                        counters.demanded,
+                        counters.paths_kept,
+                        counters.paths_traced
+                    );
+                }
+            }
+        }
+        if let Some(map) = &self.photon_map {
+            let counters = map.counters();
+            result.photons = PhotonStats {
+                traced: is_due && self.has_lights,
+                emitted: counters.paths_traced,
+                stored: counters.stored,
+                dropped: counters.dropped,
+                paths_kept: counters.paths_kept,
+                capacity: map.capacity(),
+            };
+        }
+        Ok(())
+    }
+
+    fn write_frame_uniform(&self, views: &[View; 2], frame_index: u32, first_sample: u32) {
+        let origin = self.origin_in_world;
+        let settings = &self.settings;
+        let mut views = *views;
+        if self.eye_choice == EyeChoice::Right {
+            views[0] = views[1];
+        }
+        let mut flags = 0;
+        if views[0] == views[1] {
+            flags |= FRAME_EYES_EQUAL;
+        }
+        if settings.path.russian_roulette {
+            flags |= FRAME_RUSSIAN_ROULETTE;
+        }
+        if settings.photon.direct == DirectLight::Map {
+            flags |= FRAME_DIRECT_FROM_MAP;
+        }
+        flags |= match settings.photon.kernel {
+            DensityKernel::Constant => 0,
+            DensityKernel::Epanechnikov => FRAME_KERNEL_EPANECHNIKOV,
+            DensityKernel::Cone => FRAME_KERNEL_CONE,
+        };
+        let (photon_origin, photon_frame_index) = self
+            .photon_map
+            .as_ref()
+            .and_then(PhotonMap::traced_at)
+            .unwrap_or((origin, frame_index));
+        let frame = Frame {
+            left: eye_uniform(&views[0], origin),
+            right: eye_uniform(&views[1], origin),
+            left_from_right: (views[0].position_in_world - views[1].position_in_world)
+                .as_vec3()
+                .to_array(),
+            flags,
+            photon_offset: (photon_origin - origin).as_vec3().to_array(),
+            photon_radius: self.radius_m as f32,
+            width: self.width,
+            height: self.height,
+            seed: settings.seed,
+            frame_index,
+            first_sample,
+            sample_count: settings.spp,
+            max_depth: match settings.method {
+                Method::Path => settings.path.max_depth,
+                Method::Photon => settings.photon.max_depth,
+            },
+            photon_paths: settings.photon.count,
+            photon_frame_index,
+            normal_min_cos: settings.photon.normal_min_cos as f32,
+            reuse_max_view_dependence: settings.stereo.max_view_dependence as f32,
+            follow_max_alpha: FOLLOW_MAX_ALPHA,
+        };
+        self.context
+            .queue
+            .write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(&frame));
+    }
+
+    /// Mean radiance of an eye's pixels, row 0 on top.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`].
+    pub fn read_radiance(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
+        let (eye, wanted) = match (self.eye_choice, eye) {
+            (EyeChoice::Both, eye) => (eye, true),
+            (EyeChoice::Left, eye) => (Eye::Left, eye == Eye::Left),
+            (EyeChoice::Right, eye) => (Eye::Left, eye == Eye::Right),
+        };
+        if !wanted {
+            return Ok(None);
+        }
+        Ok(self
+            .eyes
+            .read_radiance(&self.context, eye, self.settings.spp)?)
+    }
+}
+
+/// The point half way between the eyes: the origin of the frame's render space. Taken from the views alone, so that a
+/// recorded trace replays bit for bit.
+fn midpoint(views: &[View; 2]) -> DVec3 {
+    let left = views[0].position_in_world;
+    left + 0.5 * (views[1].position_in_world - left)
+}
+
+fn eye_uniform(view: &View, origin_in_world: DVec3) -> EyeUniform {
+    let tangents = view.fov.tangents();
+    let orientation: DQuat = view.orientation;
+    EyeUniform {
+        position: (view.position_in_world - origin_in_world)
+            .as_vec3()
+            .to_array(),
+        tan_left: tangents.left as f32,
+        axis_x: (orientation * DVec3::X).as_vec3().to_array(),
+        tan_right: tangents.right as f32,
+        axis_y: (orientation * DVec3::Y).as_vec3().to_array(),
+        tan_up: tangents.up as f32,
+        axis_z: (orientation * DVec3::Z).as_vec3().to_array(),
+        tan_down: tangents.down as f32,
+    }
+}
+
+fn stereo_stats(counters: &[u32; eyes::STEREO_COUNTERS]) -> StereoStats {
+    // Slots as `scatter_depth`, `reuse_resolve` and `fill_reasons` name them.
+    const REASONS: usize = 6;
+    let because = |provenance: Provenance| counters[REASONS + provenance as usize];
+    let filled_because = FilledBecause {
+        out_of_left_view: because(Provenance::OutOfLeftView),
+        disoccluded: because(Provenance::Disoccluded),
+        edge: because(Provenance::Edge),
+        view_dependent: because(Provenance::ViewDependent),
+        gap: because(Provenance::Gap),
+    };
+    let reused = counters[2];
+    let filled = filled_because.out_of_left_view
+        + filled_because.disoccluded
+        + filled_because.edge
+        + filled_because.view_dependent
+        + filled_because.gap;
+    let surfaces = f64::from(reused) + f64::from(filled);
+    StereoStats {
+        left_hits: counters[0],
+        scattered: counters[1],
+        reused,
+        filled,
+        reuse_fraction: if surfaces > 0.0 {
+            f64::from(reused) / surfaces
+        } else {
+            0.0
+        },
+        filled_because,
+    }
+}
+
+fn milliseconds_since(began: Instant) -> f64 {
+    began.elapsed().as_secs_f64() * 1e3
+}
+
+/// Resources of a frame that tests bind kernels of their own against.
+pub fn frame_resources<'a>(renderer: &'a Renderer) -> Resources<'a> {
+    renderer
+        .scene
+        .resources()
+        .with("frame", &renderer.frame_uniform)
+}

@@ -1,0 +1,294 @@
+//! Materials and the textures that they use.
+
+use gltf::json;
+use gltf::json::validation::Checked;
+use serde_json::Value;
+
+use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
+use super::super::SceneError;
+use super::Notes;
+use super::document::Document;
+
+/// Materials in file order, with the textures and images that they really use.
+#[derive(Default)]
+pub struct Library {
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    /// Index in the file of each image that is used, in the order of [`super::super::Scene::images`].
+    pub image_sources: Vec<usize>,
+    /// Texture of the file at each place in `textures`.
+    texture_sources: Vec<usize>,
+    default_material: Option<u32>,
+}
+
+impl Library {
+    /// Imports every material.
+    pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Self, SceneError> {
+        let mut library = Self::default();
+        for (index, source) in document.root.materials.iter().enumerate() {
+            let name = source.name.clone().unwrap_or_else(|| format!("material {index}"));
+            let mut slot = MaterialImport {
+                document,
+                library: &mut library,
+                notes,
+                place: format!("materials[{index}] '{name}'"),
+                raw: document.raw_item("materials", index),
+            };
+            let material = slot.import(name, source)?;
+            library.materials.push(material);
+        }
+        Ok(library)
+    }
+
+    /// Index of glTF's default material, appended when it is first needed.
+    pub fn default_material(&mut self) -> u32 {
+        *self.default_material.get_or_insert_with(|| {
+            self.materials.push(Material::default());
+            self.materials.len() as u32 - 1
+        })
+    }
+
+    /// Index of a texture of the file among those in use.
+    fn texture(&mut self, document: &Document<'_>, source: usize) -> Option<u32> {
+        if let Some(known) = self.texture_sources.iter().position(|known| *known == source) {
+            return Some(known as u32);
+        }
+        let texture = document.root.textures.get(source)?;
+        let image_source = texture.source.value();
+        if image_source >= document.root.images.len() {
+            return None;
+        }
+        let image = self.image_sources.iter().position(|known| *known == image_source).unwrap_or_else(|| {
+            self.image_sources.push(image_source);
+            self.image_sources.len() - 1
+        });
+        let sampler = texture.sampler.and_then(|sampler| document.root.samplers.get(sampler.value()));
+        let wrap = |mode: Checked<json::texture::WrappingMode>| match mode {
+            Checked::Valid(json::texture::WrappingMode::ClampToEdge) => Wrap::Clamp,
+            Checked::Valid(json::texture::WrappingMode::MirroredRepeat) => Wrap::Mirror,
+            Checked::Valid(json::texture::WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+        };
+        let filter = match sampler.and_then(|sampler| sampler.mag_filter) {
+            Some(Checked::Valid(json::texture::MagFilter::Nearest)) => Filter::Nearest,
+            _ => Filter::Linear,
+        };
+        self.textures.push(Texture {
+            image: image as u32,
+            wrap_u: sampler.map_or(Wrap::Repeat, |sampler| wrap(sampler.wrap_s)),
+            wrap_v: sampler.map_or(Wrap::Repeat, |sampler| wrap(sampler.wrap_t)),
+            filter,
+        });
+        self.texture_sources.push(source);
+        Some(self.textures.len() as u32 - 1)
+    }
+}
+
+/// One material on its way in.
+struct MaterialImport<'a, 'd> {
+    document: &'a Document<'d>,
+    library: &'a mut Library,
+    notes: &'a mut Notes,
+    place: String,
+    raw: Option<&'a Value>,
+}
+
+impl MaterialImport<'_, '_> {
+    fn import(&mut self, name: String, source: &json::Material) -> Result<Material, SceneError> {
+        let pbr = &source.pbr_metallic_roughness;
+        let extensions = source.extensions.as_ref();
+        let specular = extensions.and_then(|extensions| extensions.specular.as_ref());
+        let transmission = extensions.and_then(|extensions| extensions.transmission.as_ref());
+        let volume = extensions.and_then(|extensions| extensions.volume.as_ref());
+        let strength = extensions.and_then(|extensions| extensions.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
+        let ior = extensions.and_then(|extensions| extensions.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
+        if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
+            self.notes.warn(format!("{}: unlit, shaded as a lit surface", self.place));
+        }
+
+        let strength = self.at_least("emissiveStrength", strength, 0.0)?;
+        let mut emission = source.emissive_factor.0;
+        for channel in &mut emission {
+            *channel = self.at_least("emissiveFactor", *channel, 0.0)? * strength;
+            if !channel.is_finite() {
+                return Err(self.fault("emissiveFactor times emissiveStrength is not finite"));
+            }
+        }
+        let ior = if ior == 0.0 { 0.0 } else { self.at_least("ior", ior, 1.0)? };
+
+        let normal = source.normal_texture.as_ref();
+        let normal_texture = match normal {
+            Some(normal) => self.texture("normalTexture", normal.index.value(), normal.tex_coord, self.raw_transform("normalTexture")),
+            None => None,
+        };
+        let attenuation_distance_m = match volume.map(|volume| volume.attenuation_distance.0) {
+            None => f32::INFINITY,
+            Some(distance) if distance > 0.0 => distance,
+            Some(distance) => {
+                self.notes.warn(format!("{}: attenuationDistance {distance} is not above 0, taken as infinite", self.place));
+                f32::INFINITY
+            }
+        };
+        Ok(Material {
+            name,
+            base_color: self.unit("baseColorFactor", pbr.base_color_factor.0)?,
+            base_color_texture: self.info("baseColorTexture", pbr.base_color_texture.as_ref()),
+            metallic: self.unit("metallicFactor", [pbr.metallic_factor.0])?[0],
+            roughness: self.unit("roughnessFactor", [pbr.roughness_factor.0])?[0],
+            metallic_roughness_texture: self.info("metallicRoughnessTexture", pbr.metallic_roughness_texture.as_ref()),
+            normal_texture,
+            normal_scale: match normal {
+                Some(normal) if !normal.scale.is_finite() => return Err(self.fault("normalTexture.scale is not finite")),
+                Some(normal) => normal.scale,
+                None => 1.0,
+            },
+            emission,
+            emissive_texture: self.info("emissiveTexture", source.emissive_texture.as_ref()),
+            ior,
+            specular: self.unit("specularFactor", [specular.map_or(1.0, |specular| specular.specular_factor.0)])?[0],
+            specular_texture: self.info("specularTexture", specular.and_then(|specular| specular.specular_texture.as_ref())),
+            specular_color: {
+                let mut color = specular.map_or([1.0; 3], |specular| specular.specular_color_factor.0);
+                for channel in &mut color {
+                    *channel = self.at_least("specularColorFactor", *channel, 0.0)?;
+                }
+                color
+            },
+            specular_color_texture: self.info("specularColorTexture", specular.and_then(|specular| specular.specular_color_texture.as_ref())),
+            transmission: self.unit("transmissionFactor", [transmission.map_or(0.0, |transmission| transmission.transmission_factor.0)])?[0],
+            transmission_texture: self.info("transmissionTexture", transmission.and_then(|transmission| transmission.transmission_texture.as_ref())),
+            thickness: self.at_least("thicknessFactor", volume.map_or(0.0, |volume| volume.thickness_factor.0), 0.0)?,
+            attenuation_distance_m,
+            attenuation_color: self.unit("attenuationColor", volume.map_or([1.0; 3], |volume| volume.attenuation_color.0))?,
+            alpha_mode: match source.alpha_mode {
+                Checked::Valid(json::material::AlphaMode::Mask) => {
+                    let cutoff = source.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
+                    AlphaMode::Mask { cutoff: self.at_least("alphaCutoff", cutoff, 0.0)? }
+                }
+                Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
+                Checked::Valid(json::material::AlphaMode::Opaque) | Checked::Invalid => AlphaMode::Opaque,
+            },
+            double_sided: source.double_sided,
+            user_bsdf: 0,
+        })
+    }
+
+    fn fault(&self, what: &str) -> SceneError {
+        self.document.fault(format!("{}: {what}", self.place))
+    }
+
+    /// Factors from 0 to 1; others are clamped with a warning.
+    fn unit<const N: usize>(&mut self, field: &str, values: [f32; N]) -> Result<[f32; N], SceneError> {
+        if values.iter().any(|value| !value.is_finite()) {
+            return Err(self.fault(&format!("{field} is not finite")));
+        }
+        if values.iter().any(|value| !(0.0..=1.0).contains(value)) {
+            self.notes.warn(format!("{}: {field} {values:?} is clamped to 0..1", self.place));
+        }
+        Ok(values.map(|value| value.clamp(0.0, 1.0)))
+    }
+
+    fn at_least(&mut self, field: &str, value: f32, least: f32) -> Result<f32, SceneError> {
+        if !value.is_finite() {
+            return Err(self.fault(&format!("{field} is not finite")));
+        }
+        if value < least {
+            self.notes.warn(format!("{}: {field} {value} is raised to {least}", self.place));
+        }
+        Ok(value.max(least))
+    }
+
+    fn info(&mut self, field: &str, info: Option<&json::texture::Info>) -> Option<TextureRef> {
+        let info = info?;
+        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
+        let transform = transform.map(|transform| Transform {
+            offset: transform.offset.0,
+            rotation: transform.rotation.0,
+            scale: transform.scale.0,
+            tex_coord: transform.tex_coord,
+        });
+        self.texture(field, info.index.value(), info.tex_coord, transform)
+    }
+
+    /// KHR_texture_transform of a slot whose typed form drops it.
+    fn raw_transform(&self, field: &str) -> Option<Transform> {
+        let transform = self.raw?.get(field)?.get("extensions")?.get("KHR_texture_transform")?;
+        let number = |value: Option<&Value>, default: f32| value.and_then(Value::as_f64).map_or(default, |value| value as f32);
+        let pair = |key: &str, default: f32| {
+            let list = transform.get(key);
+            [0, 1].map(|index| number(list.and_then(|list| list.get(index)), default))
+        };
+        Some(Transform {
+            offset: pair("offset", 0.0),
+            rotation: number(transform.get("rotation"), 0.0),
+            scale: pair("scale", 1.0),
+            tex_coord: transform.get("texCoord").and_then(Value::as_u64).and_then(|set| u32::try_from(set).ok()),
+        })
+    }
+
+    fn texture(&mut self, field: &str, source: usize, tex_coord: u32, transform: Option<Transform>) -> Option<TextureRef> {
+        let uv_set = transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(tex_coord);
+        if uv_set > 1 {
+            self.notes.warn(format!("{}: {field} reads TEXCOORD_{uv_set}; only sets 0 and 1 are supported, the texture is left out", self.place));
+            return None;
+        }
+        let Some(texture) = self.library.texture(self.document, source) else {
+            self.notes.warn(format!("{}: {field} has no PNG or JPEG image, the texture is left out", self.place));
+            return None;
+        };
+        let texcoord_from_uv = transform.map_or(TextureRef::IDENTITY, |transform| transform.matrix());
+        if texcoord_from_uv.iter().any(|value| !value.is_finite()) {
+            self.notes.warn(format!("{}: the texture transform of {field} is not finite, the texture is left out", self.place));
+            return None;
+        }
+        Some(TextureRef { texture, uv_set, texcoord_from_uv })
+    }
+}
+
+/// KHR_texture_transform.
+struct Transform {
+    offset: [f32; 2],
+    rotation: f32,
+    scale: [f32; 2],
+    tex_coord: Option<u32>,
+}
+
+impl Transform {
+    /// Translation * rotation * scale. The rotation is counter-clockwise as seen with v pointing down, which turns +u
+    /// towards -v: so reads the extension's example that takes the lower left quadrant with offset (0, 1).
+    fn matrix(&self) -> [f32; 6] {
+        let (sin, cos) = f64::from(self.rotation).sin_cos();
+        let [su, sv] = self.scale.map(f64::from);
+        [
+            (cos * su) as f32,
+            (sin * sv) as f32,
+            self.offset[0],
+            (-sin * su) as f32,
+            (cos * sv) as f32,
+            self.offset[1],
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texture_transform_follows_the_extension() {
+        let transform = Transform { offset: [0.25, 0.5], rotation: std::f32::consts::FRAC_PI_2, scale: [2.0, 3.0], tex_coord: None };
+        let m = transform.matrix();
+        let apply = |u: f32, v: f32| [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]];
+        // Rounding of f32 sums of magnitude 3.
+        let close = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs() < 1e-6 && (a[1] - b[1]).abs() < 1e-6;
+        assert!(close(apply(0.0, 0.0), [0.25, 0.5]));
+        assert!(close(apply(1.0, 0.0), [0.25, 0.5 - 2.0]), "{:?}", apply(1.0, 0.0));
+        assert!(close(apply(0.0, 1.0), [0.25 + 3.0, 0.5]), "{:?}", apply(0.0, 1.0));
+
+        // The extension's own example: the lower left quadrant, turned by 90 degrees.
+        let m = Transform { offset: [0.0, 1.0], rotation: std::f32::consts::FRAC_PI_2, scale: [0.5, 0.5], tex_coord: None }.matrix();
+        for (u, v) in [(0.01, 0.01), (0.99, 0.01), (0.01, 0.99), (0.99, 0.99)] {
+            let (u, v) = (m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]);
+            assert!((0.0..=0.5).contains(&u) && (0.5..=1.0).contains(&v), "({u}, {v}) lies outside the quadrant");
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Triangle meshes.
+
+use glam::DVec3;
+
+use super::as_dvec3;
+
+/// One glTF mesh, its primitives merged. Every vertex array has `positions.len()` entries.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Name in the file, or `mesh N`.
+    pub name: String,
+    /// Object space, metres, finite.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit length, object space. Flat normals (vertices not shared) where the file has none.
+    pub normals: Vec<[f32; 3]>,
+    /// Unit tangent towards +u, object space, and handedness +-1: `bitangent = cross(normal, tangent) * w`.
+    /// Where `has_tangents` is false, any tangent perpendicular to the normal.
+    pub tangents: Vec<[f32; 4]>,
+    /// Coordinate set 0; 0 where missing.
+    pub uv0: Vec<[f32; 2]>,
+    /// Coordinate set 1; 0 where missing.
+    pub uv1: Vec<[f32; 2]>,
+    /// Linear RGBA of `COLOR_0`; 1 where missing.
+    pub colors: Vec<[f32; 4]>,
+    /// Triangles, counter-clockwise seen from the front.
+    pub triangles: Vec<MeshTriangle>,
+    /// Whether tangents mean anything: read from the file, or derived because a normal texture needs them.
+    pub has_tangents: bool,
+    /// Whether any primitive has `TEXCOORD_1`.
+    pub has_uv1: bool,
+    /// Whether any primitive has `COLOR_0`.
+    pub has_colors: bool,
+}
+
+/// A triangle of a [`Mesh`]. Zero-area triangles are kept; rays never meet them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshTriangle {
+    /// Indices into the vertex arrays.
+    pub vertices: [u32; 3],
+    /// Index into [`super::Scene::materials`].
+    pub material: u32,
+}
+
+impl Mesh {
+    /// Corners of a triangle in object space.
+    pub fn corners(&self, triangle: &MeshTriangle) -> [DVec3; 3] {
+        triangle.vertices.map(|vertex| as_dvec3(self.positions[vertex as usize]))
+    }
+}

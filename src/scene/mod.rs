@@ -1,0 +1,338 @@
+//! Scenes: glTF 2.0 import, embedded scenes, environments, and what a scene needs from the renderer.
+//!
+//! [`Scene::load`] reads `.gltf` and `.glb`; [`Scene::builtin`] makes an embedded scene, which passes through the same
+//! importer. Both give one flat [`Scene`]: nodes with f64 transforms, meshes with every vertex array filled in,
+//! materials in glTF's terms. Nothing here touches the GPU.
+//!
+//! - [`Scene`], [`Node`], [`Mesh`], [`Material`] and their parts are the types that the renderer uploads from.
+//! - `import` turns glTF into them; every fault in the file is one line of [`SceneError`], never a panic.
+//! - [`builtin`] generates the embedded scenes and writes them as `.glb` by [`gltf_writer`].
+//! - [`environment`] reads equirectangular maps.
+//! - [`needs`] says which features a scene really uses, and what is left out.
+
+pub mod builtin;
+pub mod environment;
+mod error;
+pub mod gltf_writer;
+mod import;
+mod material;
+mod mesh;
+pub mod needs;
+
+use std::path::Path;
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+pub use environment::{Environment, load_environment};
+pub use error::SceneError;
+pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
+pub use mesh::{Mesh, MeshTriangle};
+pub use needs::{LeftOut, Motion, Needs};
+
+/// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
+///
+/// Fields may be added: make one with `Scene { ..., ..Scene::default() }`.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// File stem, or `builtin:NAME`.
+    pub name: String,
+    /// All nodes of the file; those that the chosen glTF scene does not reach have no path from `roots`.
+    pub nodes: Vec<Node>,
+    /// Root nodes of the chosen glTF scene.
+    pub roots: Vec<usize>,
+    /// Meshes, shared by instances.
+    pub meshes: Vec<Mesh>,
+    /// Materials; `MeshTriangle::material` indexes them.
+    pub materials: Vec<Material>,
+    /// Textures that materials refer to.
+    pub textures: Vec<Texture>,
+    /// Images that textures refer to.
+    pub images: Vec<Image>,
+    /// Lights of KHR_lights_punctual.
+    pub lights: Vec<PunctualLight>,
+    /// Cameras.
+    pub cameras: Vec<Camera>,
+    /// What rays see that leave the scene; black without one.
+    pub environment: Option<Environment>,
+    /// One line each: things in the file that are repaired, ignored or approximated.
+    pub warnings: Vec<String>,
+    /// Facts about the file that the renderer does not model but reports.
+    pub source: SourceFacts,
+}
+
+/// What the importer saw in the file and did not turn into scene data.
+#[derive(Clone, Debug, Default)]
+pub struct SourceFacts {
+    /// Kinds of motion that the file describes.
+    pub motion: Motion,
+    /// Features of the file that are not modelled.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A node of the transform tree.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Name in the file, or `node N`.
+    pub name: String,
+    /// Parent index; none for roots.
+    pub parent: Option<usize>,
+    /// Child indices.
+    pub children: Vec<usize>,
+    /// Local transform.
+    pub parent_from_node: DAffine3,
+    /// Index into [`Scene::meshes`].
+    pub mesh: Option<usize>,
+    /// Index into [`Scene::lights`].
+    pub light: Option<usize>,
+    /// Index into [`Scene::cameras`].
+    pub camera: Option<usize>,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Copy, Debug)]
+pub struct Instance {
+    /// Index into [`Scene::nodes`].
+    pub node: usize,
+    /// Index into [`Scene::meshes`].
+    pub mesh: usize,
+    /// Placement.
+    pub world_from_object: DAffine3,
+}
+
+/// A punctual light placed in the world. It shines along its local -Z.
+#[derive(Clone, Copy, Debug)]
+pub struct LightInstance {
+    /// Index into [`Scene::nodes`].
+    pub node: usize,
+    /// Index into [`Scene::lights`].
+    pub light: usize,
+    /// Placement. glTF leaves intensity alone under scaling, so only rotation and translation count.
+    pub world_from_light: DAffine3,
+}
+
+/// A light of KHR_lights_punctual. `range` is a culling hint there and is ignored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PunctualLight {
+    /// Name in the file, or `light N`.
+    pub name: String,
+    /// Kind and cone.
+    pub kind: LightKind,
+    /// Colour times intensity, linear RGB: W/sr for point and spot, W/m^2 at normal incidence for directional.
+    pub intensity: [f32; 3],
+}
+
+/// Kind of punctual light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Shines equally in every direction.
+    Point,
+    /// A point light in a cone around local -Z.
+    Spot {
+        /// Half angle of full intensity, 0 to `outer_cone_rad`.
+        inner_cone_rad: f32,
+        /// Half angle where the intensity has fallen to 0, up to pi / 2.
+        outer_cone_rad: f32,
+    },
+    /// Parallel light along local -Z from infinitely far.
+    Directional,
+}
+
+/// A glTF camera. Only its placement and vertical opening are used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Name in the file, or `camera N`.
+    pub name: String,
+    /// Full vertical angle of view; none for orthographic cameras.
+    pub yfov_rad: Option<f32>,
+}
+
+/// Axis-aligned box, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub min: DVec3,
+    /// Greatest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// Middle of the box.
+    pub fn center(&self) -> DVec3 {
+        self.min * 0.5 + self.max * 0.5
+    }
+
+    /// Edge lengths.
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// The smallest box that holds `points`; none if there are none.
+    pub fn of_points(points: impl IntoIterator<Item = DVec3>) -> Option<Self> {
+        points.into_iter().fold(None, |bounds: Option<Self>, point| {
+            Some(match bounds {
+                None => Self { min: point, max: point },
+                Some(b) => Self { min: b.min.min(point), max: b.max.max(point) },
+            })
+        })
+    }
+}
+
+/// A rigid placement in the world: `world_from_head`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose64 {
+    /// Position in metres.
+    pub position: DVec3,
+    /// Unit quaternion; identity looks along -Z with +Y up.
+    pub orientation: DQuat,
+}
+
+impl Scene {
+    /// Reads a `.gltf` or `.glb` file with everything it refers to.
+    ///
+    /// # Errors
+    /// One line that names the file, the part at fault and how to mend it: unreadable file, broken container or JSON,
+    /// index out of range, data that does not fit its buffer, vertices that are not finite, a node graph that is not a
+    /// tree, a singular transform, an extension that is required and not supported.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        import::load(path.as_ref())
+    }
+
+    /// Imports a `.glb` or self-contained `.gltf` held in memory. External files resolve against the working directory.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; `name` stands where the path would.
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, SceneError> {
+        import::from_bytes(Path::new(name), bytes)
+    }
+
+    /// Makes an embedded scene, by name with or without the prefix `builtin:`.
+    ///
+    /// # Errors
+    /// An unknown name; the message lists [`builtin::NAMES`].
+    pub fn builtin(name: &str) -> Result<Self, SceneError> {
+        builtin::load(name)
+    }
+
+    /// World placement of every node that the scene reaches, depth first: `(node, world_from_node)`.
+    pub fn placed_nodes(&self) -> Vec<(usize, DAffine3)> {
+        let mut placed = Vec::with_capacity(self.nodes.len());
+        let mut pending: Vec<(usize, DAffine3)> =
+            self.roots.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
+        while let Some((index, world_from_parent)) = pending.pop() {
+            let Some(node) = self.nodes.get(index) else { continue };
+            let world_from_node = world_from_parent * node.parent_from_node;
+            placed.push((index, world_from_node));
+            pending.extend(node.children.iter().rev().map(|child| (*child, world_from_node)));
+        }
+        placed
+    }
+
+    /// Every placed mesh that holds at least one triangle.
+    pub fn instances(&self) -> Vec<Instance> {
+        self.placed_nodes()
+            .into_iter()
+            .filter_map(|(node, world_from_object)| {
+                let mesh = self.nodes.get(node)?.mesh?;
+                let holds_triangles = !self.meshes.get(mesh)?.triangles.is_empty();
+                holds_triangles.then_some(Instance { node, mesh, world_from_object })
+            })
+            .collect()
+    }
+
+    /// Every placed punctual light.
+    pub fn light_instances(&self) -> Vec<LightInstance> {
+        self.placed_nodes()
+            .into_iter()
+            .filter_map(|(node, world_from_light)| {
+                let light = self.nodes.get(node)?.light?;
+                Some(LightInstance { node, light, world_from_light })
+            })
+            .collect()
+    }
+
+    /// Triangles over all instances.
+    pub fn triangle_count(&self) -> usize {
+        self.instances().iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
+    }
+
+    /// Box around every triangle in the world; none for a scene without triangles.
+    pub fn bounds_in_world(&self) -> Option<Bounds> {
+        let corners = self.instances().into_iter().filter_map(|instance| {
+            Bounds::of_points(self.meshes[instance.mesh].positions.iter().map(|position| {
+                instance.world_from_object.transform_point3(as_dvec3(*position))
+            }))
+        });
+        Bounds::of_points(corners.flat_map(|bounds| [bounds.min, bounds.max]))
+    }
+
+    /// Area of all triangles in the world, m^2, front sides only.
+    pub fn surface_area_m2(&self) -> f64 {
+        self.instances()
+            .iter()
+            .map(|instance| {
+                let mesh = &self.meshes[instance.mesh];
+                let world_from_object = instance.world_from_object;
+                mesh.triangles
+                    .iter()
+                    .map(|triangle| {
+                        let [a, b, c] = mesh.corners(triangle).map(|corner| world_from_object.transform_point3(corner));
+                        0.5 * (b - a).cross(c - a).length()
+                    })
+                    .sum::<f64>()
+            })
+            .sum()
+    }
+
+    /// Where the head starts: the pose of the first glTF camera as it stands, else a level pose outside the scene,
+    /// slightly above its middle and looking along -Z, from which it fits into +-45 degrees.
+    pub fn start_pose(&self) -> Pose64 {
+        self.camera_pose().unwrap_or_else(|| self.framing_pose())
+    }
+
+    /// Pose of the placed camera with the least camera index (scaling taken out).
+    fn camera_pose(&self) -> Option<Pose64> {
+        let (_, world_from_camera) = self
+            .placed_nodes()
+            .into_iter()
+            .filter_map(|(node, world_from_node)| Some((self.nodes[node].camera?, world_from_node)))
+            .min_by_key(|(camera, _)| *camera)?;
+        Some(Pose64 {
+            position: world_from_camera.translation,
+            orientation: rotation_of(world_from_camera.matrix3),
+        })
+    }
+
+    fn framing_pose(&self) -> Pose64 {
+        /// How far above the middle the eye stands, as a share of the height.
+        const LIFT: f64 = 0.1;
+        /// Room between the picture's border and the scene.
+        const MARGIN: f64 = 1.05;
+        let Some(bounds) = self.bounds_in_world() else {
+            return Pose64 { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
+        };
+        let size = bounds.size();
+        // The nearest face fills most of the view; tan(45 deg) = 1, so the distance is the half extent seen.
+        let half_extent = (0.5 * size.x).max((0.5 + LIFT) * size.y).max(1e-3 * size.z);
+        let distance = if half_extent > 0.0 { MARGIN * half_extent } else { 1.0 };
+        let center = bounds.center();
+        Pose64 {
+            position: DVec3::new(center.x, center.y + LIFT * size.y, bounds.max.z + distance),
+            orientation: DQuat::IDENTITY,
+        }
+    }
+}
+
+/// The rotation nearest to a camera's axes: -Z kept, +Y made perpendicular to it.
+fn rotation_of(world_from_camera: DMat3) -> DQuat {
+    let backward = world_from_camera.z_axis.normalize_or(DVec3::Z);
+    let right = world_from_camera.y_axis.cross(backward).normalize_or(backward.any_orthonormal_vector());
+    let up = backward.cross(right);
+    DQuat::from_mat3(&DMat3::from_cols(right, up, backward)).normalize()
+}
+
+pub(crate) fn as_dvec3(v: [f32; 3]) -> DVec3 {
+    DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,284 @@
+//! What a scene really needs from the renderer, and what of it is left out.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{AlphaMode, LightKind, Material, Scene};
+
+/// A metal below this roughness focuses light well enough for a caustic to show.
+pub const CAUSTIC_ROUGHNESS: f32 = 0.3;
+
+/// A feature of a scene that is not modelled, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    /// Extension or feature.
+    pub feature: String,
+    /// What happens instead, or why it is not needed.
+    pub why: String,
+}
+
+impl LeftOut {
+    /// A feature and the reason.
+    pub fn new(feature: impl Into<String>, why: impl Into<String>) -> Self {
+        Self { feature: feature.into(), why: why.into() }
+    }
+}
+
+/// Motion that a file describes. It is reported, not played.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Motion {
+    /// Animations in the file.
+    pub animations: usize,
+    /// Nodes that an animation moves.
+    pub animated_nodes: usize,
+    /// Nodes whose mesh is skinned.
+    pub skinned_nodes: usize,
+    /// Meshes with morph targets.
+    pub morph_meshes: usize,
+    /// Whether an animation changes morph weights.
+    pub animated_morphs: bool,
+}
+
+impl Motion {
+    /// The most general kind of motion: `static`, `node`, `skin` or `morph`.
+    pub fn kind(&self) -> &'static str {
+        if self.animated_morphs {
+            "morph"
+        } else if self.skinned_nodes > 0 && self.animated_nodes > 0 {
+            "skin"
+        } else if self.animated_nodes > 0 {
+            "node"
+        } else {
+            "static"
+        }
+    }
+}
+
+/// Numbers of lights by kind.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LightCounts {
+    /// Point lights.
+    pub point: usize,
+    /// Spot lights.
+    pub spot: usize,
+    /// Directional lights.
+    pub directional: usize,
+    /// Emissive triangles over all instances.
+    pub emissive_triangles: usize,
+}
+
+/// The reduced list of what a scene uses. Only materials on placed triangles count.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Needs {
+    /// BSDF kinds: `lambert`, `glossy`, `metal`, `dielectric`, `user`.
+    pub bsdfs: Vec<&'static str>,
+    /// Materials by texture use (`base_color`, `normal`, ...).
+    pub textures_by_use: BTreeMap<&'static str, usize>,
+    /// Any material reads coordinate set 1.
+    pub uv1: bool,
+    /// Any normal texture.
+    pub normal_maps: bool,
+    /// Lights by kind.
+    pub lights: LightCounts,
+    /// Alpha mask or blend that can let a ray through.
+    pub alpha: bool,
+    /// Vertex colours other than white.
+    pub vertex_colors: bool,
+    /// An environment map.
+    pub environment: bool,
+    /// A focusing surface, a diffuse one and a light.
+    pub caustics: bool,
+    /// Any surface that is not ideal Lambert.
+    pub glossy: bool,
+    /// Any surface that lets light through as glass does.
+    pub dielectric: bool,
+    /// `static`, `node`, `skin` or `morph`: what the file describes.
+    pub motion: &'static str,
+    /// Triangles over all instances.
+    pub triangles: usize,
+    /// Triangles stored once per mesh.
+    pub stored_triangles: usize,
+    /// Placed meshes.
+    pub instances: usize,
+    /// Materials in use.
+    pub materials: usize,
+    /// Textures in use.
+    pub textures: usize,
+    /// Bytes of the decoded images.
+    pub texture_bytes: usize,
+    /// Materials in use that are other than ideal Lambert, by name.
+    pub not_lambert: Vec<String>,
+    /// What is not modelled for this scene, and why.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl Needs {
+    /// Looks through the whole scene once.
+    pub fn of(scene: &Scene) -> Self {
+        let instances = scene.instances();
+        let mut used = vec![false; scene.materials.len()];
+        let mut needs = Self { motion: scene.source.motion.kind(), instances: instances.len(), ..Self::default() };
+
+        let mut placed = vec![0_usize; scene.meshes.len()];
+        for instance in &instances {
+            placed[instance.mesh] += 1;
+        }
+        // What alpha can be at most one of: factor below 1, a texture with translucent texels, a translucent vertex.
+        let mut translucent_vertices = vec![false; scene.materials.len()];
+        for (mesh, placed) in scene.meshes.iter().zip(placed).filter(|(_, placed)| *placed > 0) {
+            needs.stored_triangles += mesh.triangles.len();
+            needs.triangles += mesh.triangles.len() * placed;
+            needs.vertex_colors |= mesh.has_colors && mesh.colors.iter().any(|color| *color != [1.0; 4]);
+            for triangle in &mesh.triangles {
+                let material = triangle.material as usize;
+                used[material] = true;
+                needs.lights.emissive_triangles += placed * usize::from(scene.materials[material].is_emissive());
+                if mesh.has_colors {
+                    translucent_vertices[material] |= triangle.vertices.iter().any(|vertex| mesh.colors[*vertex as usize][3] < 1.0);
+                }
+            }
+        }
+        for light in scene.light_instances() {
+            let light = &scene.lights[light.light];
+            if light.intensity == [0.0; 3] {
+                continue;
+            }
+            match light.kind {
+                LightKind::Point => needs.lights.point += 1,
+                LightKind::Spot { .. } => needs.lights.spot += 1,
+                LightKind::Directional => needs.lights.directional += 1,
+            }
+        }
+        needs.environment = scene.environment.is_some();
+
+        let in_use = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
+        let mut textures: Vec<u32> = Vec::new();
+        for (index, material) in scene.materials.iter().enumerate().filter(|(index, _)| used[*index]) {
+            needs.materials += 1;
+            needs.add_material(material);
+            needs.alpha |= alpha_matters(scene, material, translucent_vertices[index]);
+            textures.extend(material.texture_slots().iter().filter_map(|(_, slot)| Some((*slot)?.texture)));
+        }
+        textures.sort_unstable();
+        textures.dedup();
+        needs.textures = textures.len();
+        let mut images: Vec<u32> = textures.iter().map(|texture| scene.textures[*texture as usize].image).collect();
+        images.sort_unstable();
+        images.dedup();
+        needs.texture_bytes = images.iter().map(|image| scene.images[*image as usize].rgba8.len()).sum();
+
+        let is_lit = needs.lights != LightCounts::default() || needs.environment;
+        let has_diffuse = in_use().any(|material| material.metallic < 1.0 && material.transmission < 1.0);
+        needs.caustics = is_lit && has_diffuse && in_use().any(focuses);
+        needs.left_out = scene.source.left_out.clone();
+        needs.note_unneeded();
+        needs
+    }
+
+    fn add_material(&mut self, material: &Material) {
+        let mut kind = |kind| {
+            if !self.bsdfs.contains(&kind) {
+                self.bsdfs.push(kind);
+            }
+        };
+        if material.user_bsdf != 0 {
+            kind("user");
+        } else if material.is_lambert() {
+            kind("lambert");
+        } else {
+            if material.metallic < 1.0 && material.transmission < 1.0 {
+                kind("glossy");
+            }
+            if material.metallic > 0.0 {
+                kind("metal");
+            }
+            if material.is_dielectric() {
+                kind("dielectric");
+            }
+        }
+        self.glossy |= !material.is_lambert();
+        self.dielectric |= material.is_dielectric() && material.user_bsdf == 0;
+        if !material.is_lambert() {
+            self.not_lambert.push(material.name.clone());
+        }
+        for (name, slot) in material.texture_slots() {
+            let Some(slot) = slot else { continue };
+            *self.textures_by_use.entry(name).or_default() += 1;
+            self.uv1 |= slot.uv_set == 1;
+            self.normal_maps |= name == "normal";
+        }
+    }
+
+    /// Features that the renderer has and this scene does without.
+    fn note_unneeded(&mut self) {
+        let absent: Vec<(&str, &str)> = self
+            .shader_features()
+            .into_iter()
+            .filter(|(_, needed)| !needed)
+            .map(|(feature, _)| {
+                let why = match feature {
+                    "glossy" => "every surface is ideal Lambert",
+                    "dielectric" => "no surface lets light through",
+                    "textures" => "no material has a texture",
+                    "normal_maps" => "no material has a normal texture",
+                    "alpha" => "no surface can be passed through",
+                    "vertex_colors" => "no mesh has vertex colours other than white",
+                    "emitters" => "no triangle emits light",
+                    "points" => "there is no point light",
+                    "spots" => "there is no spot light",
+                    "directionals" => "there is no directional light",
+                    "environment" => "no environment is set",
+                    "caustics" => "no smooth surface, diffuse surface and light come together",
+                    "uv1" => "no texture reads coordinate set 1",
+                    _ => "not used",
+                };
+                (feature, why)
+            })
+            .collect();
+        self.left_out.extend(absent.into_iter().map(|(feature, why)| LeftOut::new(feature, why)));
+    }
+
+    /// Shader features by name (`@if(name)` in the shaders), each with whether the scene needs it.
+    pub fn shader_features(&self) -> Vec<(&'static str, bool)> {
+        vec![
+            ("glossy", self.glossy),
+            ("dielectric", self.dielectric),
+            ("textures", !self.textures_by_use.is_empty()),
+            ("normal_maps", self.normal_maps),
+            ("alpha", self.alpha),
+            ("vertex_colors", self.vertex_colors),
+            ("emitters", self.lights.emissive_triangles > 0),
+            ("points", self.lights.point > 0),
+            ("spots", self.lights.spot > 0),
+            ("directionals", self.lights.directional > 0),
+            ("environment", self.environment),
+            ("caustics", self.caustics),
+            ("uv1", self.uv1),
+        ]
+    }
+}
+
+/// Whether the surface gathers light into a caustic: smooth metal, or glass.
+fn focuses(material: &Material) -> bool {
+    if material.user_bsdf != 0 {
+        return false;
+    }
+    let is_smooth = material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
+    material.is_dielectric() || (material.metallic > 0.0 && is_smooth)
+}
+
+/// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.
+fn alpha_matters(scene: &Scene, material: &Material, translucent_vertices: bool) -> bool {
+    let cutoff = match material.alpha_mode {
+        AlphaMode::Opaque => return false,
+        AlphaMode::Mask { cutoff } => cutoff,
+        AlphaMode::Blend => 1.0,
+    };
+    let texture_alpha = material.base_color_texture.map_or(1.0, |slot| {
+        let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
+        let least = image.rgba8.chunks_exact(4).map(|texel| texel[3]).min().unwrap_or(255);
+        f32::from(least) / 255.0
+    });
+    translucent_vertices || material.base_color[3] * texture_alpha < cutoff
+}

@@ -1,0 +1,231 @@
+//! The session layer: where frames, display times and eye poses come from.
+//!
+//! [`XrSession`] is the one seam between a headset and the frame loop. A simulated headset
+//! ([`SimulatedSession`]), the replay of a recording ([`ReplaySession`]) and an OpenXR runtime stand
+//! behind it alike, and [`Recorder`] and [`Validated`] wrap any of them, so the frame loop cannot tell
+//! which one it talks to. One frame is always the same five calls:
+//!
+//! ```text
+//! while let Some(frame) = session.wait_frame()? {          // blocks; None = no more frames
+//!     session.begin_frame()?;
+//!     let views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
+//!     match &views {
+//!         Some(views) => { session.acquire_targets()?; /* render both eyes */ }
+//!         None => {}                                       // nothing to draw, or no pose yet
+//!     }
+//!     session.end_frame(FrameSubmission::new(frame.predicted_display_time_ns, views.as_ref()))?;
+//! }
+//! ```
+//!
+//! Axes are OpenXR's: right-handed, +Y up, -Z forward, metres, radians, quaternions x, y, z, w. Times are
+//! integer nanoseconds. Everything here is f64; positions become f32 only after the renderer has
+//! subtracted its origin ([`LocatedViews::midpoint_in_world`]).
+//!
+//! Modules: [`view`] (poses, fields of view, projection), [`headset`] (profiles), [`simulated`],
+//! [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
+//! motion), [`replay`], [`validation`].
+
+mod error;
+mod frame_clock;
+pub mod headset;
+pub mod recorder;
+pub mod replay;
+pub mod simulated;
+mod text_lines;
+pub mod trace;
+pub mod trajectory;
+pub mod validation;
+pub mod view;
+
+pub use error::{ArgumentError, InputError, XrError};
+pub use frame_clock::Pacing;
+pub use headset::Headset;
+pub use recorder::Recorder;
+pub use replay::{ReplayOptions, ReplaySession};
+pub use simulated::{Motion, SimulatedSession};
+pub use trajectory::{TraceBody, TraceUp};
+pub use validation::Validated;
+pub use view::{Fov, Pose, RayInWorld, Tangents, View};
+
+use glam::DVec3;
+
+/// A source of frames and eye poses. See the module's text for the order of calls; a call out of that
+/// order is [`XrError::CallOrder`], from every source, so that a loop that works with the simulated
+/// headset also keeps to what OpenXR demands (OpenXR 1.1, section 10.5 "Frame Synchronization").
+pub trait XrSession {
+    /// What this session is and what it wants rendered.
+    fn info(&self) -> &SessionInfo;
+
+    /// Blocks until the next frame should be worked on and says when it will be seen.
+    /// `None`: the stream has ended (frame limit, end of a recording, a runtime that asked to quit).
+    ///
+    /// # Errors
+    /// The runtime is lost, or the call is out of order.
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError>;
+
+    /// Starts the frame that [`XrSession::wait_frame`] announced.
+    ///
+    /// # Errors
+    /// The runtime is lost, or the call is out of order.
+    fn begin_frame(&mut self) -> Result<(), XrError>;
+
+    /// Both eyes as they will be at `display_time_ns`. `None`: no usable pose is known yet, so end the
+    /// frame without a layer. Callable between wait and end, more than once.
+    ///
+    /// # Errors
+    /// The runtime is lost, the call is out of order, or a replay is asked for a time it does not hold.
+    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError>;
+
+    /// Where to render this frame. Called after begin and before end, only for a frame that will carry a
+    /// layer: a runtime acquires its swapchain images here and releases them in
+    /// [`XrSession::end_frame`].
+    ///
+    /// # Errors
+    /// The runtime is lost, or the call is out of order.
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError>;
+
+    /// Hands the frame over. Every begun frame is ended exactly once, with or without a layer.
+    ///
+    /// # Errors
+    /// The runtime is lost, the call is out of order, or a recording cannot be written.
+    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError>;
+}
+
+impl<S: XrSession + ?Sized> XrSession for Box<S> {
+    fn info(&self) -> &SessionInfo {
+        (**self).info()
+    }
+
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        (**self).wait_frame()
+    }
+
+    fn begin_frame(&mut self) -> Result<(), XrError> {
+        (**self).begin_frame()
+    }
+
+    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        (**self).locate_views(display_time_ns)
+    }
+
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
+        (**self).acquire_targets()
+    }
+
+    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
+        (**self).end_frame(submission)
+    }
+}
+
+/// What a session is, fixed for its life.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionInfo {
+    /// Kind and detail for people and `run.json`, such as `simulated (sway)`.
+    pub source: String,
+    /// Headset name: a profile's, or what the recording or the runtime calls it.
+    pub headset: String,
+    /// Display refresh rate, hertz, positive.
+    pub refresh_hz: f64,
+    /// Pixels per eye (width, height) that the source asks for; a native recording does not say.
+    pub recommended_size: Option<[u32; 2]>,
+}
+
+/// One frame's timing, from [`XrSession::wait_frame`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameState {
+    /// When this frame will be seen, nanoseconds on the session's own clock; strictly increasing.
+    pub predicted_display_time_ns: i64,
+    /// Nanoseconds between two refreshes, positive.
+    pub period_ns: i64,
+    /// False: nobody will see this frame; end it without a layer.
+    pub should_render: bool,
+}
+
+/// Which parts of a pose the tracker vouches for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewFlags {
+    /// Positions may be used.
+    pub position_valid: bool,
+    /// Orientations may be used.
+    pub orientation_valid: bool,
+}
+
+impl ViewFlags {
+    /// Both valid.
+    pub const VALID: Self = Self {
+        position_valid: true,
+        orientation_valid: true,
+    };
+}
+
+/// Both eyes at one display time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocatedViews {
+    /// Left eye, right eye.
+    pub views: [View; 2],
+    /// The tracker's word on them.
+    pub flags: ViewFlags,
+    /// True if the tracker had nothing usable and these are the last good views again.
+    pub repeated: bool,
+}
+
+impl LocatedViews {
+    /// Views that are valid and fresh.
+    #[must_use]
+    pub fn valid(views: [View; 2]) -> Self {
+        Self {
+            views,
+            flags: ViewFlags::VALID,
+            repeated: false,
+        }
+    }
+
+    /// The left eye.
+    #[must_use]
+    pub fn left(&self) -> &View {
+        &self.views[0]
+    }
+
+    /// The right eye.
+    #[must_use]
+    pub fn right(&self) -> &View {
+        &self.views[1]
+    }
+
+    /// The point half-way between the eyes, metres: the origin of this frame's render space. It is taken
+    /// from the views alone, so that a recording, which holds views and no head, replays bit for bit.
+    #[must_use]
+    pub fn midpoint_in_world(&self) -> DVec3 {
+        let left = self.views[0].position_in_world;
+        left + 0.5 * (self.views[1].position_in_world - left)
+    }
+}
+
+/// Where a frame is rendered to. A runtime that owns its images adds a variant that carries them.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum RenderTargets {
+    /// The source takes no images: the frame loop renders into textures of its own.
+    FrameLoopOwned,
+}
+
+/// A finished frame, for [`XrSession::end_frame`].
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct FrameSubmission<'a> {
+    /// The display time that [`XrSession::wait_frame`] predicted for this frame, nanoseconds.
+    pub display_time_ns: i64,
+    /// The views that the images were really rendered with; `None` if nothing was rendered.
+    pub rendered: Option<&'a LocatedViews>,
+}
+
+impl<'a> FrameSubmission<'a> {
+    /// A frame rendered with `rendered`, or an empty one.
+    #[must_use]
+    pub fn new(display_time_ns: i64, rendered: Option<&'a LocatedViews>) -> Self {
+        Self {
+            display_time_ns,
+            rendered,
+        }
+    }
+}

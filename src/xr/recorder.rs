@@ -1,0 +1,110 @@
+//! Records the views that were really used, around any session.
+
+use super::trace::{self, TraceFrame, TraceHeader};
+use super::validation;
+use super::{
+    FrameState, FrameSubmission, LocatedViews, RenderTargets, SessionInfo, XrError, XrSession,
+};
+use std::fs::File;
+use std::io::{Error, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Any session, with each frame's views written to a native trace (see [`trace`]) as the frame ends. A
+/// frame that rendered nothing leaves no line. Each line is handed to the system in one write before the
+/// frame ends, so a killed run loses at most the line that it was writing.
+#[derive(Debug)]
+pub struct Recorder<S> {
+    inner: S,
+    path: PathBuf,
+    file: File,
+    frames: u64,
+}
+
+impl<S: XrSession> Recorder<S> {
+    /// Creates the file at `path`, replacing what was there, and writes the header from `inner`'s
+    /// [`SessionInfo`].
+    ///
+    /// # Errors
+    /// [`XrError::RecordCreate`] if the file cannot be created or written.
+    pub fn create(path: &Path, inner: S) -> Result<Self, XrError> {
+        let header = TraceHeader {
+            headset: inner.info().headset.clone(),
+            refresh_hz: inner.info().refresh_hz,
+        };
+        let written = File::create(path).and_then(|mut file| {
+            file.write_all(trace::header_line(&header)?.as_bytes())?;
+            Ok(file)
+        });
+        match written {
+            Ok(file) => Ok(Self {
+                inner,
+                path: path.to_owned(),
+                file,
+                frames: 0,
+            }),
+            Err(cause) => Err(XrError::RecordCreate {
+                path: path.to_owned(),
+                cause,
+            }),
+        }
+    }
+
+    /// Frames written so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// The session inside; the recording is complete as it is.
+    pub fn into_inner(self) -> S {
+        self.inner
+    }
+
+    /// Writes only what [`trace::Trace::read`] will take back.
+    fn write(&mut self, t_ns: i64, views: &LocatedViews) -> std::io::Result<()> {
+        validation::check_views(views)
+            .map_err(|fault| Error::new(ErrorKind::InvalidData, fault.to_string()))?;
+        let frame = TraceFrame {
+            t_ns,
+            views: *views,
+        };
+        self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
+        self.frames += 1;
+        Ok(())
+    }
+}
+
+impl<S: XrSession> XrSession for Recorder<S> {
+    fn info(&self) -> &SessionInfo {
+        self.inner.info()
+    }
+
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        self.inner.wait_frame()
+    }
+
+    fn begin_frame(&mut self) -> Result<(), XrError> {
+        self.inner.begin_frame()
+    }
+
+    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.inner.locate_views(display_time_ns)
+    }
+
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
+        self.inner.acquire_targets()
+    }
+
+    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
+        // The inner session first: a runtime must get its frame even if the disk is full.
+        self.inner.end_frame(submission)?;
+        if let Some(views) = submission.rendered {
+            self.write(submission.display_time_ns, views)
+                .map_err(|cause| XrError::RecordWrite {
+                    path: self.path.clone(),
+                    frames: self.frames,
+                    cause,
+                })?;
+        }
+        Ok(())
+    }
+}

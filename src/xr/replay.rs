@@ -1,0 +1,275 @@
+//! Plays a recording back as if it were a headset.
+
+use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
+use super::text_lines;
+use super::trace::Trace;
+use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
+use super::view::Pose;
+use super::{
+    ArgumentError, FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo,
+    XrError, XrSession,
+};
+use std::path::Path;
+
+/// How to play a recording back.
+#[derive(Clone, Debug)]
+pub struct ReplayOptions {
+    /// Adds the eyes to a head trajectory; a native trace has its own.
+    pub headset: Headset,
+    /// Where a recentred head trajectory starts, world from head.
+    pub start: Pose,
+    /// The recording's up axis; `None`: the format's default. Only for head trajectories.
+    pub up: Option<TraceUp>,
+    /// The recording's body axes; `None`: the format's default. Only for head trajectories.
+    pub body: Option<TraceBody>,
+    /// Move the first pose onto `start`; `None`: yes for head trajectories. A native trace replays as it
+    /// stands.
+    pub recenter: Option<bool>,
+    /// Stop after this many frames.
+    pub frame_limit: Option<u64>,
+    /// At once or when due.
+    pub pacing: Pacing,
+}
+
+impl ReplayOptions {
+    /// Defaults for everything but headset and start pose.
+    #[must_use]
+    pub fn new(headset: Headset, start: Pose) -> Self {
+        Self {
+            headset,
+            start,
+            up: None,
+            body: None,
+            recenter: None,
+            frame_limit: None,
+            pacing: Pacing::default(),
+        }
+    }
+}
+
+/// Replays a native trace frame by frame, or a head trajectory at the headset's refresh times. Files
+/// are told apart by content and read in full when opened.
+#[derive(Debug)]
+pub struct ReplaySession {
+    info: SessionInfo,
+    recording: Recording,
+    warnings: Vec<String>,
+    frame_limit: u64,
+    next_frame: u64,
+    order: FrameOrder,
+    pacer: Pacer,
+}
+
+#[derive(Debug)]
+enum Recording {
+    Native(Trace),
+    Head(HeadMotion, Box<Headset>),
+}
+
+impl ReplaySession {
+    /// Opens a recording. Warnings about the file go to the log and to [`ReplaySession::warnings`].
+    ///
+    /// # Errors
+    /// An unreadable or unknown file, the first fault in it (with file, line and field), or options that
+    /// a native trace has no use for.
+    pub fn open(path: &Path, options: ReplayOptions) -> Result<Self, XrError> {
+        let mut lines = text_lines::open(path)?;
+        let native = match lines.next_uncommented()? {
+            Some(first) => {
+                let native = first.text.starts_with('{');
+                lines.push_back(first);
+                native
+            }
+            None => false,
+        };
+        if native {
+            Self::native(path, Trace::from_lines(&mut lines)?, options)
+        } else {
+            let recorded = RecordedTrajectory::from_lines(&mut lines)?;
+            Ok(Self::head(path, &recorded, options))
+        }
+    }
+
+    fn native(path: &Path, trace: Trace, options: ReplayOptions) -> Result<Self, XrError> {
+        let unused = [
+            ("--trace-up", options.up.is_some()),
+            ("--trace-body", options.body.is_some()),
+            ("--trace-recenter", options.recenter == Some(true)),
+        ];
+        if let Some((flag, _)) = unused.iter().find(|(_, given)| *given) {
+            return Err(ArgumentError(format!(
+                "{flag} is for TUM and EuRoC recordings; {} is a native trace, which replays as it stands: leave the flag out",
+                path.display()
+            ))
+            .into());
+        }
+        for warning in &trace.warnings {
+            log::warn!("{warning}");
+        }
+        let info = SessionInfo {
+            source: format!("replay of {}", path.display()),
+            headset: trace.header.headset.clone(),
+            refresh_hz: trace.header.refresh_hz,
+            recommended_size: None,
+        };
+        let frames = trace.frames.len() as u64;
+        let warnings = trace.warnings.clone();
+        Ok(Self::new(
+            info,
+            Recording::Native(trace),
+            warnings,
+            frames,
+            &options,
+        ))
+    }
+
+    fn head(path: &Path, recorded: &RecordedTrajectory, options: ReplayOptions) -> Self {
+        let format = recorded.format;
+        let up = options.up.unwrap_or(format.default_up());
+        let body = options.body.unwrap_or(format.default_body());
+        let mut motion = recorded.to_head_motion(up, body);
+        if options.recenter.unwrap_or(true) {
+            motion = motion.recentered(&options.start);
+        }
+        let headset = options.headset.clone();
+        let info = SessionInfo {
+            source: format!("replay of {} ({})", path.display(), format.name()),
+            headset: headset.name.clone(),
+            refresh_hz: headset.refresh_hz,
+            recommended_size: Some(headset.size),
+        };
+        let frames = frames_within(motion.duration_ns(), headset.refresh_hz);
+        let recording = Recording::Head(motion, Box::new(headset));
+        Self::new(info, recording, Vec::new(), frames, &options)
+    }
+
+    fn new(
+        info: SessionInfo,
+        recording: Recording,
+        warnings: Vec<String>,
+        frames: u64,
+        options: &ReplayOptions,
+    ) -> Self {
+        Self {
+            info,
+            recording,
+            warnings,
+            frame_limit: options
+                .frame_limit
+                .map_or(frames, |limit| limit.min(frames)),
+            next_frame: 0,
+            order: FrameOrder::default(),
+            pacer: Pacer::new(options.pacing),
+        }
+    }
+
+    /// How many frames this replay has.
+    #[must_use]
+    pub fn frame_count(&self) -> u64 {
+        self.frame_limit
+    }
+
+    /// What the user should know about the file.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn display_time_ns(&self, frame: u64) -> Option<i64> {
+        match &self.recording {
+            Recording::Native(trace) => {
+                let index = usize::try_from(frame).ok()?;
+                trace.frames.get(index).map(|frame| frame.t_ns)
+            }
+            Recording::Head(..) => Some(display_time_ns(frame, self.info.refresh_hz)),
+        }
+    }
+}
+
+/// How many refresh times lie within [0, `duration_ns`].
+fn frames_within(duration_ns: i64, refresh_hz: f64) -> u64 {
+    let mut frames = (duration_ns as f64 * refresh_hz * 1e-9) as u64 + 2;
+    // The estimate is within 2 of the count; the rounded display times decide.
+    while frames > 1 && display_time_ns(frames - 1, refresh_hz) > duration_ns {
+        frames -= 1;
+    }
+    frames
+}
+
+impl XrSession for ReplaySession {
+    fn info(&self) -> &SessionInfo {
+        &self.info
+    }
+
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        self.order.may_wait()?;
+        if self.next_frame >= self.frame_limit {
+            return Ok(None);
+        }
+        let Some(predicted_display_time_ns) = self.display_time_ns(self.next_frame) else {
+            return Ok(None);
+        };
+        let frame = FrameState {
+            predicted_display_time_ns,
+            period_ns: period_ns(self.info.refresh_hz),
+            should_render: true,
+        };
+        self.pacer.wait_until(predicted_display_time_ns);
+        self.next_frame += 1;
+        self.order.waited(&frame);
+        Ok(Some(frame))
+    }
+
+    fn begin_frame(&mut self) -> Result<(), XrError> {
+        self.order.begin()
+    }
+
+    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.order.may_locate()?;
+        match &self.recording {
+            Recording::Native(trace) => {
+                let frame = trace
+                    .frames
+                    .binary_search_by_key(&display_time_ns, |frame| frame.t_ns)
+                    .ok()
+                    .and_then(|index| trace.frames.get(index));
+                match frame {
+                    Some(frame) => Ok(Some(frame.views)),
+                    None => Err(XrError::CallOrder(format!(
+                        "locate_views at {display_time_ns} ns, a time that the trace does not hold"
+                    ))),
+                }
+            }
+            Recording::Head(motion, headset) => {
+                let head = motion.pose_at(display_time_ns);
+                Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
+            }
+        }
+    }
+
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
+        self.order.may_acquire()?;
+        Ok(RenderTargets::FrameLoopOwned)
+    }
+
+    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
+        self.order.end(submission.display_time_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frames_within;
+
+    #[test]
+    fn frames_are_counted_to_the_last_refresh_within() {
+        assert_eq!(frames_within(0, 90.0), 1);
+        // 90 Hz: frames at 0, 11,111,111, 22,222,222, 33,333,333 ns.
+        assert_eq!(frames_within(11_111_110, 90.0), 1);
+        assert_eq!(frames_within(11_111_111, 90.0), 2);
+        assert_eq!(frames_within(33_333_333, 90.0), 4);
+        assert_eq!(frames_within(1_000_000_000, 90.0), 91);
+        assert_eq!(frames_within(999_999_999, 1.0), 1);
+        assert_eq!(frames_within(3_600_000_000_000, 72.0), 72 * 3600 + 1);
+    }
+}

@@ -1,0 +1,405 @@
+//! The native trace: one JSON object per line, first a header, then the views of one frame per line.
+//!
+//! ```text
+//! {"format":"stereolux-trace","version":1,"headset":"quest3","refresh_hz":90.0}
+//! {"t_ns":0,"views":[{"position":[x,y,z],"orientation":[x,y,z,w],"fov":{"left":-0.9,"right":0.8,"up":0.9,"down":-0.9}},{...}],"flags":{"position_valid":true,"orientation_valid":true}}
+//! ```
+//!
+//! Positions are metres in the world, orientations world from eye, angles radians. Numbers are written in
+//! the shortest decimal form that reads back as the same f64, so what is read and written again gives the
+//! same bytes. Unknown keys are errors: version 1 has no others. A last line that was cut short (the
+//! run that wrote it was killed) is dropped with a warning.
+
+use super::text_lines::{self, Line, TextLines};
+use super::validation::{self, Fault};
+use super::view::{Fov, View};
+use super::{InputError, LocatedViews, ViewFlags};
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::{Map, Value};
+use std::io::BufRead;
+use std::path::Path;
+
+/// The header's `format`.
+pub const FORMAT: &str = "stereolux-trace";
+/// The header's `version`.
+pub const VERSION: u64 = 1;
+
+/// First line of a native trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TraceHeader {
+    /// The headset that the views came from.
+    pub headset: String,
+    /// Its refresh rate, hertz.
+    pub refresh_hz: f64,
+}
+
+/// One frame of a native trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceFrame {
+    /// Display time, nanoseconds; strictly increasing through a trace.
+    pub t_ns: i64,
+    /// Both eyes.
+    pub views: LocatedViews,
+}
+
+/// A native trace, read and checked in full; at least one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trace {
+    /// What was recorded.
+    pub header: TraceHeader,
+    /// The frames in order.
+    pub frames: Vec<TraceFrame>,
+    /// What the user should know about the file (a last line that was cut short).
+    pub warnings: Vec<String>,
+}
+
+impl Trace {
+    /// Reads and checks a native trace.
+    ///
+    /// # Errors
+    /// The first fault, with file, line and field.
+    pub fn read(path: &Path) -> Result<Self, InputError> {
+        Self::from_lines(&mut text_lines::open(path)?)
+    }
+
+    /// As [`Trace::read`], from any text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// The first fault, with file, line and field.
+    pub fn from_reader(file: &str, reader: impl BufRead) -> Result<Self, InputError> {
+        Self::from_lines(&mut TextLines::new(file.to_owned(), reader))
+    }
+
+    pub(super) fn from_lines<R: BufRead>(lines: &mut TextLines<R>) -> Result<Self, InputError> {
+        let file = lines.file.clone();
+        let Some(first) = lines.next_line()? else {
+            return Err(InputError::file(
+                &file,
+                "is empty; a trace begins with its header line",
+            ));
+        };
+        let header = object(&file, &first)
+            .map_err(|broken| broken.error)
+            .and_then(|header| at(&file, first.number, read_header(&header)))?;
+        let mut frames: Vec<TraceFrame> = Vec::new();
+        let mut warnings = Vec::new();
+        while let Some(line) = lines.next_line()? {
+            let value = match object(&file, &line) {
+                Ok(value) => value,
+                Err(broken) => {
+                    if broken.cut_short && lines.next_line()?.is_none() {
+                        warnings.push(format!(
+                            "{file}, line {}: the last line is cut short and left out",
+                            line.number
+                        ));
+                        break;
+                    }
+                    return Err(broken.error);
+                }
+            };
+            let frame = at(&file, line.number, read_frame(&value))?;
+            if let Some(last) = frames.last()
+                && frame.t_ns <= last.t_ns
+            {
+                let what = format!(
+                    "{} does not come after the frame before ({}); times must increase",
+                    frame.t_ns, last.t_ns
+                );
+                return Err(InputError::field(&file, line.number, "t_ns", what));
+            }
+            frames.push(frame);
+        }
+        if frames.is_empty() {
+            return Err(InputError::file(
+                &file,
+                "holds a header and no complete frame",
+            ));
+        }
+        Ok(Self {
+            header,
+            frames,
+            warnings,
+        })
+    }
+}
+
+fn at<T>(file: &str, line: usize, result: Result<T, Fault>) -> Result<T, InputError> {
+    result.map_err(|fault| InputError::field(file, line, &fault.field, fault.what))
+}
+
+/// A line that is no JSON object.
+struct Broken {
+    error: InputError,
+    /// The text ends before the object does.
+    cut_short: bool,
+}
+
+fn object(file: &str, line: &Line) -> Result<Map<String, Value>, Broken> {
+    match serde_json::from_str::<Value>(&line.text) {
+        Ok(Value::Object(map)) => Ok(map),
+        Ok(_) => Err(Broken {
+            error: InputError::line(file, line.number, "is not a JSON object"),
+            cut_short: false,
+        }),
+        Err(error) => {
+            let reason = error.to_string();
+            let reason = reason.split(" at line ").next().unwrap_or_default();
+            let what = format!("is not JSON: {reason} at column {}", error.column());
+            Err(Broken {
+                error: InputError::line(file, line.number, what),
+                cut_short: error.is_eof(),
+            })
+        }
+    }
+}
+
+/// One JSON object and the path that leads to it, for messages.
+struct Fields<'a> {
+    path: &'a str,
+    map: &'a Map<String, Value>,
+}
+
+impl<'a> Fields<'a> {
+    /// `known`: every key that may appear.
+    fn new(path: &'a str, map: &'a Map<String, Value>, known: &[&str]) -> Result<Self, Fault> {
+        let fields = Self { path, map };
+        match map.keys().find(|key| !known.contains(&key.as_str())) {
+            Some(key) => {
+                let what = format!("unknown; known here: {}", known.join(", "));
+                Err(fields.fault(key, what))
+            }
+            None => Ok(fields),
+        }
+    }
+
+    fn of(path: &'a str, value: &'a Value, known: &[&str]) -> Result<Self, Fault> {
+        match value {
+            Value::Object(map) => Self::new(path, map, known),
+            other => Err(wrong_kind(path, other, "an object")),
+        }
+    }
+
+    fn name(&self, key: &str) -> String {
+        if self.path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.path)
+        }
+    }
+
+    fn fault(&self, key: &str, what: impl Into<String>) -> Fault {
+        Fault {
+            field: self.name(key),
+            what: what.into(),
+        }
+    }
+
+    fn value(&self, key: &str) -> Result<&'a Value, Fault> {
+        self.map.get(key).ok_or_else(|| self.fault(key, "missing"))
+    }
+
+    fn number(&self, key: &str) -> Result<f64, Fault> {
+        number(&self.name(key), self.value(key)?)
+    }
+
+    fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], Fault> {
+        let value = self.value(key)?;
+        let Value::Array(items) = value else {
+            return Err(wrong_kind(&self.name(key), value, "an array of numbers"));
+        };
+        if items.len() != N {
+            return Err(self.fault(key, format!("holds {} numbers, not {N}", items.len())));
+        }
+        let mut numbers = [0.0; N];
+        for (index, (slot, item)) in numbers.iter_mut().zip(items).enumerate() {
+            *slot = number(&format!("{}[{index}]", self.name(key)), item)?;
+        }
+        Ok(numbers)
+    }
+
+    fn boolean(&self, key: &str) -> Result<bool, Fault> {
+        match self.value(key)? {
+            Value::Bool(flag) => Ok(*flag),
+            other => Err(wrong_kind(&self.name(key), other, "true or false")),
+        }
+    }
+}
+
+fn number(field: &str, value: &Value) -> Result<f64, Fault> {
+    match value.as_f64() {
+        Some(number) if number.is_finite() => Ok(number),
+        _ => Err(wrong_kind(field, value, "a finite number")),
+    }
+}
+
+fn wrong_kind(field: &str, found: &Value, wanted: &str) -> Fault {
+    let mut shown = found.to_string();
+    if shown.len() > 40 {
+        let end = (0..=40).rev().find(|i| shown.is_char_boundary(*i));
+        shown.truncate(end.unwrap_or(0));
+        shown.push_str("...");
+    }
+    Fault {
+        field: field.to_owned(),
+        what: format!("{shown} is not {wanted}"),
+    }
+}
+
+fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
+    if map.get("format").and_then(Value::as_str) != Some(FORMAT) {
+        return Err(Fault {
+            field: "format".into(),
+            what: format!("a trace begins with a header line whose format is \"{FORMAT}\""),
+        });
+    }
+    let fields = Fields::new("", map, &["format", "version", "headset", "refresh_hz"])?;
+    let version = fields.value("version")?;
+    if version.as_u64() != Some(VERSION) {
+        let what = format!("{version} is not {VERSION}, the version that this program reads");
+        return Err(fields.fault("version", what));
+    }
+    let headset = match fields.value("headset")? {
+        Value::String(name) => name.clone(),
+        other => return Err(wrong_kind("headset", other, "a string")),
+    };
+    let refresh_hz = fields.number("refresh_hz")?;
+    if !super::headset::REFRESH_RANGE_HZ.contains(&refresh_hz) {
+        let what = format!("{refresh_hz} Hz is not between 1 and 1000 Hz");
+        return Err(fields.fault("refresh_hz", what));
+    }
+    Ok(TraceHeader {
+        headset,
+        refresh_hz,
+    })
+}
+
+fn read_frame(map: &Map<String, Value>) -> Result<TraceFrame, Fault> {
+    let fields = Fields::new("", map, &["t_ns", "views", "flags"])?;
+    let t_ns = fields.value("t_ns")?;
+    let Some(t_ns) = t_ns.as_i64() else {
+        return Err(wrong_kind("t_ns", t_ns, "a whole number of nanoseconds"));
+    };
+    let views = fields.value("views")?;
+    let [left, right] = views.as_array().map_or(&[][..], Vec::as_slice) else {
+        return Err(wrong_kind(
+            "views",
+            views,
+            "an array of two views, left and right",
+        ));
+    };
+    let flags = Fields::of(
+        "flags",
+        fields.value("flags")?,
+        &["position_valid", "orientation_valid"],
+    )?;
+    let located = LocatedViews {
+        views: [read_view("views[0]", left)?, read_view("views[1]", right)?],
+        flags: ViewFlags {
+            position_valid: flags.boolean("position_valid")?,
+            orientation_valid: flags.boolean("orientation_valid")?,
+        },
+        repeated: false,
+    };
+    Ok(TraceFrame {
+        t_ns,
+        views: validation::check_views(&located)?,
+    })
+}
+
+fn read_view(path: &str, value: &Value) -> Result<View, Fault> {
+    let fields = Fields::of(path, value, &["position", "orientation", "fov"])?;
+    let position = fields.numbers::<3>("position")?;
+    let [x, y, z, w] = fields.numbers::<4>("orientation")?;
+    let orientation = validation::unit_quaternion(x, y, z, w)
+        .map_err(|what| fields.fault("orientation", what))?;
+    let fov_path = fields.name("fov");
+    let edges = ["left", "right", "up", "down"];
+    let fov = Fields::of(&fov_path, fields.value("fov")?, &edges)?;
+    Ok(View {
+        position_in_world: DVec3::from_array(position),
+        orientation,
+        fov: Fov {
+            angle_left: fov.number("left")?,
+            angle_right: fov.number("right")?,
+            angle_up: fov.number("up")?,
+            angle_down: fov.number("down")?,
+        },
+    })
+}
+
+#[derive(Serialize)]
+struct HeaderJson<'a> {
+    format: &'static str,
+    version: u64,
+    headset: &'a str,
+    refresh_hz: f64,
+}
+
+#[derive(Serialize)]
+struct FrameJson {
+    t_ns: i64,
+    views: [ViewJson; 2],
+    flags: FlagsJson,
+}
+
+#[derive(Serialize)]
+struct ViewJson {
+    position: [f64; 3],
+    orientation: [f64; 4],
+    fov: FovJson,
+}
+
+#[derive(Serialize)]
+struct FovJson {
+    left: f64,
+    right: f64,
+    up: f64,
+    down: f64,
+}
+
+#[derive(Serialize)]
+struct FlagsJson {
+    position_valid: bool,
+    orientation_valid: bool,
+}
+
+/// The header's line, with its line feed.
+///
+/// # Errors
+/// None that is known: serde_json's own.
+pub fn header_line(header: &TraceHeader) -> Result<String, serde_json::Error> {
+    let line = serde_json::to_string(&HeaderJson {
+        format: FORMAT,
+        version: VERSION,
+        headset: &header.headset,
+        refresh_hz: header.refresh_hz,
+    })?;
+    Ok(line + "\n")
+}
+
+/// A frame's line, with its line feed. The views must have passed [`validation::check_views`].
+///
+/// # Errors
+/// None that is known: serde_json's own.
+pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
+    let views = frame.views.views.map(|view| ViewJson {
+        position: view.position_in_world.to_array(),
+        orientation: view.orientation.to_array(),
+        fov: FovJson {
+            left: view.fov.angle_left,
+            right: view.fov.angle_right,
+            up: view.fov.angle_up,
+            down: view.fov.angle_down,
+        },
+    });
+    let line = serde_json::to_string(&FrameJson {
+        t_ns: frame.t_ns,
+        views,
+        flags: FlagsJson {
+            position_valid: frame.views.flags.position_valid,
+            orientation_valid: frame.views.flags.orientation_valid,
+        },
+    })?;
+    Ok(line + "\n")
+}

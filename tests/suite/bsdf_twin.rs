@@ -1,0 +1,404 @@
+//! The scattering model in f64, written from the formulas' textbook form, and the shaders held against it.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::scene::Material;
+
+use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, PHOTONS, wide};
+use super::support::context;
+
+/// A material without textures, seen from one side.
+#[derive(Clone, Debug)]
+pub struct Twin {
+    base: [f64; 3],
+    metallic: f64,
+    /// 0 for smooth.
+    alpha: f64,
+    transmission: f64,
+    f0: [f64; 3],
+    f90: f64,
+    eta: f64,
+    glass_alpha: f64,
+    for_photons: bool,
+}
+
+fn max3(v: [f64; 3]) -> f64 {
+    v[0].max(v[1]).max(v[2])
+}
+
+/// Fresnel by the angles (Born and Wolf, section 1.5.2).
+pub fn fresnel(cosine: f64, eta: f64) -> f64 {
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt() / eta;
+    if sine >= 1.0 {
+        return 1.0;
+    }
+    let beyond = (1.0 - sine * sine).sqrt();
+    let s = (cosine - eta * beyond) / (cosine + eta * beyond);
+    let p = (beyond - eta * cosine) / (beyond + eta * cosine);
+    0.5 * (s * s + p * p)
+}
+
+fn distribution(m: DVec3, alpha: f64) -> f64 {
+    if m.z <= 0.0 {
+        return 0.0;
+    }
+    let tan2 = (m.x * m.x + m.y * m.y) / (m.z * m.z);
+    let bracket = 1.0 + tan2 / (alpha * alpha);
+    1.0 / (PI * alpha * alpha * m.z.powi(4) * bracket * bracket)
+}
+
+fn lambda(v: DVec3, alpha: f64) -> f64 {
+    let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
+    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
+}
+
+fn visible(wo: DVec3, m: DVec3, alpha: f64) -> f64 {
+    distribution(m, alpha) * wo.dot(m).max(0.0) / ((1.0 + lambda(wo, alpha)) * wo.z)
+}
+
+impl Twin {
+    pub fn new(material: &Material, flags: u32) -> Self {
+        let wide3 = |v: [f32; 3]| v.map(f64::from);
+        let base = [material.base_color[0], material.base_color[1], material.base_color[2]];
+        let rough = f64::from(material.roughness).powi(2);
+        let alpha = if rough < 1e-3 { 0.0 } else { rough };
+        let ior = f64::from(material.ior);
+        let specular = f64::from(material.specular);
+        let ratio = ((ior - 1.0) / (ior + 1.0)).powi(2);
+        let eta = if flags & BACK == 0 { ior } else { 1.0 / ior };
+        Self {
+            base: wide3(base),
+            metallic: f64::from(material.metallic),
+            alpha,
+            transmission: f64::from(material.transmission),
+            f0: wide3(material.specular_color).map(|tint| (ratio * tint).min(1.0) * specular),
+            f90: specular,
+            eta,
+            glass_alpha: if (eta - 1.0).abs() < 1e-3 { 0.0 } else { alpha },
+            for_photons: flags & PHOTONS != 0,
+        }
+    }
+
+    fn glass(&self) -> f64 {
+        (1.0 - self.metallic) * self.transmission
+    }
+
+    fn opaque(&self) -> f64 {
+        (1.0 - self.metallic) * (1.0 - self.transmission)
+    }
+
+    fn layer(&self, cosine: f64) -> [f64; 3] {
+        let schlick = (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
+        self.f0.map(|f0| f0 + (self.f90 - f0) * schlick)
+    }
+
+    /// All of the opaque lobes' F(v.h): the layer's share and the metal's.
+    pub fn specular_reflectance(&self, cosine: f64) -> [f64; 3] {
+        let schlick = (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
+        let layer = self.layer(cosine);
+        std::array::from_fn(|c| {
+            let metal = self.base[c] + (1.0 - self.base[c]) * schlick;
+            self.opaque() * layer[c] + self.metallic * metal
+        })
+    }
+
+    /// Half vector of refraction and |dm / dwi|; none where no microfacet joins the two.
+    fn refraction(&self, wo: DVec3, wi: DVec3) -> Option<(DVec3, f64)> {
+        let m = (wo + wi * self.eta).normalize();
+        let m = if m.z < 0.0 { -m } else { m };
+        if wo.dot(m) <= 0.0 || wi.dot(m) >= 0.0 {
+            return None;
+        }
+        // Walter et al. 2007, eq. 17, with indices 1 on the side of wo and eta beyond.
+        let denominator = wo.dot(m) + self.eta * wi.dot(m);
+        Some((m, self.eta * self.eta * wi.dot(m).abs() / (denominator * denominator)))
+    }
+
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> [f64; 3] {
+        if wo.z <= 0.0 || wi.z == 0.0 {
+            return [0.0; 3];
+        }
+        if wi.z < 0.0 {
+            let alpha = self.glass_alpha;
+            let Some((m, jacobian)) = self.refraction(wo, wi).filter(|_| alpha > 0.0) else {
+                return [0.0; 3];
+            };
+            let masking = 1.0 / (1.0 + lambda(wo, alpha) + lambda(wi, alpha));
+            let passed = 1.0 - fresnel(wo.dot(m), self.eta);
+            let mut f = self.glass() * passed * distribution(m, alpha) * masking * jacobian * wo.dot(m)
+                / (wo.z * wi.z.abs());
+            if !self.for_photons {
+                f /= self.eta * self.eta;
+            }
+            return self.base.map(|tint| tint * f);
+        }
+        let h = (wo + wi).normalize();
+        let cosine = wo.dot(h);
+        let lost = max3(self.layer(cosine));
+        let microfacets = |alpha: f64| {
+            if alpha == 0.0 {
+                return 0.0;
+            }
+            distribution(h, alpha) / ((1.0 + lambda(wo, alpha) + lambda(wi, alpha)) * 4.0 * wo.z * wi.z)
+        };
+        let specular = self.specular_reflectance(cosine);
+        std::array::from_fn(|c| {
+            self.opaque() * self.base[c] / PI * (1.0 - lost)
+                + specular[c] * microfacets(self.alpha)
+                + self.glass() * fresnel(cosine, self.eta) * microfacets(self.glass_alpha)
+        })
+    }
+
+    /// Shares of the lobes, as the sampler chooses them.
+    fn lobes(&self, wo: DVec3) -> [f64; 3] {
+        let diffuse = self.opaque() * max3(self.base) * (1.0 - max3(self.f0));
+        let lobes = [diffuse, max3(self.specular_reflectance(wo.z)), self.glass()];
+        let total: f64 = lobes.iter().sum();
+        lobes.map(|lobe| if total > 0.0 { lobe / total } else { 0.0 })
+    }
+
+    pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        if wo.z <= 0.0 || wi.z == 0.0 {
+            return 0.0;
+        }
+        let lobes = self.lobes(wo);
+        if wi.z < 0.0 {
+            if self.glass_alpha == 0.0 {
+                return 0.0;
+            }
+            return self.refraction(wo, wi).map_or(0.0, |(m, jacobian)| {
+                lobes[2] * (1.0 - fresnel(wo.dot(m), self.eta)) * visible(wo, m, self.glass_alpha) * jacobian
+            });
+        }
+        let h = (wo + wi).normalize();
+        let reflected = |alpha: f64| if alpha > 0.0 { visible(wo, h, alpha) / (4.0 * wo.dot(h)) } else { 0.0 };
+        lobes[0] * wi.z / PI
+            + lobes[1] * reflected(self.alpha)
+            + lobes[2] * fresnel(wo.dot(h), self.eta) * reflected(self.glass_alpha)
+    }
+
+    /// Least GGX alpha of the lobes with a density; 1 without.
+    fn least_alpha(&self) -> f64 {
+        let mut least: f64 = 1.0;
+        if self.alpha > 0.0 {
+            least = least.min(self.alpha);
+        }
+        least
+    }
+}
+
+/// Seeded random directions and materials (SplitMix64; Steele et al. 2014).
+pub struct Dice(u64);
+
+impl Dice {
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        bits ^= bits >> 31;
+        (bits >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Uniform direction, with z above or (if `both`) anywhere but on the horizon.
+    pub fn direction(&mut self, both: bool) -> [f32; 3] {
+        let z = 1.0 - self.unit() * 0.9999;
+        let z = if both && self.unit() < 0.5 { -z } else { z };
+        let phi = 2.0 * PI * self.unit();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        DVec3::new(r * phi.cos(), r * phi.sin(), z).as_vec3().to_array()
+    }
+
+    /// A material of the glTF model; some factors at their ends.
+    pub fn material(&mut self) -> Material {
+        let mut edge = |least: f64| {
+            let u = 3.0 * self.unit() - 1.0;
+            u.clamp(least, 1.0) as f32
+        };
+        Material {
+            base_color: [edge(0.0), edge(0.0), edge(0.0), 1.0],
+            metallic: edge(0.0),
+            roughness: edge(0.04),
+            specular: edge(0.0),
+            specular_color: [edge(0.0) * 2.0, edge(0.0), edge(0.0)],
+            transmission: edge(0.0),
+            ior: 1.0 + edge(0.05),
+            ..Material::default()
+        }
+    }
+}
+
+/// Bound on the relative error of the shader's value at f32 rounding unit u = 2^-24.
+///
+/// h is off by about 4 u / |wo + wi| (eta wi + wo for refraction): inputs have unit length only to 2 u, the sum
+/// cancels, and normalising adds 2 u. ln D changes by at most 2 dh / alpha (its steepest slope is at |h.xy| = alpha).
+/// Fresnel's exact form changes near the critical angle like 1 / cos beyond, and the Jacobian like
+/// 2 dh / |wi.m + wo.m / eta|. The remaining 40 operations add 40 u.
+fn tolerance(twin: &Twin, wo: DVec3, wi: DVec3) -> f64 {
+    let u = 0.5f64.powi(24);
+    let (sum, extra) = if wi.z < 0.0 {
+        let sum = (wo + wi * twin.eta).length();
+        let m = (wo + wi * twin.eta) / sum;
+        let gap = (wi.dot(m) + wo.dot(m) / twin.eta).abs();
+        let sine2 = (1.0 - wo.dot(m).powi(2)) / (twin.eta * twin.eta);
+        (sum, 2.0 / gap + 4.0 / (1.0 - sine2).abs())
+    } else {
+        ((wo + wi).length(), {
+            let h = (wo + wi).normalize();
+            let sine2 = (1.0 - wo.dot(h).powi(2)) / (twin.eta * twin.eta);
+            if twin.glass() > 0.0 { 4.0 / (1.0 - sine2).abs().max(1e-6) } else { 0.0 }
+        })
+    };
+    let half_vector = 4.0 * u / sum;
+    half_vector * (2.0 / twin.least_alpha() + extra) + 40.0 * u
+}
+
+fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
+    let context = context();
+    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), on, materials);
+    let mut dice = Dice::new(7);
+    let queries: Vec<BsdfQuery> = (0..materials.len() * 64)
+        .map(|index| BsdfQuery {
+            wo: dice.direction(false),
+            material: (index / 64) as u32,
+            wi: dice.direction(is_glass_on),
+            flags: (index % 4) as u32,
+        })
+        .collect();
+    let answers = probe.evaluate(&queries);
+    let mut worst: f64 = 0.0;
+    let mut compared = 0;
+    for (query, answer) in queries.iter().zip(&answers) {
+        let twin = Twin::new(&materials[query.material as usize], query.flags);
+        let (wo, wi) = (wide(query.wo), wide(query.wi));
+        let (wo, wi) = (wo.normalize(), wi.normalize());
+        // At the rim of what refracts and at the critical angle a rounding decides between 0 and a value.
+        if wi.z < 0.0 {
+            let sum = wo + wi * twin.eta;
+            let m = sum.normalize() * sum.z.signum();
+            if (wo.dot(m).abs()).min(wi.dot(m).abs()) < 1e-3 {
+                continue;
+            }
+        }
+        let allowed = tolerance(&twin, wo, wi);
+        let expected = twin.eval(wo, wi);
+        let largest = max3(expected).max(1e-12);
+        for channel in 0..3 {
+            let error = (f64::from(answer.value[channel]) - expected[channel]).abs() / largest;
+            assert!(
+                error <= allowed,
+                "{query:?} of {:?}: {} where {} is due, off by {error:e}, allowed {allowed:e}",
+                materials[query.material as usize],
+                answer.value[channel],
+                expected[channel]
+            );
+            worst = worst.max(error / allowed);
+        }
+        let density = twin.pdf(wo, wi);
+        let error = (f64::from(answer.pdf) - density).abs() / density.max(1e-9);
+        assert!(error <= allowed, "{query:?}: density {} where {density} is due, off by {error:e}", answer.pdf);
+        compared += 1;
+    }
+    assert!(compared > queries.len() / 2, "only {compared} comparisons");
+    worst
+}
+
+#[test]
+fn shaders_equal_the_f64_twin() {
+    let mut dice = Dice::new(1);
+    let materials: Vec<Material> = (0..400).map(|_| dice.material()).collect();
+    let worst = compare(&["glossy", "dielectric"], &materials, true);
+    // A bound a hundred times too wide would prove nothing.
+    assert!(worst > 0.01, "the tolerance is {} times what is needed", 1.0 / worst);
+}
+
+#[test]
+fn specialised_shaders_equal_the_twin_on_what_they_keep() {
+    let mut dice = Dice::new(2);
+    let opaque: Vec<Material> =
+        (0..100).map(|_| Material { transmission: 0.0, ..dice.material() }).collect();
+    compare(&["glossy"], &opaque, false);
+    let glass: Vec<Material> =
+        (0..100).map(|_| Material { metallic: 0.0, specular: 0.0, ..dice.material() }).collect();
+    compare(&["dielectric"], &glass, true);
+    let lambert: Vec<Material> =
+        (0..20).map(|_| Material { transmission: 0.0, metallic: 0.0, specular: 0.0, ..dice.material() }).collect();
+    compare(&[], &lambert, false);
+}
+
+#[test]
+fn the_comparison_notices_a_wrong_model() {
+    let mut dice = Dice::new(3);
+    let material = Material { metallic: 1.0, roughness: 0.5, ..dice.material() };
+    let (wo, wi) = (dice.direction(false), dice.direction(false));
+    let twin = Twin::new(&material, 0);
+    let other = Twin::new(&Material { roughness: 0.505, ..material }, 0);
+    let (wo, wi) = (wide(wo).normalize(), wide(wi).normalize());
+    let change = (twin.eval(wo, wi)[0] / other.eval(wo, wi)[0] - 1.0).abs();
+    assert!(change > 10.0 * tolerance(&twin, wo, wi), "a roughness of 0.505 for 0.5 changes the value by {change:e}");
+}
+
+#[test]
+fn reflection_is_reciprocal() {
+    let context = context();
+    let mut dice = Dice::new(4);
+    let materials: Vec<Material> =
+        (0..200).map(|_| Material { roughness: 0.04 + 0.96 * dice.unit() as f32, ..dice.material() }).collect();
+    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
+    let pairs: Vec<BsdfQuery> = (0..materials.len() * 50)
+        .map(|index| BsdfQuery {
+            wo: dice.direction(false),
+            material: (index / 50) as u32,
+            wi: dice.direction(false),
+            flags: 0,
+        })
+        .collect();
+    let swapped: Vec<BsdfQuery> = pairs.iter().map(|q| BsdfQuery { wo: q.wi, wi: q.wo, ..*q }).collect();
+    for ((query, there), back) in pairs.iter().zip(probe.evaluate(&pairs)).zip(probe.evaluate(&swapped)) {
+        for channel in 0..3 {
+            let (a, b) = (f64::from(there.value[channel]), f64::from(back.value[channel]));
+            let largest = f64::from(there.value[0].max(there.value[1]).max(there.value[2]));
+            assert!((a - b).abs() <= 1e-4 * largest, "{query:?}: {a} there, {b} back");
+        }
+    }
+}
+
+/// Through glass f(wi -> wo) / eta_o^2 = f(wo -> wi) / eta_i^2 (Veach 1997, eq. 5.14), here with wo in air.
+#[test]
+fn refraction_obeys_the_generalised_reciprocity() {
+    let context = context();
+    let material = Material { metallic: 0.0, transmission: 1.0, roughness: 0.6, ..Material::lambert("glass", [1.0; 3]) };
+    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["dielectric"], &[material.clone()]);
+    let mut dice = Dice::new(5);
+    let pairs: Vec<BsdfQuery> = (0..2000)
+        .map(|_| {
+            let mut wi = dice.direction(false);
+            wi[2] = -wi[2];
+            BsdfQuery { wo: dice.direction(false), material: 0, wi, flags: 0 }
+        })
+        .collect();
+    // From the other side the frame is turned over: z changes its sign.
+    let over = |v: [f32; 3]| [v[0], v[1], -v[2]];
+    let swapped: Vec<BsdfQuery> =
+        pairs.iter().map(|q| BsdfQuery { wo: over(q.wi), wi: over(q.wo), flags: BACK, ..*q }).collect();
+    let eta2 = f64::from(material.ior).powi(2);
+    let mut seen = 0;
+    for ((query, there), back) in pairs.iter().zip(probe.evaluate(&pairs)).zip(probe.evaluate(&swapped)) {
+        let (a, b) = (f64::from(there.value[0]) * eta2, f64::from(back.value[0]));
+        let (_, wi) = (wide(query.wo), wide(query.wi));
+        let m = (wide(query.wo) + wi * 1.5).normalize();
+        if wide(query.wo).dot(m).abs().min(wi.dot(m).abs()) < 1e-2 || a == 0.0 {
+            continue;
+        }
+        seen += 1;
+        assert!((a - b).abs() <= 1e-3 * a.max(b), "{query:?}: {a} there, {b} back");
+    }
+    assert!(seen > 200);
+}

@@ -1,0 +1,376 @@
+//! Command lines as a person types them: what is accepted, and one clear line for what is not.
+
+use std::ffi::OsString;
+
+use stereolux::options::{
+    self, EarlyExit, Eyes, Method, Motion, Options, RenderOptions, Reuse, RunOptions,
+    SessionChoice, TraceBody, TraceUp,
+};
+
+fn outcome(args: &[&str]) -> Result<Options, String> {
+    let args = std::iter::once("stereolux")
+        .chain(args.iter().copied())
+        .map(OsString::from);
+    match options::parse(args) {
+        Ok(cli) => options::resolve(cli).map_err(|error| error.to_string()),
+        Err(EarlyExit { text, status }) => {
+            assert_eq!(status, 2, "{text}");
+            assert!(text.starts_with("error: "), "{text}");
+            Err(text)
+        }
+    }
+}
+
+fn run(args: &[&str]) -> RunOptions {
+    match outcome(&[&["run"], args].concat()) {
+        Ok(Options::Run(options)) => *options,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn render(args: &[&str]) -> RenderOptions {
+    match outcome(&[&["render"], args].concat()) {
+        Ok(Options::Render(options)) => *options,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The message, checked to be one line.
+fn refused(args: &[&str]) -> String {
+    let message = outcome(args).expect_err("must be refused");
+    assert!(
+        !message.contains('\n') && !message.is_empty(),
+        "{args:?}: {message:?}"
+    );
+    message
+}
+
+#[test]
+fn defaults() {
+    let options = run(&[]);
+    assert_eq!(options.settings, options::Settings::default());
+    assert_eq!(options.out.to_str(), Some("out"));
+    assert_eq!(options.session, SessionChoice::Auto);
+    assert_eq!(
+        (options.trace, options.record, options.frames),
+        (None, None, None)
+    );
+    assert_eq!((options.every, options.realtime), (1, false));
+    let options = render(&[]);
+    assert_eq!(
+        (options.pose, options.ipd_m, options.fov),
+        (None, None, None)
+    );
+    assert_eq!(options.eyes, Eyes::Both);
+}
+
+#[test]
+fn every_shared_flag() {
+    let settings = run(&[
+        "--scene",
+        "a b.glb",
+        "--method",
+        "path",
+        "--reuse",
+        "off",
+        "--photons",
+        "1000",
+        "--radius",
+        "0.25",
+        "--spp",
+        "16",
+        "--size",
+        "640x480",
+        "--headset",
+        "quest3",
+        "--seed",
+        "4294967295",
+        "--adapter",
+        "llvm",
+        "--out",
+        "o",
+        "--motion",
+        "walk",
+    ])
+    .settings;
+    assert_eq!(settings.scene, "a b.glb");
+    assert_eq!(
+        (settings.method, settings.reuse),
+        (Method::Path, Reuse::Off)
+    );
+    assert_eq!(
+        (settings.photon.count, settings.photon.radius_m),
+        (1000, 0.25)
+    );
+    assert_eq!(
+        (settings.spp, settings.seed, settings.size),
+        (16, u32::MAX, Some([640, 480]))
+    );
+    assert_eq!(
+        (settings.headset.as_str(), settings.adapter.as_str()),
+        ("quest3", "llvm")
+    );
+    assert_eq!(settings.simulated.motion, Motion::Walk);
+}
+
+#[test]
+fn values_may_begin_with_a_minus_sign_after_a_space() {
+    let options = render(&[
+        "--fov",
+        "-40 45 30 -35",
+        "--pose",
+        "-1 2 -3 0 0 0 1",
+        "--set",
+        "photon.normal_min_cos=-1",
+        "--scene",
+        "-x.glb",
+        "--out",
+        "-o",
+    ]);
+    let fov = options.fov.unwrap();
+    assert_eq!(
+        [fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad],
+        [-40.0, 45.0, 30.0, -35.0_f64].map(f64::to_radians)
+    );
+    let pose = options.pose.unwrap();
+    assert_eq!(pose.position.to_array(), [-1.0, 2.0, -3.0]);
+    assert_eq!(options.settings.photon.normal_min_cos, -1.0);
+    assert_eq!(
+        (options.settings.scene.as_str(), options.out.to_str()),
+        ("-x.glb", Some("-o"))
+    );
+    let turned = run(&["--trace", "t", "--trace-body", "-0.5 0.5 -0.5 0.5"]);
+    assert!(matches!(turned.trace.unwrap().body, Some(TraceBody::EyeFromBody(q)) if q.x == -0.5));
+    // A flag is not a value, though: this is a forgotten value.
+    let message = refused(&["run", "--scene", "--spp", "4"]);
+    assert!(message.contains("--scene needs a value"), "{message}");
+}
+
+#[test]
+fn poses_and_angles_are_checked() {
+    // Off by less than 1e-3 is normalised, more is refused.
+    let pose = render(&["--pose", "0 0 0 0 0 0 1.0005"]).pose.unwrap();
+    assert_eq!(pose.orientation.w, 1.0);
+    for (flag, value, says) in [
+        ("--pose", "0 0 0 0 0 0 1.01", "length is 1.01"),
+        ("--pose", "0 0 0 0 0 0 0", "length is 0"),
+        ("--pose", "0 0 0 0 0 1", "6 numbers where 7"),
+        ("--pose", "0 0 0 0 0 0 0 1", "8 numbers where 7"),
+        ("--pose", "0 0 nan 0 0 0 1", "not finite"),
+        ("--pose", "0 0 1e400 0 0 0 1", "not finite"),
+        ("--pose", "a 0 0 0 0 0 1", "\"a\" is not a number"),
+        ("--pose", "1e300 0 0 0 0 0 1", "farther than"),
+        (
+            "--fov",
+            "40 -40 40 -40",
+            "left (40) must be less than right (-40)",
+        ),
+        (
+            "--fov",
+            "-40 40 -40 40",
+            "down (40) must be less than up (-40)",
+        ),
+        ("--fov", "-40 -40 40 -40", "must be less than"),
+        ("--fov", "-90 40 40 -40", "beyond +-89"),
+        ("--fov", "-40 40 40", "3 numbers where 4"),
+        ("--fov", "", "0 numbers where 4"),
+        ("--ipd", "-0.06", "from 0 to 1000"),
+        ("--ipd", "nan", "from 0 to 1000"),
+        ("--ipd", "1001", "from 0 to 1000"),
+        ("--ipd", "6cm", "in metres"),
+    ] {
+        let message = refused(&["render", flag, value]);
+        assert!(
+            message.contains(says) && message.contains(flag),
+            "{message}"
+        );
+    }
+    // Section 10's extremes pass: 170 degrees, 1 degree, half a metre, none.
+    assert!(render(&["--fov", "-85 85 85 -85"]).fov.is_some());
+    assert!(render(&["--fov", "-0.5,0.5,0.5,-0.5"]).fov.is_some());
+    assert_eq!(render(&["--ipd", "0.5"]).ipd_m, Some(0.5));
+    assert_eq!(render(&["--ipd", "0"]).ipd_m, Some(0.0));
+}
+
+#[test]
+fn unusable_values_name_flag_value_and_range() {
+    for (args, says) in [
+        (["--size", "0x0"], "from 1 to 16384"),
+        (["--size", "64"], "WIDTHxHEIGHT"),
+        (["--size", "64x99999999999999999999"], "from 1 to 16384"),
+        (["--size", "-64x64"], "from 1 to 16384"),
+        (["--spp", "0"], "from 1 to 1048576"),
+        (["--spp", "-1"], "from 1 to 1048576"),
+        (["--spp", "1.5"], "whole number"),
+        (["--photons", "67108865"], "from 0 to 67108864"),
+        (["--photons", "many"], "whole number"),
+        (["--radius", "-1"], "a number from 0"),
+        (["--radius", "inf"], "a number from 0"),
+        (["--seed", "4294967296"], "from 0 to 4294967295"),
+        (["--scene", ""], "not empty"),
+        (["--out", ""], "value is required"),
+        (["--method", "raster"], "photon, path"),
+        (["--reuse", "maybe"], "off, scatter"),
+        (["--frames", "0"], "from 1"),
+        (["--every", "0"], "from 1"),
+        (["--every", "x"], "from 1"),
+        (["--session", "real"], "auto, simulated, replay, openxr"),
+        (["--motion", "jump"], "still, yaw, walk, sway"),
+    ] {
+        let message = refused(&[&["run"][..], &args].concat());
+        assert!(message.contains(says), "{message}");
+        assert!(message.contains(args[0]), "{message}");
+    }
+}
+
+#[test]
+fn unknown_commands_and_flags() {
+    for (args, says) in [
+        (&[][..], "no command given"),
+        (&["rnu"], "run, render, compare"),
+        (&["run", "--bogus"], "--bogus"),
+        (&["run", "--photon", "3"], "--photons"),
+        (&["run", "stray"], "stray"),
+        (&["run", "--spp"], "--spp"),
+        (&["run", "--spp", "1", "--spp", "2"], "--spp"),
+        (&["compare", "only-one.exr"], "<REFERENCE>"),
+        (&["run", "--pose", "0 0 0 0 0 0 1"], "--pose"),
+    ] {
+        let message = refused(args);
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn sessions_and_traces_go_together() {
+    assert_eq!(run(&["--trace", "t"]).session, SessionChoice::Replay);
+    let options = run(&[
+        "--session",
+        "replay",
+        "--trace",
+        "t",
+        "--trace-up",
+        "y",
+        "--trace-body",
+        "optical",
+        "--trace-recenter",
+        "false",
+        "--frames",
+        "7",
+        "--every",
+        "3",
+        "--realtime",
+        "--record",
+        "r",
+    ]);
+    let trace = options.trace.unwrap();
+    assert_eq!(trace.path.to_str(), Some("t"));
+    assert_eq!(
+        (trace.up, trace.body, trace.recenter),
+        (Some(TraceUp::Y), Some(TraceBody::Optical), Some(false))
+    );
+    assert_eq!(
+        (options.frames, options.every, options.realtime),
+        (Some(7), 3, true)
+    );
+    assert_eq!(
+        run(&["--trace", "t", "--trace-recenter"])
+            .trace
+            .unwrap()
+            .recenter,
+        Some(true)
+    );
+    for (args, says) in [
+        (&["--session", "replay"][..], "add --trace"),
+        (
+            &["--session", "simulated", "--trace", "t"],
+            "--session replay",
+        ),
+        (&["--session", "openxr", "--trace", "t"], "--session replay"),
+        (&["--trace-up", "y"], "--trace-up"),
+        (&["--trace-body", "optical"], "--trace-body"),
+        (&["--trace-recenter"], "--trace-recenter"),
+        (
+            &["--trace", "t", "--trace-body", "sideways"],
+            "openxr, optical or",
+        ),
+        (&["--trace", "t", "--trace-body", "0 0 0 2"], "length is 2"),
+        (&["--trace", "t", "--record", "t"], "another name"),
+        (&["--trace", "t", "--motion", "yaw"], "--motion"),
+        (&["--session", "openxr", "--realtime"], "--realtime"),
+    ] {
+        let message = refused(&[&["run"], args].concat());
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn compare_and_info() {
+    let options = match outcome(&[
+        "compare",
+        "a.exr",
+        "b.exr",
+        "--max-rel-mse",
+        "0.01",
+        "--mask",
+        "m.png",
+    ]) {
+        Ok(Options::Compare(options)) => options,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(
+        (
+            options.max_rel_mse,
+            options.exposure,
+            options.pixels_per_degree
+        ),
+        (Some(0.01), 1.0, 67.0)
+    );
+    for flags in [
+        ["--max-rel-mse", "-1"],
+        ["--max-rel-mse", "nan"],
+        ["--exposure", "0"],
+        ["--pixels-per-degree", "0"],
+    ] {
+        refused(&[&["compare", "a", "b"][..], &flags].concat());
+    }
+    let scene = |args: &[&str]| match outcome(args) {
+        Ok(Options::Info(options)) => options.scene,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(scene(&["info"]), None);
+    assert_eq!(
+        scene(&["info", "--scene", "x.glb"]).as_deref(),
+        Some("x.glb")
+    );
+    assert_eq!(
+        scene(&["info", "--set", "scene=y.glb"]).as_deref(),
+        Some("y.glb")
+    );
+}
+
+#[test]
+fn help_is_there_for_every_command_and_lists_all_settings() {
+    let help = |args: &[&str]| {
+        let args = std::iter::once("stereolux")
+            .chain(args.iter().copied())
+            .map(OsString::from);
+        let exit = options::parse(args).expect_err("help stops");
+        assert_eq!(exit.status, 0);
+        exit.text
+    };
+    for command in ["run", "render", "compare", "bench", "info", "view"] {
+        assert!(help(&["--help"]).contains(command));
+        assert!(
+            help(&[command, "--help"]).contains("Exit status"),
+            "{command}"
+        );
+    }
+    for command in ["run", "render", "view"] {
+        let text = help(&[command, "--help"]);
+        for setting in options::registry::SETTINGS {
+            assert!(text.contains(setting.key), "{command}: {}", setting.key);
+        }
+    }
+    assert!(help(&["--version"]).starts_with("stereolux "));
+}
