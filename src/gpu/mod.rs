@@ -6,6 +6,7 @@
 //! - [`buffers`]: labelled buffers, uploads and read-back;
 //! - [`timing`]: timestamp queries per pass;
 //! - [`types`]: the structs that host and shaders share;
+//! - [`vulkan_interop`]: the one place where `unsafe` is allowed;
 //! - [`scene`]: packing of a scene into those structs.
 
 pub mod buffers;
@@ -15,6 +16,7 @@ pub mod scene;
 pub mod shaders;
 pub mod timing;
 pub mod types;
+pub mod vulkan_interop;
 
 pub use buffers::{GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer};
 pub use context::{GpuContext, GpuError};

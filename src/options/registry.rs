@@ -243,7 +243,7 @@ pub static SETTINGS: &[Setting] = &[
         "photon.grid_cells_max",
         Kind::Whole {
             min: 64,
-            max: 67_108_864,
+            max: 4_194_300,
         },
         "cells",
         "upper bound on the hash grid's cells",

@@ -178,7 +178,7 @@ pub struct PathSettings {
 impl Default for PathSettings {
     fn default() -> Self {
         Self {
-            max_depth: 8,
+            max_depth: 12,
             russian_roulette: false,
             sampler: Sampler::default(),
         }
@@ -218,7 +218,7 @@ impl Default for PhotonSettings {
         Self {
             count: 262_144,
             radius_m: 0.0,
-            max_depth: 8,
+            max_depth: 12,
             direct: DirectLight::default(),
             kernel: Kernel::default(),
             capacity: 0,

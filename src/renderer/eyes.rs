@@ -314,6 +314,31 @@ impl Eyes {
         Ok(())
     }
 
+    /// Records every pass over nothing; the frame uniform must say that images have no pixels.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if the frame's kernels lack a pass.
+    pub fn record_warm_up(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+    ) -> Result<(), GpuError> {
+        for (pass, bound) in self.plan.sample.iter().zip(&self.bound_left) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 0, [1, 1, 1]);
+        }
+        if self.stereo.is_none() {
+            return Ok(());
+        }
+        for (pass, bound) in passes::STEREO_SCATTER.iter().zip(&self.bound_stereo) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 1, [1, 1, 1]);
+        }
+        let sample_passes = self.plan.sample.iter().zip(&self.bound_right);
+        for (pass, bound) in sample_passes.chain(passes::FILL_REASONS.iter().zip(&self.bound_reasons)) {
+            recorder.dispatch(pass.name, kernels.get_from_list(pass)?, bound, 1, [1, 1, 1]);
+        }
+        Ok(())
+    }
+
     fn buffers(&self, eye: Eye) -> Option<&EyeBuffers> {
         match eye {
             Eye::Left => Some(&self.left),

@@ -255,7 +255,7 @@ impl Renderer {
             automatic_radius_m(scene, settings.photon.count)
         };
         let eyes = Eyes::new(&context, size, plan, both)?;
-        Ok(Self {
+        let mut renderer = Self {
             frame_uniform: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
             timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
             settings: settings.clone(),
@@ -272,7 +272,25 @@ impl Renderer {
             has_lights,
             origin_in_world: DVec3::ZERO,
             context,
-        })
+        };
+        renderer.warm_up()?;
+        Ok(renderer)
+    }
+
+    /// Runs every pass once over nothing: some drivers compile a shader only when it is first dispatched, and that
+    /// time belongs to no frame.
+    fn warm_up(&mut self) -> Result<(), RenderError> {
+        self.scene.set_origin(&self.context, DVec3::ZERO)?;
+        self.bind()?;
+        self.context
+            .queue
+            .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
+        let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
+        if let Some(map) = &self.photon_map {
+            map.record_warm_up(&mut recorder, &self.kernels)?;
+        }
+        self.eyes.record_warm_up(&mut recorder, &self.kernels)?;
+        Ok(recorder.submit("warm-up", &mut PassTimes::default())?)
     }
 
     /// The device.

@@ -167,6 +167,8 @@ impl PhotonMap {
             batches.push([first, 0, count, slots_per_path]);
             first += count;
         }
+        // One empty batch at the end, for warming up.
+        batches.push([0, 0, 0, slots_per_path]);
         let sums = |values: u64| (values + 1).div_ceil(SCAN_BLOCK) * 4;
         let buffers = Buffers {
             path_photons: buffer(
@@ -379,6 +381,25 @@ impl PhotonMap {
             }
         }
         self.traced_at = Some((origin_in_world, frame_index));
+        Ok(())
+    }
+
+    /// Records every pass over nothing.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] before [`PhotonMap::bind`].
+    pub fn record_warm_up(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+    ) -> Result<(), GpuError> {
+        let empty_batch = self.config.paths.div_ceil(self.batch_paths);
+        for pass in passes::PHOTON_BATCH.iter().chain(passes::PHOTON_GRID) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, self.bound(pass)?, empty_batch, [1, 1, 1]);
+        }
+        for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 0, [1, 1, 1]);
+        }
         Ok(())
     }
 

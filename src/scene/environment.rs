@@ -33,10 +33,16 @@ const MAX_TEXELS: u64 = 1 << 27;
 /// # Errors
 /// One line that names the file: unreadable, another format, broken, larger than 2^27 texels, with texels that are not
 /// finite, or with a `strength` that is negative or not finite.
-pub fn load_environment(path: impl AsRef<Path>, strength: f32) -> Result<(Environment, Vec<String>), SceneError> {
+pub fn load_environment(
+    path: impl AsRef<Path>,
+    strength: f32,
+) -> Result<(Environment, Vec<String>), SceneError> {
     let path = path.as_ref();
     if !(strength.is_finite() && strength >= 0.0) {
-        return Err(SceneError::invalid(path, format!("environment.strength must be 0 or more, it is {strength}")));
+        return Err(SceneError::invalid(
+            path,
+            format!("environment.strength must be 0 or more, it is {strength}"),
+        ));
     }
     let bytes = super::import::read_file(path)?;
     let format = if bytes.starts_with(b"#?") {
@@ -44,12 +50,21 @@ pub fn load_environment(path: impl AsRef<Path>, strength: f32) -> Result<(Enviro
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         ImageFormat::OpenExr
     } else {
-        return Err(SceneError::invalid(path, "an environment must be Radiance .hdr or OpenEXR .exr, this is neither"));
+        return Err(SceneError::invalid(
+            path,
+            "an environment must be Radiance .hdr or OpenEXR .exr, this is neither",
+        ));
     };
-    let broken = |error: image::ImageError| SceneError::invalid(path, format!("cannot be decoded: {error}"));
-    let (width, height) = ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions().map_err(broken)?;
+    let broken =
+        |error: image::ImageError| SceneError::invalid(path, format!("cannot be decoded: {error}"));
+    let (width, height) = ImageReader::with_format(Cursor::new(&bytes), format)
+        .into_dimensions()
+        .map_err(broken)?;
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MAX_TEXELS {
-        return Err(SceneError::invalid(path, format!("{width}x{height} texels: an environment has 1 to {MAX_TEXELS}")));
+        return Err(SceneError::invalid(
+            path,
+            format!("{width}x{height} texels: an environment has 1 to {MAX_TEXELS}"),
+        ));
     }
     let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     let mut limits = Limits::default();
@@ -59,23 +74,43 @@ pub fn load_environment(path: impl AsRef<Path>, strength: f32) -> Result<(Enviro
 
     let mut warnings = Vec::new();
     if width != 2 * height {
-        warnings.push(format!("{}: {width}x{height} is not 2:1, the map is stretched over the sphere", path.display()));
+        warnings.push(format!(
+            "{}: {width}x{height} is not 2:1, the map is stretched over the sphere",
+            path.display()
+        ));
     }
     let mut negative = 0_usize;
     let mut radiance = Vec::with_capacity(width as usize * height as usize);
     for (column, row, texel) in pixels.enumerate_pixels() {
         let scaled = texel.0.map(|channel| channel * strength);
         if scaled.iter().any(|channel| !channel.is_finite()) {
-            return Err(SceneError::invalid(path, format!("texel ({column}, {row}) is not finite: {:?}", texel.0)));
+            return Err(SceneError::invalid(
+                path,
+                format!("texel ({column}, {row}) is not finite: {:?}", texel.0),
+            ));
         }
         negative += usize::from(scaled.iter().any(|channel| *channel < 0.0));
         radiance.push(scaled.map(|channel| channel.max(0.0)));
     }
     if negative > 0 {
-        warnings.push(format!("{}: {negative} negative texels are raised to 0", path.display()));
+        warnings.push(format!(
+            "{}: {negative} negative texels are raised to 0",
+            path.display()
+        ));
     }
-    let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
-    Ok((Environment { width, height, radiance, name }, warnings))
+    let name = path.file_name().map_or_else(
+        || path.display().to_string(),
+        |name| name.to_string_lossy().into_owned(),
+    );
+    Ok((
+        Environment {
+            width,
+            height,
+            radiance,
+            name,
+        },
+        warnings,
+    ))
 }
 
 #[cfg(test)]
@@ -83,7 +118,10 @@ mod tests {
     use super::*;
 
     fn write(name: &str, bytes: &[u8]) -> std::path::PathBuf {
-        let path = std::env::temp_dir().join(format!("stereolux-environment-{}-{name}", std::process::id()));
+        let path = std::env::temp_dir().join(format!(
+            "stereolux-environment-{}-{name}",
+            std::process::id()
+        ));
         std::fs::write(&path, bytes).unwrap();
         path
     }
@@ -126,18 +164,39 @@ mod tests {
             (write("empty.hdr", b""), "neither"),
             (write("text.hdr", b"hello"), "neither"),
             (write("cut.hdr", &tiny_hdr()[..48]), "cannot be decoded"),
-            (write("huge.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n"), "texels"),
-            (write("nan.exr", &exr([[f32::NAN, 0.0, 0.0], [0.0; 3]])), "texel (0, 0) is not finite"),
+            (
+                write(
+                    "huge.hdr",
+                    b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n",
+                ),
+                "texels",
+            ),
+            (
+                write("nan.exr", &exr([[f32::NAN, 0.0, 0.0], [0.0; 3]])),
+                "texel (0, 0) is not finite",
+            ),
             (std::env::temp_dir(), "directory"),
-            (std::path::PathBuf::from("/nonexistent/sky.hdr"), "/nonexistent/sky.hdr"),
+            (
+                std::path::PathBuf::from("/nonexistent/sky.hdr"),
+                "/nonexistent/sky.hdr",
+            ),
         ];
         for (path, expected) in cases {
             let message = load_environment(&path, 1.0).unwrap_err().to_string();
-            assert!(message.contains(expected) && !message.contains('\n'), "{}: {message}", path.display());
+            assert!(
+                message.contains(expected) && !message.contains('\n'),
+                "{}: {message}",
+                path.display()
+            );
         }
         let path = write("strength.hdr", &tiny_hdr());
         for strength in [-1.0, f32::NAN, f32::INFINITY] {
-            assert!(load_environment(&path, strength).unwrap_err().to_string().contains("strength"));
+            assert!(
+                load_environment(&path, strength)
+                    .unwrap_err()
+                    .to_string()
+                    .contains("strength")
+            );
         }
     }
 }

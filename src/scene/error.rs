@@ -42,12 +42,22 @@ pub enum SceneError {
 impl SceneError {
     /// A fault in the content of `path`. Line breaks in `what` are flattened, so that every error stays one line.
     pub(crate) fn invalid(path: &Path, what: impl AsRef<str>) -> Self {
-        let what = what.as_ref().split_whitespace().collect::<Vec<_>>().join(" ");
-        Self::Invalid { path: path.to_path_buf(), what }
+        let what = what
+            .as_ref()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
+        Self::Invalid {
+            path: path.to_path_buf(),
+            what,
+        }
     }
 
     /// A system error for `path`.
     pub(crate) fn read(path: &Path, reason: impl ToString) -> Self {
-        Self::Read { path: path.to_path_buf(), reason: reason.to_string() }
+        Self::Read {
+            path: path.to_path_buf(),
+            reason: reason.to_string(),
+        }
     }
 }

@@ -68,18 +68,31 @@ impl GlbWriter {
     ///
     /// # Errors
     /// `rgb` does not hold `width * height * 3` bytes.
-    pub fn texture(&mut self, name: &str, width: u32, height: u32, rgb: &[u8], wrap: Wrap, filter: Filter) -> Result<u32, SceneError> {
+    pub fn texture(
+        &mut self,
+        name: &str,
+        width: u32,
+        height: u32,
+        rgb: &[u8],
+        wrap: Wrap,
+        filter: Filter,
+    ) -> Result<u32, SceneError> {
         use image::codecs::png::{CompressionType, FilterType, PngEncoder};
         use image::{ExtendedColorType, ImageEncoder};
         let mut png = Vec::new();
         if rgb.len() != width as usize * height as usize * 3 {
-            return Err(SceneError::Write { what: format!("image '{name}' is not {width}x{height} RGB") });
+            return Err(SceneError::Write {
+                what: format!("image '{name}' is not {width}x{height} RGB"),
+            });
         }
         PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
             .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-            .map_err(|error| SceneError::Write { what: format!("image '{name}': {error}") })?;
+            .map_err(|error| SceneError::Write {
+                what: format!("image '{name}': {error}"),
+            })?;
         let view = self.view(&png, None);
-        self.images.push(json!({ "name": name, "mimeType": "image/png", "bufferView": view }));
+        self.images
+            .push(json!({ "name": name, "mimeType": "image/png", "bufferView": view }));
         let mode = match wrap {
             Wrap::Repeat => 10_497,
             Wrap::Mirror => 33_648,
@@ -89,8 +102,11 @@ impl GlbWriter {
             Filter::Nearest => (9728, 9728),
             Filter::Linear => (9729, 9729),
         };
-        self.samplers.push(json!({ "magFilter": magnify, "minFilter": minify, "wrapS": mode, "wrapT": mode }));
-        self.textures.push(json!({ "sampler": self.samplers.len() - 1, "source": self.images.len() - 1 }));
+        self.samplers.push(
+            json!({ "magFilter": magnify, "minFilter": minify, "wrapS": mode, "wrapT": mode }),
+        );
+        self.textures
+            .push(json!({ "sampler": self.samplers.len() - 1, "source": self.images.len() - 1 }));
         Ok(self.textures.len() as u32 - 1)
     }
 
@@ -103,7 +119,11 @@ impl GlbWriter {
             "roughnessFactor": number(material.roughness),
         });
         self.slot(&mut pbr, "baseColorTexture", material.base_color_texture);
-        self.slot(&mut pbr, "metallicRoughnessTexture", material.metallic_roughness_texture);
+        self.slot(
+            &mut pbr,
+            "metallicRoughnessTexture",
+            material.metallic_roughness_texture,
+        );
         let mut value = json!({ "name": material.name, "pbrMetallicRoughness": pbr });
         self.slot(&mut value, "normalTexture", material.normal_texture);
         if material.normal_texture.is_some() && material.normal_scale != 1.0 {
@@ -116,7 +136,8 @@ impl GlbWriter {
             let strength = material.emission.iter().copied().fold(1.0_f32, f32::max);
             value["emissiveFactor"] = numbers(&material.emission.map(|channel| channel / strength));
             if strength > 1.0 {
-                extensions["KHR_materials_emissive_strength"] = json!({ "emissiveStrength": number(strength) });
+                extensions["KHR_materials_emissive_strength"] =
+                    json!({ "emissiveStrength": number(strength) });
             }
         }
         match material.alpha_mode {
@@ -143,12 +164,20 @@ impl GlbWriter {
                 "specularColorFactor": numbers(&material.specular_color),
             });
             self.slot(&mut specular, "specularTexture", material.specular_texture);
-            self.slot(&mut specular, "specularColorTexture", material.specular_color_texture);
+            self.slot(
+                &mut specular,
+                "specularColorTexture",
+                material.specular_color_texture,
+            );
             extensions["KHR_materials_specular"] = specular;
         }
         if material.transmission > 0.0 {
             let mut transmission = json!({ "transmissionFactor": number(material.transmission) });
-            self.slot(&mut transmission, "transmissionTexture", material.transmission_texture);
+            self.slot(
+                &mut transmission,
+                "transmissionTexture",
+                material.transmission_texture,
+            );
             extensions["KHR_materials_transmission"] = transmission;
         }
         if material.thickness > 0.0 || material.attenuation_distance_m.is_finite() {
@@ -169,7 +198,10 @@ impl GlbWriter {
                 self.uses(name);
             }
         }
-        if extensions.as_object().is_some_and(|extensions| !extensions.is_empty()) {
+        if extensions
+            .as_object()
+            .is_some_and(|extensions| !extensions.is_empty())
+        {
             value["extensions"] = extensions;
         }
         self.materials.push(value);
@@ -185,9 +217,22 @@ impl GlbWriter {
         for part in parts {
             let count = part.positions.len();
             let fits = |length: usize| length == 0 || length == count;
-            let in_range = part.triangles.as_flattened().iter().all(|vertex| (*vertex as usize) < count);
-            if count == 0 || !fits(part.normals.len()) || !fits(part.uvs.len()) || !in_range || part.triangles.is_empty() {
-                return Err(SceneError::Write { what: format!("mesh '{name}' has a part without triangles or with arrays that do not fit") });
+            let in_range = part
+                .triangles
+                .as_flattened()
+                .iter()
+                .all(|vertex| (*vertex as usize) < count);
+            if count == 0
+                || !fits(part.normals.len())
+                || !fits(part.uvs.len())
+                || !in_range
+                || part.triangles.is_empty()
+            {
+                return Err(SceneError::Write {
+                    what: format!(
+                        "mesh '{name}' has a part without triangles or with arrays that do not fit"
+                    ),
+                });
             }
             let positions: Vec<[f32; 3]> = part.positions.iter().map(on_grid).collect();
             let mut attributes = json!({ "POSITION": self.floats(&positions, "VEC3", true) });
@@ -196,13 +241,20 @@ impl GlbWriter {
                 attributes["NORMAL"] = json!(self.floats(&normals, "VEC3", false));
             }
             if !part.uvs.is_empty() {
-                let uvs: Vec<[f32; 2]> = part.uvs.iter().map(|uv| [round(uv.x), round(uv.y)]).collect();
+                let uvs: Vec<[f32; 2]> = part
+                    .uvs
+                    .iter()
+                    .map(|uv| [round(uv.x), round(uv.y)])
+                    .collect();
                 attributes["TEXCOORD_0"] = json!(self.floats(&uvs, "VEC2", false));
             }
             let indices = self.indices(part.triangles.as_flattened(), count);
-            primitives.push(json!({ "attributes": attributes, "indices": indices, "material": part.material }));
+            primitives.push(
+                json!({ "attributes": attributes, "indices": indices, "material": part.material }),
+            );
         }
-        self.meshes.push(json!({ "name": name, "primitives": primitives }));
+        self.meshes
+            .push(json!({ "name": name, "primitives": primitives }));
         Ok(self.meshes.len() as u32 - 1)
     }
 
@@ -210,12 +262,20 @@ impl GlbWriter {
     pub fn light(&mut self, light: &PunctualLight) -> u32 {
         self.uses("KHR_lights_punctual");
         let intensity = light.intensity.iter().copied().fold(0.0_f32, f32::max);
-        let color = if intensity > 0.0 { light.intensity.map(|channel| channel / intensity) } else { [1.0; 3] };
-        let mut value = json!({ "name": light.name, "color": numbers(&color), "intensity": number(intensity) });
+        let color = if intensity > 0.0 {
+            light.intensity.map(|channel| channel / intensity)
+        } else {
+            [1.0; 3]
+        };
+        let mut value =
+            json!({ "name": light.name, "color": numbers(&color), "intensity": number(intensity) });
         match light.kind {
             LightKind::Point => value["type"] = json!("point"),
             LightKind::Directional => value["type"] = json!("directional"),
-            LightKind::Spot { inner_cone_rad, outer_cone_rad } => {
+            LightKind::Spot {
+                inner_cone_rad,
+                outer_cone_rad,
+            } => {
                 value["type"] = json!("spot");
                 value["spot"] = json!({ "innerConeAngle": number(inner_cone_rad), "outerConeAngle": number(outer_cone_rad) });
             }
@@ -252,7 +312,9 @@ impl GlbWriter {
         match payload {
             Payload::Mesh(index) => value["mesh"] = json!(index),
             Payload::Camera(index) => value["camera"] = json!(index),
-            Payload::Light(index) => value["extensions"] = json!({ "KHR_lights_punctual": { "light": index } }),
+            Payload::Light(index) => {
+                value["extensions"] = json!({ "KHR_lights_punctual": { "light": index } })
+            }
         }
         self.nodes.push(value);
     }
@@ -274,7 +336,10 @@ impl GlbWriter {
         }
         self.extensions_used.sort_unstable();
         let lists = [
-            ("extensionsUsed", self.extensions_used.into_iter().map(Value::from).collect()),
+            (
+                "extensionsUsed",
+                self.extensions_used.into_iter().map(Value::from).collect(),
+            ),
             ("meshes", self.meshes),
             ("materials", self.materials),
             ("textures", self.textures),
@@ -320,7 +385,8 @@ impl GlbWriter {
 
     fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         pad(&mut self.bin, 0);
-        let mut view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
+        let mut view =
+            json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
         if let Some(target) = target {
             view["target"] = json!(target);
         }
@@ -329,13 +395,31 @@ impl GlbWriter {
         self.buffer_views.len() - 1
     }
 
-    fn floats<const N: usize>(&mut self, elements: &[[f32; N]], kind: &str, with_bounds: bool) -> usize {
-        let bytes: Vec<u8> = elements.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+    fn floats<const N: usize>(
+        &mut self,
+        elements: &[[f32; N]],
+        kind: &str,
+        with_bounds: bool,
+    ) -> usize {
+        let bytes: Vec<u8> = elements
+            .as_flattened()
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
         let view = self.view(&bytes, Some(ARRAY_BUFFER));
         let mut accessor = json!({ "bufferView": view, "componentType": FLOAT, "count": elements.len(), "type": kind });
         if with_bounds {
             let extreme = |pick: fn(f32, f32) -> f32| -> Vec<Value> {
-                (0..N).map(|axis| number(elements.iter().map(|element| element[axis]).fold(elements[0][axis], pick))).collect()
+                (0..N)
+                    .map(|axis| {
+                        number(
+                            elements
+                                .iter()
+                                .map(|element| element[axis])
+                                .fold(elements[0][axis], pick),
+                        )
+                    })
+                    .collect()
             };
             accessor["min"] = Value::Array(extreme(f32::min));
             accessor["max"] = Value::Array(extreme(f32::max));
@@ -348,12 +432,22 @@ impl GlbWriter {
         // 65535 itself is reserved (primitive restart).
         let is_short = vertex_count <= 65_535;
         let bytes: Vec<u8> = if is_short {
-            indices.iter().flat_map(|index| (*index as u16).to_le_bytes()).collect()
+            indices
+                .iter()
+                .flat_map(|index| (*index as u16).to_le_bytes())
+                .collect()
         } else {
-            indices.iter().flat_map(|index| index.to_le_bytes()).collect()
+            indices
+                .iter()
+                .flat_map(|index| index.to_le_bytes())
+                .collect()
         };
         let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
-        let component = if is_short { UNSIGNED_SHORT } else { UNSIGNED_INT };
+        let component = if is_short {
+            UNSIGNED_SHORT
+        } else {
+            UNSIGNED_INT
+        };
         self.accessors.push(json!({ "bufferView": view, "componentType": component, "count": indices.len(), "type": "SCALAR" }));
         self.accessors.len() - 1
     }
@@ -362,8 +456,9 @@ impl GlbWriter {
 /// Header, JSON chunk, binary chunk (glTF 2.0, section 4.4). Both payloads must be padded to four bytes.
 fn assemble(json: &[u8], bin: &[u8]) -> Result<Vec<u8>, SceneError> {
     let bin_chunk = if bin.is_empty() { 0 } else { 8 + bin.len() };
-    let total = u32::try_from(12 + 8 + json.len() + bin_chunk)
-        .map_err(|_| SceneError::Write { what: "the scene is larger than 4 GiB".to_owned() })?;
+    let total = u32::try_from(12 + 8 + json.len() + bin_chunk).map_err(|_| SceneError::Write {
+        what: "the scene is larger than 4 GiB".to_owned(),
+    })?;
     let mut file = Vec::with_capacity(total as usize);
     file.extend_from_slice(b"glTF");
     file.extend_from_slice(&2_u32.to_le_bytes());

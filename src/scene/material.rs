@@ -135,7 +135,16 @@ impl Material {
 
     /// Whether any part of the light passes through the surface as through glass.
     pub fn is_dielectric(&self) -> bool {
-        self.transmission > 0.0 && self.metallic < 1.0
+        self.transmission > 0.0 && self.can_be_non_metal()
+    }
+
+    /// Whether any part of the surface scatters light diffusely: neither all metal nor all glass.
+    pub fn has_base_layer(&self) -> bool {
+        self.can_be_non_metal() && (self.transmission < 1.0 || self.transmission_texture.is_some())
+    }
+
+    fn can_be_non_metal(&self) -> bool {
+        self.metallic < 1.0 || self.metallic_roughness_texture.is_some()
     }
 
     /// Whether triangles of this material emit light.

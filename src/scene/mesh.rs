@@ -44,6 +44,8 @@ pub struct MeshTriangle {
 impl Mesh {
     /// Corners of a triangle in object space.
     pub fn corners(&self, triangle: &MeshTriangle) -> [DVec3; 3] {
-        triangle.vertices.map(|vertex| as_dvec3(self.positions[vertex as usize]))
+        triangle
+            .vertices
+            .map(|vertex| as_dvec3(self.positions[vertex as usize]))
     }
 }

@@ -168,12 +168,20 @@ impl Bounds {
 
     /// The smallest box that holds `points`; none if there are none.
     pub fn of_points(points: impl IntoIterator<Item = DVec3>) -> Option<Self> {
-        points.into_iter().fold(None, |bounds: Option<Self>, point| {
-            Some(match bounds {
-                None => Self { min: point, max: point },
-                Some(b) => Self { min: b.min.min(point), max: b.max.max(point) },
+        points
+            .into_iter()
+            .fold(None, |bounds: Option<Self>, point| {
+                Some(match bounds {
+                    None => Self {
+                        min: point,
+                        max: point,
+                    },
+                    Some(b) => Self {
+                        min: b.min.min(point),
+                        max: b.max.max(point),
+                    },
+                })
             })
-        })
     }
 }
 
@@ -216,13 +224,24 @@ impl Scene {
     /// World placement of every node that the scene reaches, depth first: `(node, world_from_node)`.
     pub fn placed_nodes(&self) -> Vec<(usize, DAffine3)> {
         let mut placed = Vec::with_capacity(self.nodes.len());
-        let mut pending: Vec<(usize, DAffine3)> =
-            self.roots.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
+        let mut pending: Vec<(usize, DAffine3)> = self
+            .roots
+            .iter()
+            .rev()
+            .map(|root| (*root, DAffine3::IDENTITY))
+            .collect();
         while let Some((index, world_from_parent)) = pending.pop() {
-            let Some(node) = self.nodes.get(index) else { continue };
+            let Some(node) = self.nodes.get(index) else {
+                continue;
+            };
             let world_from_node = world_from_parent * node.parent_from_node;
             placed.push((index, world_from_node));
-            pending.extend(node.children.iter().rev().map(|child| (*child, world_from_node)));
+            pending.extend(
+                node.children
+                    .iter()
+                    .rev()
+                    .map(|child| (*child, world_from_node)),
+            );
         }
         placed
     }
@@ -234,7 +253,11 @@ impl Scene {
             .filter_map(|(node, world_from_object)| {
                 let mesh = self.nodes.get(node)?.mesh?;
                 let holds_triangles = !self.meshes.get(mesh)?.triangles.is_empty();
-                holds_triangles.then_some(Instance { node, mesh, world_from_object })
+                holds_triangles.then_some(Instance {
+                    node,
+                    mesh,
+                    world_from_object,
+                })
             })
             .collect()
     }
@@ -245,21 +268,30 @@ impl Scene {
             .into_iter()
             .filter_map(|(node, world_from_light)| {
                 let light = self.nodes.get(node)?.light?;
-                Some(LightInstance { node, light, world_from_light })
+                Some(LightInstance {
+                    node,
+                    light,
+                    world_from_light,
+                })
             })
             .collect()
     }
 
     /// Triangles over all instances.
     pub fn triangle_count(&self) -> usize {
-        self.instances().iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
+        self.instances()
+            .iter()
+            .map(|instance| self.meshes[instance.mesh].triangles.len())
+            .sum()
     }
 
     /// Box around every triangle in the world; none for a scene without triangles.
     pub fn bounds_in_world(&self) -> Option<Bounds> {
         let corners = self.instances().into_iter().filter_map(|instance| {
             Bounds::of_points(self.meshes[instance.mesh].positions.iter().map(|position| {
-                instance.world_from_object.transform_point3(as_dvec3(*position))
+                instance
+                    .world_from_object
+                    .transform_point3(as_dvec3(*position))
             }))
         });
         Bounds::of_points(corners.flat_map(|bounds| [bounds.min, bounds.max]))
@@ -275,7 +307,9 @@ impl Scene {
                 mesh.triangles
                     .iter()
                     .map(|triangle| {
-                        let [a, b, c] = mesh.corners(triangle).map(|corner| world_from_object.transform_point3(corner));
+                        let [a, b, c] = mesh
+                            .corners(triangle)
+                            .map(|corner| world_from_object.transform_point3(corner));
                         0.5 * (b - a).cross(c - a).length()
                     })
                     .sum::<f64>()
@@ -308,12 +342,19 @@ impl Scene {
         /// Room between the picture's border and the scene.
         const MARGIN: f64 = 1.05;
         let Some(bounds) = self.bounds_in_world() else {
-            return Pose64 { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
+            return Pose64 {
+                position: DVec3::ZERO,
+                orientation: DQuat::IDENTITY,
+            };
         };
         let size = bounds.size();
         // The nearest face fills most of the view; tan(45 deg) = 1, so the distance is the half extent seen.
         let half_extent = (0.5 * size.x).max((0.5 + LIFT) * size.y).max(1e-3 * size.z);
-        let distance = if half_extent > 0.0 { MARGIN * half_extent } else { 1.0 };
+        let distance = if half_extent > 0.0 {
+            MARGIN * half_extent
+        } else {
+            1.0
+        };
         let center = bounds.center();
         Pose64 {
             position: DVec3::new(center.x, center.y + LIFT * size.y, bounds.max.z + distance),
@@ -325,7 +366,10 @@ impl Scene {
 /// The rotation nearest to a camera's axes: -Z kept, +Y made perpendicular to it.
 fn rotation_of(world_from_camera: DMat3) -> DQuat {
     let backward = world_from_camera.z_axis.normalize_or(DVec3::Z);
-    let right = world_from_camera.y_axis.cross(backward).normalize_or(backward.any_orthonormal_vector());
+    let right = world_from_camera
+        .y_axis
+        .cross(backward)
+        .normalize_or(backward.any_orthonormal_vector());
     let up = backward.cross(right);
     DQuat::from_mat3(&DMat3::from_cols(right, up, backward)).normalize()
 }
@@ -333,6 +377,3 @@ fn rotation_of(world_from_camera: DMat3) -> DQuat {
 pub(crate) fn as_dvec3(v: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))
 }
-
-#[cfg(test)]
-mod tests;

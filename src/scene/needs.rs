@@ -21,7 +21,10 @@ pub struct LeftOut {
 impl LeftOut {
     /// A feature and the reason.
     pub fn new(feature: impl Into<String>, why: impl Into<String>) -> Self {
-        Self { feature: feature.into(), why: why.into() }
+        Self {
+            feature: feature.into(),
+            why: why.into(),
+        }
     }
 }
 
@@ -118,7 +121,11 @@ impl Needs {
     pub fn of(scene: &Scene) -> Self {
         let instances = scene.instances();
         let mut used = vec![false; scene.materials.len()];
-        let mut needs = Self { motion: scene.source.motion.kind(), instances: instances.len(), ..Self::default() };
+        let mut needs = Self {
+            motion: scene.source.motion.kind(),
+            instances: instances.len(),
+            ..Self::default()
+        };
 
         let mut placed = vec![0_usize; scene.meshes.len()];
         for instance in &instances {
@@ -126,16 +133,26 @@ impl Needs {
         }
         // What alpha can be at most one of: factor below 1, a texture with translucent texels, a translucent vertex.
         let mut translucent_vertices = vec![false; scene.materials.len()];
-        for (mesh, placed) in scene.meshes.iter().zip(placed).filter(|(_, placed)| *placed > 0) {
+        for (mesh, placed) in scene
+            .meshes
+            .iter()
+            .zip(placed)
+            .filter(|(_, placed)| *placed > 0)
+        {
             needs.stored_triangles += mesh.triangles.len();
             needs.triangles += mesh.triangles.len() * placed;
-            needs.vertex_colors |= mesh.has_colors && mesh.colors.iter().any(|color| *color != [1.0; 4]);
+            needs.vertex_colors |=
+                mesh.has_colors && mesh.colors.iter().any(|color| *color != [1.0; 4]);
             for triangle in &mesh.triangles {
                 let material = triangle.material as usize;
                 used[material] = true;
-                needs.lights.emissive_triangles += placed * usize::from(scene.materials[material].is_emissive());
+                needs.lights.emissive_triangles +=
+                    placed * usize::from(scene.materials[material].is_emissive());
                 if mesh.has_colors {
-                    translucent_vertices[material] |= triangle.vertices.iter().any(|vertex| mesh.colors[*vertex as usize][3] < 1.0);
+                    translucent_vertices[material] |= triangle
+                        .vertices
+                        .iter()
+                        .any(|vertex| mesh.colors[*vertex as usize][3] < 1.0);
                 }
             }
         }
@@ -152,24 +169,47 @@ impl Needs {
         }
         needs.environment = scene.environment.is_some();
 
-        let in_use = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
+        let in_use = || {
+            scene
+                .materials
+                .iter()
+                .zip(&used)
+                .filter(|(_, used)| **used)
+                .map(|(material, _)| material)
+        };
         let mut textures: Vec<u32> = Vec::new();
-        for (index, material) in scene.materials.iter().enumerate().filter(|(index, _)| used[*index]) {
+        for (index, material) in scene
+            .materials
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| used[*index])
+        {
             needs.materials += 1;
             needs.add_material(material);
             needs.alpha |= alpha_matters(scene, material, translucent_vertices[index]);
-            textures.extend(material.texture_slots().iter().filter_map(|(_, slot)| Some((*slot)?.texture)));
+            textures.extend(
+                material
+                    .texture_slots()
+                    .iter()
+                    .filter_map(|(_, slot)| Some((*slot)?.texture)),
+            );
         }
         textures.sort_unstable();
         textures.dedup();
         needs.textures = textures.len();
-        let mut images: Vec<u32> = textures.iter().map(|texture| scene.textures[*texture as usize].image).collect();
+        let mut images: Vec<u32> = textures
+            .iter()
+            .map(|texture| scene.textures[*texture as usize].image)
+            .collect();
         images.sort_unstable();
         images.dedup();
-        needs.texture_bytes = images.iter().map(|image| scene.images[*image as usize].rgba8.len()).sum();
+        needs.texture_bytes = images
+            .iter()
+            .map(|image| scene.images[*image as usize].rgba8.len())
+            .sum();
 
         let is_lit = needs.lights != LightCounts::default() || needs.environment;
-        let has_diffuse = in_use().any(|material| material.metallic < 1.0 && material.transmission < 1.0);
+        let has_diffuse = in_use().any(Material::has_base_layer);
         needs.caustics = is_lit && has_diffuse && in_use().any(focuses);
         needs.left_out = scene.source.left_out.clone();
         needs.note_unneeded();
@@ -187,7 +227,7 @@ impl Needs {
         } else if material.is_lambert() {
             kind("lambert");
         } else {
-            if material.metallic < 1.0 && material.transmission < 1.0 {
+            if material.has_base_layer() {
                 kind("glossy");
             }
             if material.metallic > 0.0 {
@@ -236,7 +276,11 @@ impl Needs {
                 (feature, why)
             })
             .collect();
-        self.left_out.extend(absent.into_iter().map(|(feature, why)| LeftOut::new(feature, why)));
+        self.left_out.extend(
+            absent
+                .into_iter()
+                .map(|(feature, why)| LeftOut::new(feature, why)),
+        );
     }
 
     /// Shader features by name (`@if(name)` in the shaders), each with whether the scene needs it.
@@ -264,7 +308,8 @@ fn focuses(material: &Material) -> bool {
     if material.user_bsdf != 0 {
         return false;
     }
-    let is_smooth = material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
+    let is_smooth =
+        material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
     material.is_dielectric() || (material.metallic > 0.0 && is_smooth)
 }
 
@@ -277,7 +322,12 @@ fn alpha_matters(scene: &Scene, material: &Material, translucent_vertices: bool)
     };
     let texture_alpha = material.base_color_texture.map_or(1.0, |slot| {
         let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
-        let least = image.rgba8.chunks_exact(4).map(|texel| texel[3]).min().unwrap_or(255);
+        let least = image
+            .rgba8
+            .chunks_exact(4)
+            .map(|texel| texel[3])
+            .min()
+            .unwrap_or(255);
         f32::from(least) / 255.0
     });
     translucent_vertices || material.base_color[3] * texture_alpha < cutoff

@@ -39,7 +39,8 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                if from_list && pass.over != passes::Over::Pixels {
+                let fills = [passes::EYE_PHOTON, passes::EYE_PATH, passes::FILL_REASONS].concat();
+                if from_list && !fills.contains(pass) {
                     continue;
                 }
                 let shader = library

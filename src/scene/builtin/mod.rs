@@ -23,7 +23,10 @@ pub fn write_builtin_glb(name: &str) -> Result<Vec<u8>, SceneError> {
         "plane" => plane::write(),
         "sphere" => sphere::write(),
         "gallery" => gallery::write(),
-        unknown => Err(SceneError::UnknownBuiltin { name: unknown.to_owned(), known: NAMES.join(", ") }),
+        unknown => Err(SceneError::UnknownBuiltin {
+            name: unknown.to_owned(),
+            known: NAMES.join(", "),
+        }),
     }
 }
 

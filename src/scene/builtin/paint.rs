@@ -19,9 +19,15 @@ impl Picture {
         let mut rgb = Vec::with_capacity(width as usize * height as usize * 3);
         for row in 0..height {
             for column in 0..width {
-                let place = DVec2::new((f64::from(column) + 0.5) / f64::from(width), (f64::from(row) + 0.5) / f64::from(height));
+                let place = DVec2::new(
+                    (f64::from(column) + 0.5) / f64::from(width),
+                    (f64::from(row) + 0.5) / f64::from(height),
+                );
                 // Steps of two levels halve the PNG and cannot be seen.
-                rgb.extend(color_at(place).map(|channel| ((channel / 2.0).round() * 2.0).clamp(0.0, 255.0) as u8));
+                rgb.extend(
+                    color_at(place)
+                        .map(|channel| ((channel / 2.0).round() * 2.0).clamp(0.0, 255.0) as u8),
+                );
             }
         }
         Self { width, height, rgb }
@@ -43,9 +49,17 @@ pub fn marble_floor(size: u32) -> Picture {
         let vein = veins(local * 2.2 + offset);
         let cloud = fractal(local * 3.0 + offset, 4);
         if (column + row) % 2.0 == 0.0 {
-            mix(mix([226.0, 218.0, 202.0], [205.0, 193.0, 172.0], cloud), [150.0, 132.0, 112.0], 0.75 * vein)
+            mix(
+                mix([226.0, 218.0, 202.0], [205.0, 193.0, 172.0], cloud),
+                [150.0, 132.0, 112.0],
+                0.75 * vein,
+            )
         } else {
-            mix(mix([38.0, 62.0, 54.0], [20.0, 38.0, 36.0], cloud), [150.0, 170.0, 156.0], 0.6 * vein)
+            mix(
+                mix([38.0, 62.0, 54.0], [20.0, 38.0, 36.0], cloud),
+                [150.0, 170.0, 156.0],
+                0.6 * vein,
+            )
         }
     })
 }
@@ -55,12 +69,25 @@ pub fn painting_dusk(width: u32, height: u32) -> Picture {
     Picture::paint(width, height, |place| {
         let stroke = fractal(DVec2::new(place.x * 3.0, place.y * 26.0), 4) - 0.5;
         let y = place.y + 0.07 * stroke + 0.05 * (fractal(DVec2::new(place.x * 5.0, 7.0), 3) - 0.5);
-        let sky = mix([44.0, 46.0, 110.0], [236.0, 128.0, 66.0], smooth(0.05, 0.55, y));
-        let sea = mix([190.0, 84.0, 62.0], [26.0, 30.0, 66.0], smooth(0.58, 0.95, y));
+        let sky = mix(
+            [44.0, 46.0, 110.0],
+            [236.0, 128.0, 66.0],
+            smooth(0.05, 0.55, y),
+        );
+        let sea = mix(
+            [190.0, 84.0, 62.0],
+            [26.0, 30.0, 66.0],
+            smooth(0.58, 0.95, y),
+        );
         let sun = place.distance(DVec2::new(0.62, 0.44));
         let base = if y < 0.57 { sky } else { sea };
-        let lit = mix(base, [255.0, 220.0, 140.0], 0.95 * (1.0 - smooth(0.085, 0.1, sun + 0.015 * stroke)));
-        let path = (1.0 - smooth(0.0, 0.12, (place.x - 0.62).abs() + 0.1 * stroke)) * smooth(0.58, 0.62, y);
+        let lit = mix(
+            base,
+            [255.0, 220.0, 140.0],
+            0.95 * (1.0 - smooth(0.085, 0.1, sun + 0.015 * stroke)),
+        );
+        let path = (1.0 - smooth(0.0, 0.12, (place.x - 0.62).abs() + 0.1 * stroke))
+            * smooth(0.58, 0.62, y);
         mix(lit, [250.0, 170.0, 96.0], 0.55 * path)
     })
 }
@@ -77,7 +104,11 @@ pub fn painting_circles(width: u32, height: u32) -> Picture {
     ];
     Picture::paint(width, height, |place| {
         let grain = fractal(place * 24.0, 3) - 0.5;
-        let mut color = mix([236.0, 226.0, 204.0], [214.0, 202.0, 178.0], fractal(place * 4.0, 3));
+        let mut color = mix(
+            [236.0, 226.0, 204.0],
+            [214.0, 202.0, 178.0],
+            fractal(place * 4.0, 3),
+        );
         let bar = (place.x - place.y * 0.55 - 0.22).abs();
         color = mix([34.0, 34.0, 38.0], color, smooth(0.018, 0.022, bar));
         for (center, radius, paint) in discs {
@@ -91,13 +122,27 @@ pub fn painting_circles(width: u32, height: u32) -> Picture {
 /// Green hills in mist.
 pub fn painting_hills(width: u32, height: u32) -> Picture {
     Picture::paint(width, height, |place| {
-        let mut color = mix([150.0, 186.0, 206.0], [242.0, 226.0, 196.0], smooth(0.0, 0.5, place.y));
+        let mut color = mix(
+            [150.0, 186.0, 206.0],
+            [242.0, 226.0, 196.0],
+            smooth(0.0, 0.5, place.y),
+        );
         for ridge in 0..6 {
             let depth = f64::from(ridge) / 5.0;
-            let line = 0.34 + 0.11 * f64::from(ridge) + 0.20 * (fractal(DVec2::new(place.x * (2.0 + 0.7 * depth) + 13.0 * depth, 3.0 * depth), 4) - 0.5);
+            let line = 0.34
+                + 0.11 * f64::from(ridge)
+                + 0.20
+                    * (fractal(
+                        DVec2::new(place.x * (2.0 + 0.7 * depth) + 13.0 * depth, 3.0 * depth),
+                        4,
+                    ) - 0.5);
             let slope = mix([148.0, 176.0, 170.0], [30.0, 62.0, 40.0], depth);
             let brush = fractal(DVec2::new(place.x * 30.0, place.y * 60.0), 3) - 0.5;
-            color = mix(color, slope.map(|channel| channel * (1.0 + 0.25 * brush * depth)), smooth(line - 0.004, line + 0.004, place.y));
+            color = mix(
+                color,
+                slope.map(|channel| channel * (1.0 + 0.25 * brush * depth)),
+                smooth(line - 0.004, line + 0.004, place.y),
+            );
         }
         color
     })
@@ -106,16 +151,28 @@ pub fn painting_hills(width: u32, height: u32) -> Picture {
 /// A carpet: dark red field with a lattice of rosettes, bands at the long sides. u runs across, v along and repeats.
 pub fn carpet(size: u32) -> Picture {
     Picture::paint(size, size, |place| {
-        let weave = 0.9 + 0.1 * hash(DVec2::new((place.x * 256.0).floor(), (place.y * 256.0).floor()));
+        let weave = 0.9
+            + 0.1
+                * hash(DVec2::new(
+                    (place.x * 256.0).floor(),
+                    (place.y * 256.0).floor(),
+                ));
         let side = place.x.min(1.0 - place.x);
-        let cell = DVec2::new(((place.x - 0.14) / 0.72 * 3.0).fract().abs(), (place.y * 4.0).fract());
+        let cell = DVec2::new(
+            ((place.x - 0.14) / 0.72 * 3.0).fract().abs(),
+            (place.y * 4.0).fract(),
+        );
         let from_center = (cell - DVec2::splat(0.5)).abs();
         let rhombus = from_center.x + from_center.y;
         let color = if side < 0.025 || (0.105..0.125).contains(&side) {
             [198.0, 158.0, 84.0]
         } else if side < 0.105 {
             let wave = ((place.y * 16.0).fract() - 0.5).abs() * 2.0;
-            if (side - 0.065).abs() < 0.028 * wave { [206.0, 178.0, 120.0] } else { [26.0, 40.0, 74.0] }
+            if (side - 0.065).abs() < 0.028 * wave {
+                [206.0, 178.0, 120.0]
+            } else {
+                [26.0, 40.0, 74.0]
+            }
         } else if rhombus < 0.14 {
             [214.0, 172.0, 96.0]
         } else if rhombus < 0.30 {
@@ -141,7 +198,10 @@ fn smooth(low: f64, high: f64, x: f64) -> f64 {
 
 /// Thin bright lines where a warped noise crosses its middle.
 fn veins(place: DVec2) -> f64 {
-    let warp = DVec2::new(fractal(place + DVec2::new(31.0, 7.0), 3), fractal(place + DVec2::new(5.0, 43.0), 3));
+    let warp = DVec2::new(
+        fractal(place + DVec2::new(31.0, 7.0), 3),
+        fractal(place + DVec2::new(5.0, 43.0), 3),
+    );
     let ridge = (fractal(place + warp * 1.6, 4) - 0.5).abs();
     1.0 - smooth(0.0, 0.045, ridge)
 }
@@ -171,7 +231,8 @@ fn value_noise(place: DVec2) -> f64 {
 
 /// A number from 0 to 1 for every integer place (multiplication and xor-shift, after the finaliser of MurmurHash3).
 fn hash(cell: DVec2) -> f64 {
-    let mut bits = (cell.x as i64 as u32).wrapping_mul(0x9e37_79b9) ^ (cell.y as i64 as u32).wrapping_mul(0x85eb_ca6b);
+    let mut bits = (cell.x as i64 as u32).wrapping_mul(0x9e37_79b9)
+        ^ (cell.y as i64 as u32).wrapping_mul(0x85eb_ca6b);
     bits ^= bits >> 16;
     bits = bits.wrapping_mul(0x85eb_ca6b);
     bits ^= bits >> 13;

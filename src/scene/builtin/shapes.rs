@@ -22,9 +22,19 @@ impl Shape {
     pub fn quad(corner: DVec3, edge_u: DVec3, edge_v: DVec3) -> Self {
         let normal = edge_u.cross(edge_v).normalize_or(DVec3::Y);
         Self {
-            positions: vec![corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v],
+            positions: vec![
+                corner,
+                corner + edge_u,
+                corner + edge_u + edge_v,
+                corner + edge_v,
+            ],
             normals: vec![normal; 4],
-            uvs: vec![DVec2::new(0.0, 1.0), DVec2::new(1.0, 1.0), DVec2::new(1.0, 0.0), DVec2::new(0.0, 0.0)],
+            uvs: vec![
+                DVec2::new(0.0, 1.0),
+                DVec2::new(1.0, 1.0),
+                DVec2::new(1.0, 0.0),
+                DVec2::new(0.0, 0.0),
+            ],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
         }
     }
@@ -36,7 +46,11 @@ impl Shape {
         let middle = (a + b + c + d) / 4.0;
         let faces = normal.dot(towards - middle) > 0.0;
         Self {
-            positions: if faces { vec![a, b, c, d] } else { vec![a, d, c, b] },
+            positions: if faces {
+                vec![a, b, c, d]
+            } else {
+                vec![a, d, c, b]
+            },
             normals: vec![if faces { normal } else { -normal }; 4],
             uvs: Vec::new(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -52,10 +66,15 @@ impl Shape {
         for (axis, u_axis, v_axis) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
             for sign in [-1.0, 1.0] {
                 let normal = axes[axis] * sign;
-                let (u, v) = (axes[u_axis] * sign * inner[u_axis], axes[v_axis] * inner[v_axis]);
+                let (u, v) = (
+                    axes[u_axis] * sign * inner[u_axis],
+                    axes[v_axis] * inner[v_axis],
+                );
                 let mut face = Self::quad(center + normal * half[axis] - u - v, 2.0 * u, 2.0 * v);
                 let (width, height) = (2.0 * inner[u_axis], 2.0 * inner[v_axis]);
-                face.uvs.iter_mut().for_each(|uv| *uv *= DVec2::new(width, height));
+                face.uvs
+                    .iter_mut()
+                    .for_each(|uv| *uv *= DVec2::new(width, height));
                 shape.append(face);
                 if bevel > 0.0 {
                     // The bevels along +u and -u of this face's next axis: each of the twelve edges once.
@@ -64,14 +83,24 @@ impl Shape {
                         let near = center + normal * half[axis] + along * inner[u_axis];
                         let far = center + normal * inner[axis] + along * half[u_axis];
                         let w = axes[v_axis] * inner[v_axis];
-                        shape.append(Self::quadrangle_facing([near - w, near + w, far + w, far - w], near + far - center + (normal + along) * 100.0).with_flat_uvs());
+                        shape.append(
+                            Self::quadrangle_facing(
+                                [near - w, near + w, far + w, far - w],
+                                near + far - center + (normal + along) * 100.0,
+                            )
+                            .with_flat_uvs(),
+                        );
                     }
                 }
             }
         }
         if bevel > 0.0 {
             for corner in 0..8 {
-                let s = DVec3::new(sign_of(corner & 1), sign_of(corner & 2), sign_of(corner & 4));
+                let s = DVec3::new(
+                    sign_of(corner & 1),
+                    sign_of(corner & 2),
+                    sign_of(corner & 4),
+                );
                 let points = [0, 1, 2].map(|axis| {
                     let mut point = inner * s;
                     point[axis] = half[axis] * s[axis];
@@ -82,7 +111,11 @@ impl Shape {
                 shape.positions.extend(points);
                 shape.normals.extend([s.normalize(); 3]);
                 shape.uvs.extend([DVec2::ZERO; 3]);
-                shape.triangles.push(if is_outward { [base, base + 1, base + 2] } else { [base, base + 2, base + 1] });
+                shape.triangles.push(if is_outward {
+                    [base, base + 1, base + 2]
+                } else {
+                    [base, base + 2, base + 1]
+                });
             }
         }
         shape
@@ -95,11 +128,16 @@ impl Shape {
         let mut shape = Self::default();
         for row in 0..=rows {
             for column in 0..=columns {
-                let (u, v) = (f64::from(column) / f64::from(columns), f64::from(row) / f64::from(rows));
+                let (u, v) = (
+                    f64::from(column) / f64::from(columns),
+                    f64::from(row) / f64::from(rows),
+                );
                 let along_u = point(u + STEP, v) - point(u - STEP, v);
                 let along_v = point(u, v + STEP) - point(u, v - STEP);
                 shape.positions.push(point(u, v));
-                shape.normals.push(along_u.cross(along_v).normalize_or(DVec3::Y));
+                shape
+                    .normals
+                    .push(along_u.cross(along_v).normalize_or(DVec3::Y));
                 shape.uvs.push(DVec2::new(u, 1.0 - v));
             }
         }
@@ -121,9 +159,21 @@ impl Shape {
         for band in 0..profile.len().saturating_sub(1) {
             let (low, high) = (profile[band], profile[band + 1]);
             let along = direction(low, high);
-            let blend = |other: DVec2| if along.dot(other) > 0.766 { (along + other).normalize_or(along) } else { along };
-            let along_low = if band > 0 { blend(direction(profile[band - 1], low)) } else { along };
-            let along_high = profile.get(band + 2).map_or(along, |next| blend(direction(high, *next)));
+            let blend = |other: DVec2| {
+                if along.dot(other) > 0.766 {
+                    (along + other).normalize_or(along)
+                } else {
+                    along
+                }
+            };
+            let along_low = if band > 0 {
+                blend(direction(profile[band - 1], low))
+            } else {
+                along
+            };
+            let along_high = profile
+                .get(band + 2)
+                .map_or(along, |next| blend(direction(high, *next)));
             let base = shape.positions.len() as u32;
             for segment in 0..=segments {
                 let share = f64::from(segment % segments) / f64::from(segments);
@@ -138,8 +188,13 @@ impl Shape {
                     let upward = outward * along.x + DVec3::Y * along.y;
                     let around = around.normalize_or(DVec3::new(-angle.sin(), 0.0, -angle.cos()));
                     shape.positions.push(place(angle));
-                    shape.normals.push(around.cross(upward).normalize_or(DVec3::Y));
-                    shape.uvs.push(DVec2::new(f64::from(segment) / f64::from(segments), -point.y));
+                    shape
+                        .normals
+                        .push(around.cross(upward).normalize_or(DVec3::Y));
+                    shape.uvs.push(DVec2::new(
+                        f64::from(segment) / f64::from(segments),
+                        -point.y,
+                    ));
                 }
             }
             for segment in 0..segments {
@@ -160,19 +215,36 @@ impl Shape {
     pub fn icosphere(radius: f64, levels: u32) -> Self {
         let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
         let mut points: Vec<DVec3> = Vec::new();
-        for (a, b) in [(-1.0, golden), (1.0, golden), (-1.0, -golden), (1.0, -golden)] {
-            points.extend([DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)]);
+        for (a, b) in [
+            (-1.0, golden),
+            (1.0, golden),
+            (-1.0, -golden),
+            (1.0, -golden),
+        ] {
+            points.extend([
+                DVec3::new(a, b, 0.0),
+                DVec3::new(0.0, a, b),
+                DVec3::new(b, 0.0, a),
+            ]);
         }
-        points.iter_mut().for_each(|point| *point = point.normalize());
+        points
+            .iter_mut()
+            .for_each(|point| *point = point.normalize());
         // Neighbours on the icosahedron are the pairs at the least distance.
-        let edge = points[1..].iter().map(|point| point.distance(points[0])).fold(f64::INFINITY, f64::min);
+        let edge = points[1..]
+            .iter()
+            .map(|point| point.distance(points[0]))
+            .fold(f64::INFINITY, f64::min);
         let touches = |a: usize, b: usize| points[a].distance(points[b]) < 1.01 * edge;
         let mut triangles: Vec<[u32; 3]> = Vec::new();
         for a in 0..points.len() {
             for b in a + 1..points.len() {
                 for c in b + 1..points.len() {
                     if touches(a, b) && touches(b, c) && touches(a, c) {
-                        let is_outward = (points[b] - points[a]).cross(points[c] - points[a]).dot(points[a]) > 0.0;
+                        let is_outward = (points[b] - points[a])
+                            .cross(points[c] - points[a])
+                            .dot(points[a])
+                            > 0.0;
                         let (a, b, c) = (a as u32, b as u32, c as u32);
                         triangles.push(if is_outward { [a, b, c] } else { [a, c, b] });
                     }
@@ -184,10 +256,12 @@ impl Shape {
             let mut finer = Vec::with_capacity(triangles.len() * 4);
             for [a, b, c] in triangles {
                 let mut middle = |from: u32, to: u32| {
-                    *middles.entry((from.min(to), from.max(to))).or_insert_with(|| {
-                        points.push((points[from as usize] + points[to as usize]).normalize());
-                        points.len() as u32 - 1
-                    })
+                    *middles
+                        .entry((from.min(to), from.max(to)))
+                        .or_insert_with(|| {
+                            points.push((points[from as usize] + points[to as usize]).normalize());
+                            points.len() as u32 - 1
+                        })
                 };
                 let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
                 finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
@@ -205,9 +279,22 @@ impl Shape {
     /// An upright panel in the plane z = 0, x from `-half_width`, y from 0, front towards +Z, with a round-arched
     /// opening around x = 0, and the opening's reveal `depth` deep towards -Z. uv in metres.
     pub fn arched_panel(panel: &ArchedPanel) -> Self {
-        let ArchedPanel { half_width, height, opening_half_width: r, sill, spring, depth, segments } = *panel;
+        let ArchedPanel {
+            half_width,
+            height,
+            opening_half_width: r,
+            sill,
+            spring,
+            depth,
+            segments,
+        } = *panel;
         let flat = |x0: f64, x1: f64, y0: f64, y1: f64| {
-            Self::quad(DVec3::new(x0, y0, 0.0), DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0)).with_flat_uvs()
+            Self::quad(
+                DVec3::new(x0, y0, 0.0),
+                DVec3::X * (x1 - x0),
+                DVec3::Y * (y1 - y0),
+            )
+            .with_flat_uvs()
         };
         let mut shape = Self::default();
         let bottom = sill.unwrap_or(spring);
@@ -225,12 +312,19 @@ impl Shape {
         for at in 0..segments {
             let (left, right) = (rim(at), rim(at + 1));
             let base = shape.positions.len() as u32;
-            for (x, y) in [(left.x, left.y), (right.x, right.y), (right.x, height), (left.x, height)] {
+            for (x, y) in [
+                (left.x, left.y),
+                (right.x, right.y),
+                (right.x, height),
+                (left.x, height),
+            ] {
                 shape.positions.push(DVec3::new(x, y, 0.0));
                 shape.normals.push(DVec3::Z);
                 shape.uvs.push(DVec2::new(x, -y));
             }
-            shape.triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+            shape
+                .triangles
+                .extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
         }
         // The soffit of the arch looks towards its centre; the jambs and the sill close the opening below.
         let back = DVec3::Z * -depth;
@@ -242,12 +336,16 @@ impl Shape {
             for (position, v) in [(front, 0.0), (front + back, depth)] {
                 soffit.positions.push(position);
                 soffit.normals.push(DVec3::new(inward.x, inward.y, 0.0));
-                soffit.uvs.push(DVec2::new(f64::from(at) / f64::from(segments) * PI * r, v));
+                soffit
+                    .uvs
+                    .push(DVec2::new(f64::from(at) / f64::from(segments) * PI * r, v));
             }
         }
         for at in 0..segments {
             let a = 2 * at;
-            soffit.triangles.extend([[a, a + 1, a + 3], [a, a + 3, a + 2]]);
+            soffit
+                .triangles
+                .extend([[a, a + 1, a + 3], [a, a + 3, a + 2]]);
         }
         shape.append(soffit);
         if let Some(sill) = sill {
@@ -255,7 +353,9 @@ impl Shape {
             shape.append(Self::quad(DVec3::new(-r, sill, 0.0), back, rise).with_flat_uvs());
             shape.append(Self::quad(DVec3::new(r, sill, 0.0) + back, -back, rise).with_flat_uvs());
             if sill > 0.0 {
-                shape.append(Self::quad(DVec3::new(-r, sill, 0.0), DVec3::X * 2.0 * r, back).with_flat_uvs());
+                shape.append(
+                    Self::quad(DVec3::new(-r, sill, 0.0), DVec3::X * 2.0 * r, back).with_flat_uvs(),
+                );
             }
         }
         shape
@@ -267,21 +367,34 @@ impl Shape {
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
         self.uvs.extend(other.uvs);
-        self.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + base)));
+        self.triangles.extend(
+            other
+                .triangles
+                .iter()
+                .map(|triangle| triangle.map(|vertex| vertex + base)),
+        );
     }
 
     /// The same shape elsewhere. The transform must not mirror.
     pub fn transformed(mut self, to_from_here: DAffine3) -> Self {
         let normal_matrix = to_from_here.matrix3.inverse().transpose();
-        self.positions.iter_mut().for_each(|point| *point = to_from_here.transform_point3(*point));
-        self.normals.iter_mut().for_each(|normal| *normal = (normal_matrix * *normal).normalize_or(DVec3::Y));
+        self.positions
+            .iter_mut()
+            .for_each(|point| *point = to_from_here.transform_point3(*point));
+        self.normals
+            .iter_mut()
+            .for_each(|normal| *normal = (normal_matrix * *normal).normalize_or(DVec3::Y));
         self
     }
 
     /// The same surface seen from its other side.
     pub fn inside_out(mut self) -> Self {
-        self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-        self.normals.iter_mut().for_each(|normal| *normal = -*normal);
+        self.triangles
+            .iter_mut()
+            .for_each(|triangle| triangle.swap(1, 2));
+        self.normals
+            .iter_mut()
+            .for_each(|normal| *normal = -*normal);
         self
     }
 
@@ -318,12 +431,21 @@ impl Shape {
 
     /// For the writer, with uvs.
     pub fn part(self, material: u32) -> Part {
-        Part { material, positions: self.positions, normals: self.normals, uvs: self.uvs, triangles: self.triangles }
+        Part {
+            material,
+            positions: self.positions,
+            normals: self.normals,
+            uvs: self.uvs,
+            triangles: self.triangles,
+        }
     }
 
     /// For the writer, without uvs.
     pub fn plain_part(self, material: u32) -> Part {
-        Part { uvs: Vec::new(), ..self.part(material) }
+        Part {
+            uvs: Vec::new(),
+            ..self.part(material)
+        }
     }
 }
 
@@ -351,10 +473,14 @@ mod tests {
 
     /// Volume by the divergence theorem: positive only if closed and facing outward.
     fn volume(shape: &Shape) -> f64 {
-        shape.triangles.iter().map(|t| {
-            let [a, b, c] = t.map(|vertex| shape.positions[vertex as usize]);
-            a.dot(b.cross(c)) / 6.0
-        }).sum()
+        shape
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|vertex| shape.positions[vertex as usize]);
+                a.dot(b.cross(c)) / 6.0
+            })
+            .sum()
     }
 
     fn assert_normals_agree(shape: &Shape) {
@@ -364,7 +490,10 @@ mod tests {
             for vertex in triangle {
                 let normal = shape.normals[*vertex as usize];
                 assert!((normal.length() - 1.0).abs() < 1e-9);
-                assert!(geometric.dot(normal) > 0.0 || geometric.length() < 1e-12, "{triangle:?}");
+                assert!(
+                    geometric.dot(normal) > 0.0 || geometric.length() < 1e-12,
+                    "{triangle:?}"
+                );
             }
         }
     }
@@ -378,8 +507,14 @@ mod tests {
         assert_normals_agree(&shape);
         // Cube less twelve prisms of bevel^2 / 2 over the inner length, and at each corner the cube of the bevel less
         // the tetrahedron that stays (bevel^3 / 6).
-        let expected = 8.0 - 12.0 * bevel * bevel / 2.0 * (2.0 - 2.0 * bevel) - 8.0 * bevel.powi(3) * (5.0 / 6.0);
-        assert!((volume(&shape) - expected).abs() < 1e-9, "{} {expected}", volume(&shape));
+        let expected = 8.0
+            - 12.0 * bevel * bevel / 2.0 * (2.0 - 2.0 * bevel)
+            - 8.0 * bevel.powi(3) * (5.0 / 6.0);
+        assert!(
+            (volume(&shape) - expected).abs() < 1e-9,
+            "{} {expected}",
+            volume(&shape)
+        );
     }
 
     #[test]
@@ -395,21 +530,43 @@ mod tests {
 
     #[test]
     fn lathe_faces_outward() {
-        let profile = [DVec2::new(0.0, 0.0), DVec2::new(1.0, 0.0), DVec2::new(1.0, 2.0), DVec2::new(0.0, 2.0)];
+        let profile = [
+            DVec2::new(0.0, 0.0),
+            DVec2::new(1.0, 0.0),
+            DVec2::new(1.0, 2.0),
+            DVec2::new(0.0, 2.0),
+        ];
         let shape = Shape::lathe(&profile, 256, |_| 1.0);
         assert_normals_agree(&shape);
         // A prism over a regular 256-gon: pi less 1e-4 of it.
-        assert!((volume(&shape) / (2.0 * PI) - 1.0).abs() < 2e-4, "{}", volume(&shape));
+        assert!(
+            (volume(&shape) / (2.0 * PI) - 1.0).abs() < 2e-4,
+            "{}",
+            volume(&shape)
+        );
     }
 
     #[test]
     fn arched_panel_area_and_facing() {
-        let panel = ArchedPanel { half_width: 1.0, height: 3.0, opening_half_width: 0.5, sill: Some(1.0), spring: 2.0, depth: 0.2, segments: 64 };
+        let panel = ArchedPanel {
+            half_width: 1.0,
+            height: 3.0,
+            opening_half_width: 0.5,
+            sill: Some(1.0),
+            spring: 2.0,
+            depth: 0.2,
+            segments: 64,
+        };
         let shape = Shape::arched_panel(&panel);
         assert_normals_agree(&shape);
         let front = 6.0 - (1.0 + PI * 0.125);
         let reveal = 0.2 * (1.0 + 1.0 + 1.0 + PI * 0.5);
         // The arch is a 64-gon's half: its area is short by 1.6e-3 of the half disk, its length by 1e-4.
-        assert!((shape.area_m2() - front - reveal).abs() < 2e-3, "{} {}", shape.area_m2(), front + reveal);
+        assert!(
+            (shape.area_m2() - front - reveal).abs() < 2e-3,
+            "{} {}",
+            shape.area_m2(),
+            front + reveal
+        );
     }
 }

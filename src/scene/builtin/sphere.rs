@@ -36,9 +36,17 @@ pub(super) fn write() -> Result<Vec<u8>, SceneError> {
     let wall = Shape::icosphere(RADIUS_M * (area / inscribed).sqrt(), LEVELS).inside_out();
     let mesh = glb.mesh("wall", &[wall.plain_part(material)])?;
     glb.node("wall", DAffine3::IDENTITY, Payload::Mesh(mesh));
-    let light = glb.light(&PunctualLight { name: "lamp".to_owned(), kind: LightKind::Point, intensity: [LIGHT_INTENSITY; 3] });
+    let light = glb.light(&PunctualLight {
+        name: "lamp".to_owned(),
+        kind: LightKind::Point,
+        intensity: [LIGHT_INTENSITY; 3],
+    });
     glb.node("lamp", DAffine3::IDENTITY, Payload::Light(light));
     let camera = glb.camera("viewpoint", std::f32::consts::FRAC_PI_2);
-    glb.node("viewpoint", DAffine3::from_translation(DVec3::from_array(CAMERA_POSITION)), Payload::Camera(camera));
+    glb.node(
+        "viewpoint",
+        DAffine3::from_translation(DVec3::from_array(CAMERA_POSITION)),
+        Payload::Camera(camera),
+    );
     glb.finish("sphere")
 }

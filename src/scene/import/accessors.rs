@@ -34,13 +34,20 @@ impl<'a> Reader<'a> {
     pub fn view(&self, index: usize, place: &str) -> Result<&'a [u8], SceneError> {
         let root = &self.document.root;
         let view = root.buffer_views.get(index).ok_or_else(|| {
-            self.document.fault(format!("{place}: buffer view {index} is out of range, there are {}", root.buffer_views.len()))
+            self.document.fault(format!(
+                "{place}: buffer view {index} is out of range, there are {}",
+                root.buffer_views.len()
+            ))
         })?;
         let buffer_index = view.buffer.value();
         let buffer = self.buffers.get(buffer_index).ok_or_else(|| {
-            self.document.fault(format!("bufferViews[{index}]: buffer {buffer_index} is out of range, there are {}", self.buffers.len()))
+            self.document.fault(format!(
+                "bufferViews[{index}]: buffer {buffer_index} is out of range, there are {}",
+                self.buffers.len()
+            ))
         })?;
-        if let Some(name) = extensions::compression_of(self.document.raw_item("bufferViews", index)) {
+        if let Some(name) = extensions::compression_of(self.document.raw_item("bufferViews", index))
+        {
             return Err(self.document.fault(format!("bufferViews[{index}] is compressed by {name}, which is not supported: decompress the file first")));
         }
         let offset = view.byte_offset.map_or(0, |offset| offset.0);
@@ -57,73 +64,133 @@ impl<'a> Reader<'a> {
     fn accessor(&self, index: usize, place: &str) -> Result<&'a json::Accessor, SceneError> {
         let root = &self.document.root;
         root.accessors.get(index).ok_or_else(|| {
-            self.document.fault(format!("{place}: accessor {index} is out of range, there are {}", root.accessors.len()))
+            self.document.fault(format!(
+                "{place}: accessor {index} is out of range, there are {}",
+                root.accessors.len()
+            ))
         })
     }
 
     fn layout(&self, index: usize, place: &str) -> Result<Layout<'a>, SceneError> {
         let accessor = self.accessor(index, place)?;
-        let fault = |what: String| self.document.fault(format!("accessors[{index}] ({place}): {what}"));
-        let (Checked::Valid(component), Checked::Valid(kind)) = (accessor.component_type, accessor.type_) else {
+        let fault = |what: String| {
+            self.document
+                .fault(format!("accessors[{index}] ({place}): {what}"))
+        };
+        let (Checked::Valid(component), Checked::Valid(kind)) =
+            (accessor.component_type, accessor.type_)
+        else {
             return Err(fault("unknown type".to_owned()));
         };
         if matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4) {
-            return Err(fault("a matrix, where a scalar or vector belongs".to_owned()));
+            return Err(fault(
+                "a matrix, where a scalar or vector belongs".to_owned(),
+            ));
         }
         let component = component.0;
         let multiplicity = kind.multiplicity();
         let element_size = component.size() * multiplicity;
         let count = accessor.count.0;
         if count == 0 {
-            return Err(fault("count is 0; leave the accessor out instead".to_owned()));
+            return Err(fault(
+                "count is 0; leave the accessor out instead".to_owned(),
+            ));
         }
         let Some(view_index) = accessor.buffer_view else {
             let bytes = count.saturating_mul(multiplicity as u64 * 4);
             if bytes > MAX_ZERO_BYTES {
-                return Err(fault(format!("count {count} without a buffer view is over the limit of {MAX_ZERO_BYTES} bytes")));
+                return Err(fault(format!(
+                    "count {count} without a buffer view is over the limit of {MAX_ZERO_BYTES} bytes"
+                )));
             }
-            return Ok(Layout { data: None, stride: element_size, count: count as usize, multiplicity, component, normalized: accessor.normalized });
+            return Ok(Layout {
+                data: None,
+                stride: element_size,
+                count: count as usize,
+                multiplicity,
+                component,
+                normalized: accessor.normalized,
+            });
         };
         let view_index = view_index.value();
         let bytes = self.view(view_index, &format!("accessors[{index}]"))?;
-        let stride = self.document.root.buffer_views[view_index].byte_stride.map_or(element_size, |stride| stride.0);
+        let stride = self.document.root.buffer_views[view_index]
+            .byte_stride
+            .map_or(element_size, |stride| stride.0);
         if stride < element_size {
-            return Err(fault(format!("byteStride {stride} of bufferViews[{view_index}] is less than the element's {element_size} bytes")));
+            return Err(fault(format!(
+                "byteStride {stride} of bufferViews[{view_index}] is less than the element's {element_size} bytes"
+            )));
         }
         let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
         // Last byte needed: offset + (count - 1) * stride + element_size, in u128 so that nothing wraps.
-        let needed = u128::from(offset) + u128::from(count - 1) * stride as u128 + element_size as u128;
+        let needed =
+            u128::from(offset) + u128::from(count - 1) * stride as u128 + element_size as u128;
         if needed > bytes.len() as u128 {
-            return Err(fault(format!("{count} elements need {needed} bytes, bufferViews[{view_index}] has {}", bytes.len())));
+            return Err(fault(format!(
+                "{count} elements need {needed} bytes, bufferViews[{view_index}] has {}",
+                bytes.len()
+            )));
         }
-        Ok(Layout { data: bytes.get(offset as usize..), stride, count: count as usize, multiplicity, component, normalized: accessor.normalized })
+        Ok(Layout {
+            data: bytes.get(offset as usize..),
+            stride,
+            count: count as usize,
+            multiplicity,
+            component,
+            normalized: accessor.normalized,
+        })
     }
 
     /// Reads an accessor as floats: `(components per element, values)`. Normalised integers are scaled (glTF 2.0,
     /// section 3.11), other integers are taken as they are (KHR_mesh_quantization), sparse values are put in.
-    pub fn read_floats(&self, index: usize, allowed: &[usize], place: &str) -> Result<(usize, Vec<f32>), SceneError> {
+    pub fn read_floats(
+        &self,
+        index: usize,
+        allowed: &[usize],
+        place: &str,
+    ) -> Result<(usize, Vec<f32>), SceneError> {
         let layout = self.layout(index, place)?;
-        let fault = |what: String| self.document.fault(format!("accessors[{index}] ({place}): {what}"));
+        let fault = |what: String| {
+            self.document
+                .fault(format!("accessors[{index}] ({place}): {what}"))
+        };
         if !allowed.contains(&layout.multiplicity) {
-            return Err(fault(format!("has {} components per element, {allowed:?} would fit", layout.multiplicity)));
+            return Err(fault(format!(
+                "has {} components per element, {allowed:?} would fit",
+                layout.multiplicity
+            )));
         }
         if layout.component == ComponentType::U32 {
-            return Err(fault("32-bit integers are allowed for indices only".to_owned()));
+            return Err(fault(
+                "32-bit integers are allowed for indices only".to_owned(),
+            ));
         }
-        let mut values = read_all(&layout, |bytes| to_float(layout.component, layout.normalized, bytes));
-        self.apply_sparse(index, &layout, place, &mut values, |bytes| to_float(layout.component, layout.normalized, bytes))?;
+        let mut values = read_all(&layout, |bytes| {
+            to_float(layout.component, layout.normalized, bytes)
+        });
+        self.apply_sparse(index, &layout, place, &mut values, |bytes| {
+            to_float(layout.component, layout.normalized, bytes)
+        })?;
         Ok((layout.multiplicity, values))
     }
 
     /// Reads an accessor of vertex indices.
     pub fn read_indices(&self, index: usize, place: &str) -> Result<Vec<u32>, SceneError> {
         let layout = self.layout(index, place)?;
-        let is_index = matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        let is_index = matches!(
+            layout.component,
+            ComponentType::U8 | ComponentType::U16 | ComponentType::U32
+        );
         if layout.multiplicity != 1 || !is_index {
-            return Err(self.document.fault(format!("accessors[{index}] ({place}): indices must be unsigned scalars")));
+            return Err(self.document.fault(format!(
+                "accessors[{index}] ({place}): indices must be unsigned scalars"
+            )));
         }
         let mut values = read_all(&layout, |bytes| to_index(layout.component, bytes));
-        self.apply_sparse(index, &layout, place, &mut values, |bytes| to_index(layout.component, bytes))?;
+        self.apply_sparse(index, &layout, place, &mut values, |bytes| {
+            to_index(layout.component, bytes)
+        })?;
         Ok(values)
     }
 
@@ -136,35 +203,59 @@ impl<'a> Reader<'a> {
         values: &mut [T],
         convert: impl Fn(&[u8]) -> T,
     ) -> Result<(), SceneError> {
-        let Some(sparse) = &self.accessor(index, place)?.sparse else { return Ok(()) };
+        let Some(sparse) = &self.accessor(index, place)?.sparse else {
+            return Ok(());
+        };
         let place = format!("accessors[{index}].sparse");
         let Checked::Valid(index_component) = sparse.indices.component_type else {
-            return Err(self.document.fault(format!("{place}.indices: unknown type")));
+            return Err(self
+                .document
+                .fault(format!("{place}.indices: unknown type")));
         };
         let index_component = index_component.0;
         let component_size = layout.component.size();
         let element_size = component_size * layout.multiplicity;
-        let section = |view: usize, offset: u64, size: usize, what: &str| -> Result<&'a [u8], SceneError> {
-            let bytes = self.view(view, &format!("{place}.{what}"))?;
-            let needed = u128::from(offset) + u128::from(sparse.count.0) * size as u128;
-            if needed > bytes.len() as u128 {
-                return Err(self.document.fault(format!(
+        let section =
+            |view: usize, offset: u64, size: usize, what: &str| -> Result<&'a [u8], SceneError> {
+                let bytes = self.view(view, &format!("{place}.{what}"))?;
+                let needed = u128::from(offset) + u128::from(sparse.count.0) * size as u128;
+                if needed > bytes.len() as u128 {
+                    return Err(self.document.fault(format!(
                     "{place}.{what}: {} elements need {needed} bytes, bufferViews[{view}] has {}",
                     sparse.count.0,
                     bytes.len()
                 )));
-            }
-            Ok(&bytes[offset as usize..needed as usize])
-        };
-        let targets = section(sparse.indices.buffer_view.value(), sparse.indices.byte_offset.0, index_component.size(), "indices")?;
-        let sources = section(sparse.values.buffer_view.value(), sparse.values.byte_offset.0, element_size, "values")?;
-        for (target, source) in targets.chunks_exact(index_component.size()).zip(sources.chunks_exact(element_size)) {
+                }
+                Ok(&bytes[offset as usize..needed as usize])
+            };
+        let targets = section(
+            sparse.indices.buffer_view.value(),
+            sparse.indices.byte_offset.0,
+            index_component.size(),
+            "indices",
+        )?;
+        let sources = section(
+            sparse.values.buffer_view.value(),
+            sparse.values.byte_offset.0,
+            element_size,
+            "values",
+        )?;
+        for (target, source) in targets
+            .chunks_exact(index_component.size())
+            .zip(sources.chunks_exact(element_size))
+        {
             let target = to_index(index_component, target) as usize;
             if target >= layout.count {
-                return Err(self.document.fault(format!("{place}.indices: element {target} is out of range, there are {}", layout.count)));
+                return Err(self.document.fault(format!(
+                    "{place}.indices: element {target} is out of range, there are {}",
+                    layout.count
+                )));
             }
             let components = source.chunks_exact(component_size).map(&convert);
-            for (slot, value) in values[target * layout.multiplicity..].iter_mut().zip(components) {
+            for (slot, value) in values[target * layout.multiplicity..]
+                .iter_mut()
+                .zip(components)
+            {
                 *slot = value;
             }
         }
@@ -174,7 +265,9 @@ impl<'a> Reader<'a> {
 
 fn read_all<T: Default + Clone>(layout: &Layout<'_>, convert: impl Fn(&[u8]) -> T) -> Vec<T> {
     let total = layout.count * layout.multiplicity;
-    let Some(data) = layout.data else { return vec![T::default(); total] };
+    let Some(data) = layout.data else {
+        return vec![T::default(); total];
+    };
     let component_size = layout.component.size();
     let element_size = component_size * layout.multiplicity;
     let mut values = Vec::with_capacity(total);
@@ -187,7 +280,13 @@ fn read_all<T: Default + Clone>(layout: &Layout<'_>, convert: impl Fn(&[u8]) -> 
 }
 
 fn to_float(component: ComponentType, normalized: bool, bytes: &[u8]) -> f32 {
-    let scale = |value: f32, max: f32| if normalized { (value / max).max(-1.0) } else { value };
+    let scale = |value: f32, max: f32| {
+        if normalized {
+            (value / max).max(-1.0)
+        } else {
+            value
+        }
+    };
     match (component, bytes) {
         (ComponentType::I8, &[a]) => scale(f32::from(a as i8), 127.0),
         (ComponentType::U8, &[a]) => scale(f32::from(a), 255.0),

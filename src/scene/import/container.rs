@@ -37,53 +37,84 @@ pub fn split<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
     if bytes.starts_with(b"glTF") {
         return split_glb(path, bytes, notes);
     }
-    let is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
+    let is_glb = path
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
     if is_glb && first != Some(&b'{') {
-        return Err(SceneError::invalid(path, "not a binary glTF file: it does not begin with 'glTF'"));
+        return Err(SceneError::invalid(
+            path,
+            "not a binary glTF file: it does not begin with 'glTF'",
+        ));
     }
     // A UTF-8 byte order mark is not allowed by glTF but harmless.
-    Ok(Parts { json: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), blob: None })
+    Ok(Parts {
+        json: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes),
+        blob: None,
+    })
 }
 
 fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Parts<'a>, SceneError> {
     let truncated = |need: u64| {
         SceneError::invalid(
             path,
-            format!("truncated binary glTF: {need} bytes are declared, the file has {}", bytes.len()),
+            format!(
+                "truncated binary glTF: {need} bytes are declared, the file has {}",
+                bytes.len()
+            ),
         )
     };
     let word = |at: usize| -> Option<u32> {
-        Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?))
+        Some(u32::from_le_bytes(
+            bytes.get(at..at.checked_add(4)?)?.try_into().ok()?,
+        ))
     };
-    let (Some(version), Some(declared)) = (word(4), word(8)) else { return Err(truncated(12)) };
+    let (Some(version), Some(declared)) = (word(4), word(8)) else {
+        return Err(truncated(12));
+    };
     if version != 2 {
-        return Err(SceneError::invalid(path, format!("binary glTF version {version} is not supported; version 2 is")));
+        return Err(SceneError::invalid(
+            path,
+            format!("binary glTF version {version} is not supported; version 2 is"),
+        ));
     }
     let declared = declared as usize;
     if declared > bytes.len() {
         return Err(truncated(declared as u64));
     }
     if declared < bytes.len() {
-        notes.warn(format!("{} bytes after the end of the binary glTF are ignored", bytes.len() - declared));
+        notes.warn(format!(
+            "{} bytes after the end of the binary glTF are ignored",
+            bytes.len() - declared
+        ));
     }
     let body = &bytes[..declared];
     let mut json = None;
     let mut blob = None;
     let mut at = 12;
     while at < body.len() {
-        let (Some(length), Some(kind)) = (word(at), word(at + 4)) else { return Err(truncated(at as u64 + 8)) };
+        let (Some(length), Some(kind)) = (word(at), word(at + 4)) else {
+            return Err(truncated(at as u64 + 8));
+        };
         let start = at + 8;
         let chunk = start
             .checked_add(length as usize)
             .and_then(|end| body.get(start..end))
             .ok_or_else(|| {
-                SceneError::invalid(path, format!("truncated binary glTF: the chunk at byte {at} declares {length} bytes"))
+                SceneError::invalid(
+                    path,
+                    format!(
+                        "truncated binary glTF: the chunk at byte {at} declares {length} bytes"
+                    ),
+                )
             })?;
         match (kind, json.is_some()) {
             (CHUNK_JSON, false) => json = Some(chunk),
             (_, false) => {
-                return Err(SceneError::invalid(path, "binary glTF: the first chunk is not JSON"));
+                return Err(SceneError::invalid(
+                    path,
+                    "binary glTF: the first chunk is not JSON",
+                ));
             }
             (CHUNK_BIN, true) if blob.is_none() => blob = Some(chunk),
             _ => {}
@@ -101,7 +132,11 @@ pub fn decode_data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), String>> {
         return Some(Err("the data URI has no comma".to_owned()));
     };
     let media_type = head.split(';').next().unwrap_or_default().to_owned();
-    let bytes = if head.ends_with(";base64") { decode_base64(payload) } else { percent_decode(payload) };
+    let bytes = if head.ends_with(";base64") {
+        decode_base64(payload)
+    } else {
+        percent_decode(payload)
+    };
     Some(bytes.map(|bytes| (media_type, bytes)))
 }
 
@@ -123,7 +158,12 @@ pub fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
                 continue;
             }
             b' ' | b'\n' | b'\r' | b'\t' => continue,
-            _ => return Err(format!("character {} of the base64 data is not base64", position + 1)),
+            _ => {
+                return Err(format!(
+                    "character {} of the base64 data is not base64",
+                    position + 1
+                ));
+            }
         };
         if padding {
             return Err("base64 data goes on after its padding".to_owned());
@@ -150,7 +190,11 @@ pub fn percent_decode(text: &str) -> Result<Vec<u8>, String> {
     let mut at = 0;
     while at < source.len() {
         if source[at] == b'%' {
-            let digits = source.get(at + 1).copied().and_then(hex).zip(source.get(at + 2).copied().and_then(hex));
+            let digits = source
+                .get(at + 1)
+                .copied()
+                .and_then(hex)
+                .zip(source.get(at + 2).copied().and_then(hex));
             let Some((high, low)) = digits else {
                 return Err(format!("broken percent-encoding at character {}", at + 1));
             };
@@ -170,7 +214,14 @@ mod tests {
 
     #[test]
     fn base64_follows_rfc_4648() {
-        for (text, plain) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmFy", "foobar"), ("Zm8", "fo")] {
+        for (text, plain) in [
+            ("", ""),
+            ("Zg==", "f"),
+            ("Zm8=", "fo"),
+            ("Zm9v", "foo"),
+            ("Zm9vYmFy", "foobar"),
+            ("Zm8", "fo"),
+        ] {
             assert_eq!(decode_base64(text).unwrap(), plain.as_bytes(), "{text}");
         }
         assert_eq!(decode_base64("+/A=").unwrap(), [0xfb, 0xf0]);
@@ -189,8 +240,13 @@ mod tests {
     #[test]
     fn data_uris() {
         assert!(decode_data_uri("buffer.bin").is_none());
-        let (kind, bytes) = decode_data_uri("data:image/png;base64,Zm9v").unwrap().unwrap();
-        assert_eq!((kind.as_str(), bytes.as_slice()), ("image/png", b"foo".as_slice()));
+        let (kind, bytes) = decode_data_uri("data:image/png;base64,Zm9v")
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (kind.as_str(), bytes.as_slice()),
+            ("image/png", b"foo".as_slice())
+        );
         assert!(decode_data_uri("data:nothing").unwrap().is_err());
     }
 }

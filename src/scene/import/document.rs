@@ -7,14 +7,29 @@ use gltf::json::validation::{Checked, Error as Fault, Validate};
 use serde_json::Value;
 
 use super::super::SceneError;
-use super::Notes;
 use super::super::needs::{LeftOut, Motion};
+use super::Notes;
 
 /// Keys whose integers are indices or enumerations of 32 bits. The `gltf` crate cuts larger numbers to 32 bits, so
 /// that 4294967296 would silently mean 0.
 const INDEX_KEYS: [&str; 17] = [
-    "buffer", "bufferView", "source", "sampler", "index", "texCoord", "mesh", "skin", "camera", "light", "scene",
-    "material", "indices", "mode", "componentType", "nodes", "children",
+    "buffer",
+    "bufferView",
+    "source",
+    "sampler",
+    "index",
+    "texCoord",
+    "mesh",
+    "skin",
+    "camera",
+    "light",
+    "scene",
+    "material",
+    "indices",
+    "mode",
+    "componentType",
+    "nodes",
+    "children",
 ];
 
 /// A parsed file.
@@ -34,13 +49,27 @@ impl<'a> Document<'a> {
         let mut raw: Value = serde_json::from_slice(bytes)
             .map_err(|error| SceneError::invalid(path, format!("not glTF: JSON error: {error}")))?;
         let Some(top) = raw.as_object_mut() else {
-            return Err(SceneError::invalid(path, "not glTF: the JSON is not an object"));
+            return Err(SceneError::invalid(
+                path,
+                "not glTF: the JSON is not an object",
+            ));
         };
-        let version = top.get("asset").and_then(|asset| asset.get("version")).and_then(Value::as_str);
+        let version = top
+            .get("asset")
+            .and_then(|asset| asset.get("version"))
+            .and_then(Value::as_str);
         match version {
-            None => return Err(SceneError::invalid(path, "not glTF 2.0: 'asset.version' is missing")),
+            None => {
+                return Err(SceneError::invalid(
+                    path,
+                    "not glTF 2.0: 'asset.version' is missing",
+                ));
+            }
             Some(version) if version.split('.').next() != Some("2") => {
-                return Err(SceneError::invalid(path, format!("glTF version {version} is not supported; version 2.0 is")));
+                return Err(SceneError::invalid(
+                    path,
+                    format!("glTF version {version} is not supported; version 2.0 is"),
+                ));
             }
             Some(_) => {}
         }
@@ -55,11 +84,20 @@ impl<'a> Document<'a> {
         }
         strip_extras(&mut raw);
         if let Some(place) = oversized_index(&raw, "", false) {
-            return Err(SceneError::invalid(path, format!("{place}: index out of range")));
+            return Err(SceneError::invalid(
+                path,
+                format!("{place}: index out of range"),
+            ));
         }
-        let root: json::Root = json::deserialize::from_value(raw.clone())
-            .map_err(|error| SceneError::invalid(path, locate_structural_fault(&raw, &error.to_string())))?;
-        Ok(Self { path, root, raw, motion })
+        let root: json::Root = json::deserialize::from_value(raw.clone()).map_err(|error| {
+            SceneError::invalid(path, locate_structural_fault(&raw, &error.to_string()))
+        })?;
+        Ok(Self {
+            path,
+            root,
+            raw,
+            motion,
+        })
     }
 
     /// Checks every index and enumeration, and notes the motion that is left out.
@@ -70,7 +108,9 @@ impl<'a> Document<'a> {
             for (primitive_index, primitive) in mesh.primitives.iter().enumerate() {
                 for (semantic, accessor) in &primitive.attributes {
                     if accessor.value() >= accessors {
-                        let place = format!("meshes[{mesh_index}].primitives[{primitive_index}].attributes");
+                        let place = format!(
+                            "meshes[{mesh_index}].primitives[{primitive_index}].attributes"
+                        );
                         let name = match semantic {
                             Checked::Valid(semantic) => semantic.to_string(),
                             Checked::Invalid => "?".to_owned(),
@@ -84,11 +124,12 @@ impl<'a> Document<'a> {
             }
         }
         let mut first: Option<(String, Fault)> = None;
-        self.root.validate(&self.root, json::Path::new, &mut |path, fault| {
-            if first.is_none() && !is_tolerated(path().as_str(), fault) {
-                first = Some((path().as_str().to_owned(), fault));
-            }
-        });
+        self.root
+            .validate(&self.root, json::Path::new, &mut |path, fault| {
+                if first.is_none() && !is_tolerated(path().as_str(), fault) {
+                    first = Some((path().as_str().to_owned(), fault));
+                }
+            });
         if let Some((place, fault)) = first {
             let what = match fault {
                 Fault::IndexOutOfBounds => "index out of range",
@@ -118,7 +159,10 @@ impl<'a> Document<'a> {
         if motion.animated_nodes > 0 {
             notes.source.left_out.push(LeftOut::new(
                 "node animation",
-                format!("{} animations are not played: nodes keep the transforms of the file", motion.animations),
+                format!(
+                    "{} animations are not played: nodes keep the transforms of the file",
+                    motion.animations
+                ),
             ));
         }
         if motion.skinned_nodes > 0 {
@@ -128,7 +172,10 @@ impl<'a> Document<'a> {
             ));
         }
         if motion.morph_meshes > 0 {
-            notes.source.left_out.push(LeftOut::new("morph targets", "meshes keep their base shape"));
+            notes.source.left_out.push(LeftOut::new(
+                "morph targets",
+                "meshes keep their base shape",
+            ));
         }
         notes.source.motion = motion;
     }
@@ -151,12 +198,24 @@ fn is_tolerated(place: &str, fault: Fault) -> bool {
 }
 
 fn motion_of(top: &serde_json::Map<String, Value>) -> Motion {
-    let list = |key: &str| top.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
+    let list = |key: &str| {
+        top.get(key)
+            .and_then(Value::as_array)
+            .map(Vec::as_slice)
+            .unwrap_or_default()
+    };
     let mut animated: Vec<u64> = Vec::new();
     let mut animated_morphs = false;
     for animation in list("animations") {
-        for channel in animation.get("channels").and_then(Value::as_array).into_iter().flatten() {
-            let Some(target) = channel.get("target") else { continue };
+        for channel in animation
+            .get("channels")
+            .and_then(Value::as_array)
+            .into_iter()
+            .flatten()
+        {
+            let Some(target) = channel.get("target") else {
+                continue;
+            };
             if target.get("path").and_then(Value::as_str) == Some("weights") {
                 animated_morphs = true;
             }
@@ -170,12 +229,20 @@ fn motion_of(top: &serde_json::Map<String, Value>) -> Motion {
             .and_then(Value::as_array)
             .into_iter()
             .flatten()
-            .any(|primitive| primitive.get("targets").and_then(Value::as_array).is_some_and(|list| !list.is_empty()))
+            .any(|primitive| {
+                primitive
+                    .get("targets")
+                    .and_then(Value::as_array)
+                    .is_some_and(|list| !list.is_empty())
+            })
     };
     Motion {
         animations: list("animations").len(),
         animated_nodes: animated.len(),
-        skinned_nodes: list("nodes").iter().filter(|node| node.get("skin").is_some()).count(),
+        skinned_nodes: list("nodes")
+            .iter()
+            .filter(|node| node.get("skin").is_some())
+            .count(),
         morph_meshes: list("meshes").iter().filter(has_targets).count(),
         animated_morphs,
     }
@@ -196,18 +263,23 @@ fn strip_extras(value: &mut Value) {
 fn oversized_index(value: &Value, place: &str, is_index: bool) -> Option<String> {
     match value {
         Value::Number(number) if is_index => {
-            let too_large = number.as_u64().is_some_and(|number| number > u64::from(u32::MAX));
+            let too_large = number
+                .as_u64()
+                .is_some_and(|number| number > u64::from(u32::MAX));
             too_large.then(|| place.to_owned())
         }
         Value::Object(object) => object.iter().find_map(|(key, value)| {
             let is_index = INDEX_KEYS.contains(&key.as_str()) || place.ends_with(".attributes");
-            let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
+            let place = if place.is_empty() {
+                key.clone()
+            } else {
+                format!("{place}.{key}")
+            };
             oversized_index(value, &place, is_index)
         }),
-        Value::Array(list) => list
-            .iter()
-            .enumerate()
-            .find_map(|(index, value)| oversized_index(value, &format!("{place}[{index}]"), is_index)),
+        Value::Array(list) => list.iter().enumerate().find_map(|(index, value)| {
+            oversized_index(value, &format!("{place}[{index}]"), is_index)
+        }),
         _ => None,
     }
 }
@@ -215,10 +287,14 @@ fn oversized_index(value: &Value, place: &str, is_index: bool) -> Option<String>
 /// Says which list entry has the wrong shape: the parser of the whole file only says what is wrong.
 fn locate_structural_fault(raw: &Value, whole: &str) -> String {
     fn probe<T: serde::de::DeserializeOwned>(raw: &Value, list: &str) -> Option<String> {
-        raw.get(list)?.as_array()?.iter().enumerate().find_map(|(index, item)| {
-            let error = json::deserialize::from_value::<T>(item.clone()).err()?;
-            Some(format!("{list}[{index}]: {error}"))
-        })
+        raw.get(list)?
+            .as_array()?
+            .iter()
+            .enumerate()
+            .find_map(|(index, item)| {
+                let error = json::deserialize::from_value::<T>(item.clone()).err()?;
+                Some(format!("{list}[{index}]: {error}"))
+            })
     }
     probe::<json::Accessor>(raw, "accessors")
         .or_else(|| probe::<json::Buffer>(raw, "buffers"))

@@ -18,20 +18,33 @@ const SUPPORTED: [&str; 8] = [
 ];
 
 /// Extensions that a file may require although they are only approximated, with what happens instead.
-const APPROXIMATED: [(&str, &str); 1] =
-    [("KHR_materials_unlit", "unlit materials are shaded as lit surfaces, because light transport has no unlit surface")];
+const APPROXIMATED: [(&str, &str); 1] = [(
+    "KHR_materials_unlit",
+    "unlit materials are shaded as lit surfaces, because light transport has no unlit surface",
+)];
 
 /// Compressions: without them there is no geometry at all.
 const COMPRESSIONS: [(&str, &str); 3] = [
-    ("KHR_draco_mesh_compression", "decompress the file first, for example with gltf-transform"),
-    ("EXT_meshopt_compression", "decompress the file first, for example with gltf-transform"),
-    ("KHR_meshopt_compression", "decompress the file first, for example with gltf-transform"),
+    (
+        "KHR_draco_mesh_compression",
+        "decompress the file first, for example with gltf-transform",
+    ),
+    (
+        "EXT_meshopt_compression",
+        "decompress the file first, for example with gltf-transform",
+    ),
+    (
+        "KHR_meshopt_compression",
+        "decompress the file first, for example with gltf-transform",
+    ),
 ];
 
 /// What is missing from the picture without an extension that is not evaluated.
 fn consequence(name: &str) -> &'static str {
     match name {
-        "KHR_materials_pbrSpecularGlossiness" => "its materials are read as metallic-roughness, with the values given there",
+        "KHR_materials_pbrSpecularGlossiness" => {
+            "its materials are read as metallic-roughness, with the values given there"
+        }
         "KHR_materials_clearcoat" => "surfaces are shown without their clear coat",
         "KHR_materials_sheen" => "surfaces are shown without sheen",
         "KHR_materials_iridescence" => "surfaces are shown without iridescence",
@@ -44,23 +57,32 @@ fn consequence(name: &str) -> &'static str {
         }
         "EXT_mesh_gpu_instancing" => "each mesh is shown once",
         "KHR_animation_pointer" => "such animations are not played",
-        "EXT_lights_image_based" => "the scene has no environment from the file; set environment.path",
+        "EXT_lights_image_based" => {
+            "the scene has no environment from the file; set environment.path"
+        }
         _ => "what it describes is left out",
     }
 }
 
 /// Refuses files that require what is not supported, and warns of the rest.
 pub fn check(document: &Document<'_>, notes: &mut Notes) -> Result<(), SceneError> {
-    let approximated = |name: &str| APPROXIMATED.iter().find(|(known, _)| *known == name).map(|(_, what)| *what);
+    let approximated = |name: &str| {
+        APPROXIMATED
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, what)| *what)
+    };
     for name in &document.root.extensions_required {
         if SUPPORTED.contains(&name.as_str()) || approximated(name).is_some() {
             continue;
         }
-        let advice = COMPRESSIONS.iter().find(|(known, _)| known == name).map_or(
-            "export the file again without it",
-            |(_, advice)| *advice,
-        );
-        return Err(document.fault(format!("the file requires the extension {name}, which is not supported: {advice}")));
+        let advice = COMPRESSIONS
+            .iter()
+            .find(|(known, _)| known == name)
+            .map_or("export the file again without it", |(_, advice)| *advice);
+        return Err(document.fault(format!(
+            "the file requires the extension {name}, which is not supported: {advice}"
+        )));
     }
     let mut seen: Vec<&str> = Vec::new();
     for name in &document.root.extensions_used {
@@ -78,5 +100,8 @@ pub fn check(document: &Document<'_>, notes: &mut Notes) -> Result<(), SceneErro
 /// The compression extension named in `object.extensions`, if any.
 pub fn compression_of(object: Option<&serde_json::Value>) -> Option<&'static str> {
     let extensions = object?.get("extensions")?;
-    COMPRESSIONS.iter().map(|(name, _)| *name).find(|name| extensions.get(name).is_some())
+    COMPRESSIONS
+        .iter()
+        .map(|(name, _)| *name)
+        .find(|name| extensions.get(name).is_some())
 }

@@ -1,9 +1,9 @@
 //! Meshes: primitives read, checked, completed and merged.
 
+use glam::DVec3;
 use gltf::json;
 use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
-use glam::DVec3;
 
 use super::super::{Mesh, MeshTriangle, SceneError, as_dvec3};
 use super::Notes;
@@ -29,15 +29,31 @@ pub fn import_meshes(
     let mut total_vertices = 0;
     let mut total_triangles = 0;
     for (mesh_index, source) in document.root.meshes.iter().enumerate() {
-        let name = source.name.clone().unwrap_or_else(|| format!("mesh {mesh_index}"));
-        let mut mesh = Mesh { name, ..Mesh::default() };
+        let name = source
+            .name
+            .clone()
+            .unwrap_or_else(|| format!("mesh {mesh_index}"));
+        let mut mesh = Mesh {
+            name,
+            ..Mesh::default()
+        };
         for (primitive_index, primitive) in source.primitives.iter().enumerate() {
             let place = format!("meshes[{mesh_index}].primitives[{primitive_index}]");
-            let raw = document.raw_item("meshes", mesh_index).and_then(|mesh| mesh.get("primitives")?.get(primitive_index));
-            let mut import = PrimitiveImport { reader: &reader, place, primitive, raw, notes };
+            let raw = document
+                .raw_item("meshes", mesh_index)
+                .and_then(|mesh| mesh.get("primitives")?.get(primitive_index));
+            let mut import = PrimitiveImport {
+                reader: &reader,
+                place,
+                primitive,
+                raw,
+                notes,
+            };
             let Some(data) = import.read()? else { continue };
             import.append(data, library, &mut mesh)?;
-            if total_vertices + mesh.positions.len() > MAX_ELEMENTS || total_triangles + mesh.triangles.len() > MAX_ELEMENTS {
+            if total_vertices + mesh.positions.len() > MAX_ELEMENTS
+                || total_triangles + mesh.triangles.len() > MAX_ELEMENTS
+            {
                 return Err(document.fault(format!("meshes[{mesh_index}]: the scene has more than {MAX_ELEMENTS} vertices or triangles")));
             }
         }
@@ -69,25 +85,40 @@ struct PrimitiveImport<'a, 'd> {
 
 impl PrimitiveImport<'_, '_> {
     fn fault(&self, what: &str) -> SceneError {
-        self.reader.document.fault(format!("{}: {what}", self.place))
+        self.reader
+            .document
+            .fault(format!("{}: {what}", self.place))
     }
 
     /// Reads and checks; `None` for points and lines, which have no surface.
     fn read(&mut self) -> Result<Option<PrimitiveData>, SceneError> {
         if let Some(name) = extensions::compression_of(self.raw) {
             let has_fallback = self.primitive.attributes.values().all(|accessor| {
-                self.reader.document.root.accessors.get(accessor.value()).is_some_and(|accessor| accessor.buffer_view.is_some())
+                self.reader
+                    .document
+                    .root
+                    .accessors
+                    .get(accessor.value())
+                    .is_some_and(|accessor| accessor.buffer_view.is_some())
             });
             if !has_fallback {
-                return Err(self.fault(&format!("is compressed by {name}, which is not supported: decompress the file first")));
+                return Err(self.fault(&format!(
+                    "is compressed by {name}, which is not supported: decompress the file first"
+                )));
             }
         }
         let mode = match self.primitive.mode {
             Checked::Valid(mode) => mode,
             Checked::Invalid => return Err(self.fault("unknown mode")),
         };
-        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
-            self.notes.warn(format!("{}: points and lines have no surface and are left out", self.place));
+        if matches!(
+            mode,
+            Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip
+        ) {
+            self.notes.warn(format!(
+                "{}: points and lines have no surface and are left out",
+                self.place
+            ));
             return Ok(None);
         }
         let Some(positions) = self.attribute::<3>(&Semantic::Positions, None)? else {
@@ -99,16 +130,24 @@ impl PrimitiveImport<'_, '_> {
                 let place = format!("{}.indices", self.place);
                 let indices = self.reader.read_indices(accessor.value(), &place)?;
                 if let Some(at) = indices.iter().position(|index| *index as usize >= count) {
-                    return Err(self.fault(&format!("index {at} names vertex {}, there are {count}", indices[at])));
+                    return Err(self.fault(&format!(
+                        "index {at} names vertex {}, there are {count}",
+                        indices[at]
+                    )));
                 }
                 indices
             }
-            None => (0..u32::try_from(count).map_err(|_| self.fault("has too many vertices"))?).collect(),
+            None => (0..u32::try_from(count).map_err(|_| self.fault("has too many vertices"))?)
+                .collect(),
         };
         let triangles = self.triangles_of(mode, &indices);
         let normals = self.attribute::<3>(&Semantic::Normals, Some(count))?;
         // glTF 2.0, section 3.7.2.1: without normals, tangents must be ignored.
-        let tangents = if normals.is_some() { self.attribute::<4>(&Semantic::Tangents, Some(count))? } else { None };
+        let tangents = if normals.is_some() {
+            self.attribute::<4>(&Semantic::Tangents, Some(count))?
+        } else {
+            None
+        };
         Ok(Some(PrimitiveData {
             normals,
             tangents,
@@ -121,8 +160,18 @@ impl PrimitiveImport<'_, '_> {
     }
 
     /// Reads an attribute of `N` floats; every value must be finite, and there must be `count` of them.
-    fn attribute<const N: usize>(&self, semantic: &Semantic, count: Option<usize>) -> Result<Option<Vec<[f32; N]>>, SceneError> {
-        let Some(accessor) = self.primitive.attributes.get(&Checked::Valid(semantic.clone())) else { return Ok(None) };
+    fn attribute<const N: usize>(
+        &self,
+        semantic: &Semantic,
+        count: Option<usize>,
+    ) -> Result<Option<Vec<[f32; N]>>, SceneError> {
+        let Some(accessor) = self
+            .primitive
+            .attributes
+            .get(&Checked::Valid(semantic.clone()))
+        else {
+            return Ok(None);
+        };
         let place = format!("{}.{}", self.place, semantic.to_string());
         let (_, values) = self.reader.read_floats(accessor.value(), &[N], &place)?;
         let (elements, _) = values.as_chunks::<N>();
@@ -132,23 +181,57 @@ impl PrimitiveImport<'_, '_> {
 
     fn colors(&self, count: usize) -> Result<Option<Vec<[f32; 4]>>, SceneError> {
         let semantic = Semantic::Colors(0);
-        let Some(accessor) = self.primitive.attributes.get(&Checked::Valid(semantic.clone())) else { return Ok(None) };
+        let Some(accessor) = self
+            .primitive
+            .attributes
+            .get(&Checked::Valid(semantic.clone()))
+        else {
+            return Ok(None);
+        };
         let place = format!("{}.COLOR_0", self.place);
         let (components, values) = self.reader.read_floats(accessor.value(), &[3, 4], &place)?;
         let colors: Vec<[f32; 4]> = values
             .chunks_exact(components)
-            .map(|color| [color[0], color[1], color[2], color.get(3).copied().unwrap_or(1.0)])
+            .map(|color| {
+                [
+                    color[0],
+                    color[1],
+                    color[2],
+                    color.get(3).copied().unwrap_or(1.0),
+                ]
+            })
             .collect();
         self.check(&colors, &semantic, Some(count))?;
-        Ok(Some(colors.into_iter().map(|color| color.map(|channel| channel.clamp(0.0, 1.0))).collect()))
+        Ok(Some(
+            colors
+                .into_iter()
+                .map(|color| color.map(|channel| channel.clamp(0.0, 1.0)))
+                .collect(),
+        ))
     }
 
-    fn check<const N: usize>(&self, elements: &[[f32; N]], semantic: &Semantic, count: Option<usize>) -> Result<(), SceneError> {
+    fn check<const N: usize>(
+        &self,
+        elements: &[[f32; N]],
+        semantic: &Semantic,
+        count: Option<usize>,
+    ) -> Result<(), SceneError> {
         if let Some(count) = count.filter(|count| *count != elements.len()) {
-            return Err(self.fault(&format!("{} has {} elements, POSITION has {count}", semantic.to_string(), elements.len())));
+            return Err(self.fault(&format!(
+                "{} has {} elements, POSITION has {count}",
+                semantic.to_string(),
+                elements.len()
+            )));
         }
-        match elements.iter().position(|element| element.iter().any(|value| !value.is_finite())) {
-            Some(at) => Err(self.fault(&format!("{} of vertex {at} is not finite: {:?}", semantic.to_string(), elements[at]))),
+        match elements
+            .iter()
+            .position(|element| element.iter().any(|value| !value.is_finite()))
+        {
+            Some(at) => Err(self.fault(&format!(
+                "{} of vertex {at} is not finite: {:?}",
+                semantic.to_string(),
+                elements[at]
+            ))),
             None => Ok(()),
         }
     }
@@ -159,16 +242,31 @@ impl PrimitiveImport<'_, '_> {
             Mode::TriangleStrip => indices
                 .windows(3)
                 .enumerate()
-                .map(|(at, corners)| if at % 2 == 0 { [corners[0], corners[1], corners[2]] } else { [corners[0], corners[2], corners[1]] })
+                .map(|(at, corners)| {
+                    if at % 2 == 0 {
+                        [corners[0], corners[1], corners[2]]
+                    } else {
+                        [corners[0], corners[2], corners[1]]
+                    }
+                })
                 .collect(),
             Mode::TriangleFan => indices
                 .first()
-                .map(|hub| indices[1..].windows(2).map(|rim| [rim[0], rim[1], *hub]).collect())
+                .map(|hub| {
+                    indices[1..]
+                        .windows(2)
+                        .map(|rim| [rim[0], rim[1], *hub])
+                        .collect()
+                })
                 .unwrap_or_default(),
             _ => {
                 let (triangles, rest) = indices.as_chunks::<3>();
                 if !rest.is_empty() {
-                    self.notes.warn(format!("{}: {} indices after the last whole triangle are ignored", self.place, rest.len()));
+                    self.notes.warn(format!(
+                        "{}: {} indices after the last whole triangle are ignored",
+                        self.place,
+                        rest.len()
+                    ));
                 }
                 triangles.to_vec()
             }
@@ -176,19 +274,36 @@ impl PrimitiveImport<'_, '_> {
     }
 
     /// Completes the attributes and adds the primitive to `mesh`.
-    fn append(&mut self, data: PrimitiveData, library: &mut Library, mesh: &mut Mesh) -> Result<(), SceneError> {
+    fn append(
+        &mut self,
+        data: PrimitiveData,
+        library: &mut Library,
+        mesh: &mut Mesh,
+    ) -> Result<(), SceneError> {
         let material = match self.primitive.material {
             Some(material) => material.value() as u32,
             None => library.default_material(),
         };
         let Some(surface) = library.materials.get(material as usize) else {
-            return Err(self.fault(&format!("material {material} is out of range, there are {}", library.materials.len())));
+            return Err(self.fault(&format!(
+                "material {material} is out of range, there are {}",
+                library.materials.len()
+            )));
         };
         let normal_uv_set = surface.normal_texture.map(|texture| texture.uv_set);
         for (_, texture) in surface.texture_slots() {
-            let missing = texture.is_some_and(|texture| if texture.uv_set == 1 { data.uv1.is_none() } else { data.uv0.is_none() });
+            let missing = texture.is_some_and(|texture| {
+                if texture.uv_set == 1 {
+                    data.uv1.is_none()
+                } else {
+                    data.uv0.is_none()
+                }
+            });
             if missing {
-                self.notes.warn(format!("{}: its material '{}' has textures, but it lacks their texture coordinates", self.place, surface.name));
+                self.notes.warn(format!(
+                    "{}: its material '{}' has textures, but it lacks their texture coordinates",
+                    self.place, surface.name
+                ));
                 break;
             }
         }
@@ -199,39 +314,68 @@ impl PrimitiveImport<'_, '_> {
         };
         let derive_tangents = normal_uv.is_some() && data.tangents.is_none();
 
-        let (sources, triangles) = self.choose_vertices(&data, normal_uv.filter(|_| derive_tangents));
+        let (sources, triangles) =
+            self.choose_vertices(&data, normal_uv.filter(|_| derive_tangents));
         let pick = |source: &u32| *source as usize;
-        let positions: Vec<[f32; 3]> = sources.iter().map(|source| data.positions[pick(source)]).collect();
+        let positions: Vec<[f32; 3]> = sources
+            .iter()
+            .map(|source| data.positions[pick(source)])
+            .collect();
         let geometric = tangents::normals_from_triangles(&positions, &triangles);
         let normals = match &data.normals {
             None => geometric.iter().map(to_array).collect(),
-            Some(normals) => self.unit_normals(sources.iter().map(|source| normals[pick(source)]), &geometric),
+            Some(normals) => self.unit_normals(
+                sources.iter().map(|source| normals[pick(source)]),
+                &geometric,
+            ),
         };
         let gather = |values: &Option<Vec<[f32; 2]>>| -> Vec<[f32; 2]> {
-            sources.iter().map(|source| values.as_ref().map_or([0.0; 2], |values| values[pick(source)])).collect()
+            sources
+                .iter()
+                .map(|source| {
+                    values
+                        .as_ref()
+                        .map_or([0.0; 2], |values| values[pick(source)])
+                })
+                .collect()
         };
         let (uv0, uv1) = (gather(&data.uv0), gather(&data.uv1));
         let tangents: Vec<[f32; 4]> = match &data.tangents {
-            Some(tangents) => sources.iter().zip(&normals).map(|(source, normal)| unit_tangent(tangents[pick(source)], *normal)).collect(),
+            Some(tangents) => sources
+                .iter()
+                .zip(&normals)
+                .map(|(source, normal)| unit_tangent(tangents[pick(source)], *normal))
+                .collect(),
             None if derive_tangents => {
                 let uv = if normal_uv_set == Some(1) { &uv1 } else { &uv0 };
                 tangents::derive(&positions, &normals, uv, &triangles)
             }
-            None => normals.iter().map(|normal| tangents::any_tangent(*normal)).collect(),
+            None => normals
+                .iter()
+                .map(|normal| tangents::any_tangent(*normal))
+                .collect(),
         };
 
         let base = mesh.positions.len() as u32;
         mesh.has_tangents |= data.tangents.is_some() || derive_tangents;
         mesh.has_uv1 |= data.uv1.is_some();
         mesh.has_colors |= data.colors.is_some();
-        mesh.colors.extend(sources.iter().map(|source| data.colors.as_ref().map_or([1.0; 4], |colors| colors[pick(source)])));
+        mesh.colors.extend(sources.iter().map(|source| {
+            data.colors
+                .as_ref()
+                .map_or([1.0; 4], |colors| colors[pick(source)])
+        }));
         mesh.positions.extend(positions);
         mesh.normals.extend(normals);
         mesh.tangents.extend(tangents);
         mesh.uv0.extend(uv0);
         mesh.uv1.extend(uv1);
         // Cannot wrap: the caller bounds the vertices per scene, and one primitive adds at most three per index.
-        mesh.triangles.extend(triangles.iter().map(|vertices| MeshTriangle { vertices: vertices.map(|vertex| vertex + base), material }));
+        mesh.triangles
+            .extend(triangles.iter().map(|vertices| MeshTriangle {
+                vertices: vertices.map(|vertex| vertex + base),
+                material,
+            }));
         Ok(())
     }
 
@@ -239,19 +383,27 @@ impl PrimitiveImport<'_, '_> {
     ///
     /// Without normals every triangle gets corners of its own (flat shading). Otherwise only vertices in use are taken,
     /// once, or twice where `split_by` shows mirrored and unmirrored charts meeting in them.
-    fn choose_vertices(&self, data: &PrimitiveData, split_by: Option<&Vec<[f32; 2]>>) -> (Vec<u32>, Vec<[u32; 3]>) {
+    fn choose_vertices(
+        &self,
+        data: &PrimitiveData,
+        split_by: Option<&Vec<[f32; 2]>>,
+    ) -> (Vec<u32>, Vec<[u32; 3]>) {
         const UNUSED: u32 = u32::MAX;
         let count = data.positions.len();
         if data.normals.is_none() {
             let sources = data.triangles.as_flattened().to_vec();
-            let triangles = (0..data.triangles.len() as u32).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+            let triangles = (0..data.triangles.len() as u32)
+                .map(|at| [3 * at, 3 * at + 1, 3 * at + 2])
+                .collect();
             return (sources, triangles);
         }
         let mut place_of = vec![[UNUSED; 2]; count];
         let mut sources = Vec::with_capacity(count);
         let mut triangles = Vec::with_capacity(data.triangles.len());
         for triangle in &data.triangles {
-            let side = split_by.is_some_and(|uv| tangents::is_mirrored(triangle.map(|vertex| uv[vertex as usize])));
+            let side = split_by.is_some_and(|uv| {
+                tangents::is_mirrored(triangle.map(|vertex| uv[vertex as usize]))
+            });
             triangles.push(triangle.map(|vertex| {
                 let place = &mut place_of[vertex as usize][usize::from(side)];
                 if *place == UNUSED {
@@ -264,7 +416,11 @@ impl PrimitiveImport<'_, '_> {
         (sources, triangles)
     }
 
-    fn unit_normals(&mut self, normals: impl Iterator<Item = [f32; 3]>, fallback: &[DVec3]) -> Vec<[f32; 3]> {
+    fn unit_normals(
+        &mut self,
+        normals: impl Iterator<Item = [f32; 3]>,
+        fallback: &[DVec3],
+    ) -> Vec<[f32; 3]> {
         let mut repaired = 0;
         let units = normals
             .zip(fallback)
@@ -276,7 +432,10 @@ impl PrimitiveImport<'_, '_> {
             })
             .collect();
         if repaired > 0 {
-            self.notes.warn(format!("{}: {repaired} normals have no length and are replaced by the surface's", self.place));
+            self.notes.warn(format!(
+                "{}: {repaired} normals have no length and are replaced by the surface's",
+                self.place
+            ));
         }
         units
     }

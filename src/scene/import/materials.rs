@@ -4,8 +4,8 @@ use gltf::json;
 use gltf::json::validation::Checked;
 use serde_json::Value;
 
-use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
 use super::super::SceneError;
+use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
 use super::Notes;
 use super::document::Document;
 
@@ -26,7 +26,10 @@ impl Library {
     pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Self, SceneError> {
         let mut library = Self::default();
         for (index, source) in document.root.materials.iter().enumerate() {
-            let name = source.name.clone().unwrap_or_else(|| format!("material {index}"));
+            let name = source
+                .name
+                .clone()
+                .unwrap_or_else(|| format!("material {index}"));
             let mut slot = MaterialImport {
                 document,
                 library: &mut library,
@@ -50,7 +53,11 @@ impl Library {
 
     /// Index of a texture of the file among those in use.
     fn texture(&mut self, document: &Document<'_>, source: usize) -> Option<u32> {
-        if let Some(known) = self.texture_sources.iter().position(|known| *known == source) {
+        if let Some(known) = self
+            .texture_sources
+            .iter()
+            .position(|known| *known == source)
+        {
             return Some(known as u32);
         }
         let texture = document.root.textures.get(source)?;
@@ -58,11 +65,17 @@ impl Library {
         if image_source >= document.root.images.len() {
             return None;
         }
-        let image = self.image_sources.iter().position(|known| *known == image_source).unwrap_or_else(|| {
-            self.image_sources.push(image_source);
-            self.image_sources.len() - 1
-        });
-        let sampler = texture.sampler.and_then(|sampler| document.root.samplers.get(sampler.value()));
+        let image = self
+            .image_sources
+            .iter()
+            .position(|known| *known == image_source)
+            .unwrap_or_else(|| {
+                self.image_sources.push(image_source);
+                self.image_sources.len() - 1
+            });
+        let sampler = texture
+            .sampler
+            .and_then(|sampler| document.root.samplers.get(sampler.value()));
         let wrap = |mode: Checked<json::texture::WrappingMode>| match mode {
             Checked::Valid(json::texture::WrappingMode::ClampToEdge) => Wrap::Clamp,
             Checked::Valid(json::texture::WrappingMode::MirroredRepeat) => Wrap::Mirror,
@@ -99,10 +112,15 @@ impl MaterialImport<'_, '_> {
         let specular = extensions.and_then(|extensions| extensions.specular.as_ref());
         let transmission = extensions.and_then(|extensions| extensions.transmission.as_ref());
         let volume = extensions.and_then(|extensions| extensions.volume.as_ref());
-        let strength = extensions.and_then(|extensions| extensions.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-        let ior = extensions.and_then(|extensions| extensions.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
+        let strength = extensions
+            .and_then(|extensions| extensions.emissive_strength.as_ref())
+            .map_or(1.0, |e| e.emissive_strength.0);
+        let ior = extensions
+            .and_then(|extensions| extensions.ior.as_ref())
+            .map_or(1.5, |ior| ior.ior.0);
         if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
-            self.notes.warn(format!("{}: unlit, shaded as a lit surface", self.place));
+            self.notes
+                .warn(format!("{}: unlit, shaded as a lit surface", self.place));
         }
 
         let strength = self.at_least("emissiveStrength", strength, 0.0)?;
@@ -113,18 +131,30 @@ impl MaterialImport<'_, '_> {
                 return Err(self.fault("emissiveFactor times emissiveStrength is not finite"));
             }
         }
-        let ior = if ior == 0.0 { 0.0 } else { self.at_least("ior", ior, 1.0)? };
+        let ior = if ior == 0.0 {
+            0.0
+        } else {
+            self.at_least("ior", ior, 1.0)?
+        };
 
         let normal = source.normal_texture.as_ref();
         let normal_texture = match normal {
-            Some(normal) => self.texture("normalTexture", normal.index.value(), normal.tex_coord, self.raw_transform("normalTexture")),
+            Some(normal) => self.texture(
+                "normalTexture",
+                normal.index.value(),
+                normal.tex_coord,
+                self.raw_transform("normalTexture"),
+            ),
             None => None,
         };
         let attenuation_distance_m = match volume.map(|volume| volume.attenuation_distance.0) {
             None => f32::INFINITY,
             Some(distance) if distance > 0.0 => distance,
             Some(distance) => {
-                self.notes.warn(format!("{}: attenuationDistance {distance} is not above 0, taken as infinite", self.place));
+                self.notes.warn(format!(
+                    "{}: attenuationDistance {distance} is not above 0, taken as infinite",
+                    self.place
+                ));
                 f32::INFINITY
             }
         };
@@ -134,38 +164,70 @@ impl MaterialImport<'_, '_> {
             base_color_texture: self.info("baseColorTexture", pbr.base_color_texture.as_ref()),
             metallic: self.unit("metallicFactor", [pbr.metallic_factor.0])?[0],
             roughness: self.unit("roughnessFactor", [pbr.roughness_factor.0])?[0],
-            metallic_roughness_texture: self.info("metallicRoughnessTexture", pbr.metallic_roughness_texture.as_ref()),
+            metallic_roughness_texture: self.info(
+                "metallicRoughnessTexture",
+                pbr.metallic_roughness_texture.as_ref(),
+            ),
             normal_texture,
             normal_scale: match normal {
-                Some(normal) if !normal.scale.is_finite() => return Err(self.fault("normalTexture.scale is not finite")),
+                Some(normal) if !normal.scale.is_finite() => {
+                    return Err(self.fault("normalTexture.scale is not finite"));
+                }
                 Some(normal) => normal.scale,
                 None => 1.0,
             },
             emission,
             emissive_texture: self.info("emissiveTexture", source.emissive_texture.as_ref()),
             ior,
-            specular: self.unit("specularFactor", [specular.map_or(1.0, |specular| specular.specular_factor.0)])?[0],
-            specular_texture: self.info("specularTexture", specular.and_then(|specular| specular.specular_texture.as_ref())),
+            specular: self.unit(
+                "specularFactor",
+                [specular.map_or(1.0, |specular| specular.specular_factor.0)],
+            )?[0],
+            specular_texture: self.info(
+                "specularTexture",
+                specular.and_then(|specular| specular.specular_texture.as_ref()),
+            ),
             specular_color: {
-                let mut color = specular.map_or([1.0; 3], |specular| specular.specular_color_factor.0);
+                let mut color =
+                    specular.map_or([1.0; 3], |specular| specular.specular_color_factor.0);
                 for channel in &mut color {
                     *channel = self.at_least("specularColorFactor", *channel, 0.0)?;
                 }
                 color
             },
-            specular_color_texture: self.info("specularColorTexture", specular.and_then(|specular| specular.specular_color_texture.as_ref())),
-            transmission: self.unit("transmissionFactor", [transmission.map_or(0.0, |transmission| transmission.transmission_factor.0)])?[0],
-            transmission_texture: self.info("transmissionTexture", transmission.and_then(|transmission| transmission.transmission_texture.as_ref())),
-            thickness: self.at_least("thicknessFactor", volume.map_or(0.0, |volume| volume.thickness_factor.0), 0.0)?,
+            specular_color_texture: self.info(
+                "specularColorTexture",
+                specular.and_then(|specular| specular.specular_color_texture.as_ref()),
+            ),
+            transmission: self.unit(
+                "transmissionFactor",
+                [transmission.map_or(0.0, |transmission| transmission.transmission_factor.0)],
+            )?[0],
+            transmission_texture: self.info(
+                "transmissionTexture",
+                transmission.and_then(|transmission| transmission.transmission_texture.as_ref()),
+            ),
+            thickness: self.at_least(
+                "thicknessFactor",
+                volume.map_or(0.0, |volume| volume.thickness_factor.0),
+                0.0,
+            )?,
             attenuation_distance_m,
-            attenuation_color: self.unit("attenuationColor", volume.map_or([1.0; 3], |volume| volume.attenuation_color.0))?,
+            attenuation_color: self.unit(
+                "attenuationColor",
+                volume.map_or([1.0; 3], |volume| volume.attenuation_color.0),
+            )?,
             alpha_mode: match source.alpha_mode {
                 Checked::Valid(json::material::AlphaMode::Mask) => {
                     let cutoff = source.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
-                    AlphaMode::Mask { cutoff: self.at_least("alphaCutoff", cutoff, 0.0)? }
+                    AlphaMode::Mask {
+                        cutoff: self.at_least("alphaCutoff", cutoff, 0.0)?,
+                    }
                 }
                 Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
-                Checked::Valid(json::material::AlphaMode::Opaque) | Checked::Invalid => AlphaMode::Opaque,
+                Checked::Valid(json::material::AlphaMode::Opaque) | Checked::Invalid => {
+                    AlphaMode::Opaque
+                }
             },
             double_sided: source.double_sided,
             user_bsdf: 0,
@@ -177,12 +239,19 @@ impl MaterialImport<'_, '_> {
     }
 
     /// Factors from 0 to 1; others are clamped with a warning.
-    fn unit<const N: usize>(&mut self, field: &str, values: [f32; N]) -> Result<[f32; N], SceneError> {
+    fn unit<const N: usize>(
+        &mut self,
+        field: &str,
+        values: [f32; N],
+    ) -> Result<[f32; N], SceneError> {
         if values.iter().any(|value| !value.is_finite()) {
             return Err(self.fault(&format!("{field} is not finite")));
         }
         if values.iter().any(|value| !(0.0..=1.0).contains(value)) {
-            self.notes.warn(format!("{}: {field} {values:?} is clamped to 0..1", self.place));
+            self.notes.warn(format!(
+                "{}: {field} {values:?} is clamped to 0..1",
+                self.place
+            ));
         }
         Ok(values.map(|value| value.clamp(0.0, 1.0)))
     }
@@ -192,14 +261,20 @@ impl MaterialImport<'_, '_> {
             return Err(self.fault(&format!("{field} is not finite")));
         }
         if value < least {
-            self.notes.warn(format!("{}: {field} {value} is raised to {least}", self.place));
+            self.notes.warn(format!(
+                "{}: {field} {value} is raised to {least}",
+                self.place
+            ));
         }
         Ok(value.max(least))
     }
 
     fn info(&mut self, field: &str, info: Option<&json::texture::Info>) -> Option<TextureRef> {
         let info = info?;
-        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
+        let transform = info
+            .extensions
+            .as_ref()
+            .and_then(|extensions| extensions.texture_transform.as_ref());
         let transform = transform.map(|transform| Transform {
             offset: transform.offset.0,
             rotation: transform.rotation.0,
@@ -211,8 +286,16 @@ impl MaterialImport<'_, '_> {
 
     /// KHR_texture_transform of a slot whose typed form drops it.
     fn raw_transform(&self, field: &str) -> Option<Transform> {
-        let transform = self.raw?.get(field)?.get("extensions")?.get("KHR_texture_transform")?;
-        let number = |value: Option<&Value>, default: f32| value.and_then(Value::as_f64).map_or(default, |value| value as f32);
+        let transform = self
+            .raw?
+            .get(field)?
+            .get("extensions")?
+            .get("KHR_texture_transform")?;
+        let number = |value: Option<&Value>, default: f32| {
+            value
+                .and_then(Value::as_f64)
+                .map_or(default, |value| value as f32)
+        };
         let pair = |key: &str, default: f32| {
             let list = transform.get(key);
             [0, 1].map(|index| number(list.and_then(|list| list.get(index)), default))
@@ -221,26 +304,49 @@ impl MaterialImport<'_, '_> {
             offset: pair("offset", 0.0),
             rotation: number(transform.get("rotation"), 0.0),
             scale: pair("scale", 1.0),
-            tex_coord: transform.get("texCoord").and_then(Value::as_u64).and_then(|set| u32::try_from(set).ok()),
+            tex_coord: transform
+                .get("texCoord")
+                .and_then(Value::as_u64)
+                .and_then(|set| u32::try_from(set).ok()),
         })
     }
 
-    fn texture(&mut self, field: &str, source: usize, tex_coord: u32, transform: Option<Transform>) -> Option<TextureRef> {
-        let uv_set = transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(tex_coord);
+    fn texture(
+        &mut self,
+        field: &str,
+        source: usize,
+        tex_coord: u32,
+        transform: Option<Transform>,
+    ) -> Option<TextureRef> {
+        let uv_set = transform
+            .as_ref()
+            .and_then(|transform| transform.tex_coord)
+            .unwrap_or(tex_coord);
         if uv_set > 1 {
             self.notes.warn(format!("{}: {field} reads TEXCOORD_{uv_set}; only sets 0 and 1 are supported, the texture is left out", self.place));
             return None;
         }
         let Some(texture) = self.library.texture(self.document, source) else {
-            self.notes.warn(format!("{}: {field} has no PNG or JPEG image, the texture is left out", self.place));
+            self.notes.warn(format!(
+                "{}: {field} has no PNG or JPEG image, the texture is left out",
+                self.place
+            ));
             return None;
         };
-        let texcoord_from_uv = transform.map_or(TextureRef::IDENTITY, |transform| transform.matrix());
+        let texcoord_from_uv =
+            transform.map_or(TextureRef::IDENTITY, |transform| transform.matrix());
         if texcoord_from_uv.iter().any(|value| !value.is_finite()) {
-            self.notes.warn(format!("{}: the texture transform of {field} is not finite, the texture is left out", self.place));
+            self.notes.warn(format!(
+                "{}: the texture transform of {field} is not finite, the texture is left out",
+                self.place
+            ));
             return None;
         }
-        Some(TextureRef { texture, uv_set, texcoord_from_uv })
+        Some(TextureRef {
+            texture,
+            uv_set,
+            texcoord_from_uv,
+        })
     }
 }
 
@@ -275,20 +381,43 @@ mod tests {
 
     #[test]
     fn texture_transform_follows_the_extension() {
-        let transform = Transform { offset: [0.25, 0.5], rotation: std::f32::consts::FRAC_PI_2, scale: [2.0, 3.0], tex_coord: None };
+        let transform = Transform {
+            offset: [0.25, 0.5],
+            rotation: std::f32::consts::FRAC_PI_2,
+            scale: [2.0, 3.0],
+            tex_coord: None,
+        };
         let m = transform.matrix();
         let apply = |u: f32, v: f32| [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]];
         // Rounding of f32 sums of magnitude 3.
-        let close = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs() < 1e-6 && (a[1] - b[1]).abs() < 1e-6;
+        let close =
+            |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs() < 1e-6 && (a[1] - b[1]).abs() < 1e-6;
         assert!(close(apply(0.0, 0.0), [0.25, 0.5]));
-        assert!(close(apply(1.0, 0.0), [0.25, 0.5 - 2.0]), "{:?}", apply(1.0, 0.0));
-        assert!(close(apply(0.0, 1.0), [0.25 + 3.0, 0.5]), "{:?}", apply(0.0, 1.0));
+        assert!(
+            close(apply(1.0, 0.0), [0.25, 0.5 - 2.0]),
+            "{:?}",
+            apply(1.0, 0.0)
+        );
+        assert!(
+            close(apply(0.0, 1.0), [0.25 + 3.0, 0.5]),
+            "{:?}",
+            apply(0.0, 1.0)
+        );
 
         // The extension's own example: the lower left quadrant, turned by 90 degrees.
-        let m = Transform { offset: [0.0, 1.0], rotation: std::f32::consts::FRAC_PI_2, scale: [0.5, 0.5], tex_coord: None }.matrix();
+        let m = Transform {
+            offset: [0.0, 1.0],
+            rotation: std::f32::consts::FRAC_PI_2,
+            scale: [0.5, 0.5],
+            tex_coord: None,
+        }
+        .matrix();
         for (u, v) in [(0.01, 0.01), (0.99, 0.01), (0.01, 0.99), (0.99, 0.99)] {
             let (u, v) = (m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]);
-            assert!((0.0..=0.5).contains(&u) && (0.5..=1.0).contains(&v), "({u}, {v}) lies outside the quadrant");
+            assert!(
+                (0.0..=0.5).contains(&u) && (0.5..=1.0).contains(&v),
+                "({u}, {v}) lies outside the quadrant"
+            );
         }
     }
 }

@@ -56,7 +56,10 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
     let images = resources::load_images(&document, &buffers, &library.image_sources, &mut notes)?;
     let graph = nodes::import(&document, &mut notes)?;
 
-    let name = path.file_stem().map_or_else(|| path.display().to_string(), |stem| stem.to_string_lossy().into_owned());
+    let name = path.file_stem().map_or_else(
+        || path.display().to_string(),
+        |stem| stem.to_string_lossy().into_owned(),
+    );
     Ok(Scene {
         name,
         nodes: graph.nodes,

@@ -1,9 +1,9 @@
 //! The node tree, cameras and lights.
 
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
-use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::super::{Camera, LightKind, Node, PunctualLight, SceneError};
 use super::Notes;
@@ -23,19 +23,37 @@ const SINGULAR_BELOW: f64 = 1e-7;
 
 /// Imports the nodes and checks that they form a forest.
 pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Graph, SceneError> {
-    let cameras = document.root.cameras.iter().enumerate().map(|(index, camera)| import_camera(index, camera)).collect();
+    let cameras = document
+        .root
+        .cameras
+        .iter()
+        .enumerate()
+        .map(|(index, camera)| import_camera(index, camera))
+        .collect();
     let lights = import_lights(document, notes)?;
 
     let count = document.root.nodes.len();
     let mut nodes = Vec::with_capacity(count);
     for (index, source) in document.root.nodes.iter().enumerate() {
-        let name = source.name.clone().unwrap_or_else(|| format!("node {index}"));
-        let light = source.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref()).map(|light| light.light.value());
+        let name = source
+            .name
+            .clone()
+            .unwrap_or_else(|| format!("node {index}"));
+        let light = source
+            .extensions
+            .as_ref()
+            .and_then(|extensions| extensions.khr_lights_punctual.as_ref())
+            .map(|light| light.light.value());
         nodes.push(Node {
             parent_from_node: transform_of(document, index, &name, source)?,
             name,
             parent: None,
-            children: source.children.iter().flatten().map(json::Index::value).collect(),
+            children: source
+                .children
+                .iter()
+                .flatten()
+                .map(json::Index::value)
+                .collect(),
             mesh: source.mesh.map(|mesh| mesh.value()),
             light,
             camera: source.camera.map(|camera| camera.value()),
@@ -43,7 +61,12 @@ pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Graph, Scene
     }
     link_parents(document, &mut nodes)?;
     let roots = scene_roots(document, &nodes, notes)?;
-    Ok(Graph { nodes, roots, lights, cameras })
+    Ok(Graph {
+        nodes,
+        roots,
+        lights,
+        cameras,
+    })
 }
 
 fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), SceneError> {
@@ -51,10 +74,17 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
     for parent in 0..nodes.len() {
         for child in nodes[parent].children.clone() {
             if child >= nodes.len() {
-                return Err(document.fault(format!("{}: child {child} is out of range, there are {} nodes", label(nodes, parent), nodes.len())));
+                return Err(document.fault(format!(
+                    "{}: child {child} is out of range, there are {} nodes",
+                    label(nodes, parent),
+                    nodes.len()
+                )));
             }
             if child == parent {
-                return Err(document.fault(format!("{} is its own child: the nodes must form a tree", label(nodes, child))));
+                return Err(document.fault(format!(
+                    "{} is its own child: the nodes must form a tree",
+                    label(nodes, child)
+                )));
             }
             if let Some(other) = nodes[child].parent {
                 return Err(document.fault(format!(
@@ -69,37 +99,57 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
     }
     // With one parent each, whatever no parentless node reaches lies on or below a cycle.
     let mut reached = vec![false; nodes.len()];
-    let mut pending: Vec<usize> = (0..nodes.len()).filter(|index| nodes[*index].parent.is_none()).collect();
+    let mut pending: Vec<usize> = (0..nodes.len())
+        .filter(|index| nodes[*index].parent.is_none())
+        .collect();
     while let Some(index) = pending.pop() {
         reached[index] = true;
         pending.extend(&nodes[index].children);
     }
     match reached.iter().position(|reached| !reached) {
         None => Ok(()),
-        Some(index) => Err(document.fault(format!("{} lies on a cycle of nodes, or below one: the nodes must form a tree", label(nodes, index)))),
+        Some(index) => Err(document.fault(format!(
+            "{} lies on a cycle of nodes, or below one: the nodes must form a tree",
+            label(nodes, index)
+        ))),
     }
 }
 
-fn scene_roots(document: &Document<'_>, nodes: &[Node], notes: &mut Notes) -> Result<Vec<usize>, SceneError> {
+fn scene_roots(
+    document: &Document<'_>,
+    nodes: &[Node],
+    notes: &mut Notes,
+) -> Result<Vec<usize>, SceneError> {
     let root = &document.root;
     let chosen = root.scene.map_or(0, |scene| scene.value());
     let Some(scene) = root.scenes.get(chosen) else {
         if root.scene.is_some() {
-            return Err(document.fault(format!("scene: {chosen} is out of range, there are {}", root.scenes.len())));
+            return Err(document.fault(format!(
+                "scene: {chosen} is out of range, there are {}",
+                root.scenes.len()
+            )));
         }
         if !nodes.is_empty() {
             notes.warn("the file has no scene: every node is shown");
         }
-        return Ok((0..nodes.len()).filter(|index| nodes[*index].parent.is_none()).collect());
+        return Ok((0..nodes.len())
+            .filter(|index| nodes[*index].parent.is_none())
+            .collect());
     };
     if root.scenes.len() > 1 {
-        notes.warn(format!("the file has {} scenes: scene {chosen} is shown", root.scenes.len()));
+        notes.warn(format!(
+            "the file has {} scenes: scene {chosen} is shown",
+            root.scenes.len()
+        ));
     }
     let mut roots = Vec::with_capacity(scene.nodes.len());
     let mut listed = vec![false; nodes.len()];
     for index in scene.nodes.iter().map(json::Index::value) {
         let Some(node) = nodes.get(index) else {
-            return Err(document.fault(format!("scenes[{chosen}]: node {index} is out of range, there are {}", nodes.len())));
+            return Err(document.fault(format!(
+                "scenes[{chosen}]: node {index} is out of range, there are {}",
+                nodes.len()
+            )));
         };
         if let Some(parent) = node.parent {
             return Err(document.fault(format!(
@@ -108,7 +158,10 @@ fn scene_roots(document: &Document<'_>, nodes: &[Node], notes: &mut Notes) -> Re
             )));
         }
         if listed[index] {
-            return Err(document.fault(format!("scenes[{chosen}]: nodes[{index}] '{}' is listed twice", node.name)));
+            return Err(document.fault(format!(
+                "scenes[{chosen}]: nodes[{index}] '{}' is listed twice",
+                node.name
+            )));
         }
         listed[index] = true;
         roots.push(index);
@@ -116,22 +169,35 @@ fn scene_roots(document: &Document<'_>, nodes: &[Node], notes: &mut Notes) -> Re
     Ok(roots)
 }
 
-fn transform_of(document: &Document<'_>, index: usize, name: &str, node: &json::Node) -> Result<DAffine3, SceneError> {
+fn transform_of(
+    document: &Document<'_>,
+    index: usize,
+    name: &str,
+    node: &json::Node,
+) -> Result<DAffine3, SceneError> {
     let fault = |what: &str| document.fault(format!("nodes[{index}] '{name}': {what}"));
     let affine = if let Some(matrix) = node.matrix {
         let m = matrix.map(f64::from);
         let last_row = [m[3], m[7], m[11], m[15] - 1.0];
         if last_row.iter().any(|value| value.abs() > 1e-6) {
-            return Err(fault("the matrix is not affine: its last row must be 0 0 0 1"));
+            return Err(fault(
+                "the matrix is not affine: its last row must be 0 0 0 1",
+            ));
         }
         DAffine3::from_mat3_translation(
-            DMat3::from_cols(DVec3::new(m[0], m[1], m[2]), DVec3::new(m[4], m[5], m[6]), DVec3::new(m[8], m[9], m[10])),
+            DMat3::from_cols(
+                DVec3::new(m[0], m[1], m[2]),
+                DVec3::new(m[4], m[5], m[6]),
+                DVec3::new(m[8], m[9], m[10]),
+            ),
             DVec3::new(m[12], m[13], m[14]),
         )
     } else {
         let translation = node.translation.map_or(DVec3::ZERO, super::super::as_dvec3);
         let scale = node.scale.map_or(DVec3::ONE, super::super::as_dvec3);
-        let rotation = node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
+        let rotation = node
+            .rotation
+            .map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
         let rotation = DQuat::from_array(rotation.map(f64::from));
         let length = rotation.length();
         if !(length > 1e-6 && length.is_finite()) {
@@ -145,49 +211,93 @@ fn transform_of(document: &Document<'_>, index: usize, name: &str, node: &json::
     let axes = affine.matrix3;
     let volume = axes.x_axis.length() * axes.y_axis.length() * axes.z_axis.length();
     // Written so that a NaN from overflow fails too.
-    if !(axes.determinant().abs() > SINGULAR_BELOW * volume && volume > 0.0 && affine.inverse().is_finite()) {
-        return Err(fault("the transform is singular: it flattens space (is a scale 0?)"));
+    if !(axes.determinant().abs() > SINGULAR_BELOW * volume
+        && volume > 0.0
+        && affine.inverse().is_finite())
+    {
+        return Err(fault(
+            "the transform is singular: it flattens space (is a scale 0?)",
+        ));
     }
     Ok(affine)
 }
 
 fn import_camera(index: usize, camera: &json::Camera) -> Camera {
     Camera {
-        name: camera.name.clone().unwrap_or_else(|| format!("camera {index}")),
-        yfov_rad: camera.perspective.as_ref().map(|perspective| perspective.yfov),
+        name: camera
+            .name
+            .clone()
+            .unwrap_or_else(|| format!("camera {index}")),
+        yfov_rad: camera
+            .perspective
+            .as_ref()
+            .map(|perspective| perspective.yfov),
     }
 }
 
-fn import_lights(document: &Document<'_>, notes: &mut Notes) -> Result<Vec<PunctualLight>, SceneError> {
-    let list = document.root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+fn import_lights(
+    document: &Document<'_>,
+    notes: &mut Notes,
+) -> Result<Vec<PunctualLight>, SceneError> {
+    let list = document
+        .root
+        .extensions
+        .as_ref()
+        .and_then(|extensions| extensions.khr_lights_punctual.as_ref());
     let list: &[Light] = list.map_or(&[], |list| &list.lights);
-    list.iter().enumerate().map(|(index, light)| import_light(document, notes, index, light)).collect()
+    list.iter()
+        .enumerate()
+        .map(|(index, light)| import_light(document, notes, index, light))
+        .collect()
 }
 
-fn import_light(document: &Document<'_>, notes: &mut Notes, index: usize, light: &Light) -> Result<PunctualLight, SceneError> {
-    let name = light.name.clone().unwrap_or_else(|| format!("light {index}"));
+fn import_light(
+    document: &Document<'_>,
+    notes: &mut Notes,
+    index: usize,
+    light: &Light,
+) -> Result<PunctualLight, SceneError> {
+    let name = light
+        .name
+        .clone()
+        .unwrap_or_else(|| format!("light {index}"));
     let fault = |what: &str| document.fault(format!("lights[{index}] '{name}': {what}"));
     let mut intensity = light.color.map(|channel| channel * light.intensity);
     if intensity.iter().any(|channel| !channel.is_finite()) {
         return Err(fault("the intensity is not finite"));
     }
     if intensity.iter().any(|channel| *channel < 0.0) {
-        notes.warn(format!("lights[{index}] '{name}': negative intensity is raised to 0"));
+        notes.warn(format!(
+            "lights[{index}] '{name}': negative intensity is raised to 0"
+        ));
         intensity = intensity.map(|channel| channel.max(0.0));
     }
     let kind = match light.type_ {
         Checked::Valid(LightType::Point) => LightKind::Point,
         Checked::Valid(LightType::Directional) => LightKind::Directional,
         Checked::Valid(LightType::Spot) => {
-            let spot = light.spot.as_ref().ok_or_else(|| fault("a spot light without 'spot'"))?;
+            let spot = light
+                .spot
+                .as_ref()
+                .ok_or_else(|| fault("a spot light without 'spot'"))?;
             let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);
-            let in_order = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
+            let in_order =
+                0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
             if !in_order {
-                return Err(fault(&format!("cone angles must be 0 <= inner < outer <= pi/2, they are {inner} and {outer}")));
+                return Err(fault(&format!(
+                    "cone angles must be 0 <= inner < outer <= pi/2, they are {inner} and {outer}"
+                )));
             }
-            LightKind::Spot { inner_cone_rad: inner, outer_cone_rad: outer.min(std::f32::consts::FRAC_PI_2) }
+            LightKind::Spot {
+                inner_cone_rad: inner,
+                outer_cone_rad: outer.min(std::f32::consts::FRAC_PI_2),
+            }
         }
         Checked::Invalid => return Err(fault("unknown type")),
     };
-    Ok(PunctualLight { name, kind, intensity })
+    Ok(PunctualLight {
+        name,
+        kind,
+        intensity,
+    })
 }

@@ -25,7 +25,9 @@ pub fn normals_from_triangles(positions: &[[f32; 3]], triangles: &[[u32; 3]]) ->
             sums[*vertex as usize] += doubled_area;
         }
     }
-    sums.into_iter().map(|sum| sum.normalize_or(DVec3::Y)).collect()
+    sums.into_iter()
+        .map(|sum| sum.normalize_or(DVec3::Y))
+        .collect()
 }
 
 /// Which way a triangle's texture lies: whether (u, v) runs against the winding. Zero-area charts count as unmirrored.
@@ -36,7 +38,12 @@ pub fn is_mirrored(uv: [[f32; 2]; 3]) -> bool {
 }
 
 /// Derives tangents (see the module's text). Every vertex must lie in charts of one orientation only.
-pub fn derive(positions: &[[f32; 3]], normals: &[[f32; 3]], uv: &[[f32; 2]], triangles: &[[u32; 3]]) -> Vec<[f32; 4]> {
+pub fn derive(
+    positions: &[[f32; 3]],
+    normals: &[[f32; 3]],
+    uv: &[[f32; 2]],
+    triangles: &[[u32; 3]],
+) -> Vec<[f32; 4]> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     let mut handedness = vec![1.0_f32; positions.len()];
     for triangle in triangles {
@@ -55,7 +62,10 @@ pub fn derive(positions: &[[f32; 3]], normals: &[[f32; 3]], uv: &[[f32; 2]], tri
             let vertex = triangle[corner] as usize;
             let normal = as_dvec3(normals[vertex]);
             let projected = (along_u - normal * along_u.dot(normal)).normalize_or_zero();
-            let (next, previous) = (corners[(corner + 1) % 3] - corners[corner], corners[(corner + 2) % 3] - corners[corner]);
+            let (next, previous) = (
+                corners[(corner + 1) % 3] - corners[corner],
+                corners[(corner + 2) % 3] - corners[corner],
+            );
             let angle = next.cross(previous).length().atan2(next.dot(previous));
             sums[vertex] += projected * angle;
             handedness[vertex] = if is_mirrored(charts) { -1.0 } else { 1.0 };
@@ -65,7 +75,12 @@ pub fn derive(positions: &[[f32; 3]], normals: &[[f32; 3]], uv: &[[f32; 2]], tri
         .zip(normals)
         .zip(handedness)
         .map(|((sum, normal), handedness)| match sum.try_normalize() {
-            Some(tangent) => [tangent.x as f32, tangent.y as f32, tangent.z as f32, handedness],
+            Some(tangent) => [
+                tangent.x as f32,
+                tangent.y as f32,
+                tangent.z as f32,
+                handedness,
+            ],
             None => any_tangent(*normal),
         })
         .collect()

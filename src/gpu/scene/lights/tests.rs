@@ -1,0 +1,178 @@
+use super::*;
+use crate::scene::{Filter, Image, Material, MeshTriangle, Node, PunctualLight, Texture, TextureRef, Wrap};
+
+fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
+    Node { name: String::new(), parent: None, children: Vec::new(), parent_from_node, mesh, light, camera: None }
+}
+
+/// One mesh of a dark and three glowing unit right triangles, placed twice (the second twice as large), and a lamp.
+fn scene() -> Scene {
+    let triangle = |material| MeshTriangle { vertices: [0, 1, 2], material };
+    Scene {
+        nodes: vec![
+            node(Some(0), None, DAffine3::IDENTITY),
+            node(None, Some(0), DAffine3::from_translation(DVec3::new(0.0, 7.0, 0.0))),
+            node(Some(0), None, DAffine3::from_scale(DVec3::splat(2.0))),
+        ],
+        roots: vec![0, 1, 2],
+        meshes: vec![Mesh {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            uv0: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+            triangles: vec![triangle(1), triangle(0), triangle(1), triangle(2)],
+            ..Mesh::default()
+        }],
+        materials: vec![
+            Material::lambert("dark", [0.5; 3]),
+            Material { emission: [2.0, 1.0, 0.0], ..Material::lambert("glow", [0.0; 3]) },
+            Material { emission: [4.0; 3], double_sided: true, ..Material::lambert("both", [0.0; 3]) },
+        ],
+        lights: vec![PunctualLight { name: String::new(), kind: LightKind::Point, intensity: [1.0; 3] }],
+        ..Scene::default()
+    }
+}
+
+fn packed(scene: &Scene) -> PackedLights {
+    let order = TriangleOrder { leaf_of_triangle: vec![vec![3, 2, 1, 0]] };
+    let sources = LightSources { scene, environment: None, order: &order, kinds: LightKinds::default() };
+    pack_lights(&sources, DVec3::new(0.0, 5.0, 0.0))
+}
+
+#[test]
+fn ordinals_count_emissive_triangles_in_the_meshs_order() {
+    let scene = scene();
+    assert_eq!(emitter_ordinals(&scene, &scene.meshes[0]), [0, NO_EMITTER, 1, 2]);
+}
+
+#[test]
+fn records_lie_where_instances_and_ordinals_say() {
+    let scene = scene();
+    let lights = packed(&scene);
+    assert_eq!(lights.first_emitter, [1, 4]);
+    assert_eq!(lights.origin_dependent, 1);
+    assert_eq!(lights.records.len(), 7);
+    assert_eq!(lights.records[0].kind, LIGHT_POINT);
+    assert_eq!(lights.records[0].position, [0.0, 2.0, 0.0]);
+    let second = &lights.records[4 + 2];
+    assert_eq!((second.kind, second.instance, second.triangle), (LIGHT_TRIANGLE, 1, 0));
+}
+
+#[test]
+fn powers_are_pi_area_radiance_and_twice_that_for_two_sides() {
+    let scene = scene();
+    let lights = packed(&scene);
+    // Areas 0.5 and 2: two single-sided triangles and a double-sided one each.
+    let red = 4.0 * PI + (0.5 + 2.0) * PI * (2.0 * 2.0 + 2.0 * 4.0);
+    assert!((lights.total_power[0] - red).abs() < 1e-9);
+    let sum: f32 = lights.records.iter().map(|record| record.pick_pdf).sum();
+    assert!((sum - 1.0).abs() < 1e-5);
+    assert!((lights.records[6].pick_pdf / lights.records[3].pick_pdf - 4.0).abs() < 1e-5);
+}
+
+#[test]
+fn only_leading_records_move_with_the_origin() {
+    let scene = scene();
+    let mut lights = packed(&scene);
+    let before = lights.records.clone();
+    lights.set_origin(DVec3::new(1e6, 0.0, 0.0));
+    assert_eq!(lights.records[0].position, [-1e6, 7.0, 0.0]);
+    assert_eq!(lights.records[1..], before[1..]);
+}
+
+#[test]
+fn kinds_that_are_off_have_no_record() {
+    let scene = scene();
+    let order = TriangleOrder::default();
+    let kinds = LightKinds { emitters: false, ..LightKinds::default() };
+    let lights = pack_lights(&LightSources { scene: &scene, environment: None, order: &order, kinds }, DVec3::ZERO);
+    assert_eq!(lights.records.len(), 1);
+    assert_eq!(lights.first_emitter, [NO_EMITTER; 2]);
+    let kinds = LightKinds { emitters: false, points: false, ..LightKinds::default() };
+    let lights = pack_lights(&LightSources { scene: &scene, environment: None, order: &order, kinds }, DVec3::ZERO);
+    assert!(lights.records.is_empty());
+    assert_eq!(lights.alias, [LightAlias::default()]);
+}
+
+/// Probability of each light that a table gives.
+fn table_probabilities(table: &[LightAlias]) -> Vec<f64> {
+    let count = table[0].alias_index as usize;
+    let mut probabilities = vec![0.0; count];
+    for (index, entry) in table[1..].iter().enumerate() {
+        probabilities[index] += f64::from(entry.threshold) / count as f64;
+        probabilities[entry.alias_index as usize] += (1.0 - f64::from(entry.threshold)) / count as f64;
+    }
+    probabilities
+}
+
+#[test]
+fn the_alias_table_gives_every_light_its_share() {
+    for weights in [vec![1.0], vec![0.0, 1.0], vec![1.0, 2.0, 3.0, 0.0], (0..10_000).map(|i| f64::from(i * i)).collect()] {
+        let wanted = probabilities(&weights);
+        let table = alias_table(&wanted);
+        assert_eq!(table.len(), weights.len() + 1);
+        for (index, (given, wanted)) in table_probabilities(&table).iter().zip(&wanted).enumerate() {
+            // Thresholds are f32: 2^-25 of a slot each.
+            assert!((given - wanted).abs() <= 6e-8, "light {index}: {given} for {wanted}");
+            assert!(*wanted > 0.0 || *given == 0.0, "light {index} has no power and is picked");
+        }
+    }
+    assert_eq!(alias_table(&probabilities(&[0.0, 0.0]))[0].alias_index, 0);
+    assert_eq!(alias_table(&[])[0].alias_index, 0);
+}
+
+#[test]
+fn spot_falloff_is_one_inside_zero_outside_and_integrates() {
+    for (inner, outer) in [(0.2f32, 0.6f32), (0.0, 1.5), (0.5, 0.5), (0.0, 0.01)] {
+        let (scale, offset) = spot_falloff(inner, outer);
+        let falloff = |cosine: f64| (cosine * scale + offset).clamp(0.0, 1.0).powi(2);
+        assert!(falloff(f64::from(outer).cos()) < 1e-9);
+        let steps = 2_000_000;
+        let step = 2.0 / f64::from(steps);
+        let sum: f64 = (0..steps).map(|i| falloff(-1.0 + (f64::from(i) + 0.5) * step) * step).sum();
+        let closed = spot_solid_angle(scale, offset);
+        assert!((sum * 2.0 * PI - closed).abs() < 1e-4 * closed + 1e-9, "{inner} {outer}: {closed}, sum {}", sum * 2.0 * PI);
+    }
+    let (scale, offset) = spot_falloff(0.2, 0.6);
+    assert_eq!((0.2f64.cos() * scale + offset).clamp(0.0, 1.0).round(), 1.0);
+}
+
+/// An emissive texture of 4 x 4 texels, white in one corner.
+fn textured(white: usize, uv_scale: f32) -> Scene {
+    let mut scene = scene();
+    let mut rgba8 = vec![0; 64];
+    rgba8[4 * white..4 * white + 4].fill(255);
+    scene.images.push(Image { name: String::new(), width: 4, height: 4, rgba8 });
+    scene.textures.push(Texture { image: 0, wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, filter: Filter::Nearest });
+    scene.materials[1].emissive_texture = Some(TextureRef {
+        texture: 0,
+        uv_set: 0,
+        texcoord_from_uv: [uv_scale, 0.0, 0.0, 0.0, uv_scale, 0.0],
+    });
+    scene
+}
+
+#[test]
+fn textured_emission_is_averaged_over_the_triangle() {
+    let scene = textured(0, 1.0);
+    let glow = glow_of(&scene, &scene.meshes[0], 0);
+    // The corner texel covers 1/16 of the square, so 1/8 of the triangle.
+    assert!((glow.mean[0] - 2.0 / 8.0).abs() < 0.03, "{:?}", glow.mean);
+    assert_eq!(glow.boost, 1.0);
+}
+
+#[test]
+fn triangles_that_see_only_black_texels_have_no_power() {
+    let scene = textured(15, 1.0);
+    let glow = glow_of(&scene, &scene.meshes[0], 0);
+    assert_eq!(glow.mean, [0.0; 3]);
+}
+
+#[test]
+fn a_glow_too_small_for_the_grid_keeps_a_chance() {
+    // 4000 repetitions of the image per edge: far finer than the grid.
+    let mut scene = textured(5, 1e3);
+    scene.textures[0].wrap_u = Wrap::Repeat;
+    scene.textures[0].wrap_v = Wrap::Repeat;
+    let glow = glow_of(&scene, &scene.meshes[0], 0);
+    let level = glow.mean.iter().sum::<f64>() / 3.0 * glow.boost;
+    assert!(level > 0.0);
+}

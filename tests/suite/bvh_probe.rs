@@ -1,0 +1,229 @@
+//! Runs the shaders' traversal for tests, and builds the scenes they trace.
+
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
+use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
+use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
+use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::scene::{Mesh, MeshTriangle};
+
+pub const MISS: u32 = u32::MAX;
+
+/// A ray, or a surface point and the direction in which to leave it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TraceQuery {
+    pub origin: [f32; 3],
+    pub t_max: f32,
+    pub direction: [f32; 3],
+    pub instance: u32,
+    pub weights: [f32; 2],
+    pub triangle: u32,
+    pub padding: u32,
+}
+
+impl TraceQuery {
+    pub fn ray(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin: origin.to_array(), t_max: 1e30, direction: direction.to_array(), ..Self::default() }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct TraceAnswer {
+    pub t: f32,
+    pub instance: u32,
+    pub triangle: u32,
+    pub is_occluded: u32,
+    pub weights: [f32; 2],
+    pub padding_0: [u32; 2],
+    pub position: [f32; 3],
+    pub padding_1: u32,
+    pub error: [f32; 3],
+    pub padding_2: u32,
+    pub normal: [f32; 3],
+    pub padding_3: u32,
+}
+
+/// A scene on the device and in f64.
+pub struct TraceScene {
+    pub meshes: MeshHierarchies,
+    pub top: TopLevel,
+    /// Exact transforms relative to the origin, and each instance's triangles.
+    pub exact: Vec<(DAffine3, Range<u32>)>,
+    buffers: [wgpu::Buffer; 4],
+}
+
+impl TraceScene {
+    pub fn new(context: &GpuContext, meshes: &[Mesh], placed: &[(DAffine3, u32)], origin_in_world: DVec3) -> Self {
+        let meshes = MeshHierarchies::build(meshes, &[]).unwrap();
+        meshes.validate().unwrap();
+        let sources: Vec<_> = placed
+            .iter()
+            .map(|&(world_from_object, mesh)| InstanceSource { world_from_object, mesh, node: 0, first_emitter: 0 })
+            .collect();
+        let top = TopLevel::build(origin_in_world, &sources, &meshes).unwrap();
+        top.validate().unwrap();
+        let exact = placed
+            .iter()
+            .map(|&(mut transform, mesh)| {
+                transform.translation -= origin_in_world;
+                let range = &meshes.meshes[mesh as usize];
+                (transform, range.first_triangle..range.first_triangle + range.triangle_count)
+            })
+            .collect();
+        let buffers = [
+            storage_buffer_with_data(context, "top_nodes", top.nodes()).unwrap(),
+            storage_buffer_with_data(context, "mesh_nodes", &meshes.nodes).unwrap(),
+            storage_buffer_with_data(context, "instances", top.instances()).unwrap(),
+            storage_buffer_with_data(context, "triangles", &meshes.triangles).unwrap(),
+        ];
+        Self { meshes, top, exact, buffers }
+    }
+
+    /// Corners of a triangle of an instance in render space, f64.
+    pub fn corners(&self, instance: u32, triangle: u32) -> [DVec3; 3] {
+        let triangle = &self.meshes.triangles[triangle as usize];
+        [triangle.v0, triangle.v1, triangle.v2]
+            .map(|v| self.exact[instance as usize].0.transform_point3(Vec3::from(v).as_dvec3()))
+    }
+}
+
+/// The probe, compiled for one question.
+pub struct TraceProbe<'a> {
+    context: &'a GpuContext,
+    kernel: Kernel,
+}
+
+impl<'a> TraceProbe<'a> {
+    pub fn new(context: &'a GpuContext, library: &ShaderLibrary, features: &[&str]) -> Self {
+        let mut library = library.clone();
+        library.insert("tests/bvh_probe", include_str!("bvh_probe.wesl"));
+        let features = features.iter().map(|name| ((*name).to_owned(), true)).collect();
+        let kernel = Kernel::new(context, &library, "tests/bvh_probe", &features).unwrap();
+        Self { context, kernel }
+    }
+
+    pub fn run(&self, scene: &TraceScene, queries: &[TraceQuery]) -> Vec<TraceAnswer> {
+        let queries_buffer = storage_buffer_with_data(self.context, "queries", queries).unwrap();
+        let answers =
+            storage_buffer(self.context, "answers", (queries.len() * size_of::<TraceAnswer>()) as u64).unwrap();
+        let [top_nodes, mesh_nodes, instances, triangles] = &scene.buffers;
+        let resources = Resources::new()
+            .with("top_nodes", top_nodes)
+            .with("mesh_nodes", mesh_nodes)
+            .with("instances", instances)
+            .with("triangles", triangles)
+            .with("queries", &queries_buffer)
+            .with("answers", &answers);
+        let bound = self.kernel.bind(self.context, &resources).unwrap();
+        let mut recorder = FrameRecorder::new(self.context, None, "trace probe");
+        let groups = self.kernel.groups_for(queries.len() as u32);
+        recorder.dispatch("trace probe", &self.kernel, &bound, 0, groups);
+        recorder.submit("trace probe", &mut PassTimes::default()).unwrap();
+        read_buffer(self.context, "answers", &answers, queries.len()).unwrap()
+    }
+}
+
+/// SplitMix64 (Steele, Lea and Flood, 2014).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.bits() % count as u64) as usize
+    }
+
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// Uniform on the unit sphere.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let v = self.vector();
+            if v.length() > 0.1 && v.length() < 1.0 {
+                return v.normalize();
+            }
+        }
+    }
+
+    pub fn rotation(&mut self) -> DQuat {
+        DQuat::from_axis_angle(self.direction(), 6.3 * self.unit())
+    }
+
+    /// Uniform on a triangle: weights of its second and third vertex.
+    pub fn weights(&mut self) -> [f32; 2] {
+        let (root, v) = (self.unit().sqrt(), self.unit());
+        [(root * (1.0 - v)) as f32, (root * v) as f32]
+    }
+}
+
+/// A mesh of triangles that share no vertices.
+pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
+    Mesh {
+        positions: triangles.iter().flatten().map(|v| v.to_array()).collect(),
+        triangles: (0..triangles.len() as u32)
+            .map(|i| MeshTriangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0 })
+            .collect(),
+        ..Mesh::default()
+    }
+}
+
+/// Small random triangles in a cube of side 2.
+pub fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
+    let triangles: Vec<_> = (0..count)
+        .map(|_| {
+            let center = random.vector();
+            [(); 3].map(|()| (center + size * random.vector()).as_vec3())
+        })
+        .collect();
+    mesh_of(&triangles)
+}
+
+/// A closed sphere around the origin whose radius varies between 1 - `bump` and 1 + `bump`, its vertices shared.
+pub fn sphere(random: &mut Random, segments: u32, rings: u32, bump: f64) -> Mesh {
+    let mut positions = vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
+    for ring in 1..rings {
+        for segment in 0..segments {
+            let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
+            let phi = std::f64::consts::TAU * f64::from(segment) / f64::from(segments);
+            let radius = 1.0 + bump * random.signed();
+            let p = radius * DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            positions.push(p.as_vec3().to_array());
+        }
+    }
+    let at = |ring: u32, segment: u32| 2 + (ring - 1) * segments + segment % segments;
+    let mut triangles = Vec::new();
+    for s in 0..segments {
+        triangles.push([0, at(1, s + 1), at(1, s)]);
+        triangles.push([1, at(rings - 1, s), at(rings - 1, s + 1)]);
+        for ring in 1..rings - 1 {
+            triangles.push([at(ring, s), at(ring, s + 1), at(ring + 1, s)]);
+            triangles.push([at(ring, s + 1), at(ring + 1, s + 1), at(ring + 1, s)]);
+        }
+    }
+    Mesh {
+        positions,
+        triangles: triangles.into_iter().map(|vertices| MeshTriangle { vertices, material: 0 }).collect(),
+        ..Mesh::default()
+    }
+}
