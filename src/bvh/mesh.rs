@@ -14,7 +14,9 @@ use rayon::prelude::*;
 use super::bounds::{Bounds32, PAD_UNITS};
 use super::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
 use super::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
-use crate::gpu::types::bvh::{BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle};
+use crate::gpu::types::bvh::{
+    BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle,
+};
 use crate::scene::{AlphaMode, Material, Mesh};
 
 /// What the hierarchy notes about a material in its triangles.
@@ -29,8 +31,16 @@ pub struct MaterialMarks {
 impl MaterialMarks {
     /// Marks of a scene's material: it emits where any channel's factor is above 0.
     pub fn of(material: &Material) -> Self {
-        let alpha = if material.alpha_mode == AlphaMode::Opaque { 0 } else { TRIANGLE_ALPHA };
-        let sides = if material.double_sided { TRIANGLE_DOUBLE_SIDED } else { 0 };
+        let alpha = if material.alpha_mode == AlphaMode::Opaque {
+            0
+        } else {
+            TRIANGLE_ALPHA
+        };
+        let sides = if material.double_sided {
+            TRIANGLE_DOUBLE_SIDED
+        } else {
+            0
+        };
         Self {
             emits: material.emission.iter().any(|&channel| channel > 0.0),
             flags: alpha | sides,
@@ -86,7 +96,11 @@ impl MeshHierarchies {
         for (what, count) in [("triangles", triangle_total), ("vertices", vertex_total)] {
             // A quarter of the index space: two nodes per triangle at most, and one per empty mesh.
             if count + meshes.len() > (MAX_INDEX / 4) as usize {
-                return Err(BvhError::TooMany { what, count, limit: MAX_INDEX / 4 });
+                return Err(BvhError::TooMany {
+                    what,
+                    count,
+                    limit: MAX_INDEX / 4,
+                });
             }
         }
         let parts: Vec<Flat> = meshes
@@ -136,7 +150,9 @@ impl MeshHierarchies {
             .collect();
         for &index in &part.order {
             let triangle = &mesh.triangles[index as usize];
-            let [v0, v1, v2] = triangle.vertices.map(|vertex| mesh.positions[vertex as usize]);
+            let [v0, v1, v2] = triangle
+                .vertices
+                .map(|vertex| mesh.positions[vertex as usize]);
             let [a, b, c] = triangle.vertices.map(|vertex| vertex + first_vertex);
             self.triangles.push(Triangle {
                 v0,
@@ -169,10 +185,16 @@ impl MeshHierarchies {
     pub fn validate(&self) -> Result<(), BvhError> {
         for (index, mesh) in self.meshes.iter().enumerate() {
             let triangles = mesh.first_triangle..mesh.first_triangle + mesh.triangle_count;
-            tree::check(&self.nodes, mesh.root, triangles, mesh.depth.min(MESH_STACK), |triangle| {
-                let triangle = &self.triangles[triangle as usize];
-                Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
-            })
+            tree::check(
+                &self.nodes,
+                mesh.root,
+                triangles,
+                mesh.depth.min(MESH_STACK),
+                |triangle| {
+                    let triangle = &self.triangles[triangle as usize];
+                    Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
+                },
+            )
             .map_err(|reason| BvhError::Invalid(format!("mesh {index}: {reason}")))?;
         }
         Ok(())
@@ -196,13 +218,16 @@ fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
     for (triangle_index, triangle) in mesh.triangles.iter().enumerate() {
         let mut bounds = Bounds32::EMPTY;
         for vertex in triangle.vertices {
-            let position = mesh.positions.get(vertex as usize).ok_or_else(|| BvhError::VertexIndex {
-                mesh: index,
-                name: mesh.name.clone(),
-                triangle: triangle_index,
-                index: vertex,
-                count: mesh.positions.len(),
-            })?;
+            let position =
+                mesh.positions
+                    .get(vertex as usize)
+                    .ok_or_else(|| BvhError::VertexIndex {
+                        mesh: index,
+                        name: mesh.name.clone(),
+                        triangle: triangle_index,
+                        index: vertex,
+                        count: mesh.positions.len(),
+                    })?;
             bounds = bounds.union(&Bounds32::of_points([Vec3::from(*position)]));
         }
         boxes.push(bounds);
@@ -228,18 +253,33 @@ fn quality_tree(boxes: &[Bounds32]) -> Tree {
     }
     // Areas are products of two extents. Scaled to about 1 they neither overflow nor underflow, and a power of two
     // changes no comparison.
-    let largest = boxes.iter().map(Bounds32::max_magnitude).fold(0.0f32, f32::max);
-    let scale = if largest > 0.0 { (-largest.log2().ceil()).clamp(-100.0, 100.0).exp2() } else { 1.0 };
+    let largest = boxes
+        .iter()
+        .map(Bounds32::max_magnitude)
+        .fold(0.0f32, f32::max);
+    let scale = if largest > 0.0 {
+        (-largest.log2().ceil()).clamp(-100.0, 100.0).exp2()
+    } else {
+        1.0
+    };
     let scaled: Vec<Aabb> = boxes
         .iter()
-        .map(|bounds| Aabb::new(Vec3A::from(bounds.min * scale), Vec3A::from(bounds.max * scale)))
+        .map(|bounds| {
+            Aabb::new(
+                Vec3A::from(bounds.min * scale),
+                Vec3A::from(bounds.max * scale),
+            )
+        })
         .collect();
     let bvh = build_bvh2(&scaled, BUILD, &mut std::time::Duration::default());
     Tree {
         nodes: bvh
             .nodes
             .iter()
-            .map(|node| TreeNode { count: node.prim_count, first: node.first_index })
+            .map(|node| TreeNode {
+                count: node.prim_count,
+                first: node.first_index,
+            })
             .collect(),
         order: bvh.primitive_indices,
     }

@@ -50,7 +50,9 @@ pub enum BvhError {
         position: [f32; 3],
     },
     /// A triangle names a vertex that is not there.
-    #[error("mesh {mesh} ({name:?}), triangle {triangle}: vertex index {index} is out of range ({count} vertices)")]
+    #[error(
+        "mesh {mesh} ({name:?}), triangle {triangle}: vertex index {index} is out of range ({count} vertices)"
+    )]
     VertexIndex {
         /// Index of the mesh.
         mesh: usize,

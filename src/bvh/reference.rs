@@ -45,11 +45,11 @@ pub struct Hit {
     pub weights: Vec2,
 }
 
-const U: f32 = 5.960_464_5e-8;
-const TRANSFORM_GAMMA: f32 = 3.576_279_1e-7;
-const MESH_PAD: f32 = 9.536_743_2e-7;
-const TOP_PAD: f32 = 3.814_697_3e-6;
-const SLAB_SLACK: f32 = 1.000_003_8;
+const U: f32 = f32::EPSILON / 2.0;
+const TRANSFORM_GAMMA: f32 = 6.0 * U;
+const MESH_PAD: f32 = 16.0 * U;
+const TOP_PAD: f32 = 64.0 * U;
+const SLAB_SLACK: f32 = 1.0 + 64.0 * U;
 const FARTHEST: f32 = 1e30;
 const STACK: usize = (MESH_STACK + TOP_STACK) as usize;
 
@@ -63,7 +63,9 @@ struct SlabRay {
 impl SlabRay {
     fn new(origin: Vec3, direction: Vec3, pad_units: f32) -> Self {
         let sign = Vec3::select(direction.cmpge(Vec3::ZERO), Vec3::ONE, Vec3::NEG_ONE);
-        let magnitude = direction.abs().max(Vec3::splat(1e-10 * direction.abs().max_element()));
+        let magnitude = direction
+            .abs()
+            .max(Vec3::splat(1e-10 * direction.abs().max_element()));
         let pad = pad_units * origin.abs().max_element();
         Self {
             reciprocal: sign / magnitude,
@@ -138,7 +140,8 @@ impl ShearRay {
         let y_max = y.abs().max_element();
         let z_max = z.abs().max_element();
         let origin_error = self.error.x + self.error.y + self.error.z;
-        let margin = (8.0 * origin_error + 32.0 * U * (x_max + y_max + z_max)) * self.reciprocal_z.abs();
+        let margin =
+            (8.0 * origin_error + 32.0 * U * (x_max + y_max + z_max)) * self.reciprocal_z.abs();
         if (z * self.reciprocal_z).min_element() <= margin {
             let x_error = 5.0 * U * (x_max + z_max) + self.error.x + self.error.z;
             let y_error = 5.0 * U * (y_max + z_max) + self.error.y + self.error.z;
@@ -172,7 +175,11 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
         let (index, count) = entry;
         match (count, &current) {
             (0, _) => {
-                let nodes = if current.is_some() { arrays.mesh_nodes } else { arrays.top_nodes };
+                let nodes = if current.is_some() {
+                    arrays.mesh_nodes
+                } else {
+                    arrays.top_nodes
+                };
                 let node = &nodes[index as usize];
                 let left = slabs.enter(node.left_min, node.left_max, t_best);
                 let right = slabs.enter(node.right_min, node.right_max, t_best);
@@ -180,8 +187,11 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
                 let right_entry = (node.right_index, node.right_count);
                 let next = match (left, right) {
                     (Some(left), Some(right)) => {
-                        let (near, far) =
-                            if right < left { (right_entry, left_entry) } else { (left_entry, right_entry) };
+                        let (near, far) = if right < left {
+                            (right_entry, left_entry)
+                        } else {
+                            (left_entry, right_entry)
+                        };
                         stack[depth] = far;
                         depth += 1;
                         Some(near)
@@ -205,7 +215,11 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
                 ];
                 let origin = rows(matrix, ray.origin.extend(1.0));
                 let direction = rows(matrix, ray.direction.extend(0.0));
-                let error = TRANSFORM_GAMMA * rows(matrix.map(|row| row.map(f32::abs)), ray.origin.abs().extend(1.0));
+                let error = TRANSFORM_GAMMA
+                    * rows(
+                        matrix.map(|row| row.map(f32::abs)),
+                        ray.origin.abs().extend(1.0),
+                    );
                 slabs = SlabRay::new(origin, direction, MESH_PAD);
                 current = Some((index, ShearRay::new(origin, direction, error)));
                 entry = (instance.blas_root, 0);
@@ -213,7 +227,9 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
             }
             (_, Some((instance, sheared))) => {
                 for triangle in index..index + count {
-                    let Some((t, weights)) = sheared.cross(&arrays.triangles[triangle as usize], t_best) else {
+                    let Some((t, weights)) =
+                        sheared.cross(&arrays.triangles[triangle as usize], t_best)
+                    else {
                         continue;
                     };
                     let is_kept = best.map_or(t < t_best, |best| {
@@ -221,7 +237,12 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
                     });
                     if is_kept {
                         t_best = t;
-                        best = Some(Hit { t, instance: *instance, triangle, weights });
+                        best = Some(Hit {
+                            t,
+                            instance: *instance,
+                            triangle,
+                            weights,
+                        });
                         if stop_at_first {
                             return best;
                         }
@@ -282,13 +303,22 @@ pub fn brute_force(
             }
             let t = normal.dot(a - origin) / slope;
             let point = origin + t * direction;
-            let weight = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) / size;
+            let weight =
+                |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) / size;
             let inside = weight(a, b).min(weight(b, c)).min(weight(c, a));
             if t > 0.0 && inside >= -border {
-                hits.push(ExactHit { t, instance, triangle: triangle as usize, inside });
+                hits.push(ExactHit {
+                    t,
+                    instance,
+                    triangle: triangle as usize,
+                    inside,
+                });
             }
         }
     }
-    hits.sort_by(|a, b| a.t.total_cmp(&b.t).then((a.instance, a.triangle).cmp(&(b.instance, b.triangle))));
+    hits.sort_by(|a, b| {
+        a.t.total_cmp(&b.t)
+            .then((a.instance, a.triangle).cmp(&(b.instance, b.triangle)))
+    });
     hits
 }

@@ -1,12 +1,11 @@
 //! Unit tests of the room: structure by `validate`, hits by exhaustive search.
+#![allow(clippy::unwrap_used)]
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
-use super::bounds::Bounds32;
 use super::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
-use super::tree::{self, Scratch, Shape, Split, Tree, TreeNode};
 use super::*;
-use crate::gpu::types::bvh::{BvhNode, NO_EMITTER};
+use crate::gpu::types::bvh::NO_EMITTER;
 use crate::scene::{Mesh, MeshTriangle};
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): enough randomness for a test, with its seed in the open.
@@ -50,9 +49,16 @@ impl Random {
 fn mesh_of(triangles: &[[DVec3; 3]]) -> Mesh {
     Mesh {
         name: "test".to_owned(),
-        positions: triangles.iter().flatten().map(|v| v.as_vec3().to_array()).collect(),
+        positions: triangles
+            .iter()
+            .flatten()
+            .map(|v| v.as_vec3().to_array())
+            .collect(),
         triangles: (0..triangles.len() as u32)
-            .map(|i| MeshTriangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: i % 3 })
+            .map(|i| MeshTriangle {
+                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
+                material: i % 3,
+            })
             .collect(),
         ..Mesh::default()
     }
@@ -69,7 +75,12 @@ fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
 }
 
 fn placed(world_from_object: DAffine3, mesh: u32) -> InstanceSource {
-    InstanceSource { world_from_object, mesh, node: 0, first_emitter: 0 }
+    InstanceSource {
+        world_from_object,
+        mesh,
+        node: 0,
+        first_emitter: 0,
+    }
 }
 
 struct World {
@@ -90,7 +101,10 @@ impl World {
                 let range = &meshes.meshes[source.mesh as usize];
                 let mut transform = source.world_from_object;
                 transform.translation -= origin;
-                (transform, range.first_triangle..range.first_triangle + range.triangle_count)
+                (
+                    transform,
+                    range.first_triangle..range.first_triangle + range.triangle_count,
+                )
             })
             .collect();
         Self { meshes, top, exact }
@@ -124,7 +138,8 @@ impl World {
                     // Surfaces closer together than the tolerance may trade places.
                     (f64::from(found.t) - first.t).abs() <= t_tolerance * (1.0 + first.t)
                         && all.iter().any(|hit| {
-                            (hit.instance, hit.triangle) == (found.instance as usize, found.triangle as usize)
+                            (hit.instance, hit.triangle)
+                                == (found.instance as usize, found.triangle as usize)
                         })
                 }
                 _ => false,
@@ -149,7 +164,11 @@ fn random_rays(random: &mut Random, count: usize, spread: f64) -> Vec<Ray> {
 #[test]
 fn hits_equal_exhaustive_search() {
     let mut random = Random(1);
-    let meshes = [soup(&mut random, 300, 0.1), soup(&mut random, 40, 0.5), soup(&mut random, 1, 0.8)];
+    let meshes = [
+        soup(&mut random, 300, 0.1),
+        soup(&mut random, 40, 0.5),
+        soup(&mut random, 1, 0.8),
+    ];
     let mut sources = Vec::new();
     for i in 0..12 {
         let scale = match i % 4 {
@@ -158,8 +177,11 @@ fn hits_equal_exhaustive_search() {
             2 => DVec3::new(0.3, 2.0, 1.0),
             _ => DVec3::splat(5.0),
         };
-        let transform =
-            DAffine3::from_scale_rotation_translation(scale, random.rotation(), 4.0 * random.vector());
+        let transform = DAffine3::from_scale_rotation_translation(
+            scale,
+            random.rotation(),
+            4.0 * random.vector(),
+        );
         sources.push(placed(transform, i % 3));
     }
     let world = World::new(&meshes, &sources, DVec3::new(0.1, 0.2, 0.3));
@@ -189,7 +211,10 @@ fn world_far_from_origin_is_like_one_at_it() {
         .map(|_| {
             // Multiples of 2^-10 stay exact beside 3e6.
             let at = (random.vector() * 2048.0).round() / 1024.0;
-            placed(DAffine3::from_rotation_translation(random.rotation(), at), 0)
+            placed(
+                DAffine3::from_rotation_translation(random.rotation(), at),
+                0,
+            )
         })
         .collect();
     let mut far_sources = near_sources.clone();
@@ -213,7 +238,11 @@ fn axis_aligned_rays_and_flat_meshes() {
             triangles.push([at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
     }
-    let world = World::new(&[mesh_of(&triangles)], &[placed(DAffine3::IDENTITY, 0)], DVec3::ZERO);
+    let world = World::new(
+        &[mesh_of(&triangles)],
+        &[placed(DAffine3::IDENTITY, 0)],
+        DVec3::ZERO,
+    );
     for i in 0..=32 {
         for j in 0..=32 {
             let origin = Vec3::new(0.5 * i as f32, 3.0, 0.5 * j as f32);
@@ -222,12 +251,27 @@ fn axis_aligned_rays_and_flat_meshes() {
                     // Truly beside the border.
                     continue;
                 }
-                let ray = Ray { origin, t_max: 1e9, direction: Vec3::new(zero, -2.0, zero) };
-                assert_eq!(trace(&world.arrays(), &ray, false).map(|hit| hit.t), Some(1.5), "{ray:?}");
-                let away = Ray { direction: Vec3::new(zero, 2.0, zero), ..ray };
+                let ray = Ray {
+                    origin,
+                    t_max: 1e9,
+                    direction: Vec3::new(zero, -2.0, zero),
+                };
+                assert_eq!(
+                    trace(&world.arrays(), &ray, false).map(|hit| hit.t),
+                    Some(1.5),
+                    "{ray:?}"
+                );
+                let away = Ray {
+                    direction: Vec3::new(zero, 2.0, zero),
+                    ..ray
+                };
                 assert_eq!(trace(&world.arrays(), &away, false), None);
                 let short = Ray { t_max: 1.5, ..ray };
-                assert_eq!(trace(&world.arrays(), &short, false), None, "t_max itself is out");
+                assert_eq!(
+                    trace(&world.arrays(), &short, false),
+                    None,
+                    "t_max itself is out"
+                );
             }
         }
     }
@@ -243,7 +287,10 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
         (mesh_of(&[unit, unit]), true),
         (mesh_of(&vec![unit; 1000]), true),
         (mesh_of(&[[p, p, p]]), false),
-        (mesh_of(&vec![[DVec3::ZERO, DVec3::X, DVec3::X * 2.0]; 50]), false),
+        (
+            mesh_of(&vec![[DVec3::ZERO, DVec3::X, DVec3::X * 2.0]; 50]),
+            false,
+        ),
         (mesh_of(&[unit, [p * 1e11, p * 1.1e11, p * -1e11]]), true),
         (mesh_of(&[unit.map(|v| v * 1e-12), unit]), true),
     ];
@@ -265,7 +312,11 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
 #[test]
 fn equal_distances_are_decided_by_index() {
     let unit = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    let ray = Ray { origin: Vec3::new(0.2, 0.2, 1.0), t_max: 1e9, direction: Vec3::NEG_Z };
+    let ray = Ray {
+        origin: Vec3::new(0.2, 0.2, 1.0),
+        t_max: 1e9,
+        direction: Vec3::NEG_Z,
+    };
     let world = World::new(
         &[mesh_of(&vec![unit; 100])],
         &[placed(DAffine3::IDENTITY, 0); 37],
@@ -274,7 +325,11 @@ fn equal_distances_are_decided_by_index() {
     let hit = trace(&world.arrays(), &ray, false).unwrap();
     assert_eq!((hit.instance, hit.triangle), (0, 0));
     // The winner must not owe its place to the order of visits: the same from behind.
-    let back = Ray { origin: Vec3::new(0.2, 0.2, -1.0), direction: Vec3::Z, ..ray };
+    let back = Ray {
+        origin: Vec3::new(0.2, 0.2, -1.0),
+        direction: Vec3::Z,
+        ..ray
+    };
     let hit = trace(&world.arrays(), &back, false).unwrap();
     assert_eq!((hit.instance, hit.triangle), (0, 0));
 }
@@ -282,9 +337,17 @@ fn equal_distances_are_decided_by_index() {
 #[test]
 fn empty_scene_misses() {
     let world = World::new(&[], &[], DVec3::ZERO);
-    let ray = Ray { origin: Vec3::ZERO, t_max: 1e30, direction: Vec3::X };
+    let ray = Ray {
+        origin: Vec3::ZERO,
+        t_max: 1e30,
+        direction: Vec3::X,
+    };
     assert_eq!(trace(&world.arrays(), &ray, false), None);
-    let world = World::new(&[Mesh::default()], &[placed(DAffine3::IDENTITY, 0)], DVec3::ZERO);
+    let world = World::new(
+        &[Mesh::default()],
+        &[placed(DAffine3::IDENTITY, 0)],
+        DVec3::ZERO,
+    );
     assert_eq!(trace(&world.arrays(), &ray, true), None);
 }
 
@@ -293,11 +356,22 @@ fn instances_without_inverse_are_left_out() {
     let mesh = mesh_of(&[[DVec3::ZERO, DVec3::X, DVec3::Y]]);
     let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
     let nan = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::splat(f64::NAN)));
-    let sources = [placed(flat, 0), placed(DAffine3::IDENTITY, 0), placed(nan, 0)];
+    let sources = [
+        placed(flat, 0),
+        placed(DAffine3::IDENTITY, 0),
+        placed(nan, 0),
+    ];
     let world = World::new(&[mesh], &sources, DVec3::ZERO);
     assert_eq!(world.top.skipped(), 2);
-    let ray = Ray { origin: Vec3::new(0.2, 0.2, 1.0), t_max: 1e9, direction: Vec3::NEG_Z };
-    assert_eq!(trace(&world.arrays(), &ray, false).map(|hit| hit.instance), Some(1));
+    let ray = Ray {
+        origin: Vec3::new(0.2, 0.2, 1.0),
+        t_max: 1e9,
+        direction: Vec3::NEG_Z,
+    };
+    assert_eq!(
+        trace(&world.arrays(), &ray, false).map(|hit| hit.instance),
+        Some(1)
+    );
 }
 
 #[test]
@@ -306,25 +380,52 @@ fn bad_input_is_named() {
     mesh.positions[1][2] = f32::NAN;
     assert!(matches!(
         MeshHierarchies::build(&[Mesh::default(), mesh.clone()], &[]),
-        Err(BvhError::Coordinate { mesh: 1, vertex: 1, .. })
+        Err(BvhError::Coordinate {
+            mesh: 1,
+            vertex: 1,
+            ..
+        })
     ));
     mesh.positions[1][2] = 0.0;
     mesh.triangles[0].vertices[2] = 9;
     assert!(matches!(
         MeshHierarchies::build(&[mesh], &[]),
-        Err(BvhError::VertexIndex { triangle: 0, index: 9, count: 3, .. })
+        Err(BvhError::VertexIndex {
+            triangle: 0,
+            index: 9,
+            count: 3,
+            ..
+        })
     ));
     assert!(matches!(
-        TopLevel::build(DVec3::ZERO, &[placed(DAffine3::IDENTITY, 0)], &MeshHierarchies::default()),
-        Err(BvhError::MeshIndex { instance: 0, mesh: 0, count: 0 })
+        TopLevel::build(
+            DVec3::ZERO,
+            &[placed(DAffine3::IDENTITY, 0)],
+            &MeshHierarchies::default()
+        ),
+        Err(BvhError::MeshIndex {
+            instance: 0,
+            mesh: 0,
+            count: 0
+        })
     ));
 }
 
 #[test]
 fn arrays_of_several_meshes_refer_to_their_own() {
     let mut random = Random(3);
-    let meshes = [soup(&mut random, 50, 0.2), Mesh::default(), soup(&mut random, 70, 0.2)];
-    let marks = [MaterialMarks::default(), MaterialMarks { emits: true, flags: 2 }];
+    let meshes = [
+        soup(&mut random, 50, 0.2),
+        Mesh::default(),
+        soup(&mut random, 70, 0.2),
+    ];
+    let marks = [
+        MaterialMarks::default(),
+        MaterialMarks {
+            emits: true,
+            flags: 2,
+        },
+    ];
     let all = MeshHierarchies::build(&meshes, &marks).unwrap();
     all.validate().unwrap();
     assert_eq!(all.triangles.len(), 120);
@@ -346,7 +447,12 @@ fn arrays_of_several_meshes_refer_to_their_own() {
         // Ordinals follow the mesh's own order, without gaps.
         emitters.sort_unstable();
         assert_eq!(emitters.len() as u32, range.emitter_count);
-        assert!(emitters.iter().enumerate().all(|(ordinal, &(_, emitter))| emitter == ordinal as u32));
+        assert!(
+            emitters
+                .iter()
+                .enumerate()
+                .all(|(ordinal, &(_, emitter))| emitter == ordinal as u32)
+        );
     }
 }
 
@@ -364,58 +470,6 @@ fn builds_repeat_exactly() {
     }
 }
 
-fn unit_boxes(count: u32) -> Vec<Bounds32> {
-    (0..count).map(|i| Bounds32::of_points([Vec3::X * i as f32, Vec3::new(i as f32 + 0.5, 1.0, 1.0)])).collect()
-}
-
-/// A tree with one primitive per level: the worst that a builder could hand over.
-fn comb(count: u32) -> Tree {
-    let mut nodes = vec![TreeNode { count: 0, first: 1 }];
-    for i in 0..count - 1 {
-        let next = nodes.len() as u32 + 2;
-        nodes.push(TreeNode { count: 1, first: i });
-        nodes.push(if i + 2 < count { TreeNode { count: 0, first: next } } else { TreeNode { count: 1, first: i + 1 } });
-    }
-    Tree { nodes, order: (0..count).collect() }
-}
-
-#[test]
-fn deep_trees_are_made_to_fit() {
-    for (count, max_depth) in [(40, 48), (49, 48), (50, 48), (3000, 48), (3000, 12), (100_000, 20)] {
-        let boxes = unit_boxes(count);
-        let shape = Shape { max_depth, leaf_size: 4, split: Split::Median, pad_units: 0.0 };
-        let flat = tree::flatten(Some(&comb(count)), &boxes, &shape, &mut Scratch::default());
-        assert!(flat.depth <= max_depth, "{count} primitives: depth {}", flat.depth);
-        assert_eq!(flat.rebuilt > 0, count > max_depth + 1);
-        // A comb that is cut keeps its upper part: the rebuilt subtree hangs as low as it can.
-        assert!(flat.rebuilt <= 1);
-        tree::check(&flat.nodes, 0, 0..count, max_depth, |i| boxes[flat.order[i as usize] as usize]).unwrap();
-    }
-}
-
-#[test]
-fn check_notices_faults() {
-    let boxes = unit_boxes(100);
-    let shape = Shape { max_depth: 48, leaf_size: 1, split: Split::BinnedSah, pad_units: 0.0 };
-    let flat = tree::flatten(None, &boxes, &shape, &mut Scratch::default());
-    let check = |nodes: &[BvhNode], depth| {
-        tree::check(nodes, 0, 0..100, depth, |i| boxes[flat.order[i as usize] as usize])
-    };
-    check(&flat.nodes, flat.depth).unwrap();
-    assert!(check(&flat.nodes, flat.depth - 1).unwrap_err().contains("depth"));
-    let mut broken = flat.nodes.clone();
-    broken[5].left_max[0] -= 0.6;
-    assert!(check(&broken, 48).is_err());
-    let mut broken = flat.nodes.clone();
-    let leaf = broken.iter().position(|node| node.left_count > 0).unwrap();
-    broken[leaf].left_count += 1;
-    assert!(check(&broken, 48).is_err());
-    let mut broken = flat.nodes;
-    broken[leaf].left_min = [1e18; 3];
-    broken[leaf].left_max = [-1e18; 3];
-    assert!(check(&broken, 48).unwrap_err().contains("no leaf"));
-}
-
 #[test]
 fn instance_hierarchies_of_all_sizes_fit_their_stack() {
     let mut random = Random(5);
@@ -431,7 +485,10 @@ fn instance_hierarchies_of_all_sizes_fit_their_stack() {
                         // Exponentially spaced: a surface area split peels them off one by one.
                         _ => DVec3::X * 1.5f64.powi((i % 60) as i32),
                     };
-                    placed(DAffine3::from_rotation_translation(random.rotation(), at), 0)
+                    placed(
+                        DAffine3::from_rotation_translation(random.rotation(), at),
+                        0,
+                    )
                 })
                 .collect();
             let top = TopLevel::build(DVec3::ZERO, &sources, &meshes).unwrap();
@@ -446,7 +503,12 @@ fn rebuilding_reuses_and_repeats() {
     let mut random = Random(6);
     let meshes = MeshHierarchies::build(&[soup(&mut random, 30, 0.3)], &[]).unwrap();
     let sources: Vec<_> = (0..100)
-        .map(|_| placed(DAffine3::from_rotation_translation(random.rotation(), 20.0 * random.vector()), 0))
+        .map(|_| {
+            placed(
+                DAffine3::from_rotation_translation(random.rotation(), 20.0 * random.vector()),
+                0,
+            )
+        })
         .collect();
     let fresh = TopLevel::build(DVec3::ONE, &sources, &meshes).unwrap();
     let mut reused = TopLevel::build(DVec3::ZERO, &sources[..7], &meshes).unwrap();
@@ -460,14 +522,27 @@ fn instance_bounds_hold_their_triangles() {
     let mut random = Random(7);
     let mesh = soup(&mut random, 64, 0.4);
     for _ in 0..200 {
-        let scale = DVec3::new(10f64.powf(random.signed()), -1.0, 10f64.powf(random.signed()));
+        let scale = DVec3::new(
+            10f64.powf(random.signed()),
+            -1.0,
+            10f64.powf(random.signed()),
+        );
         let shear = DAffine3::from_quat(random.rotation()) * DAffine3::from_scale(scale);
-        let transform = DAffine3::from_translation(1e3 * random.vector()) * shear * DAffine3::from_quat(random.rotation());
-        let world = World::new(std::slice::from_ref(&mesh), &[placed(transform, 0)], DVec3::ZERO);
+        let transform = DAffine3::from_translation(1e3 * random.vector())
+            * shear
+            * DAffine3::from_quat(random.rotation());
+        let world = World::new(
+            std::slice::from_ref(&mesh),
+            &[placed(transform, 0)],
+            DVec3::ZERO,
+        );
         let bounds = world.top.bounds()[0];
         for position in &mesh.positions {
             let point = transform.transform_point3(Vec3::from(*position).as_dvec3());
-            assert!(point.cmpge(bounds.min.as_dvec3()).all() && point.cmple(bounds.max.as_dvec3()).all());
+            assert!(
+                point.cmpge(bounds.min.as_dvec3()).all()
+                    && point.cmple(bounds.max.as_dvec3()).all()
+            );
         }
         assert_eq!(world.top.instances()[0].flags, 1, "one axis is mirrored");
     }
@@ -482,17 +557,28 @@ fn perturbed_sphere_is_watertight() {
         Random(8).rotation(),
         DVec3::new(0.3, -0.1, 0.2),
     );
-    let placed_targets: Vec<DVec3> = targets.iter().map(|p| transform.transform_point3(p.as_dvec3())).collect();
+    let placed_targets: Vec<DVec3> = targets
+        .iter()
+        .map(|p| transform.transform_point3(p.as_dvec3()))
+        .collect();
     let world = World::new(&[sphere], &[placed(transform, 0)], DVec3::ZERO);
     let mut random = Random(9);
     let mut misses = 0;
     for i in 0..100_000 {
         let a = placed_targets[(random.bits() % placed_targets.len() as u64) as usize];
         let b = placed_targets[(random.bits() % placed_targets.len() as u64) as usize];
-        let target = if i % 2 == 0 { a } else { a + random.unit() * (b - a) };
+        let target = if i % 2 == 0 {
+            a
+        } else {
+            a + random.unit() * (b - a)
+        };
         // Well inside: the cube's corners lie at 0.69 of a radius that varies by 2 %.
         let origin = transform.transform_point3(0.4 * random.vector()).as_vec3();
-        let ray = Ray { origin, t_max: 1e9, direction: target.as_vec3() - origin };
+        let ray = Ray {
+            origin,
+            t_max: 1e9,
+            direction: target.as_vec3() - origin,
+        };
         misses += usize::from(trace(&world.arrays(), &ray, false).is_none());
     }
     assert_eq!(misses, 0);
@@ -507,7 +593,12 @@ fn perturbed_sphere(segments: u32, rings: u32) -> Mesh {
             let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
             let phi = std::f64::consts::TAU * f64::from(segment) / f64::from(segments);
             let radius = 1.0 + 0.02 * random.signed();
-            let p = radius * DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            let p = radius
+                * DVec3::new(
+                    theta.sin() * phi.cos(),
+                    theta.cos(),
+                    theta.sin() * phi.sin(),
+                );
             positions.push(p.as_vec3().to_array());
         }
     }
@@ -523,7 +614,13 @@ fn perturbed_sphere(segments: u32, rings: u32) -> Mesh {
     }
     Mesh {
         positions,
-        triangles: triangles.into_iter().map(|vertices| MeshTriangle { vertices, material: 0 }).collect(),
+        triangles: triangles
+            .into_iter()
+            .map(|vertices| MeshTriangle {
+                vertices,
+                material: 0,
+            })
+            .collect(),
         ..Mesh::default()
     }
 }

@@ -67,7 +67,11 @@ impl TopLevel {
         // A balanced tree over one leaf per instance must fit the stack.
         let limit = 1 << TOP_STACK.min(MAX_INDEX.ilog2());
         if sources.len() > limit as usize {
-            return Err(BvhError::TooMany { what: "instances", count: sources.len(), limit });
+            return Err(BvhError::TooMany {
+                what: "instances",
+                count: sources.len(),
+                limit,
+            });
         }
         self.instances.clear();
         self.bounds.clear();
@@ -75,25 +79,48 @@ impl TopLevel {
         let mut scene_radius = 0.0f64;
         let mut ill_conditioned = false;
         for (index, source) in sources.iter().enumerate() {
-            let mesh = meshes.meshes.get(source.mesh as usize).ok_or(BvhError::MeshIndex {
-                instance: index,
-                mesh: source.mesh,
-                count: meshes.meshes.len(),
-            })?;
+            let mesh = meshes
+                .meshes
+                .get(source.mesh as usize)
+                .ok_or(BvhError::MeshIndex {
+                    instance: index,
+                    mesh: source.mesh,
+                    count: meshes.meshes.len(),
+                })?;
             let placed = place(origin_in_world, source, mesh.root);
-            let bounds = placed.zip(mesh.bounds).map(|((_, placement), bounds)| placement.bounds(&bounds));
+            let bounds = placed
+                .zip(mesh.bounds)
+                .map(|((_, placement), bounds)| placement.bounds(&bounds));
             self.skipped += u32::from(placed.is_none());
-            let blank = Instance { blas_root: mesh.root, node: source.node, ..Instance::default() };
-            self.instances.push(placed.map_or(blank, |(instance, _)| instance));
+            let blank = Instance {
+                blas_root: mesh.root,
+                node: source.node,
+                ..Instance::default()
+            };
+            self.instances
+                .push(placed.map_or(blank, |(instance, _)| instance));
             self.bounds.push(bounds.unwrap_or(Bounds32::EMPTY));
-            scene_radius = scene_radius.max(bounds.map_or(0.0, |bounds| f64::from(bounds.max_magnitude())));
-            ill_conditioned |= placed.is_some_and(|(_, placement)| placement.condition > RAY_CONDITION);
+            scene_radius =
+                scene_radius.max(bounds.map_or(0.0, |bounds| f64::from(bounds.max_magnitude())));
+            ill_conditioned |=
+                placed.is_some_and(|(_, placement)| placement.condition > RAY_CONDITION);
         }
         if ill_conditioned {
             self.pad_ill_conditioned(origin_in_world, sources, scene_radius);
         }
-        let shape = Shape { max_depth: TOP_STACK, leaf_size: 1, split: Split::BinnedSah, pad_units: 0.0 };
-        tree::flatten_into(None, &self.bounds, &shape, &mut self.scratch, &mut self.flat);
+        let shape = Shape {
+            max_depth: TOP_STACK,
+            leaf_size: 1,
+            split: Split::BinnedSah,
+            pad_units: 0.0,
+        };
+        tree::flatten_into(
+            None,
+            &self.bounds,
+            &shape,
+            &mut self.scratch,
+            &mut self.flat,
+        );
         // One instance per leaf, so leaves can name instances themselves and need no order array.
         for node in &mut self.flat.nodes {
             if node.left_count > 0 {
@@ -107,7 +134,12 @@ impl TopLevel {
     }
 
     /// Rays' own padding assumes a moderate condition; sheared instances get the rest for origins within the scene.
-    fn pad_ill_conditioned(&mut self, origin_in_world: DVec3, sources: &[InstanceSource], scene_radius: f64) {
+    fn pad_ill_conditioned(
+        &mut self,
+        origin_in_world: DVec3,
+        sources: &[InstanceSource],
+        scene_radius: f64,
+    ) {
         for (bounds, source) in self.bounds.iter_mut().zip(sources) {
             let Some((_, placement)) = place(origin_in_world, source, 0) else {
                 continue;
@@ -115,7 +147,10 @@ impl TopLevel {
             let excess = placement.condition - RAY_CONDITION;
             if excess > 0.0 && !bounds.is_empty() {
                 let pad = DVec3::splat(PAD_UNITS * ROUNDING_UNIT * excess * scene_radius);
-                *bounds = Bounds32::rounded_outward(bounds.min.as_dvec3() - pad, bounds.max.as_dvec3() + pad);
+                *bounds = Bounds32::rounded_outward(
+                    bounds.min.as_dvec3() - pad,
+                    bounds.max.as_dvec3() + pad,
+                );
             }
         }
     }
@@ -159,7 +194,13 @@ impl TopLevel {
             .nodes
             .iter()
             .map(|node| {
-                let name = |index: u32, count: u32| if count > 0 { position[index as usize] } else { index };
+                let name = |index: u32, count: u32| {
+                    if count > 0 {
+                        position[index as usize]
+                    } else {
+                        index
+                    }
+                };
                 BvhNode {
                     left_index: name(node.left_index, node.left_count),
                     right_index: name(node.right_index, node.right_count),
@@ -167,7 +208,11 @@ impl TopLevel {
                 }
             })
             .collect();
-        let visible = self.bounds.iter().filter(|bounds| !bounds.is_empty()).count();
+        let visible = self
+            .bounds
+            .iter()
+            .filter(|bounds| !bounds.is_empty())
+            .count();
         tree::check(&renamed, 0, 0..visible as u32, TOP_STACK, |place| {
             self.bounds[self.flat.order[place as usize] as usize]
         })
@@ -195,17 +240,26 @@ impl Placement {
         // and a direction off by 4 units over the distance; back in render space both grow by the condition number.
         let reach = (center.abs() + half).max_element();
         let translation = self.render_from_object.translation.abs().max_element();
-        let pad = PAD_UNITS * ROUNDING_UNIT * self.condition.max(RAY_CONDITION) * (reach + translation);
+        let pad =
+            PAD_UNITS * ROUNDING_UNIT * self.condition.max(RAY_CONDITION) * (reach + translation);
         let half = half + DVec3::splat(pad);
         Bounds32::rounded_outward(center - half, center + half)
     }
 }
 
 fn absolute(matrix: &DMat3) -> DMat3 {
-    DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs())
+    DMat3::from_cols(
+        matrix.x_axis.abs(),
+        matrix.y_axis.abs(),
+        matrix.z_axis.abs(),
+    )
 }
 
-fn place(origin_in_world: DVec3, source: &InstanceSource, root: u32) -> Option<(Instance, Placement)> {
+fn place(
+    origin_in_world: DVec3,
+    source: &InstanceSource,
+    root: u32,
+) -> Option<(Instance, Placement)> {
     let render_from_object = DAffine3 {
         matrix3: source.world_from_object.matrix3,
         translation: source.world_from_object.translation - origin_in_world,
@@ -219,7 +273,11 @@ fn place(origin_in_world: DVec3, source: &InstanceSource, root: u32) -> Option<(
     let condition = (product * DVec3::ONE).max_element();
     let forward = rows(&render_from_object);
     let backward = rows(&object_from_render);
-    let usable = forward.iter().chain(&backward).flatten().all(|x| x.abs() < 1e15);
+    let usable = forward
+        .iter()
+        .chain(&backward)
+        .flatten()
+        .all(|x| x.abs() < 1e15);
     // A NaN fails both comparisons.
     if !(usable && condition <= MAX_CONDITION) {
         return None;
@@ -233,10 +291,20 @@ fn place(origin_in_world: DVec3, source: &InstanceSource, root: u32) -> Option<(
         object_from_render_2: backward[2],
         blas_root: root,
         first_emitter: source.first_emitter,
-        flags: if determinant < 0.0 { INSTANCE_MIRRORED } else { 0 },
+        flags: if determinant < 0.0 {
+            INSTANCE_MIRRORED
+        } else {
+            0
+        },
         node: source.node,
     };
-    Some((instance, Placement { render_from_object, condition }))
+    Some((
+        instance,
+        Placement {
+            render_from_object,
+            condition,
+        },
+    ))
 }
 
 fn rows(transform: &DAffine3) -> [[f32; 4]; 3] {

@@ -114,7 +114,12 @@ fn balanced_depth(count: u32, leaf_size: u32) -> u32 {
 /// Converts `tree`, or all of `boxes` where it is `None`, into nodes.
 ///
 /// `boxes` holds each primitive's bounds. Every primitive that the tree refers to, or every one, ends in one leaf.
-pub fn flatten(tree: Option<&Tree>, boxes: &[Bounds32], shape: &Shape, scratch: &mut Scratch) -> Flat {
+pub fn flatten(
+    tree: Option<&Tree>,
+    boxes: &[Bounds32],
+    shape: &Shape,
+    scratch: &mut Scratch,
+) -> Flat {
     let mut flat = Flat::default();
     flatten_into(tree, boxes, shape, scratch, &mut flat);
     flat
@@ -129,13 +134,19 @@ pub fn flatten_into(
     flat: &mut Flat,
 ) {
     let leaf_size = shape.leaf_size.clamp(1, MAX_LEAF);
-    let extents = tree.map(|tree| measure(tree, leaf_size)).unwrap_or_default();
+    let extents = tree
+        .map(|tree| measure(tree, leaf_size))
+        .unwrap_or_default();
     flat.nodes.clear();
     flat.order.clear();
     flat.depth = 0;
     flat.bounds = None;
     flat.rebuilt = 0;
-    let Scratch { stack, range, children } = scratch;
+    let Scratch {
+        stack,
+        range,
+        children,
+    } = scratch;
     stack.clear();
     range.clear();
     children.clear();
@@ -144,15 +155,22 @@ pub fn flatten_into(
         Some(tree) if tree.nodes.is_empty() => None,
         Some(_) => Some(Source::Subtree(0)),
         None => {
-            range.extend((0..boxes.len() as u32).filter(|&index| !boxes[index as usize].is_empty()));
+            range
+                .extend((0..boxes.len() as u32).filter(|&index| !boxes[index as usize].is_empty()));
             (!range.is_empty()).then_some(Source::Range(0, range.len() as u32))
         }
     };
-    stack.extend(root.map(|source| Item { source, depth: 0, parent: None }));
+    stack.extend(root.map(|source| Item {
+        source,
+        depth: 0,
+        parent: None,
+    }));
 
     while let Some(item) = stack.pop() {
         let source = match (item.source, tree) {
-            (Source::Subtree(index), Some(tree)) if must_rebuild(tree, &extents, index, item.depth, shape, leaf_size) => {
+            (Source::Subtree(index), Some(tree))
+                if must_rebuild(tree, &extents, index, item.depth, shape, leaf_size) =>
+            {
                 flat.rebuilt += 1;
                 let start = range.len() as u32;
                 gather(tree, index, range);
@@ -162,7 +180,9 @@ pub fn flatten_into(
         };
         let split = match source {
             Source::Subtree(index) => {
-                let node = tree.map_or(TreeNode { count: 0, first: 0 }, |tree| tree.nodes[index as usize]);
+                let node = tree.map_or(TreeNode { count: 0, first: 0 }, |tree| {
+                    tree.nodes[index as usize]
+                });
                 if node.count > 0 {
                     let primitives = tree.map_or(&[][..], |tree| {
                         &tree.order[node.first as usize..(node.first + node.count) as usize]
@@ -179,7 +199,8 @@ pub fn flatten_into(
                     add_leaf(primitives, item.parent, boxes, children, &mut flat.order);
                     None
                 } else {
-                    let middle = start + split_range(primitives, boxes, shape, leaf_size, item.depth);
+                    let middle =
+                        start + split_range(primitives, boxes, shape, leaf_size, item.depth);
                     Some((Source::Range(start, middle), Source::Range(middle, end)))
                 }
             }
@@ -194,8 +215,16 @@ pub fn flatten_into(
         }
         let depth = item.depth + 1;
         flat.depth = flat.depth.max(depth);
-        stack.push(Item { source: right, depth, parent: Some((node, 1)) });
-        stack.push(Item { source: left, depth, parent: Some((node, 0)) });
+        stack.push(Item {
+            source: right,
+            depth,
+            parent: Some((node, 1)),
+        });
+        stack.push(Item {
+            source: left,
+            depth,
+            parent: Some((node, 0)),
+        });
     }
 
     // Children lie behind their parents, so one pass backwards completes the bounds of inner nodes.
@@ -215,7 +244,11 @@ pub fn flatten_into(
     let bounds = children[0][0].bounds.union(&children[0][1].bounds);
     flat.bounds = (!bounds.is_empty()).then_some(bounds);
     flat.depth = flat.depth.max(1);
-    flat.nodes.extend(children.iter().map(|[left, right]| pack(left, right, shape.pad_units)));
+    flat.nodes.extend(
+        children
+            .iter()
+            .map(|[left, right]| pack(left, right, shape.pad_units)),
+    );
 }
 
 fn pack(left: &Child, right: &Child, pad_units: f64) -> BvhNode {
@@ -246,9 +279,9 @@ fn add_leaf(
         (children.len() as u32 - 1, 0)
     });
     children[node as usize][side] = Child {
-        bounds: primitives
-            .iter()
-            .fold(Bounds32::EMPTY, |bounds, &index| bounds.union(&boxes[index as usize])),
+        bounds: primitives.iter().fold(Bounds32::EMPTY, |bounds, &index| {
+            bounds.union(&boxes[index as usize])
+        }),
         index: order.len() as u32,
         count: primitives.len() as u32,
     };
@@ -271,7 +304,11 @@ fn measure(tree: &Tree, leaf_size: u32) -> Vec<(u32, u32)> {
     for &index in preorder.iter().rev() {
         let node = tree.nodes[index as usize];
         extents[index as usize] = if node.count > 0 {
-            let height = if node.count > MAX_LEAF { balanced_depth(node.count, leaf_size) } else { 0 };
+            let height = if node.count > MAX_LEAF {
+                balanced_depth(node.count, leaf_size)
+            } else {
+                0
+            };
             (height, node.count)
         } else {
             let (left_height, left_count) = extents[node.first as usize];
@@ -308,7 +345,9 @@ fn gather(tree: &Tree, root: u32, primitives: &mut Vec<u32>) {
     while let Some(index) = stack.pop() {
         let node = tree.nodes[index as usize];
         if node.count > 0 {
-            primitives.extend_from_slice(&tree.order[node.first as usize..(node.first + node.count) as usize]);
+            primitives.extend_from_slice(
+                &tree.order[node.first as usize..(node.first + node.count) as usize],
+            );
         } else {
             stack.extend([node.first + 1, node.first]);
         }
@@ -316,7 +355,13 @@ fn gather(tree: &Tree, root: u32, primitives: &mut Vec<u32>) {
 }
 
 /// Reorders `primitives` and returns how many go left: between 1 and all but one.
-fn split_range(primitives: &mut [u32], boxes: &[Bounds32], shape: &Shape, leaf_size: u32, depth: u32) -> u32 {
+fn split_range(
+    primitives: &mut [u32],
+    boxes: &[Bounds32],
+    shape: &Shape,
+    leaf_size: u32,
+    depth: u32,
+) -> u32 {
     let count = primitives.len() as u32;
     if shape.split == Split::BinnedSah
         && let Some(left) = split_binned(primitives, boxes)
@@ -326,12 +371,19 @@ fn split_range(primitives: &mut [u32], boxes: &[Bounds32], shape: &Shape, leaf_s
             return left;
         }
     }
-    let centers = Bounds32::of_points(primitives.iter().map(|&index| boxes[index as usize].center()));
+    let centers = Bounds32::of_points(
+        primitives
+            .iter()
+            .map(|&index| boxes[index as usize].center()),
+    );
     let axis = (centers.max - centers.min).max_position();
     let left = count.div_ceil(2);
     primitives.select_nth_unstable_by(left as usize, |&a, &b| {
         // The index decides between equal centres, so that the order is one and the same on every machine.
-        let (center_a, center_b) = (boxes[a as usize].center()[axis], boxes[b as usize].center()[axis]);
+        let (center_a, center_b) = (
+            boxes[a as usize].center()[axis],
+            boxes[b as usize].center()[axis],
+        );
         center_a.total_cmp(&center_b).then(a.cmp(&b))
     });
     left
@@ -340,7 +392,11 @@ fn split_range(primitives: &mut [u32], boxes: &[Bounds32], shape: &Shape, leaf_s
 /// Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. `None` where all centres coincide.
 fn split_binned(primitives: &mut [u32], boxes: &[Bounds32]) -> Option<u32> {
     const BINS: usize = 12;
-    let centers = Bounds32::of_points(primitives.iter().map(|&index| boxes[index as usize].center()));
+    let centers = Bounds32::of_points(
+        primitives
+            .iter()
+            .map(|&index| boxes[index as usize].center()),
+    );
     let size = centers.max - centers.min;
     let axis = size.max_position();
     let scale = BINS as f32 / size[axis];
@@ -402,29 +458,51 @@ pub fn check(
     max_depth: u32,
     bounds_of: impl Fn(u32) -> Bounds32,
 ) -> Result<(), String> {
-    let everywhere = Bounds32 { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    let everywhere = Bounds32 {
+        min: Vec3::NEG_INFINITY,
+        max: Vec3::INFINITY,
+    };
     let mut seen = vec![false; expected.len()];
     let mut visited = vec![false; nodes.len()];
     let mut stack = vec![(root, everywhere, 1u32)];
     while let Some((index, outer, depth)) = stack.pop() {
-        let node = nodes.get(index as usize).ok_or_else(|| format!("node {index} does not exist"))?;
+        let node = nodes
+            .get(index as usize)
+            .ok_or_else(|| format!("node {index} does not exist"))?;
         if std::mem::replace(&mut visited[index as usize], true) {
             return Err(format!("node {index} is reached twice"));
         }
         if depth > max_depth {
-            return Err(format!("node {index} lies at depth {depth}, beyond {max_depth}"));
+            return Err(format!(
+                "node {index} lies at depth {depth}, beyond {max_depth}"
+            ));
         }
         let sides = [
-            (node.left_min, node.left_max, node.left_index, node.left_count),
-            (node.right_min, node.right_max, node.right_index, node.right_count),
+            (
+                node.left_min,
+                node.left_max,
+                node.left_index,
+                node.left_count,
+            ),
+            (
+                node.right_min,
+                node.right_max,
+                node.right_index,
+                node.right_count,
+            ),
         ];
         for (min, max, child, count) in sides {
-            let bounds = Bounds32 { min: min.into(), max: max.into() };
+            let bounds = Bounds32 {
+                min: min.into(),
+                max: max.into(),
+            };
             if bounds.is_empty() {
                 continue;
             }
             if !outer.contains(&bounds) {
-                return Err(format!("a child of node {index} sticks out of its parent's box"));
+                return Err(format!(
+                    "a child of node {index} sticks out of its parent's box"
+                ));
             }
             if count == 0 {
                 stack.push((child, bounds, depth + 1));
@@ -435,19 +513,129 @@ pub fn check(
             }
             for primitive in child..child.saturating_add(count) {
                 if !expected.contains(&primitive) {
-                    return Err(format!("node {index} refers to primitive {primitive}, which is not in {expected:?}"));
+                    return Err(format!(
+                        "node {index} refers to primitive {primitive}, which is not in {expected:?}"
+                    ));
                 }
                 if std::mem::replace(&mut seen[(primitive - expected.start) as usize], true) {
                     return Err(format!("primitive {primitive} lies in two leaves"));
                 }
                 if !bounds.contains(&bounds_of(primitive)) {
-                    return Err(format!("primitive {primitive} sticks out of its leaf's box in node {index}"));
+                    return Err(format!(
+                        "primitive {primitive} sticks out of its leaf's box in node {index}"
+                    ));
                 }
             }
         }
     }
     match seen.iter().position(|&found| !found) {
-        Some(missing) => Err(format!("primitive {} lies in no leaf", expected.start + missing as u32)),
+        Some(missing) => Err(format!(
+            "primitive {} lies in no leaf",
+            expected.start + missing as u32
+        )),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn unit_boxes(count: u32) -> Vec<Bounds32> {
+        (0..count)
+            .map(|i| Bounds32::of_points([Vec3::X * i as f32, Vec3::new(i as f32 + 0.5, 1.0, 1.0)]))
+            .collect()
+    }
+
+    /// A tree with one primitive per level: the worst that a builder could hand over.
+    fn comb(count: u32) -> Tree {
+        let mut nodes = vec![TreeNode { count: 0, first: 1 }];
+        for i in 0..count - 1 {
+            let next = nodes.len() as u32 + 2;
+            nodes.push(TreeNode { count: 1, first: i });
+            nodes.push(if i + 2 < count {
+                TreeNode {
+                    count: 0,
+                    first: next,
+                }
+            } else {
+                TreeNode {
+                    count: 1,
+                    first: i + 1,
+                }
+            });
+        }
+        Tree {
+            nodes,
+            order: (0..count).collect(),
+        }
+    }
+
+    #[test]
+    fn deep_trees_are_made_to_fit() {
+        for (count, max_depth) in [
+            (40, 48),
+            (49, 48),
+            (50, 48),
+            (3000, 48),
+            (3000, 12),
+            (100_000, 20),
+        ] {
+            let boxes = unit_boxes(count);
+            let shape = Shape {
+                max_depth,
+                leaf_size: 4,
+                split: Split::Median,
+                pad_units: 0.0,
+            };
+            let flat = flatten(Some(&comb(count)), &boxes, &shape, &mut Scratch::default());
+            assert!(
+                flat.depth <= max_depth,
+                "{count} primitives: depth {}",
+                flat.depth
+            );
+            assert_eq!(flat.rebuilt > 0, count > max_depth + 1);
+            // A comb that is cut keeps its upper part: the rebuilt subtree hangs as low as it can.
+            assert!(flat.rebuilt <= 1);
+            check(&flat.nodes, 0, 0..count, max_depth, |i| {
+                boxes[flat.order[i as usize] as usize]
+            })
+            .unwrap();
+        }
+    }
+
+    #[test]
+    fn check_notices_faults() {
+        let boxes = unit_boxes(100);
+        let shape = Shape {
+            max_depth: 48,
+            leaf_size: 1,
+            split: Split::BinnedSah,
+            pad_units: 0.0,
+        };
+        let flat = flatten(None, &boxes, &shape, &mut Scratch::default());
+        let check = |nodes: &[BvhNode], depth| {
+            super::check(nodes, 0, 0..100, depth, |i| {
+                boxes[flat.order[i as usize] as usize]
+            })
+        };
+        check(&flat.nodes, flat.depth).unwrap();
+        assert!(
+            check(&flat.nodes, flat.depth - 1)
+                .unwrap_err()
+                .contains("depth")
+        );
+        let mut broken = flat.nodes.clone();
+        broken[5].left_max[0] -= 0.6;
+        assert!(check(&broken, 48).is_err());
+        let mut broken = flat.nodes.clone();
+        let leaf = broken.iter().position(|node| node.left_count > 0).unwrap();
+        broken[leaf].left_count += 1;
+        assert!(check(&broken, 48).is_err());
+        let mut broken = flat.nodes;
+        broken[leaf].left_min = [1e18; 3];
+        broken[leaf].left_max = [-1e18; 3];
+        assert!(check(&broken, 48).unwrap_err().contains("no leaf"));
     }
 }

@@ -6,7 +6,7 @@ use super::{Over, Pass};
 pub const PASS: Pass = Pass {
     name: "direct_light",
     what: "Next-event estimation at the gathered surfaces.",
-    over: Over::Pixels,
+    over: Over::Hits,
     traces: true,
     reads: &["hit_rays", "hit_surfaces", "hit_paths"],
     writes: &["direct_light"],

@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Adds up a sample's light and accumulates samples.",
     over: Over::Pixels,
     traces: false,
-    reads: &["emitted_light", "direct_light", "indirect_light"],
+    reads: &["hit_rays", "emitted_light", "direct_light", "indirect_light"],
     writes: &["sample_radiance", "radiance_sum"],
 };

@@ -42,7 +42,7 @@ passes!(
     scatter_depth,
     scatter_winner,
     reuse_resolve,
-    fill_setup,
+    list_setup,
     fill_reasons,
 );
 
@@ -65,6 +65,8 @@ pub enum Over {
     Cells,
     /// All pixels in 8x8 tiles, or the pixels of the fill list, indirectly.
     Pixels,
+    /// The pixels of an eye that see a surface, indirectly.
+    Hits,
 }
 
 /// Declaration of one pass.
@@ -119,6 +121,7 @@ pub const PHOTON_GRID: &[&Pass] = &[
 /// One sample of an eye by photon mapping.
 pub const EYE_PHOTON: &[&Pass] = &[
     &eye_hits::PASS,
+    &list_setup::PASS,
     &direct_light::PASS,
     &photon_gather::PASS,
     &eye_combine::PASS,
@@ -126,17 +129,17 @@ pub const EYE_PHOTON: &[&Pass] = &[
 
 /// One sample of an eye by photon mapping with direct light from the map.
 pub const EYE_PHOTON_MAP_ONLY: &[&Pass] =
-    &[&eye_hits::PASS, &photon_gather::PASS, &eye_combine::PASS];
+    &[&eye_hits::PASS, &list_setup::PASS, &photon_gather::PASS, &eye_combine::PASS];
 
 /// One sample of an eye by path tracing.
-pub const EYE_PATH: &[&Pass] = &[&path_trace::PASS];
+pub const EYE_PATH: &[&Pass] = &[&path_trace::PASS, &list_setup::PASS];
 
 /// Carries the left eye's sample over to the right eye and lists what is left.
 pub const STEREO_SCATTER: &[&Pass] = &[
     &scatter_depth::PASS,
     &scatter_winner::PASS,
     &reuse_resolve::PASS,
-    &fill_setup::PASS,
+    &list_setup::PASS,
 ];
 
 /// Diagnosis of the filled pixels.

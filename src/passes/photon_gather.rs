@@ -6,7 +6,7 @@ use super::{Over, Pass};
 pub const PASS: Pass = Pass {
     name: "photon_gather",
     what: "Radiance estimate from the photons around the gathered surfaces.",
-    over: Over::Pixels,
+    over: Over::Hits,
     traces: true,
     reads: &["hit_rays", "hit_surfaces", "hit_paths", "photon_grid", "cell_starts", "sorted_photons", "photon_counters"],
     writes: &["indirect_light"],

@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: false,
     reads: &["scatter_winners", "left_sample_radiance"],
-    writes: &["sample_radiance", "radiance_sum", "stereo_counters", "provenance", "fill_list"],
+    writes: &["sample_radiance", "radiance_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
 };

@@ -6,7 +6,7 @@ use super::{Over, Pass};
 pub const PASS: Pass = Pass {
     name: "scatter_depth",
     what: "Projects left hits into the right eye and keeps the nearest distance per right pixel.",
-    over: Over::Pixels,
+    over: Over::Hits,
     traces: true,
     reads: &["left_hit_rays", "left_first_surfaces", "left_hit_paths"],
     writes: &["scatter_targets", "scatter_nearest", "stereo_counters"],

@@ -6,7 +6,7 @@ use super::{Over, Pass};
 pub const PASS: Pass = Pass {
     name: "scatter_winner",
     what: "Settles ties: the lowest left pixel at the nearest distance wins.",
-    over: Over::Pixels,
+    over: Over::Hits,
     traces: false,
     reads: &["scatter_targets", "scatter_nearest"],
     writes: &["scatter_winners"],

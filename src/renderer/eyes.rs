@@ -1,8 +1,8 @@
 //! The images of both eyes: buffers, and the passes that fill them.
 
 use crate::gpu::buffers::read_buffer;
-use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
-use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
+use crate::gpu::kernel::{Bound, dispatch_table};
+use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage_buffer};
 use crate::passes::{self, Over, Pass};
 
 use super::kernels::KernelSet;
@@ -49,6 +49,33 @@ pub struct EyeBuffers {
     indirect_light: wgpu::Buffer,
     sample_radiance: wgpu::Buffer,
     radiance_sum: wgpu::Buffer,
+    /// Pixels that see a surface: list, length, and the workgroups of passes over it.
+    hits: PixelList,
+}
+
+/// A list of pixels on the device.
+struct PixelList {
+    pixels: wgpu::Buffer,
+    count: wgpu::Buffer,
+    groups: wgpu::Buffer,
+}
+
+impl PixelList {
+    fn new(context: &GpuContext, name: &str, pixels: u64) -> Result<Self, GpuError> {
+        Ok(Self {
+            pixels: storage_buffer(context, &format!("{name} list"), pixels * 4)?,
+            count: storage_buffer(context, &format!("{name} count"), 16)?,
+            groups: storage_buffer(context, &format!("{name} groups"), 16)?,
+        })
+    }
+
+    /// For passes that run over the list, and for the one that sizes their dispatch.
+    fn to_run_over(&self) -> Resources<'_> {
+        Resources::new()
+            .with("pixel_list", &self.pixels)
+            .with("pixel_count", &self.count)
+            .with("list_groups", &self.groups)
+    }
 }
 
 impl EyeBuffers {
@@ -68,6 +95,7 @@ impl EyeBuffers {
             indirect_light: part("indirect light")?,
             sample_radiance: image("sample radiance")?,
             radiance_sum: image("radiance sum")?,
+            hits: PixelList::new(context, &format!("{} hit", eye.name()), pixels)?,
         })
     }
 
@@ -82,6 +110,8 @@ impl EyeBuffers {
             .with("indirect_light", &self.indirect_light)
             .with("sample_radiance", &self.sample_radiance)
             .with("radiance_sum", &self.radiance_sum)
+            .with("hit_list", &self.hits.pixels)
+            .with("hit_count", &self.hits.count)
     }
 }
 
@@ -92,9 +122,30 @@ struct StereoBuffers {
     winners: wgpu::Buffer,
     counters: wgpu::Buffer,
     provenance: wgpu::Buffer,
-    fill_list: wgpu::Buffer,
-    fill_count: wgpu::Buffer,
-    fill_groups: wgpu::Buffer,
+    fill: PixelList,
+}
+
+/// How a step's dispatch is sized.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Extent {
+    Once,
+    Tiles,
+    LeftHits,
+    RightHits,
+    Fill,
+}
+
+/// Workgroups of a dispatch, or the buffer that holds them.
+enum Groups<'a> {
+    Direct([u32; 3]),
+    Indirect(&'a wgpu::Buffer),
+}
+
+/// One bound pass of an eye.
+struct Step {
+    pass: &'static Pass,
+    bound: Bound,
+    extent: Extent,
 }
 
 /// What an eye's passes are for one method.
@@ -117,10 +168,8 @@ pub struct Eyes {
     right: Option<EyeBuffers>,
     stereo: Option<StereoBuffers>,
     dispatch: wgpu::Buffer,
-    bound_left: Vec<Bound>,
-    bound_right: Vec<Bound>,
-    bound_stereo: Vec<Bound>,
-    bound_reasons: Vec<Bound>,
+    left_steps: Vec<Step>,
+    right_steps: Vec<Step>,
 }
 
 impl Eyes {
@@ -147,9 +196,7 @@ impl Eyes {
                 winners: buffer("scatter winners", pixels * 4)?,
                 counters: buffer("stereo counters", STEREO_COUNTERS as u64 * 4)?,
                 provenance: buffer("provenance", pixels * 4)?,
-                fill_list: buffer("fill list", pixels * 4)?,
-                fill_count: buffer("fill count", 16)?,
-                fill_groups: buffer("fill groups", 16)?,
+                fill: PixelList::new(context, "fill", pixels)?,
             })
         } else {
             None
@@ -164,10 +211,8 @@ impl Eyes {
                 .transpose()?,
             stereo,
             dispatch: dispatch_table(context, "samples", &entries),
-            bound_left: Vec::new(),
-            bound_right: Vec::new(),
-            bound_stereo: Vec::new(),
-            bound_reasons: Vec::new(),
+            left_steps: Vec::new(),
+            right_steps: Vec::new(),
         })
     }
 
@@ -182,53 +227,75 @@ impl Eyes {
         shared: &Resources<'_>,
     ) -> Result<(), GpuError> {
         let base = shared.clone().with("dispatch", &self.dispatch);
-        let left = base.clone().and(&self.left.resources());
-        let sample = self.plan.sample;
-        self.bound_left = sample
-            .iter()
-            .map(|pass| kernels.get(pass)?.bind(context, &left))
-            .collect::<Result<_, _>>()?;
-        let Some(right_buffers) = &self.right else {
-            return Ok(());
+        let bind = |pass: &'static Pass, extent: Extent, resources: &Resources<'_>| {
+            let kernel = if extent == Extent::Fill {
+                kernels.get_from_list(pass)?
+            } else {
+                kernels.get(pass)?
+            };
+            let bound = kernel.bind(context, resources)?;
+            Ok::<Step, GpuError>(Step { pass, bound, extent })
         };
-        let right = base.clone().and(&right_buffers.resources());
-        let Some(stereo) = &self.stereo else {
-            self.bound_right = sample
+        // A whole eye: tiles of pixels, then the pixels that see something.
+        let whole = |buffers: &EyeBuffers, hits: Extent| {
+            let resources = base
+                .clone()
+                .and(&buffers.resources())
+                .and(&buffers.hits.to_run_over());
+            let extent_of = |pass: &Pass| match pass.over {
+                Over::Pixels => Extent::Tiles,
+                Over::Hits => hits,
+                _ => Extent::Once,
+            };
+            self.plan
+                .sample
                 .iter()
-                .map(|pass| kernels.get(pass)?.bind(context, &right))
-                .collect::<Result<_, _>>()?;
-            return Ok(());
+                .map(|pass| bind(pass, extent_of(pass), &resources))
+                .collect::<Result<Vec<_>, _>>()
         };
-        let right = right
-            .with("left_hit_rays", &self.left.hit_rays)
-            .with("left_hit_paths", &self.left.hit_paths)
-            .with("left_first_surfaces", &self.left.first_surfaces)
-            .with("left_sample_radiance", &self.left.sample_radiance)
-            .with("scatter_targets", &stereo.targets)
-            .with("scatter_nearest", &stereo.nearest)
-            .with("scatter_winners", &stereo.winners)
-            .with("stereo_counters", &stereo.counters)
-            .with("provenance", &stereo.provenance)
-            .with("fill_list", &stereo.fill_list)
-            .with("fill_count", &stereo.fill_count)
-            .with("fill_groups", &stereo.fill_groups);
-        self.bound_stereo = passes::STEREO_SCATTER
-            .iter()
-            .map(|pass| kernels.get(pass)?.bind(context, &right))
-            .collect::<Result<_, _>>()?;
-        self.bound_right = sample
-            .iter()
-            .map(|pass| kernels.get_from_list(pass)?.bind(context, &right))
-            .collect::<Result<_, _>>()?;
-        self.bound_reasons = passes::FILL_REASONS
-            .iter()
-            .map(|pass| kernels.get_from_list(pass)?.bind(context, &right))
-            .collect::<Result<_, _>>()?;
+        let left_steps = whole(&self.left, Extent::LeftHits)?;
+        let right_steps = match (&self.right, &self.stereo) {
+            (None, _) => Vec::new(),
+            (Some(right), None) => whole(right, Extent::RightHits)?,
+            (Some(right), Some(stereo)) => {
+                let resources = base
+                    .clone()
+                    .and(&right.resources())
+                    .with("left_hit_rays", &self.left.hit_rays)
+                    .with("left_hit_paths", &self.left.hit_paths)
+                    .with("left_first_surfaces", &self.left.first_surfaces)
+                    .with("left_sample_radiance", &self.left.sample_radiance)
+                    .with("scatter_targets", &stereo.targets)
+                    .with("scatter_nearest", &stereo.nearest)
+                    .with("scatter_winners", &stereo.winners)
+                    .with("stereo_counters", &stereo.counters)
+                    .with("provenance", &stereo.provenance)
+                    .with("fill_list", &stereo.fill.pixels)
+                    .with("fill_count", &stereo.fill.count);
+                let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
+                let over_fill = resources.clone().and(&stereo.fill.to_run_over());
+                let over_right_hits = resources.and(&right.hits.to_run_over());
+                let mut steps = Vec::new();
+                for pass in passes::STEREO_SCATTER {
+                    steps.push(match pass.over {
+                        Over::Hits => bind(pass, Extent::LeftHits, &over_left_hits)?,
+                        Over::Pixels => bind(pass, Extent::Tiles, &over_fill)?,
+                        _ => bind(pass, Extent::Once, &over_fill)?,
+                    });
+                }
+                for pass in self.plan.sample.iter().chain(passes::FILL_REASONS) {
+                    steps.push(match pass.over {
+                        Over::Hits => bind(pass, Extent::RightHits, &over_right_hits)?,
+                        Over::Pixels => bind(pass, Extent::Fill, &over_fill)?,
+                        _ => bind(pass, Extent::Once, &over_right_hits)?,
+                    });
+                }
+                steps
+            }
+        };
+        self.left_steps = left_steps;
+        self.right_steps = right_steps;
         Ok(())
-    }
-
-    fn tiles(&self) -> [u32; 3] {
-        [self.width.div_ceil(8), self.height.div_ceil(8), 1]
     }
 
     /// Records the zeroing that precedes a frame's first sample.
@@ -242,74 +309,36 @@ impl Eyes {
         }
     }
 
-    /// Records sample `sample` (of the submission) of one eye over all its pixels.
+    /// Records sample `sample` (of the submission) of one eye; the right eye reuses the left if the plan says so.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if the frame's kernels lack a pass.
-    pub fn record_full(
+    pub fn record_sample(
         &self,
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
         eye: Eye,
         sample: u32,
     ) -> Result<(), GpuError> {
-        let bound = match eye {
-            Eye::Left => &self.bound_left,
-            Eye::Right => &self.bound_right,
+        let Some(buffers) = self.buffers(eye) else {
+            return Ok(());
         };
-        for (pass, bound) in self.plan.sample.iter().zip(bound) {
-            recorder.dispatch(
-                &format!("{}.{}", eye.name(), pass.name),
-                kernels.get(pass)?,
-                bound,
-                sample * 2 + eye.index(),
-                self.tiles(),
-            );
+        recorder.clear(&buffers.hits.count);
+        if let (Eye::Right, Some(stereo)) = (eye, &self.stereo) {
+            recorder.clear(&stereo.nearest);
+            recorder.clear(&stereo.winners);
+            recorder.clear(&stereo.fill.count);
         }
-        Ok(())
-    }
-
-    /// Records sample `sample` of the right eye by reuse: scatter, then fill what is empty.
-    ///
-    /// # Errors
-    /// [`GpuError::Unbound`] if the frame's kernels lack a pass.
-    pub fn record_reuse(
-        &self,
-        recorder: &mut FrameRecorder<'_>,
-        kernels: &KernelSet,
-        sample: u32,
-    ) -> Result<(), GpuError> {
-        let Some(stereo) = &self.stereo else {
-            return self.record_full(recorder, kernels, Eye::Right, sample);
-        };
-        let index = sample * 2 + Eye::Right.index();
-        recorder.clear(&stereo.nearest);
-        recorder.clear(&stereo.winners);
-        for (pass, bound) in passes::STEREO_SCATTER.iter().zip(&self.bound_stereo) {
-            let groups = if pass.over == Over::Pixels {
-                self.tiles()
-            } else {
-                linear_groups(1, 1)
-            };
-            recorder.dispatch(
-                &format!("right.{}", pass.name),
-                kernels.get(pass)?,
-                bound,
-                index,
-                groups,
-            );
-        }
-        let sample_passes = self.plan.sample.iter().zip(&self.bound_right);
-        let reason_passes = passes::FILL_REASONS.iter().zip(&self.bound_reasons);
-        for (pass, bound) in sample_passes.chain(reason_passes) {
-            recorder.dispatch_indirect(
-                &format!("right.{}", pass.name),
-                kernels.get_from_list(pass)?,
-                bound,
-                index,
-                &stereo.fill_groups,
-                0,
-            );
+        let index = sample * 2 + eye.index();
+        for step in self.steps(eye) {
+            let label = format!("{}.{}", eye.name(), step.pass.name);
+            let kernel = Self::kernel(kernels, step)?;
+            match self.groups(step.extent) {
+                Groups::Direct(groups) => recorder.dispatch(&label, kernel, &step.bound, index, groups),
+                Groups::Indirect(groups) => {
+                    recorder.dispatch_indirect(&label, kernel, &step.bound, index, groups, 0);
+                }
+            }
         }
         Ok(())
     }
@@ -323,20 +352,39 @@ impl Eyes {
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
-        for (pass, bound) in self.plan.sample.iter().zip(&self.bound_left) {
-            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 0, [1, 1, 1]);
-        }
-        if self.stereo.is_none() {
-            return Ok(());
-        }
-        for (pass, bound) in passes::STEREO_SCATTER.iter().zip(&self.bound_stereo) {
-            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 1, [1, 1, 1]);
-        }
-        let sample_passes = self.plan.sample.iter().zip(&self.bound_right);
-        for (pass, bound) in sample_passes.chain(passes::FILL_REASONS.iter().zip(&self.bound_reasons)) {
-            recorder.dispatch(pass.name, kernels.get_from_list(pass)?, bound, 1, [1, 1, 1]);
+        for step in self.left_steps.iter().chain(&self.right_steps) {
+            recorder.dispatch(step.pass.name, Self::kernel(kernels, step)?, &step.bound, 0, [1, 1, 1]);
         }
         Ok(())
+    }
+
+    fn steps(&self, eye: Eye) -> &[Step] {
+        match eye {
+            Eye::Left => &self.left_steps,
+            Eye::Right => &self.right_steps,
+        }
+    }
+
+    fn kernel<'k>(kernels: &'k KernelSet, step: &Step) -> Result<&'k Kernel, GpuError> {
+        if step.extent == Extent::Fill {
+            kernels.get_from_list(step.pass)
+        } else {
+            kernels.get(step.pass)
+        }
+    }
+
+    fn groups(&self, extent: Extent) -> Groups<'_> {
+        let list = match extent {
+            Extent::Once => None,
+            Extent::Tiles => return Groups::Direct([self.width.div_ceil(8), self.height.div_ceil(8), 1]),
+            Extent::LeftHits => Some(&self.left.hits),
+            Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
+            Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),
+        };
+        match list {
+            Some(list) => Groups::Indirect(&list.groups),
+            None => Groups::Direct([1, 1, 1]),
+        }
     }
 
     fn buffers(&self, eye: Eye) -> Option<&EyeBuffers> {

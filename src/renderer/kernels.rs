@@ -6,7 +6,7 @@ use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::{GpuContext, GpuError, Kernel, ShaderLibrary};
 use crate::passes::{Over, Pass};
 
-/// Feature of the eye passes' second variant: work on the list of empty pixels.
+/// Feature of passes that work on a list of pixels.
 const FROM_LIST: &str = "from_list";
 
 /// Compiled passes by name.
@@ -16,7 +16,7 @@ pub struct KernelSet {
 }
 
 impl KernelSet {
-    /// Compiles `wanted`, and those of `filling` once more for the fill list. Passes that see the scene get
+    /// Compiles `wanted`, and those of `filling` that run over pixels once more for the fill list. Passes that see the scene get
     /// `features`, the others none.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl KernelSet {
             let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, false))?;
             set.kernels.insert(pass.name, kernel);
         }
-        for pass in filling {
+        for pass in filling.iter().filter(|pass| pass.over == Over::Pixels) {
             let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, true))?;
             set.from_list.insert(pass.name, kernel);
         }
@@ -51,12 +51,16 @@ impl KernelSet {
         find(&self.kernels, pass)
     }
 
-    /// The kernel of `pass` over the fill list.
+    /// The kernel of `pass` for the right eye's empty pixels.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if the set was compiled without it.
     pub fn get_from_list(&self, pass: &Pass) -> Result<&Kernel, GpuError> {
-        find(&self.from_list, pass)
+        if pass.over == Over::Pixels {
+            find(&self.from_list, pass)
+        } else {
+            find(&self.kernels, pass)
+        }
     }
 
     /// Names of all compiled passes; those over the fill list carry `(list)`.
@@ -92,6 +96,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     } else {
         ShaderFeatures::new()
     };
-    own.insert(FROM_LIST.to_owned(), from_list && pass.over == Over::Pixels);
+    let list = pass.over == Over::Hits || (from_list && pass.over == Over::Pixels);
+    own.insert(FROM_LIST.to_owned(), list);
     own
 }

@@ -230,8 +230,8 @@ impl Renderer {
         }
         let mut filling: Vec<&Pass> = Vec::new();
         if plan.reuse {
-            wanted.extend(passes::STEREO_SCATTER);
-            filling.extend(plan.sample.iter().chain(passes::FILL_REASONS));
+            wanted.extend(passes::STEREO_SCATTER.iter().chain(passes::FILL_REASONS));
+            filling.extend(plan.sample);
         }
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let has_lights = buffers.light_count() > 0;
@@ -394,9 +394,9 @@ impl Renderer {
         sample: u32,
     ) -> Result<(), GpuError> {
         // A single eye is rendered into the left buffers through its own view.
-        self.eyes.record_full(recorder, &self.kernels, Eye::Left, sample)?;
+        self.eyes.record_sample(recorder, &self.kernels, Eye::Left, sample)?;
         if self.eye_choice == EyeChoice::Both {
-            self.eyes.record_reuse(recorder, &self.kernels, sample)?;
+            self.eyes.record_sample(recorder, &self.kernels, Eye::Right, sample)?;
         }
         Ok(())
     }

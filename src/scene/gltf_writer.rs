@@ -85,7 +85,7 @@ impl GlbWriter {
                 what: format!("image '{name}' is not {width}x{height} RGB"),
             });
         }
-        PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+        PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::Adaptive)
             .write_image(rgb, width, height, ExtendedColorType::Rgb8)
             .map_err(|error| SceneError::Write {
                 what: format!("image '{name}': {error}"),

@@ -65,14 +65,18 @@ fn lossless_surfaces_return_everything() {
 #[test]
 fn no_single_lobe_returns_more_than_arrives() {
     let metals: Vec<Material> = ROUGHNESS.map(white_metal).to_vec();
-    let mut least = f64::MAX;
+    let mut least = (f64::MAX, 0.0, 0.0, 0.0);
     furnace(&["glossy"], &metals, 0, |index, degrees, samples| {
         let (mean, error) = energy(samples);
         assert!(mean <= 1.0 + 3.0 * error + 1e-5, "metal, roughness {}, {degrees} degrees: {mean}", ROUGHNESS[index]);
-        least = least.min(mean);
+        if mean < least.0 {
+            least = (mean, error, ROUGHNESS[index], degrees);
+        }
     });
-    // Single scattering: what bounces twice between facets is lost. Worst for a rough white metal seen from the side.
-    assert!((0.40..0.75).contains(&least), "the single-scattering deficit is {:.3}", 1.0 - least);
+    // Single scattering: what bounces twice between facets is lost; the standard's model has no term for it. Worst for
+    // the roughest metal seen along the normal, where alpha = 1 leaves the integral of z / (1 + z) = 1 - ln 2.
+    let due = 1.0 - 2.0f64.ln();
+    assert!((least.0 - due).abs() <= 4.0 * least.1 && least.2 == 1.0 && least.3 < 45.0, "least energy {least:?}");
     let glasses: Vec<Material> = ROUGHNESS.map(white_glass).to_vec();
     for side in [0, BACK] {
         furnace(&["dielectric"], &glasses, PHOTONS | side, |index, degrees, samples| {

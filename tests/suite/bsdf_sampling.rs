@@ -105,7 +105,7 @@ fn a_wrong_density_fails() {
         Material { roughness: 0.31, ..metal(0.3) },
         Material { ior: 1.52, ..glass(0.3) },
         coated(1.0),
-        Material { base_color: [0.8, 0.6, 0.3, 1.0], ..coated(0.3) },
+        Material { base_color: [0.3, 0.3, 0.3, 1.0], ..coated(0.3) },
     ];
     let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
     for (index, other) in wrong.iter().enumerate() {

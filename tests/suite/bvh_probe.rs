@@ -27,7 +27,12 @@ pub struct TraceQuery {
 
 impl TraceQuery {
     pub fn ray(origin: Vec3, direction: Vec3) -> Self {
-        Self { origin: origin.to_array(), t_max: 1e30, direction: direction.to_array(), ..Self::default() }
+        Self {
+            origin: origin.to_array(),
+            t_max: 1e30,
+            direction: direction.to_array(),
+            ..Self::default()
+        }
     }
 }
 
@@ -58,12 +63,22 @@ pub struct TraceScene {
 }
 
 impl TraceScene {
-    pub fn new(context: &GpuContext, meshes: &[Mesh], placed: &[(DAffine3, u32)], origin_in_world: DVec3) -> Self {
+    pub fn new(
+        context: &GpuContext,
+        meshes: &[Mesh],
+        placed: &[(DAffine3, u32)],
+        origin_in_world: DVec3,
+    ) -> Self {
         let meshes = MeshHierarchies::build(meshes, &[]).unwrap();
         meshes.validate().unwrap();
         let sources: Vec<_> = placed
             .iter()
-            .map(|&(world_from_object, mesh)| InstanceSource { world_from_object, mesh, node: 0, first_emitter: 0 })
+            .map(|&(world_from_object, mesh)| InstanceSource {
+                world_from_object,
+                mesh,
+                node: 0,
+                first_emitter: 0,
+            })
             .collect();
         let top = TopLevel::build(origin_in_world, &sources, &meshes).unwrap();
         top.validate().unwrap();
@@ -72,7 +87,10 @@ impl TraceScene {
             .map(|&(mut transform, mesh)| {
                 transform.translation -= origin_in_world;
                 let range = &meshes.meshes[mesh as usize];
-                (transform, range.first_triangle..range.first_triangle + range.triangle_count)
+                (
+                    transform,
+                    range.first_triangle..range.first_triangle + range.triangle_count,
+                )
             })
             .collect();
         let buffers = [
@@ -81,14 +99,22 @@ impl TraceScene {
             storage_buffer_with_data(context, "instances", top.instances()).unwrap(),
             storage_buffer_with_data(context, "triangles", &meshes.triangles).unwrap(),
         ];
-        Self { meshes, top, exact, buffers }
+        Self {
+            meshes,
+            top,
+            exact,
+            buffers,
+        }
     }
 
     /// Corners of a triangle of an instance in render space, f64.
     pub fn corners(&self, instance: u32, triangle: u32) -> [DVec3; 3] {
         let triangle = &self.meshes.triangles[triangle as usize];
-        [triangle.v0, triangle.v1, triangle.v2]
-            .map(|v| self.exact[instance as usize].0.transform_point3(Vec3::from(v).as_dvec3()))
+        [triangle.v0, triangle.v1, triangle.v2].map(|v| {
+            self.exact[instance as usize]
+                .0
+                .transform_point3(Vec3::from(v).as_dvec3())
+        })
     }
 }
 
@@ -102,15 +128,22 @@ impl<'a> TraceProbe<'a> {
     pub fn new(context: &'a GpuContext, library: &ShaderLibrary, features: &[&str]) -> Self {
         let mut library = library.clone();
         library.insert("tests/bvh_probe", include_str!("bvh_probe.wesl"));
-        let features = features.iter().map(|name| ((*name).to_owned(), true)).collect();
+        let features = features
+            .iter()
+            .map(|name| ((*name).to_owned(), true))
+            .collect();
         let kernel = Kernel::new(context, &library, "tests/bvh_probe", &features).unwrap();
         Self { context, kernel }
     }
 
     pub fn run(&self, scene: &TraceScene, queries: &[TraceQuery]) -> Vec<TraceAnswer> {
         let queries_buffer = storage_buffer_with_data(self.context, "queries", queries).unwrap();
-        let answers =
-            storage_buffer(self.context, "answers", (queries.len() * size_of::<TraceAnswer>()) as u64).unwrap();
+        let answers = storage_buffer(
+            self.context,
+            "answers",
+            (queries.len() * size_of::<TraceAnswer>()) as u64,
+        )
+        .unwrap();
         let [top_nodes, mesh_nodes, instances, triangles] = &scene.buffers;
         let resources = Resources::new()
             .with("top_nodes", top_nodes)
@@ -123,7 +156,9 @@ impl<'a> TraceProbe<'a> {
         let mut recorder = FrameRecorder::new(self.context, None, "trace probe");
         let groups = self.kernel.groups_for(queries.len() as u32);
         recorder.dispatch("trace probe", &self.kernel, &bound, 0, groups);
-        recorder.submit("trace probe", &mut PassTimes::default()).unwrap();
+        recorder
+            .submit("trace probe", &mut PassTimes::default())
+            .unwrap();
         read_buffer(self.context, "answers", &answers, queries.len()).unwrap()
     }
 }
@@ -182,7 +217,10 @@ pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
     Mesh {
         positions: triangles.iter().flatten().map(|v| v.to_array()).collect(),
         triangles: (0..triangles.len() as u32)
-            .map(|i| MeshTriangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0 })
+            .map(|i| MeshTriangle {
+                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
+                material: 0,
+            })
             .collect(),
         ..Mesh::default()
     }
@@ -207,7 +245,12 @@ pub fn sphere(random: &mut Random, segments: u32, rings: u32, bump: f64) -> Mesh
             let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
             let phi = std::f64::consts::TAU * f64::from(segment) / f64::from(segments);
             let radius = 1.0 + bump * random.signed();
-            let p = radius * DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            let p = radius
+                * DVec3::new(
+                    theta.sin() * phi.cos(),
+                    theta.cos(),
+                    theta.sin() * phi.sin(),
+                );
             positions.push(p.as_vec3().to_array());
         }
     }
@@ -223,7 +266,13 @@ pub fn sphere(random: &mut Random, segments: u32, rings: u32, bump: f64) -> Mesh
     }
     Mesh {
         positions,
-        triangles: triangles.into_iter().map(|vertices| MeshTriangle { vertices, material: 0 }).collect(),
+        triangles: triangles
+            .into_iter()
+            .map(|vertices| MeshTriangle {
+                vertices,
+                material: 0,
+            })
+            .collect(),
         ..Mesh::default()
     }
 }

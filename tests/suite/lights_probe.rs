@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::scene::{
-    LightKinds, LightSources, PackedEnvironment, PackedLights, TriangleOrder, pack_environment, pack_lights,
+    LightKinds, LightSources, PackedLights, TriangleOrder, pack_environment, pack_lights,
     pack_materials, pack_textures, pack_vertices, emitter_ordinals,
 };
 use stereolux::gpu::shaders::ShaderFeatures;
@@ -53,13 +53,18 @@ pub struct Photon {
     pub pdf_direction: f64,
 }
 
+/// A scene's buffers, without a hierarchy.
+pub struct SceneUpload {
+    buffers: Vec<(&'static str, wgpu::Buffer)>,
+    pub lights: PackedLights,
+}
+
 /// The probe with a scene's buffers.
 pub struct LightProbe<'a> {
     context: &'a GpuContext,
     kernels: [Kernel; 3],
-    buffers: Vec<(&'static str, wgpu::Buffer)>,
+    scene: SceneUpload,
     pub lights: PackedLights,
-    pub environment: Option<PackedEnvironment>,
 }
 
 fn xyz(v: [f32; 4]) -> DVec3 {
@@ -72,14 +77,9 @@ fn rows(m: DAffine3) -> [[f32; 4]; 3] {
     [linear.x_axis.extend(t.x), linear.y_axis.extend(t.y), linear.z_axis.extend(t.z)].map(|row| row.as_vec4().to_array())
 }
 
-impl<'a> LightProbe<'a> {
-    pub fn new(context: &'a GpuContext, on: &[&str], scene: &Scene, origin: DVec3) -> Self {
-        let mut library = ShaderLibrary::embedded();
-        library.insert("tests/lights_probe", include_str!("lights_probe.wesl"));
-        let kernels = ["", "probe_emit", "probe_pdf"].map(|mode| {
-            let features: ShaderFeatures = on.iter().chain([&mode]).map(|name| ((*name).to_owned(), true)).collect();
-            Kernel::new(context, &library, "tests/lights_probe", &features).unwrap()
-        });
+impl SceneUpload {
+    /// Packs and uploads; render space has its origin at `origin`.
+    pub fn new(context: &GpuContext, scene: &Scene, origin: DVec3) -> Self {
         // Triangles stay in file order: the hierarchy has its own tests.
         let mut first_triangle = Vec::new();
         let (mut triangles, mut triangle_vertices) = (Vec::new(), Vec::new());
@@ -141,7 +141,29 @@ impl<'a> LightProbe<'a> {
             environment.as_ref().map(|e| (e.texels.clone(), e.cdf.clone())).unwrap_or_default();
         upload!("environment_texels", &texels);
         upload!("environment_cdf", &cdf);
-        Self { context, kernels, buffers, lights, environment }
+        Self { buffers, lights }
+    }
+
+    /// These buffers and others.
+    pub fn with<'b>(&'b self, mut resources: Resources<'b>) -> Resources<'b> {
+        for (name, buffer) in &self.buffers {
+            resources = resources.with(name, buffer);
+        }
+        resources
+    }
+}
+
+
+impl<'a> LightProbe<'a> {
+    pub fn new(context: &'a GpuContext, on: &[&str], scene: &Scene, origin: DVec3) -> Self {
+        let mut library = ShaderLibrary::embedded();
+        library.insert("tests/lights_probe", include_str!("lights_probe.wesl"));
+        let kernels = ["", "probe_emit", "probe_pdf"].map(|mode| {
+            let features: ShaderFeatures = on.iter().chain([&mode]).map(|name| ((*name).to_owned(), true)).collect();
+            Kernel::new(context, &library, "tests/lights_probe", &features).unwrap()
+        });
+        let upload = SceneUpload::new(context, scene, origin);
+        Self { context, kernels, lights: upload.lights.clone(), scene: upload }
     }
 
     fn run(&self, mode: usize, queries: &[LightQuery], count: u32, seed: u32) -> Vec<Answer> {
@@ -149,11 +171,9 @@ impl<'a> LightProbe<'a> {
         let queries = storage_buffer_with_data(self.context, "queries", queries).unwrap();
         let answers = storage_buffer(self.context, "answers", u64::from(count) * 48).unwrap();
         let settings = storage_buffer_with_data(self.context, "probe", &[count, seed, 0, 0]).unwrap();
-        let mut resources =
-            Resources::new().with("queries", &queries).with("answers", &answers).with("probe", &settings);
-        for (name, buffer) in &self.buffers {
-            resources = resources.with(name, buffer);
-        }
+        let resources = self
+            .scene
+            .with(Resources::new().with("queries", &queries).with("answers", &answers).with("probe", &settings));
         let bound = kernel.bind(self.context, &resources).unwrap();
         let mut recorder = FrameRecorder::new(self.context, None, "lights probe");
         recorder.dispatch("lights probe", kernel, &bound, 0, kernel.groups_for(count));

@@ -3,7 +3,7 @@
 use serde_json::json;
 use stereolux::scene::{Needs, Scene};
 
-use crate::scene_import::{Doc, assert_fault, png_1x1, with};
+use crate::suite::scene_import::{Doc, assert_fault, png_1x1, with};
 
 #[test]
 fn unsupported_extensions_are_errors_if_required_and_warnings_if_used() {

@@ -16,7 +16,7 @@ const FEATURES: &[&str] = &[
 const SCENE: &[&str] = &[
     "frame", "dispatch", "top_nodes", "mesh_nodes", "instances", "triangles", "triangle_vertices", "vertices",
     "materials", "texture_infos", "texels", "lights", "light_alias", "environment_texels", "environment_cdf",
-    "fill_list", "fill_count",
+    "pixel_list", "pixel_count",
 ];
 
 fn with(on: &[&str]) -> ShaderFeatures {
