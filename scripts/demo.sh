@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets everything up and renders ten stereo frames of the embedded gallery with the simulated headset.
-#   scripts/demo.sh [more flags of `stereolux run`]
+#   scripts/demo.sh [other flags of `stereolux run`]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/setup.sh

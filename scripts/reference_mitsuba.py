@@ -307,8 +307,8 @@ def define_gltf_bsdf():
 
         def __init__(self, props):
             mi.BSDF.__init__(self, props)
-            self.base = props["base"]
-            self.metallic_roughness = props["metallic_roughness"]
+            self.base = props.get_texture("base")
+            self.metallic_roughness = props.get_texture("metallic_roughness")
             self.weight = props["specular"]
             tint = [float(c) for c in props["specular_color"]]
             f0 = ((props["ior"] - 1.0) / (props["ior"] + 1.0)) ** 2

@@ -5,10 +5,11 @@
 # Whether the Vulkan loader and at least one driver manifest are there. A driver that is there but broken is reported
 # by the program itself.
 has_vulkan() {
-    ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || return 1
+    # ldconfig lies outside a plain user's PATH. No `grep -q`: it would break the pipe, which pipefail takes for a failure.
+    PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep 'libvulkan\.so\.1' >/dev/null || return 1
     [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] && return 0
     local folder
-    for folder in /usr/share/vulkan/icd.d /etc/vulkan/icd.d /usr/local/share/vulkan/icd.d "$HOME/.local/share/vulkan/icd.d"; do
+    for folder in /usr/share/vulkan/icd.d /etc/vulkan/icd.d /usr/local/share/vulkan/icd.d "${HOME:-/root}/.local/share/vulkan/icd.d"; do
         compgen -G "$folder/*.json" >/dev/null && return 0
     done
     return 1
@@ -33,7 +34,7 @@ ensure_vulkan() {
 
 ensure_build_tools() {
     if ! command -v cargo >/dev/null; then
-        [ -f "$HOME/.cargo/env" ] && . "$HOME/.cargo/env"
+        [ -f "${HOME:-/root}/.cargo/env" ] && . "${HOME:-/root}/.cargo/env"
     fi
     if ! command -v cargo >/dev/null; then
         echo "error: no cargo found; install Rust from https://rustup.rs, then run this again" >&2

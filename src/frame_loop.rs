@@ -80,7 +80,8 @@ impl GpuSums {
                 .iter()
                 .filter(|(name, _)| name.starts_with(prefix))
                 .map(|(_, (ms, _))| ms)
-                .sum()
+                // Not `sum`: the sum of no floats is -0.
+                .fold(0.0, |total, ms| total + ms)
         };
         Self {
             photons: sum("photons."),
@@ -153,7 +154,8 @@ pub fn run(
             continue;
         };
         session.acquire_targets()?;
-        let result = renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
+        let result =
+            renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
         session.end_frame(FrameSubmission::new(
             state.predicted_display_time_ns,
             Some(&located),
@@ -220,7 +222,9 @@ pub fn read_images(
     let left = read(Eye::Left)?;
     let right = read(Eye::Right)?;
     if *non_finite_pixels > 0 {
-        log::error!("{non_finite_pixels} pixels were not finite and are written as 0; please report the scene");
+        log::error!(
+            "{non_finite_pixels} pixels were not finite and are written as 0; please report the scene"
+        );
     }
     let provenance = if right.is_some() {
         renderer

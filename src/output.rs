@@ -121,7 +121,10 @@ impl OutputFolder {
     ) -> Result<(), OutputError> {
         for (eye, image) in [("left", &images.left), ("right", &images.right)] {
             if let Some(image) = image {
-                write_exr(&self.path.join(format!("frame_{index:04}_{eye}.exr")), image)?;
+                write_exr(
+                    &self.path.join(format!("frame_{index:04}_{eye}.exr")),
+                    image,
+                )?;
             }
         }
         let picture = match (&images.left, &images.right) {
@@ -137,7 +140,10 @@ impl OutputFolder {
         }
         if let (Some(provenance), Some(right)) = (&images.provenance, &images.right) {
             let picture = provenance_picture(right.width, right.height, provenance)?;
-            write_png(&self.path.join(format!("frame_{index:04}_reuse.png")), &picture)?;
+            write_png(
+                &self.path.join(format!("frame_{index:04}_reuse.png")),
+                &picture,
+            )?;
         }
         Ok(())
     }

@@ -2,10 +2,26 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod suite {
+    pub mod bsdf_furnace;
+    pub mod bsdf_probe;
+    pub mod bsdf_sampling;
+    pub mod bsdf_specialised;
+    pub mod bsdf_surface;
+    pub mod bsdf_twin;
+    pub mod bsdf_user;
+    pub mod bvh_gpu;
+    pub mod bvh_probe;
+    pub mod chi_square;
     pub mod images_files;
+    pub mod lights_emission;
+    pub mod lights_probe;
+    pub mod lights_sampling;
     pub mod metrics_files;
     pub mod options_flags;
     pub mod options_settings;
+    pub mod scene_builtin;
+    pub mod scene_faults;
+    pub mod scene_import;
     pub mod shaders;
     pub mod support;
     pub mod xr_headset;

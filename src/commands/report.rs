@@ -99,7 +99,10 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 
 impl<'a> RunReport<'a> {
     /// Collects everything after the last frame.
-    #[expect(clippy::too_many_arguments, reason = "one call site; a struct of the same fields would only be moved")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one call site; a struct of the same fields would only be moved"
+    )]
     pub fn new(
         settings: &'a Settings,
         renderer: &Renderer,

@@ -1,5 +1,6 @@
 //! `run` and `render`: both are the frame loop, `render` over one frame of a still headset.
 
+use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -29,6 +30,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let scene = load_scene(settings)?;
     let start = start_pose(&scene);
     let (session, source): (Box<dyn XrSession>, String) = session(options, &headset, start)?;
+    let context = GpuContext::open(Some(&settings.adapter))?;
     let output = OutputFolder::create(&options.out)?;
     let size = settings
         .size
@@ -39,6 +41,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
         None => session,
     };
     render_session(
+        context,
         session,
         &source,
         &scene,
@@ -71,10 +74,12 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         Some(pose) => Pose::new(pose.position, pose.orientation),
         None => start_pose(&scene),
     };
+    let context = GpuContext::open(Some(&settings.adapter))?;
     let output = OutputFolder::create(&options.out)?;
     let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
+        context,
         Box::new(session),
         "one pose",
         &scene,
@@ -154,8 +159,12 @@ fn session(
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "both commands' meeting point, called twice")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "both commands' meeting point, called twice"
+)]
 fn render_session(
+    context: GpuContext,
     mut session: Box<dyn XrSession>,
     source: &str,
     scene: &Scene,
@@ -166,22 +175,20 @@ fn render_session(
     frames: Option<u32>,
     mut output: OutputFolder,
 ) -> Result<(), Failure> {
-    let context = GpuContext::open(Some(&settings.adapter))?;
-    let adapter = context.adapter.clone();
-    if adapter.is_software() {
-        log::info!("{} computes on the CPU: timings are not a GPU's", adapter.name);
+    if context.adapter.is_software() {
+        log::info!(
+            "{} computes on the CPU: timings are not a GPU's",
+            context.adapter.name
+        );
     }
+    let library = match settings.gpu.shader_folder.as_str() {
+        "" => ShaderLibrary::embedded(),
+        folder => ShaderLibrary::with_folder(Path::new(folder)).map_err(Failure::unusable)?,
+    };
     let needs = Needs::of(scene);
     let mut bar = Bar::new(settings.spp, frames);
     bar.say("compiling");
-    let mut renderer = Renderer::new(
-        context,
-        &ShaderLibrary::embedded(),
-        scene,
-        settings,
-        eyes,
-        size,
-    )?;
+    let mut renderer = Renderer::new(context, &library, scene, settings, eyes, size)?;
     let stats = frame_loop::run(
         session.as_mut(),
         &mut renderer,
@@ -197,7 +204,14 @@ fn render_session(
     bar.finish();
     let stats = stats?;
     let run = report::RunReport::new(
-        settings, &renderer, scene, &needs, source, session.info(), size, &stats,
+        settings,
+        &renderer,
+        scene,
+        &needs,
+        source,
+        session.info(),
+        size,
+        &stats,
     );
     output.write_run(&run)?;
     eprintln!("{}", run.summary_line(output.path()));
@@ -216,7 +230,9 @@ impl Bar {
             Some(frames) => ProgressBar::new(u64::from(frames) * u64::from(samples)),
             None => ProgressBar::no_length(),
         };
-        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos}/{len} {eta} {msg}") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos}/{len} {eta} {msg}")
+        {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(250));

@@ -94,12 +94,11 @@ pub fn read_buffer<T: Pod>(
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut encoder =
-            context
-                .device
-                .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                    label: Some("read-back"),
-                });
+        let mut encoder = context
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("read-back"),
+            });
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, staging.size());
         context.queue.submit([encoder.finish()]);
         Ok(staging)
@@ -170,7 +169,8 @@ impl GrowingBuffer {
             .is_some_and(|buffer| buffer.size() >= bytes.len() as u64);
         if !fits {
             // A quarter more, so that a scene that grows by one instance does not reallocate every frame.
-            let capacity = (bytes.len() as u64 + bytes.len() as u64 / 4).min(context.max_binding_bytes);
+            let capacity =
+                (bytes.len() as u64 + bytes.len() as u64 / 4).min(context.max_binding_bytes);
             self.buffer = Some(storage_buffer(
                 context,
                 self.label,

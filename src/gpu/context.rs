@@ -26,7 +26,9 @@ pub enum GpuError {
         available: String,
     },
     /// The adapter lacks features or limits that the renderer uses.
-    #[error("adapter {adapter:?} lacks what the renderer needs: {missing}; choose another with --adapter")]
+    #[error(
+        "adapter {adapter:?} lacks what the renderer needs: {missing}; choose another with --adapter"
+    )]
     Missing {
         /// Adapter name.
         adapter: String,
@@ -235,19 +237,18 @@ impl GpuContext {
         }
         // Timing is a diagnostic: without the feature the renderer runs and says that it cannot time.
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-                label: Some("stereolux"),
-                required_features,
-                required_limits,
-                experimental_features: wgpu::ExperimentalFeatures::disabled(),
-                memory_hints: wgpu::MemoryHints::MemoryUsage,
-                trace: wgpu::Trace::Off,
-            }))
-            .map_err(|error| GpuError::Device {
-                adapter: info.name.clone(),
-                reason: error.to_string(),
-            })?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("stereolux"),
+            required_features,
+            required_limits,
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            trace: wgpu::Trace::Off,
+        }))
+        .map_err(|error| GpuError::Device {
+            adapter: info.name.clone(),
+            reason: error.to_string(),
+        })?;
 
         let lost = Arc::new(Mutex::new(None));
         let uncaptured = Arc::new(Mutex::new(None));

@@ -234,13 +234,12 @@ impl Kernel {
     pub fn bind(&self, context: &GpuContext, resources: &Resources<'_>) -> Result<Bound, GpuError> {
         let mut entries = Vec::with_capacity(self.bindings.len());
         for binding in &self.bindings {
-            let mut resource =
-                resources
-                    .get(&binding.name)
-                    .ok_or_else(|| GpuError::Unbound {
-                        pass: self.name.clone(),
-                        binding: binding.name.clone(),
-                    })?;
+            let mut resource = resources
+                .get(&binding.name)
+                .ok_or_else(|| GpuError::Unbound {
+                    pass: self.name.clone(),
+                    binding: binding.name.clone(),
+                })?;
             if binding.name == DISPATCH_BINDING
                 && let wgpu::BindingResource::Buffer(buffer) = &mut resource
             {
@@ -279,11 +278,7 @@ impl Kernel {
     ) {
         pass.set_pipeline(&self.pipeline);
         let offset = [dispatch_index * DISPATCH_STRIDE as u32];
-        pass.set_bind_group(
-            0,
-            &bound.group,
-            if self.is_dynamic { &offset } else { &[] },
-        );
+        pass.set_bind_group(0, &bound.group, if self.is_dynamic { &offset } else { &[] });
     }
 }
 

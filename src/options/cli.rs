@@ -216,7 +216,7 @@ pub struct SessionArgs {
     #[arg(long, value_enum)]
     pub trace_up: Option<TraceUp>,
     /// What the recorded body frame is: openxr (x right, y up, z back), optical (x right, y down, z forward),
-    /// or the rotation eye-from-body as "qx qy qz qw" [default: optical for TUM, openxr otherwise]
+    /// or the rotation eye-from-body as "qx qy qz qw" [default: optical for TUM, the IMU of its vehicles for EuRoC]
     #[arg(
         long,
         value_name = "openxr|optical|\"qx qy qz qw\"",

@@ -321,7 +321,7 @@ fn checked(setting: &Setting, raw: &Written) -> Option<Value> {
         (Kind::Choice(words), Written::Text(text)) => words
             .contains(&text.as_str())
             .then(|| Value::from(text.as_str())),
-        // `force.caustics=off` is text, yet TOML has no bare words; `true` and `false` are near misses worth refusing.
+        // `force.glossy=off` is text, yet TOML has no bare words; `true` and `false` are near misses worth refusing.
         (Kind::Text { empty }, Written::Text(text)) => {
             let usable = (empty || !text.trim().is_empty()) && !text.contains('\0');
             usable.then(|| Value::from(text.as_str()))

@@ -291,16 +291,6 @@ pub static SETTINGS: &[Setting] = &[
         "view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction",
     ),
     setting(
-        "stereo.position_tolerance",
-        Kind::Real {
-            min: 0.0,
-            max: 1e3,
-            inclusive: true,
-        },
-        "pixel footprints",
-        "largest distance between a reused sample and the right eye's own hit",
-    ),
-    setting(
         "environment.path",
         Kind::Text { empty: true },
         "",
@@ -354,12 +344,6 @@ pub static SETTINGS: &[Setting] = &[
         "vertex colours in the shaders",
     ),
     setting(
-        "force.caustics",
-        FORCE,
-        "",
-        "the caustic photon map and its passes",
-    ),
-    setting(
         "force.environment",
         FORCE,
         "",
@@ -376,6 +360,12 @@ pub static SETTINGS: &[Setting] = &[
         Kind::Bool,
         "",
         "time each pass with GPU timestamp queries",
+    ),
+    setting(
+        "gpu.shader_folder",
+        Kind::Text { empty: true },
+        "",
+        "folder whose .wesl files replace the embedded shaders of the same name; for work on shaders",
     ),
 ];
 

@@ -54,7 +54,7 @@ pub struct TraceOptions {
     pub path: PathBuf,
     /// World up; formats' default: z for TUM and EuRoC, y for native.
     pub up: Option<TraceUp>,
-    /// Body frame; formats' default: optical for TUM, OpenXR otherwise.
+    /// Body frame; formats' default: optical for TUM, the vehicles' IMU for EuRoC.
     pub body: Option<TraceBody>,
     /// Whether to move the first pose onto the scene's starting pose; formats' default: true for TUM and EuRoC.
     pub recenter: Option<bool>,

@@ -167,7 +167,7 @@ impl Default for Settings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PathSettings {
-    /// Segments of the whole path from eye to light, 1 to 64: 1 is emission seen directly, 2 is direct light; default 8.
+    /// Segments of the whole path from eye to light, 1 to 64: 1 is emission seen directly, 2 is direct light; default 12.
     pub max_depth: u32,
     /// End dim paths by chance, without bias; default false.
     pub russian_roulette: bool,
@@ -189,11 +189,11 @@ impl Default for PathSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotonSettings {
-    /// Photons emitted per frame, 0 to 67108864; default 262144.
+    /// Photons emitted per frame, 0 to 4194300; default 262144.
     pub count: u32,
     /// Gather radius in metres; 0 takes it from the scene's area and the photon count; default 0.
     pub radius_m: f64,
-    /// Segments of the whole path from eye to light, 1 to 64; default 8.
+    /// Segments of the whole path from eye to light, 1 to 64; default 12.
     pub max_depth: u32,
     /// Source of direct light; default next-event estimation.
     pub direct: DirectLight,
@@ -201,7 +201,7 @@ pub struct PhotonSettings {
     pub kernel: Kernel,
     /// Photons that the buffer holds, 0 to 268435456; 0 takes it from the photon count; default 0.
     pub capacity: u32,
-    /// Upper bound on hash-grid cells, 64 to 67108864; default 2097152.
+    /// Upper bound on hash-grid cells, 64 to 4194300; default 2097152.
     pub grid_cells_max: u32,
     /// Trace photons anew for every frame, even where scene and lights are static; default false.
     pub every_frame: bool,
@@ -238,15 +238,12 @@ pub struct StereoSettings {
     /// View-dependence limit of what may be carried over, 0 to 1; at 0 only what does not depend on the viewing
     /// direction; default 0.
     pub max_view_dependence: f64,
-    /// Largest distance between a cached sample and the right eye's own hit, in footprints of the right eye's pixel; default 1.5.
-    pub position_tolerance: f64,
 }
 
 impl Default for StereoSettings {
     fn default() -> Self {
         Self {
             max_view_dependence: 0.0,
-            position_tolerance: 1.5,
         }
     }
 }
@@ -305,8 +302,6 @@ pub struct ForceSettings {
     pub alpha: Force,
     /// Vertex colours.
     pub vertex_colors: Force,
-    /// The caustic map.
-    pub caustics: Force,
     /// The environment map.
     pub environment: Force,
 }
@@ -314,7 +309,7 @@ pub struct ForceSettings {
 impl ForceSettings {
     /// Shader feature names with their setting, in the registry's order.
     #[must_use]
-    pub fn by_feature(&self) -> [(&'static str, Force); 8] {
+    pub fn by_feature(&self) -> [(&'static str, Force); 7] {
         [
             ("glossy", self.glossy),
             ("dielectric", self.dielectric),
@@ -322,7 +317,6 @@ impl ForceSettings {
             ("normal_maps", self.normal_maps),
             ("alpha", self.alpha),
             ("vertex_colors", self.vertex_colors),
-            ("caustics", self.caustics),
             ("environment", self.environment),
         ]
     }
@@ -342,10 +336,15 @@ pub struct SimulatedSettings {
 pub struct GpuSettings {
     /// Time each pass with timestamp queries; default true.
     pub timestamps: bool,
+    /// Folder whose `.wesl` files replace the embedded shaders of the same name; empty (default): none.
+    pub shader_folder: String,
 }
 
 impl Default for GpuSettings {
     fn default() -> Self {
-        Self { timestamps: true }
+        Self {
+            timestamps: true,
+            shader_folder: String::new(),
+        }
     }
 }

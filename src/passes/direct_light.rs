@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Next-event estimation at the gathered surfaces.",
     over: Over::Hits,
     traces: true,
-    reads: &["hit_rays", "hit_surfaces", "hit_paths"],
+    reads: &["end_rays", "hit_surfaces", "hit_paths"],
     writes: &["direct_light"],
 };

@@ -128,8 +128,12 @@ pub const EYE_PHOTON: &[&Pass] = &[
 ];
 
 /// One sample of an eye by photon mapping with direct light from the map.
-pub const EYE_PHOTON_MAP_ONLY: &[&Pass] =
-    &[&eye_hits::PASS, &list_setup::PASS, &photon_gather::PASS, &eye_combine::PASS];
+pub const EYE_PHOTON_MAP_ONLY: &[&Pass] = &[
+    &eye_hits::PASS,
+    &list_setup::PASS,
+    &photon_gather::PASS,
+    &eye_combine::PASS,
+];
 
 /// One sample of an eye by path tracing.
 pub const EYE_PATH: &[&Pass] = &[&path_trace::PASS, &list_setup::PASS];

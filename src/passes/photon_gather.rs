@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Radiance estimate from the photons around the gathered surfaces.",
     over: Over::Hits,
     traces: true,
-    reads: &["hit_rays", "hit_surfaces", "hit_paths", "photon_grid", "cell_starts", "sorted_photons", "photon_counters"],
+    reads: &["end_rays", "hit_surfaces", "hit_paths", "photon_grid", "cell_starts", "sorted_photons", "photon_counters"],
     writes: &["indirect_light"],
 };

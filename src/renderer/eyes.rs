@@ -41,6 +41,7 @@ impl Eye {
 /// Buffers of one eye; 16 bytes per pixel each (see `shaders/shared/eye_hit.wesl`).
 pub struct EyeBuffers {
     hit_rays: wgpu::Buffer,
+    end_rays: wgpu::Buffer,
     hit_surfaces: wgpu::Buffer,
     hit_paths: wgpu::Buffer,
     first_surfaces: wgpu::Buffer,
@@ -89,6 +90,7 @@ impl EyeBuffers {
             hit_rays: image("hit rays")?,
             hit_paths: image("hit paths")?,
             first_surfaces: image("first surfaces")?,
+            end_rays: part("end rays")?,
             hit_surfaces: part("hit surfaces")?,
             emitted_light: part("emitted light")?,
             direct_light: part("direct light")?,
@@ -102,6 +104,7 @@ impl EyeBuffers {
     fn resources(&self) -> Resources<'_> {
         Resources::new()
             .with("hit_rays", &self.hit_rays)
+            .with("end_rays", &self.end_rays)
             .with("hit_surfaces", &self.hit_surfaces)
             .with("hit_paths", &self.hit_paths)
             .with("first_surfaces", &self.first_surfaces)
@@ -234,7 +237,11 @@ impl Eyes {
                 kernels.get(pass)?
             };
             let bound = kernel.bind(context, resources)?;
-            Ok::<Step, GpuError>(Step { pass, bound, extent })
+            Ok::<Step, GpuError>(Step {
+                pass,
+                bound,
+                extent,
+            })
         };
         // A whole eye: tiles of pixels, then the pixels that see something.
         let whole = |buffers: &EyeBuffers, hits: Extent| {
@@ -334,7 +341,9 @@ impl Eyes {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;
             match self.groups(step.extent) {
-                Groups::Direct(groups) => recorder.dispatch(&label, kernel, &step.bound, index, groups),
+                Groups::Direct(groups) => {
+                    recorder.dispatch(&label, kernel, &step.bound, index, groups)
+                }
                 Groups::Indirect(groups) => {
                     recorder.dispatch_indirect(&label, kernel, &step.bound, index, groups, 0);
                 }
@@ -353,7 +362,13 @@ impl Eyes {
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
         for step in self.left_steps.iter().chain(&self.right_steps) {
-            recorder.dispatch(step.pass.name, Self::kernel(kernels, step)?, &step.bound, 0, [1, 1, 1]);
+            recorder.dispatch(
+                step.pass.name,
+                Self::kernel(kernels, step)?,
+                &step.bound,
+                0,
+                [1, 1, 1],
+            );
         }
         Ok(())
     }
@@ -376,7 +391,9 @@ impl Eyes {
     fn groups(&self, extent: Extent) -> Groups<'_> {
         let list = match extent {
             Extent::Once => None,
-            Extent::Tiles => return Groups::Direct([self.width.div_ceil(8), self.height.div_ceil(8), 1]),
+            Extent::Tiles => {
+                return Groups::Direct([self.width.div_ceil(8), self.height.div_ceil(8), 1]);
+            }
             Extent::LeftHits => Some(&self.left.hits),
             Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
             Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),
@@ -466,8 +483,12 @@ impl Eyes {
         let Some(stereo) = &self.stereo else {
             return Ok(None);
         };
-        let values: Vec<u32> =
-            read_buffer(context, "stereo counters", &stereo.counters, STEREO_COUNTERS)?;
+        let values: Vec<u32> = read_buffer(
+            context,
+            "stereo counters",
+            &stereo.counters,
+            STEREO_COUNTERS,
+        )?;
         let mut counters = [0; STEREO_COUNTERS];
         counters.copy_from_slice(&values);
         Ok(Some(counters))

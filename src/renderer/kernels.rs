@@ -33,11 +33,21 @@ impl KernelSet {
             from_list: BTreeMap::new(),
         };
         for pass in wanted {
-            let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, false))?;
+            let kernel = Kernel::new(
+                context,
+                library,
+                &shader_name(pass),
+                &specialised(pass, features, false),
+            )?;
             set.kernels.insert(pass.name, kernel);
         }
         for pass in filling.iter().filter(|pass| pass.over == Over::Pixels) {
-            let kernel = Kernel::new(context, library, &shader_name(pass), &specialised(pass, features, true))?;
+            let kernel = Kernel::new(
+                context,
+                library,
+                &shader_name(pass),
+                &specialised(pass, features, true),
+            )?;
             set.from_list.insert(pass.name, kernel);
         }
         Ok(set)

@@ -26,7 +26,9 @@ use crate::gpu::types::frame::{
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderLibrary, uniform_buffer,
 };
-use crate::options::{DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Settings};
+use crate::options::{
+    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Settings,
+};
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
 use crate::xr::View;
@@ -188,8 +190,13 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
 pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
     let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
-    let radius = (AUTOMATIC_GATHER * scene.surface_area_m2() / (std::f64::consts::PI * photons)).sqrt();
-    if radius.is_finite() && radius > 0.0 { radius } else { 0.1 }
+    let radius =
+        (AUTOMATIC_GATHER * scene.surface_area_m2() / (std::f64::consts::PI * photons)).sqrt();
+    if radius.is_finite() && radius > 0.0 {
+        radius
+    } else {
+        0.1
+    }
 }
 
 /// The passes of one sample of an eye.
@@ -226,7 +233,12 @@ impl Renderer {
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
         if photon {
-            wanted.extend(passes::PHOTON_BATCH.iter().chain(passes::SCAN).chain(passes::PHOTON_GRID));
+            wanted.extend(
+                passes::PHOTON_BATCH
+                    .iter()
+                    .chain(passes::SCAN)
+                    .chain(passes::PHOTON_GRID),
+            );
         }
         let mut filling: Vec<&Pass> = Vec::new();
         if plan.reuse {
@@ -388,15 +400,13 @@ impl Renderer {
         Ok(result)
     }
 
-    fn record_sample(
-        &self,
-        recorder: &mut FrameRecorder<'_>,
-        sample: u32,
-    ) -> Result<(), GpuError> {
+    fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
         // A single eye is rendered into the left buffers through its own view.
-        self.eyes.record_sample(recorder, &self.kernels, Eye::Left, sample)?;
+        self.eyes
+            .record_sample(recorder, &self.kernels, Eye::Left, sample)?;
         if self.eye_choice == EyeChoice::Both {
-            self.eyes.record_sample(recorder, &self.kernels, Eye::Right, sample)?;
+            self.eyes
+                .record_sample(recorder, &self.kernels, Eye::Right, sample)?;
         }
         Ok(())
     }

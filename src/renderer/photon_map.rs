@@ -138,12 +138,12 @@ impl PhotonMap {
         let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
         let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
         let batch_paths = u64::from(config.paths).clamp(1, batch_limit) as u32;
-        // Most scenes store about one photon per path; a map that overflows is grown after the frame.
+        // Bright interiors store about two photons per path; a map that overflows is grown after the frame.
         let largest = (context.max_binding_bytes / PHOTON_BYTES).min(u64::from(u32::MAX)) as u32;
         let capacity = match config.capacity {
             0 => config
                 .paths
-                .saturating_mul(2)
+                .saturating_mul(3)
                 .clamp(1024, largest.max(1024)),
             fixed => fixed,
         };
@@ -302,13 +302,7 @@ impl PhotonMap {
                 passes::Over::ScanValues => linear_groups(count, 256),
                 _ => [1, 1, 1],
             };
-            recorder.dispatch(
-                &label(pass),
-                kernels.get(pass)?,
-                bound,
-                0,
-                groups,
-            );
+            recorder.dispatch(&label(pass), kernels.get(pass)?, bound, 0, groups);
         }
         Ok(())
     }
@@ -325,7 +319,13 @@ impl PhotonMap {
         frame_index: u32,
     ) -> Result<(), GpuError> {
         let b = &self.buffers;
-        for buffer in [&b.counters, &b.kept, &b.bounds, &b.cell_starts, &b.cell_cursors] {
+        for buffer in [
+            &b.counters,
+            &b.kept,
+            &b.bounds,
+            &b.cell_starts,
+            &b.cell_cursors,
+        ] {
             recorder.clear(buffer);
         }
         let batches = self.config.paths.div_ceil(self.batch_paths);
@@ -359,14 +359,9 @@ impl PhotonMap {
                     &b.grid,
                     PHOTON_GROUPS_OFFSET,
                 ),
-                passes::Over::Cells => recorder.dispatch_indirect(
-                    &name,
-                    kernel,
-                    bound,
-                    0,
-                    &b.grid,
-                    CELL_GROUPS_OFFSET,
-                ),
+                passes::Over::Cells => {
+                    recorder.dispatch_indirect(&name, kernel, bound, 0, &b.grid, CELL_GROUPS_OFFSET)
+                }
                 passes::Over::PhotonSixteenths => recorder.dispatch(
                     &name,
                     kernel,
@@ -395,7 +390,13 @@ impl PhotonMap {
     ) -> Result<(), GpuError> {
         let empty_batch = self.config.paths.div_ceil(self.batch_paths);
         for pass in passes::PHOTON_BATCH.iter().chain(passes::PHOTON_GRID) {
-            recorder.dispatch(pass.name, kernels.get(pass)?, self.bound(pass)?, empty_batch, [1, 1, 1]);
+            recorder.dispatch(
+                pass.name,
+                kernels.get(pass)?,
+                self.bound(pass)?,
+                empty_batch,
+                [1, 1, 1],
+            );
         }
         for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan) {
             recorder.dispatch(pass.name, kernels.get(pass)?, bound, 0, [1, 1, 1]);

@@ -65,11 +65,8 @@ impl SceneBuffers {
             .iter()
             .map(|range| range.first_triangle)
             .collect();
-        let order = TriangleOrder::from_leaf_order(
-            scene,
-            &first_triangle,
-            &hierarchies.triangle_vertices,
-        );
+        let order =
+            TriangleOrder::from_leaf_order(scene, &first_triangle, &hierarchies.triangle_vertices);
         let packed_lights = pack_lights(
             &LightSources {
                 scene,
@@ -177,7 +174,9 @@ impl SceneBuffers {
             }
         }
         if let Some((infos, texels)) = &self.textures {
-            resources = resources.with("texture_infos", infos).with("texels", texels);
+            resources = resources
+                .with("texture_infos", infos)
+                .with("texels", texels);
         }
         if let Some((texels, cdf)) = &self.environment {
             resources = resources

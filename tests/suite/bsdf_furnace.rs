@@ -6,7 +6,9 @@ use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::scene::Material;
 
-use super::bsdf_probe::{BACK, BsdfAnswer, BsdfProbe, BsdfQuery, DELTA, NONE, PHOTONS, TRANSMITTED, at_angle, wide};
+use super::bsdf_probe::{
+    BACK, BsdfAnswer, BsdfProbe, BsdfQuery, DELTA, NONE, PHOTONS, TRANSMITTED, at_angle, wide,
+};
 use super::bsdf_twin::{Twin, fresnel};
 use super::chi_square::integrate;
 use super::support::context;
@@ -16,28 +18,55 @@ const ANGLES: [f64; 6] = [0.0, 30.0, 60.0, 80.0, 89.0, 89.99];
 const ROUGHNESS: [f32; 9] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
 
 fn white_metal(roughness: f32) -> Material {
-    Material { roughness, ..Material::default() }
+    Material {
+        roughness,
+        ..Material::default()
+    }
 }
 
 fn white_glass(roughness: f32) -> Material {
-    Material { metallic: 0.0, transmission: 1.0, roughness, ..Material::default() }
+    Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        roughness,
+        ..Material::default()
+    }
 }
 
 /// Mean weight of the first channel and its standard error.
 fn energy(samples: &[BsdfAnswer]) -> (f64, f64) {
-    let weights = samples.iter().map(|s| if s.flags & NONE == 0 { f64::from(s.value[0]) } else { 0.0 });
+    let weights = samples.iter().map(|s| {
+        if s.flags & NONE == 0 {
+            f64::from(s.value[0])
+        } else {
+            0.0
+        }
+    });
     let count = samples.len() as f64;
     let (sum, squares) = weights.fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w));
     let mean = sum / count;
-    (mean, ((squares / count - mean * mean).max(0.0) / count).sqrt())
+    (
+        mean,
+        ((squares / count - mean * mean).max(0.0) / count).sqrt(),
+    )
 }
 
-fn furnace(on: &[&str], materials: &[Material], flags: u32, mut check: impl FnMut(usize, f64, &[BsdfAnswer])) {
+fn furnace(
+    on: &[&str],
+    materials: &[Material],
+    flags: u32,
+    mut check: impl FnMut(usize, f64, &[BsdfAnswer]),
+) {
     let context = context();
     let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), on, materials);
     for index in 0..materials.len() {
         for degrees in ANGLES {
-            let query = BsdfQuery { wo: at_angle(degrees, 0.3), material: index as u32, wi: [0.0; 3], flags };
+            let query = BsdfQuery {
+                wo: at_angle(degrees, 0.3),
+                material: index as u32,
+                wi: [0.0; 3],
+                flags,
+            };
             check(index, degrees, &probe.samples(query, DRAWS, 5));
         }
     }
@@ -49,17 +78,43 @@ fn lossless_surfaces_return_everything() {
         move |_: usize, degrees: f64, samples: &[BsdfAnswer]| {
             for sample in samples {
                 let weight = f64::from(sample.value[0]);
-                assert!(sample.flags & NONE == 0, "{name} at {degrees} degrees loses a sample");
-                assert!((weight - 1.0).abs() < 1e-3, "{name} at {degrees} degrees: weight {weight}");
+                assert!(
+                    sample.flags & NONE == 0,
+                    "{name} at {degrees} degrees loses a sample"
+                );
+                assert!(
+                    (weight - 1.0).abs() < 1e-3,
+                    "{name} at {degrees} degrees: weight {weight}"
+                );
             }
         }
     };
     let lambert = [Material::lambert("white", [1.0; 3])];
     furnace(&[], &lambert, 0, check("Lambert"));
-    furnace(&["glossy", "dielectric"], &lambert, 0, check("Lambert among other features"));
-    furnace(&["glossy"], &[white_metal(0.0), white_metal(0.02)], 0, check("mirror"));
-    furnace(&["dielectric"], &[white_glass(0.0), white_glass(0.02)], PHOTONS, check("smooth glass"));
-    furnace(&["dielectric"], &[white_glass(0.0)], PHOTONS | BACK, check("smooth glass from inside"));
+    furnace(
+        &["glossy", "dielectric"],
+        &lambert,
+        0,
+        check("Lambert among other features"),
+    );
+    furnace(
+        &["glossy"],
+        &[white_metal(0.0), white_metal(0.02)],
+        0,
+        check("mirror"),
+    );
+    furnace(
+        &["dielectric"],
+        &[white_glass(0.0), white_glass(0.02)],
+        PHOTONS,
+        check("smooth glass"),
+    );
+    furnace(
+        &["dielectric"],
+        &[white_glass(0.0)],
+        PHOTONS | BACK,
+        check("smooth glass from inside"),
+    );
 }
 
 #[test]
@@ -68,7 +123,11 @@ fn no_single_lobe_returns_more_than_arrives() {
     let mut least = (f64::MAX, 0.0, 0.0, 0.0);
     furnace(&["glossy"], &metals, 0, |index, degrees, samples| {
         let (mean, error) = energy(samples);
-        assert!(mean <= 1.0 + 3.0 * error + 1e-5, "metal, roughness {}, {degrees} degrees: {mean}", ROUGHNESS[index]);
+        assert!(
+            mean <= 1.0 + 3.0 * error + 1e-5,
+            "metal, roughness {}, {degrees} degrees: {mean}",
+            ROUGHNESS[index]
+        );
         if mean < least.0 {
             least = (mean, error, ROUGHNESS[index], degrees);
         }
@@ -76,13 +135,25 @@ fn no_single_lobe_returns_more_than_arrives() {
     // Single scattering: what bounces twice between facets is lost; the standard's model has no term for it. Worst for
     // the roughest metal seen along the normal, where alpha = 1 leaves the integral of z / (1 + z) = 1 - ln 2.
     let due = 1.0 - 2.0f64.ln();
-    assert!((least.0 - due).abs() <= 4.0 * least.1 && least.2 == 1.0 && least.3 < 45.0, "least energy {least:?}");
+    assert!(
+        (least.0 - due).abs() <= 4.0 * least.1 && least.2 == 1.0 && least.3 < 45.0,
+        "least energy {least:?}"
+    );
     let glasses: Vec<Material> = ROUGHNESS.map(white_glass).to_vec();
     for side in [0, BACK] {
-        furnace(&["dielectric"], &glasses, PHOTONS | side, |index, degrees, samples| {
-            let (mean, error) = energy(samples);
-            assert!(mean <= 1.0 + 3.0 * error + 1e-5, "glass, roughness {}, {degrees} degrees: {mean}", ROUGHNESS[index]);
-        });
+        furnace(
+            &["dielectric"],
+            &glasses,
+            PHOTONS | side,
+            |index, degrees, samples| {
+                let (mean, error) = energy(samples);
+                assert!(
+                    mean <= 1.0 + 3.0 * error + 1e-5,
+                    "glass, roughness {}, {degrees} degrees: {mean}",
+                    ROUGHNESS[index]
+                );
+            },
+        );
     }
 }
 
@@ -92,7 +163,11 @@ fn no_single_lobe_returns_more_than_arrives() {
 #[test]
 fn layer_over_base_returns_what_the_standard_says() {
     let roughness = [0.0f32, 0.3, 0.6, 1.0];
-    let materials = roughness.map(|roughness| Material { metallic: 0.0, roughness, ..Material::default() });
+    let materials = roughness.map(|roughness| Material {
+        metallic: 0.0,
+        roughness,
+        ..Material::default()
+    });
     let mut most: f64 = 0.0;
     furnace(&["glossy"], &materials, 0, |index, degrees, samples| {
         let twin = Twin::new(&materials[index], 0);
@@ -103,8 +178,12 @@ fn layer_over_base_returns_what_the_standard_says() {
         };
         let mut expected = 0.0;
         for step in 0..16 {
-            let cell = [-PI + f64::from(step) * PI / 8.0, -PI + f64::from(step + 1) * PI / 8.0];
-            expected += integrate(&reflected, [0.0, 0.5], cell, 0) + integrate(&reflected, [0.5, 1.0], cell, 0);
+            let cell = [
+                -PI + f64::from(step) * PI / 8.0,
+                -PI + f64::from(step + 1) * PI / 8.0,
+            ];
+            expected += integrate(&reflected, [0.0, 0.5], cell, 0)
+                + integrate(&reflected, [0.5, 1.0], cell, 0);
         }
         if materials[index].roughness == 0.0 {
             expected += twin.specular_reflectance(wo.z)[0];
@@ -118,47 +197,84 @@ fn layer_over_base_returns_what_the_standard_says() {
         );
         most = most.max(mean);
     });
-    assert!((1.2..2.0).contains(&most), "most that a white base under a layer returns: {most}");
+    assert!(
+        (1.2..2.0).contains(&most),
+        "most that a white base under a layer returns: {most}"
+    );
 }
 
 #[test]
 fn smooth_glass_splits_by_fresnel_and_bends_by_snell() {
     for (flags, eta) in [(0, 1.5), (BACK, 1.0 / 1.5)] {
-        furnace(&["glossy", "dielectric"], &[white_glass(0.0)], flags, |_, degrees, samples| {
-            let wo = wide(at_angle(degrees, 0.3)).normalize();
-            let reflectance = fresnel(wo.z, eta);
-            let mut reflected = 0.0;
-            for sample in samples {
-                assert!(sample.flags & DELTA != 0);
-                let wi = wide(sample.wi);
-                if sample.flags & TRANSMITTED == 0 {
-                    reflected += 1.0;
-                    assert!((wi - DVec3::new(-wo.x, -wo.y, wo.z)).length() < 1e-6);
-                    continue;
+        furnace(
+            &["glossy", "dielectric"],
+            &[white_glass(0.0)],
+            flags,
+            |_, degrees, samples| {
+                let wo = wide(at_angle(degrees, 0.3)).normalize();
+                let reflectance = fresnel(wo.z, eta);
+                let mut reflected = 0.0;
+                for sample in samples {
+                    assert!(sample.flags & DELTA != 0);
+                    let wi = wide(sample.wi);
+                    if sample.flags & TRANSMITTED == 0 {
+                        reflected += 1.0;
+                        assert!((wi - DVec3::new(-wo.x, -wo.y, wo.z)).length() < 1e-6);
+                        continue;
+                    }
+                    // Snell: the tangential part shrinks by eta, and radiance by eta^2.
+                    let tangential = DVec3::new(-wo.x, -wo.y, 0.0) / eta;
+                    assert!(
+                        (wi - tangential).with_z(0.0).length() < 1e-5 && wi.z < 0.0,
+                        "{wi} at {degrees}"
+                    );
+                    assert!((f64::from(sample.value[1]) * eta * eta - 1.0).abs() < 1e-5);
                 }
-                // Snell: the tangential part shrinks by eta, and radiance by eta^2.
-                let tangential = DVec3::new(-wo.x, -wo.y, 0.0) / eta;
-                assert!((wi - tangential).with_z(0.0).length() < 1e-5 && wi.z < 0.0, "{wi} at {degrees}");
-                assert!((f64::from(sample.value[1]) * eta * eta - 1.0).abs() < 1e-5);
-            }
-            let share = reflected / f64::from(DRAWS);
-            let error = (reflectance * (1.0 - reflectance) / f64::from(DRAWS)).sqrt();
-            assert!((share - reflectance).abs() <= 4.0 * error + 1e-6, "{share} of {reflectance} at {degrees} degrees");
-        });
+                let share = reflected / f64::from(DRAWS);
+                let error = (reflectance * (1.0 - reflectance) / f64::from(DRAWS)).sqrt();
+                assert!(
+                    (share - reflectance).abs() <= 4.0 * error + 1e-6,
+                    "{share} of {reflectance} at {degrees} degrees"
+                );
+            },
+        );
     }
 }
 
 #[test]
 fn black_surfaces_and_directions_below_the_surface_give_nothing() {
     let context = context();
-    let black = Material { specular: 0.0, ..Material::lambert("black", [0.0; 3]) };
+    let black = Material {
+        specular: 0.0,
+        ..Material::lambert("black", [0.0; 3])
+    };
     let materials = [black, white_metal(0.5), white_glass(0.5)];
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
-    let query = |wo: [f32; 3], material| BsdfQuery { wo, material, wi: at_angle(20.0, 1.0), flags: 0 };
-    assert!(probe.samples(query(at_angle(10.0, 0.0), 0), 64, 1).iter().all(|s| s.flags & NONE != 0));
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["glossy", "dielectric"],
+        &materials,
+    );
+    let query = |wo: [f32; 3], material| BsdfQuery {
+        wo,
+        material,
+        wi: at_angle(20.0, 1.0),
+        flags: 0,
+    };
+    assert!(
+        probe
+            .samples(query(at_angle(10.0, 0.0), 0), 64, 1)
+            .iter()
+            .all(|s| s.flags & NONE != 0)
+    );
     for material in 0..3 {
         for wo in [at_angle(100.0, 0.0), [1.0, 0.0, 0.0]] {
-            assert!(probe.samples(query(wo, material), 64, 1).iter().all(|s| s.flags & NONE != 0));
+            assert!(
+                probe
+                    .samples(query(wo, material), 64, 1)
+                    .iter()
+                    .all(|s| s.flags & NONE != 0)
+            );
             let answer = probe.evaluate(&[query(wo, material)])[0];
             assert!(answer.value == [0.0; 3] && answer.pdf == 0.0);
         }

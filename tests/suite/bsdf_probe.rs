@@ -53,24 +53,50 @@ pub struct BsdfProbe<'a> {
 }
 
 impl<'a> BsdfProbe<'a> {
-    pub fn new(context: &'a GpuContext, library: &ShaderLibrary, on: &[&str], materials: &[Material]) -> Self {
+    pub fn new(
+        context: &'a GpuContext,
+        library: &ShaderLibrary,
+        on: &[&str],
+        materials: &[Material],
+    ) -> Self {
         let mut library = library.clone();
         library.insert("tests/bsdf_probe", include_str!("bsdf_probe.wesl"));
         let mut features = features(on);
         let eval = Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap();
         features.insert("probe_sampling".to_owned(), true);
         let sample = Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap();
-        let scene = Scene { materials: materials.to_vec(), ..Scene::default() };
+        let scene = Scene {
+            materials: materials.to_vec(),
+            ..Scene::default()
+        };
         let packed = pack_materials(&scene, &PackedTextures::default());
         let materials = storage_buffer_with_data(context, "materials", &packed).unwrap();
-        Self { context, eval, sample, materials }
+        Self {
+            context,
+            eval,
+            sample,
+            materials,
+        }
     }
 
-    fn run(&self, kernel: &Kernel, queries: &[BsdfQuery], samples_per_query: u32, seed: u32) -> Vec<BsdfAnswer> {
+    fn run(
+        &self,
+        kernel: &Kernel,
+        queries: &[BsdfQuery],
+        samples_per_query: u32,
+        seed: u32,
+    ) -> Vec<BsdfAnswer> {
         let count = queries.len() * samples_per_query as usize;
         let queries = storage_buffer_with_data(self.context, "queries", queries).unwrap();
-        let answers = storage_buffer(self.context, "answers", (count * size_of::<BsdfAnswer>()) as u64).unwrap();
-        let settings = storage_buffer_with_data(self.context, "probe", &[samples_per_query, seed, 0, 0]).unwrap();
+        let answers = storage_buffer(
+            self.context,
+            "answers",
+            (count * size_of::<BsdfAnswer>()) as u64,
+        )
+        .unwrap();
+        let settings =
+            storage_buffer_with_data(self.context, "probe", &[samples_per_query, seed, 0, 0])
+                .unwrap();
         let resources = Resources::new()
             .with("materials", &self.materials)
             .with("queries", &queries)
@@ -78,8 +104,16 @@ impl<'a> BsdfProbe<'a> {
             .with("probe", &settings);
         let bound = kernel.bind(self.context, &resources).unwrap();
         let mut recorder = FrameRecorder::new(self.context, None, "bsdf probe");
-        recorder.dispatch("bsdf probe", kernel, &bound, 0, kernel.groups_for(count as u32));
-        recorder.submit("bsdf probe", &mut PassTimes::default()).unwrap();
+        recorder.dispatch(
+            "bsdf probe",
+            kernel,
+            &bound,
+            0,
+            kernel.groups_for(count as u32),
+        );
+        recorder
+            .submit("bsdf probe", &mut PassTimes::default())
+            .unwrap();
         read_buffer(self.context, "answers", &answers, count).unwrap()
     }
 
@@ -97,7 +131,13 @@ impl<'a> BsdfProbe<'a> {
 /// Direction in the local frame at an angle from the normal, f32.
 pub fn at_angle(degrees: f64, azimuth: f64) -> [f32; 3] {
     let theta = degrees.to_radians();
-    DVec3::new(theta.sin() * azimuth.cos(), theta.sin() * azimuth.sin(), theta.cos()).as_vec3().to_array()
+    DVec3::new(
+        theta.sin() * azimuth.cos(),
+        theta.sin() * azimuth.sin(),
+        theta.cos(),
+    )
+    .as_vec3()
+    .to_array()
 }
 
 /// f64 from the f32 triple that the shader got.

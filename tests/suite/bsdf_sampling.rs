@@ -17,15 +17,28 @@ const PILOT: u32 = 40_000;
 const LEVEL: f64 = 0.01;
 
 pub fn metal(roughness: f32) -> Material {
-    Material { base_color: [0.9, 0.6, 0.3, 1.0], roughness, ..Material::default() }
+    Material {
+        base_color: [0.9, 0.6, 0.3, 1.0],
+        roughness,
+        ..Material::default()
+    }
 }
 
 pub fn coated(roughness: f32) -> Material {
-    Material { metallic: 0.0, ..metal(roughness) }
+    Material {
+        metallic: 0.0,
+        ..metal(roughness)
+    }
 }
 
 pub fn glass(roughness: f32) -> Material {
-    Material { metallic: 0.0, transmission: 1.0, base_color: [0.9, 1.0, 0.8, 1.0], roughness, ..Material::default() }
+    Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        base_color: [0.9, 1.0, 0.8, 1.0],
+        roughness,
+        ..Material::default()
+    }
 }
 
 fn coordinates(wi: DVec3) -> (f64, f64) {
@@ -33,9 +46,21 @@ fn coordinates(wi: DVec3) -> (f64, f64) {
 }
 
 /// p-value of the shader's samples under the twin's density for another material perhaps.
-fn test_against(probe: &BsdfProbe<'_>, index: u32, twin: &Twin, degrees: f64, flags: u32, is_delta_share: bool) -> f64 {
+fn test_against(
+    probe: &BsdfProbe<'_>,
+    index: u32,
+    twin: &Twin,
+    degrees: f64,
+    flags: u32,
+    is_delta_share: bool,
+) -> f64 {
     let wo = at_angle(degrees, 0.7);
-    let query = BsdfQuery { wo, material: index, wi: [0.0; 3], flags };
+    let query = BsdfQuery {
+        wo,
+        material: index,
+        wi: [0.0; 3],
+        flags,
+    };
     let directions = |count: u32, seed: u32| -> Vec<(f64, f64)> {
         probe
             .samples(query, count, seed)
@@ -66,10 +91,39 @@ fn cases() -> Vec<(&'static str, Material, u32)> {
     let mut cases = vec![
         ("lambert", Material::lambert("lambert", [0.8, 0.5, 0.2]), 0),
         ("smooth coat over a base", coated(0.0), 0),
-        ("half metal", Material { metallic: 0.5, ..metal(0.4) }, 0),
-        ("half glass", Material { transmission: 0.5, ..glass(0.4) }, 0),
-        ("everything", Material { transmission: 0.5, metallic: 0.3, ..glass(0.6) }, 0),
-        ("strong index", Material { ior: 2.4, ..glass(0.4) }, BACK),
+        (
+            "half metal",
+            Material {
+                metallic: 0.5,
+                ..metal(0.4)
+            },
+            0,
+        ),
+        (
+            "half glass",
+            Material {
+                transmission: 0.5,
+                ..glass(0.4)
+            },
+            0,
+        ),
+        (
+            "everything",
+            Material {
+                transmission: 0.5,
+                metallic: 0.3,
+                ..glass(0.6)
+            },
+            0,
+        ),
+        (
+            "strong index",
+            Material {
+                ior: 2.4,
+                ..glass(0.4)
+            },
+            BACK,
+        ),
     ];
     for roughness in [0.15, 0.3, 0.6, 1.0] {
         cases.push(("metal", metal(roughness), 0));
@@ -84,15 +138,27 @@ fn cases() -> Vec<(&'static str, Material, u32)> {
 fn samples_follow_the_density() {
     let context = context();
     let cases = cases();
-    let materials: Vec<Material> = cases.iter().map(|(_, material, _)| material.clone()).collect();
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
+    let materials: Vec<Material> = cases
+        .iter()
+        .map(|(_, material, _)| material.clone())
+        .collect();
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["glossy", "dielectric"],
+        &materials,
+    );
     let angles = [0.0, 45.0, 85.0];
     let level = sidak(LEVEL, cases.len() * angles.len());
     for (index, (name, material, flags)) in cases.iter().enumerate() {
         for degrees in angles {
             let twin = Twin::new(material, *flags);
             let p = test_against(&probe, index as u32, &twin, degrees, *flags, false);
-            assert!(p > level, "{name}, roughness {}, {degrees} degrees: p = {p:e} < {level:e}", material.roughness);
+            assert!(
+                p > level,
+                "{name}, roughness {}, {degrees} degrees: p = {p:e} < {level:e}",
+                material.roughness
+            );
         }
     }
 }
@@ -100,17 +166,39 @@ fn samples_follow_the_density() {
 #[test]
 fn a_wrong_density_fails() {
     let context = context();
-    let materials = [metal(0.3), glass(0.3), Material::lambert("lambert", [0.5; 3]), coated(0.3)];
-    let wrong = [
-        Material { roughness: 0.31, ..metal(0.3) },
-        Material { ior: 1.52, ..glass(0.3) },
-        coated(1.0),
-        Material { base_color: [0.3, 0.3, 0.3, 1.0], ..coated(0.3) },
+    let materials = [
+        metal(0.3),
+        glass(0.3),
+        Material::lambert("lambert", [0.5; 3]),
+        coated(0.3),
     ];
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
+    let wrong = [
+        Material {
+            roughness: 0.31,
+            ..metal(0.3)
+        },
+        Material {
+            ior: 1.52,
+            ..glass(0.3)
+        },
+        coated(1.0),
+        Material {
+            base_color: [0.3, 0.3, 0.3, 1.0],
+            ..coated(0.3)
+        },
+    ];
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["glossy", "dielectric"],
+        &materials,
+    );
     for (index, other) in wrong.iter().enumerate() {
         let p = test_against(&probe, index as u32, &Twin::new(other, 0), 45.0, 0, false);
-        assert!(p < 1e-6, "case {index}: p = {p:e} for a density that is wrong");
+        assert!(
+            p < 1e-6,
+            "case {index}: p = {p:e} for a density that is wrong"
+        );
     }
 }
 
@@ -118,15 +206,37 @@ fn a_wrong_density_fails() {
 fn samples_carry_the_density_and_the_weight_that_eval_and_pdf_give() {
     let context = context();
     let cases = cases();
-    let materials: Vec<Material> = cases.iter().map(|(_, material, _)| material.clone()).collect();
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
+    let materials: Vec<Material> = cases
+        .iter()
+        .map(|(_, material, _)| material.clone())
+        .collect();
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["glossy", "dielectric"],
+        &materials,
+    );
     for (index, (name, _, flags)) in cases.iter().enumerate() {
         for degrees in [0.0, 60.0, 89.0, 89.99] {
-            let query = BsdfQuery { wo: at_angle(degrees, -2.0), material: index as u32, wi: [0.0; 3], flags: *flags };
+            let query = BsdfQuery {
+                wo: at_angle(degrees, -2.0),
+                material: index as u32,
+                wi: [0.0; 3],
+                flags: *flags,
+            };
             let samples = probe.samples(query, 2000, 3);
-            let queries: Vec<BsdfQuery> = samples.iter().map(|sample| BsdfQuery { wi: sample.wi, ..query }).collect();
+            let queries: Vec<BsdfQuery> = samples
+                .iter()
+                .map(|sample| BsdfQuery {
+                    wi: sample.wi,
+                    ..query
+                })
+                .collect();
             for (sample, answer) in samples.iter().zip(probe.evaluate(&queries)) {
-                assert!(sample.value.iter().all(|v| v.is_finite()) && sample.pdf.is_finite(), "{name}: {sample:?}");
+                assert!(
+                    sample.value.iter().all(|v| v.is_finite()) && sample.pdf.is_finite(),
+                    "{name}: {sample:?}"
+                );
                 if sample.flags & (NONE | DELTA) != 0 {
                     continue;
                 }
@@ -135,7 +245,10 @@ fn samples_carry_the_density_and_the_weight_that_eval_and_pdf_give() {
                     let due = f64::from(answer.value[channel]) * cosine / f64::from(answer.pdf);
                     // Same code on the same numbers: only the compiler's choice of fused operations differs.
                     let error = (f64::from(sample.value[channel]) - due).abs();
-                    assert!(error <= 1e-4 * due.max(1e-3), "{name}, {degrees} degrees: {sample:?} but {due} is due");
+                    assert!(
+                        error <= 1e-4 * due.max(1e-3),
+                        "{name}, {degrees} degrees: {sample:?} but {due} is due"
+                    );
                 }
             }
         }

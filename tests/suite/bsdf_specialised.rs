@@ -14,10 +14,22 @@ const ROOTS: [(&str, &str); 3] = [
 /// Words that betray each feature's code, and bindings that only it reads.
 const TRACES: [(&str, &[&str], &[&str]); 7] = [
     ("glossy", &["ggx_", "schlick", "specular_f0"], &[]),
-    ("dielectric", &["fresnel_dielectric", "refract", "glass"], &[]),
-    ("textures", &["fetch_texel", "sample_texture", "srgb"], &["texture_infos", "texels"]),
+    (
+        "dielectric",
+        &["fresnel_dielectric", "refract", "glass"],
+        &[],
+    ),
+    (
+        "textures",
+        &["fetch_texel", "sample_texture", "srgb"],
+        &["texture_infos", "texels"],
+    ),
     ("alpha", &["alpha_coverage", "alpha_lets_through"], &[]),
-    ("environment", &["environment_radiance", "sample_disk"], &["environment_texels", "environment_cdf"]),
+    (
+        "environment",
+        &["environment_radiance", "sample_disk"],
+        &["environment_texels", "environment_cdf"],
+    ),
     ("emitters", &["emitter_cross", "sample_triangle"], &[]),
     ("spots", &["spot_attenuation", "emit_from_spot"], &[]),
 ];
@@ -31,9 +43,17 @@ fn compiled(on: &[&str]) -> (String, Vec<String>) {
             let on: Vec<&str> = on.iter().chain(modes).copied().collect();
             let shader = library.compile(name, &features(&on)).unwrap();
             shader.validate().unwrap();
-            names.extend(reflect_bindings(&shader).unwrap().into_iter().map(|binding| binding.name));
+            names.extend(
+                reflect_bindings(&shader)
+                    .unwrap()
+                    .into_iter()
+                    .map(|binding| binding.name),
+            );
             // Record types keep every field, whatever the scene: they are the host's structs.
-            let code = shader.wgsl.split("struct ").map(|part| part.split_once('}').map_or(part, |(_, rest)| rest));
+            let code = shader
+                .wgsl
+                .split("struct ")
+                .map(|part| part.split_once('}').map_or(part, |(_, rest)| rest));
             text.extend(code);
         }
     }
@@ -45,10 +65,16 @@ fn a_lambert_scene_holds_no_other_code() {
     let (text, names) = compiled(&[]);
     for (feature, words, bindings) in TRACES {
         for word in words {
-            assert!(!text.contains(word), "{word} of {feature} is compiled into a Lambert scene");
+            assert!(
+                !text.contains(word),
+                "{word} of {feature} is compiled into a Lambert scene"
+            );
         }
         for binding in bindings {
-            assert!(!names.iter().any(|name| name == binding), "{binding} of {feature} is bound by a Lambert scene");
+            assert!(
+                !names.iter().any(|name| name == binding),
+                "{binding} of {feature} is bound by a Lambert scene"
+            );
         }
     }
 }
@@ -58,14 +84,22 @@ fn each_feature_alone_brings_its_code_and_no_other() {
     for (index, (feature, words, bindings)) in TRACES.iter().enumerate() {
         let (text, names) = compiled(&[feature]);
         assert!(words.iter().all(|word| text.contains(word)), "{feature}");
-        assert!(bindings.iter().all(|binding| names.iter().any(|name| name == binding)), "{feature}");
+        assert!(
+            bindings
+                .iter()
+                .all(|binding| names.iter().any(|name| name == binding)),
+            "{feature}"
+        );
         for (other, (name, words, _)) in TRACES.iter().enumerate() {
             // Rough glass needs the microfacets, whose words are counted under glossy.
             if other == index || (*feature, *name) == ("dielectric", "glossy") {
                 continue;
             }
             let found: Vec<_> = words.iter().filter(|word| text.contains(**word)).collect();
-            assert!(found.is_empty(), "{feature} alone compiles {found:?} of {name}");
+            assert!(
+                found.is_empty(),
+                "{feature} alone compiles {found:?} of {name}"
+            );
         }
     }
 }

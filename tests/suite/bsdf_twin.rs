@@ -61,7 +61,11 @@ fn visible(wo: DVec3, m: DVec3, alpha: f64) -> f64 {
 impl Twin {
     pub fn new(material: &Material, flags: u32) -> Self {
         let wide3 = |v: [f32; 3]| v.map(f64::from);
-        let base = [material.base_color[0], material.base_color[1], material.base_color[2]];
+        let base = [
+            material.base_color[0],
+            material.base_color[1],
+            material.base_color[2],
+        ];
         let rough = f64::from(material.roughness).powi(2);
         let alpha = if rough < 1e-3 { 0.0 } else { rough };
         let ior = f64::from(material.ior);
@@ -113,7 +117,10 @@ impl Twin {
         }
         // Walter et al. 2007, eq. 17, with indices 1 on the side of wo and eta beyond.
         let denominator = wo.dot(m) + self.eta * wi.dot(m);
-        Some((m, self.eta * self.eta * wi.dot(m).abs() / (denominator * denominator)))
+        Some((
+            m,
+            self.eta * self.eta * wi.dot(m).abs() / (denominator * denominator),
+        ))
     }
 
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> [f64; 3] {
@@ -127,8 +134,9 @@ impl Twin {
             };
             let masking = 1.0 / (1.0 + lambda(wo, alpha) + lambda(wi, alpha));
             let passed = 1.0 - fresnel(wo.dot(m), self.eta);
-            let mut f = self.glass() * passed * distribution(m, alpha) * masking * jacobian * wo.dot(m)
-                / (wo.z * wi.z.abs());
+            let mut f =
+                self.glass() * passed * distribution(m, alpha) * masking * jacobian * wo.dot(m)
+                    / (wo.z * wi.z.abs());
             if !self.for_photons {
                 f /= self.eta * self.eta;
             }
@@ -141,7 +149,8 @@ impl Twin {
             if alpha == 0.0 {
                 return 0.0;
             }
-            distribution(h, alpha) / ((1.0 + lambda(wo, alpha) + lambda(wi, alpha)) * 4.0 * wo.z * wi.z)
+            distribution(h, alpha)
+                / ((1.0 + lambda(wo, alpha) + lambda(wi, alpha)) * 4.0 * wo.z * wi.z)
         };
         let specular = self.specular_reflectance(cosine);
         std::array::from_fn(|c| {
@@ -169,11 +178,20 @@ impl Twin {
                 return 0.0;
             }
             return self.refraction(wo, wi).map_or(0.0, |(m, jacobian)| {
-                lobes[2] * (1.0 - fresnel(wo.dot(m), self.eta)) * visible(wo, m, self.glass_alpha) * jacobian
+                lobes[2]
+                    * (1.0 - fresnel(wo.dot(m), self.eta))
+                    * visible(wo, m, self.glass_alpha)
+                    * jacobian
             });
         }
         let h = (wo + wi).normalize();
-        let reflected = |alpha: f64| if alpha > 0.0 { visible(wo, h, alpha) / (4.0 * wo.dot(h)) } else { 0.0 };
+        let reflected = |alpha: f64| {
+            if alpha > 0.0 {
+                visible(wo, h, alpha) / (4.0 * wo.dot(h))
+            } else {
+                0.0
+            }
+        };
         lobes[0] * wi.z / PI
             + lobes[1] * reflected(self.alpha)
             + lobes[2] * fresnel(wo.dot(h), self.eta) * reflected(self.glass_alpha)
@@ -204,7 +222,9 @@ impl Dice {
         let z = if both && self.unit() < 0.5 { -z } else { z };
         let phi = 2.0 * PI * self.unit();
         let r = (1.0 - z * z).max(0.0).sqrt();
-        DVec3::new(r * phi.cos(), r * phi.sin(), z).as_vec3().to_array()
+        DVec3::new(r * phi.cos(), r * phi.sin(), z)
+            .as_vec3()
+            .to_array()
     }
 
     /// A material of the glTF model; some factors at their ends.
@@ -273,24 +293,27 @@ fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
             }
         }
         let expected = twin.eval(wo, wi);
-        for channel in 0..3 {
+        for (channel, due) in expected.iter().enumerate() {
             let allowed = tolerance(&|o, i| twin.eval(o, i)[channel], wo, wi) + 1e-30;
-            let error = (f64::from(answer.value[channel]) - expected[channel]).abs();
+            let error = (f64::from(answer.value[channel]) - due).abs();
             assert!(
                 error <= allowed,
-                "off by {error:e}, allowed {allowed:e}: {} where {} is due for {query:?} of {:?}",
+                "off by {error:e}, allowed {allowed:e}: {} where {due} is due for {query:?} of {:?}",
                 answer.value[channel],
-                expected[channel],
                 materials[query.material as usize]
             );
-            if expected[channel] > 1e-6 {
+            if *due > 1e-6 {
                 worst = worst.max(error / allowed);
             }
         }
         let density = twin.pdf(wo, wi);
         let allowed = tolerance(&|o, i| twin.pdf(o, i), wo, wi) + 1e-30;
         let error = (f64::from(answer.pdf) - density).abs();
-        assert!(error <= allowed, "off by {error:e}: density {} where {density} is due for {query:?}", answer.pdf);
+        assert!(
+            error <= allowed,
+            "off by {error:e}: density {} where {density} is due for {query:?}",
+            answer.pdf
+        );
         compared += 1;
     }
     assert!(compared > queries.len() / 2, "only {compared} comparisons");
@@ -303,42 +326,83 @@ fn shaders_equal_the_f64_twin() {
     let materials: Vec<Material> = (0..400).map(|_| dice.material()).collect();
     let worst = compare(&["glossy", "dielectric"], &materials, true);
     // A bound a hundred times too wide would prove nothing.
-    assert!(worst > 0.01, "the tolerance is {} times what is needed", 1.0 / worst);
+    assert!(
+        worst > 0.01,
+        "the tolerance is {} times what is needed",
+        1.0 / worst
+    );
 }
 
 #[test]
 fn specialised_shaders_equal_the_twin_on_what_they_keep() {
     let mut dice = Dice::new(2);
-    let opaque: Vec<Material> =
-        (0..100).map(|_| Material { transmission: 0.0, ..dice.material() }).collect();
+    let opaque: Vec<Material> = (0..100)
+        .map(|_| Material {
+            transmission: 0.0,
+            ..dice.material()
+        })
+        .collect();
     compare(&["glossy"], &opaque, false);
-    let glass: Vec<Material> =
-        (0..100).map(|_| Material { metallic: 0.0, specular: 0.0, ..dice.material() }).collect();
+    let glass: Vec<Material> = (0..100)
+        .map(|_| Material {
+            metallic: 0.0,
+            specular: 0.0,
+            ..dice.material()
+        })
+        .collect();
     compare(&["dielectric"], &glass, true);
-    let lambert: Vec<Material> =
-        (0..20).map(|_| Material { transmission: 0.0, metallic: 0.0, specular: 0.0, ..dice.material() }).collect();
+    let lambert: Vec<Material> = (0..20)
+        .map(|_| Material {
+            transmission: 0.0,
+            metallic: 0.0,
+            specular: 0.0,
+            ..dice.material()
+        })
+        .collect();
     compare(&[], &lambert, false);
 }
 
 #[test]
 fn the_comparison_notices_a_wrong_model() {
     let mut dice = Dice::new(3);
-    let material = Material { metallic: 1.0, roughness: 0.5, ..dice.material() };
+    let material = Material {
+        metallic: 1.0,
+        roughness: 0.5,
+        ..dice.material()
+    };
     let (wo, wi) = (dice.direction(false), dice.direction(false));
     let twin = Twin::new(&material, 0);
-    let other = Twin::new(&Material { roughness: 0.505, ..material }, 0);
+    let other = Twin::new(
+        &Material {
+            roughness: 0.505,
+            ..material
+        },
+        0,
+    );
     let (wo, wi) = (wide(wo).normalize(), wide(wi).normalize());
     let change = (twin.eval(wo, wi)[0] - other.eval(wo, wi)[0]).abs();
-    assert!(change > 10.0 * tolerance(&|o, i| twin.eval(o, i)[0], wo, wi), "a roughness of 0.505 for 0.5 changes the value by {change:e}");
+    assert!(
+        change > 10.0 * tolerance(&|o, i| twin.eval(o, i)[0], wo, wi),
+        "a roughness of 0.505 for 0.5 changes the value by {change:e}"
+    );
 }
 
 #[test]
 fn reflection_is_reciprocal() {
     let context = context();
     let mut dice = Dice::new(4);
-    let materials: Vec<Material> =
-        (0..200).map(|_| Material { roughness: 0.04 + 0.96 * dice.unit() as f32, ..dice.material() }).collect();
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["glossy", "dielectric"], &materials);
+    let materials: Vec<Material> = (0..200)
+        .map(|_| Material {
+            roughness: 0.04 + 0.96 * dice.unit() as f32,
+            ..dice.material()
+        })
+        .collect();
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["glossy", "dielectric"],
+        &materials,
+    );
     let pairs: Vec<BsdfQuery> = (0..materials.len() * 50)
         .map(|index| BsdfQuery {
             wo: dice.direction(false),
@@ -347,12 +411,29 @@ fn reflection_is_reciprocal() {
             flags: 0,
         })
         .collect();
-    let swapped: Vec<BsdfQuery> = pairs.iter().map(|q| BsdfQuery { wo: q.wi, wi: q.wo, ..*q }).collect();
-    for ((query, there), back) in pairs.iter().zip(probe.evaluate(&pairs)).zip(probe.evaluate(&swapped)) {
+    let swapped: Vec<BsdfQuery> = pairs
+        .iter()
+        .map(|q| BsdfQuery {
+            wo: q.wi,
+            wi: q.wo,
+            ..*q
+        })
+        .collect();
+    for ((query, there), back) in pairs
+        .iter()
+        .zip(probe.evaluate(&pairs))
+        .zip(probe.evaluate(&swapped))
+    {
         for channel in 0..3 {
-            let (a, b) = (f64::from(there.value[channel]), f64::from(back.value[channel]));
+            let (a, b) = (
+                f64::from(there.value[channel]),
+                f64::from(back.value[channel]),
+            );
             let largest = f64::from(there.value[0].max(there.value[1]).max(there.value[2]));
-            assert!((a - b).abs() <= 1e-4 * largest, "{query:?}: {a} there, {b} back");
+            assert!(
+                (a - b).abs() <= 1e-4 * largest,
+                "{query:?}: {a} there, {b} back"
+            );
         }
     }
 }
@@ -361,23 +442,49 @@ fn reflection_is_reciprocal() {
 #[test]
 fn refraction_obeys_the_generalised_reciprocity() {
     let context = context();
-    let material = Material { metallic: 0.0, transmission: 1.0, roughness: 0.6, ..Material::lambert("glass", [1.0; 3]) };
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), &["dielectric"], &[material.clone()]);
+    let material = Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        roughness: 0.6,
+        ..Material::lambert("glass", [1.0; 3])
+    };
+    let probe = BsdfProbe::new(
+        &context,
+        &ShaderLibrary::embedded(),
+        &["dielectric"],
+        std::slice::from_ref(&material),
+    );
     let mut dice = Dice::new(5);
     let pairs: Vec<BsdfQuery> = (0..2000)
         .map(|_| {
             let mut wi = dice.direction(false);
             wi[2] = -wi[2];
-            BsdfQuery { wo: dice.direction(false), material: 0, wi, flags: 0 }
+            BsdfQuery {
+                wo: dice.direction(false),
+                material: 0,
+                wi,
+                flags: 0,
+            }
         })
         .collect();
     // From the other side the frame is turned over: z changes its sign.
     let over = |v: [f32; 3]| [v[0], v[1], -v[2]];
-    let swapped: Vec<BsdfQuery> =
-        pairs.iter().map(|q| BsdfQuery { wo: over(q.wi), wi: over(q.wo), flags: BACK, ..*q }).collect();
+    let swapped: Vec<BsdfQuery> = pairs
+        .iter()
+        .map(|q| BsdfQuery {
+            wo: over(q.wi),
+            wi: over(q.wo),
+            flags: BACK,
+            ..*q
+        })
+        .collect();
     let eta2 = f64::from(material.ior).powi(2);
     let mut seen = 0;
-    for ((query, there), back) in pairs.iter().zip(probe.evaluate(&pairs)).zip(probe.evaluate(&swapped)) {
+    for ((query, there), back) in pairs
+        .iter()
+        .zip(probe.evaluate(&pairs))
+        .zip(probe.evaluate(&swapped))
+    {
         let (a, b) = (f64::from(there.value[0]) * eta2, f64::from(back.value[0]));
         let (_, wi) = (wide(query.wo), wide(query.wi));
         let m = (wide(query.wo) + wi * 1.5).normalize();
@@ -385,7 +492,10 @@ fn refraction_obeys_the_generalised_reciprocity() {
             continue;
         }
         seen += 1;
-        assert!((a - b).abs() <= 1e-3 * a.max(b), "{query:?}: {a} there, {b} back");
+        assert!(
+            (a - b).abs() <= 1e-3 * a.max(b),
+            "{query:?}: {a} there, {b} back"
+        );
     }
     assert!(seen > 200);
 }

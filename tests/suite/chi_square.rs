@@ -51,7 +51,9 @@ pub fn p_value_of_counts(counts: &[(f64, f64)]) -> f64 {
     if bins < 2 {
         return 1.0;
     }
-    1.0 - ChiSquared::new((bins - 1) as f64).expect("degrees of freedom").cdf(statistic)
+    1.0 - ChiSquared::new((bins - 1) as f64)
+        .expect("degrees of freedom")
+        .cdf(statistic)
 }
 
 /// p-value of the hypothesis that the points follow `density` (per unit of both coordinates).
@@ -59,14 +61,27 @@ pub fn p_value(sampled: &Sampled<'_>, density: &dyn Fn(f64, f64) -> f64) -> f64 
     let draws = sampled.draws as f64;
     let mut counts = Vec::new();
     let mut inside = 0.0;
-    let edges = quantiles(sampled.pilot.iter().map(|p| p.0).collect(), BANDS, sampled.domain[0], sampled.breaks);
+    let edges = quantiles(
+        sampled.pilot.iter().map(|p| p.0).collect(),
+        BANDS,
+        sampled.domain[0],
+        sampled.breaks,
+    );
     for band in edges.windows(2) {
         let within = |x: f64| x >= band[0] && (x < band[1] || band[1] == sampled.domain[0].1);
-        let pilot = sampled.pilot.iter().filter(|p| within(p.0)).map(|p| p.1).collect();
+        let pilot = sampled
+            .pilot
+            .iter()
+            .filter(|p| within(p.0))
+            .map(|p| p.1)
+            .collect();
         let cells = quantiles(pilot, CELLS, sampled.domain[1], &[]);
         let mut observed = vec![0.0; cells.len() - 1];
         for point in sampled.points.iter().filter(|p| within(p.0)) {
-            let cell = cells.partition_point(|edge| *edge <= point.1).clamp(1, observed.len()) - 1;
+            let cell = cells
+                .partition_point(|edge| *edge <= point.1)
+                .clamp(1, observed.len())
+                - 1;
             observed[cell] += 1.0;
         }
         for (cell, count) in cells.windows(2).zip(observed) {
@@ -87,7 +102,12 @@ pub fn p_value(sampled: &Sampled<'_>, density: &dyn Fn(f64, f64) -> f64) -> f64 
 fn quantiles(mut values: Vec<f64>, count: usize, range: (f64, f64), breaks: &[f64]) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let mut edges = vec![range.0, range.1];
-    edges.extend(breaks.iter().copied().filter(|x| *x > range.0 && *x < range.1));
+    edges.extend(
+        breaks
+            .iter()
+            .copied()
+            .filter(|x| *x > range.0 && *x < range.1),
+    );
     if values.len() >= 20 * count {
         edges.extend((1..count).map(|i| values[i * values.len() / count]));
     }
@@ -113,7 +133,9 @@ fn rule(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     let mut sum = 0.0;
     for (node_x, weight_x) in NODES {
         for (node_y, weight_y) in NODES {
-            sum += weight_x * weight_y * density(x[0] + node_x * (x[1] - x[0]), y[0] + node_y * (y[1] - y[0]));
+            sum += weight_x
+                * weight_y
+                * density(x[0] + node_x * (x[1] - x[0]), y[0] + node_y * (y[1] - y[0]));
         }
     }
     sum * (x[1] - x[0]) * (y[1] - y[0])
@@ -123,20 +145,35 @@ fn rule(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
 pub fn integrate(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], depth: u32) -> f64 {
     let whole = rule(density, x, y);
     let (mx, my) = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]));
-    let parts = [([x[0], mx], [y[0], my]), ([mx, x[1]], [y[0], my]), ([x[0], mx], [my, y[1]]), ([mx, x[1]], [my, y[1]])];
+    let parts = [
+        ([x[0], mx], [y[0], my]),
+        ([mx, x[1]], [y[0], my]),
+        ([x[0], mx], [my, y[1]]),
+        ([mx, x[1]], [my, y[1]]),
+    ];
     let refined: f64 = parts.iter().map(|(px, py)| rule(density, *px, *py)).sum();
     // Where all nodes see 0, a corner may still hold something.
     let is_empty = refined == 0.0 && whole == 0.0 && depth < 4;
-    if depth >= 9 || !is_empty && (refined - whole).abs() <= 1e-5 * refined.abs() + 1e-7 * 0.5f64.powi(depth as i32) {
+    if depth >= 9
+        || !is_empty
+            && (refined - whole).abs() <= 1e-5 * refined.abs() + 1e-7 * 0.5f64.powi(depth as i32)
+    {
         return refined;
     }
-    parts.iter().map(|(px, py)| integrate(density, *px, *py, depth + 1)).sum()
+    parts
+        .iter()
+        .map(|(px, py)| integrate(density, *px, *py, depth + 1))
+        .sum()
 }
 
 #[test]
 fn uniform_points_pass_and_a_tilt_of_five_percent_fails() {
     let mut dice = super::bsdf_twin::Dice::new(11);
-    let mut draw = || (0..400_000).map(|_| (dice.unit(), dice.unit())).collect::<Vec<_>>();
+    let mut draw = || {
+        (0..400_000)
+            .map(|_| (dice.unit(), dice.unit()))
+            .collect::<Vec<_>>()
+    };
     let (points, pilot) = (draw(), draw());
     let sampled = Sampled {
         points: &points,
@@ -148,14 +185,18 @@ fn uniform_points_pass_and_a_tilt_of_five_percent_fails() {
     assert!(p_value(&sampled, &|_, _| 1.0) > 1e-3);
     // It adds 400,000 x mean of (0.05 (2 x - 1))^2 = 333 to the statistic, 15 standard deviations at 239 degrees.
     assert!(p_value(&sampled, &|x, _| 0.95 + 0.1 * x) < 1e-6);
-    assert!(p_value(&sampled, &|_, _| 0.99) < 1e-6, "draws that are lost must show");
+    assert!(
+        p_value(&sampled, &|_, _| 0.99) < 1e-6,
+        "draws that are lost must show"
+    );
 }
 
 #[test]
 fn quadrature_resolves_a_narrow_peak() {
     let peak = |x: f64, y: f64| {
         let s = 0.01;
-        (-((x - 0.3).powi(2) + (y - 0.6).powi(2)) / (2.0 * s * s)).exp() / (2.0 * std::f64::consts::PI * s * s)
+        (-((x - 0.3).powi(2) + (y - 0.6).powi(2)) / (2.0 * s * s)).exp()
+            / (2.0 * std::f64::consts::PI * s * s)
     };
     let mut total = 0.0;
     for i in 0..8 {

@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::scene::{
-    LightKinds, LightSources, PackedLights, TriangleOrder, pack_environment, pack_lights,
-    pack_materials, pack_textures, pack_vertices, emitter_ordinals,
+    LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
+    pack_lights, pack_materials, pack_textures, pack_vertices,
 };
 use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
@@ -74,7 +74,12 @@ fn xyz(v: [f32; 4]) -> DVec3 {
 /// Rows of a 3x4 matrix.
 fn rows(m: DAffine3) -> [[f32; 4]; 3] {
     let (linear, t) = (m.matrix3.transpose(), m.translation);
-    [linear.x_axis.extend(t.x), linear.y_axis.extend(t.y), linear.z_axis.extend(t.z)].map(|row| row.as_vec4().to_array())
+    [
+        linear.x_axis.extend(t.x),
+        linear.y_axis.extend(t.y),
+        linear.z_axis.extend(t.z),
+    ]
+    .map(|row| row.as_vec4().to_array())
 }
 
 impl SceneUpload {
@@ -89,22 +94,34 @@ impl SceneUpload {
             let ordinals = emitter_ordinals(scene, mesh);
             for (index, triangle) in mesh.triangles.iter().enumerate() {
                 let [v0, v1, v2] = triangle.vertices.map(|v| mesh.positions[v as usize]);
-                triangles.push(Triangle { v0, material: triangle.material, v1, emitter: ordinals[index], v2, flags: 0 });
+                triangles.push(Triangle {
+                    v0,
+                    material: triangle.material,
+                    v1,
+                    emitter: ordinals[index],
+                    v2,
+                    flags: 0,
+                });
                 let [a, b, c] = triangle.vertices.map(|v| v + first_vertex);
                 triangle_vertices.push([a, b, c, index as u32]);
             }
         }
         let order = TriangleOrder::from_leaf_order(scene, &first_triangle, &triangle_vertices);
         let environment = scene.environment.as_ref().and_then(pack_environment);
-        let sources =
-            LightSources { scene, environment: environment.as_ref(), order: &order, kinds: LightKinds::default() };
+        let sources = LightSources {
+            scene,
+            environment: environment.as_ref(),
+            order: &order,
+            kinds: LightKinds::default(),
+        };
         let lights = pack_lights(&sources, origin);
         let instances: Vec<Instance> = scene
             .instances()
             .iter()
             .zip(&lights.first_emitter)
             .map(|(instance, first_emitter)| {
-                let render_from_object = DAffine3::from_translation(-origin) * instance.world_from_object;
+                let render_from_object =
+                    DAffine3::from_translation(-origin) * instance.world_from_object;
                 let forward = rows(render_from_object);
                 let back = rows(render_from_object.inverse());
                 Instance {
@@ -125,7 +142,10 @@ impl SceneUpload {
         let mut buffers = Vec::new();
         macro_rules! upload {
             ($name:literal, $data:expr) => {
-                buffers.push(($name, storage_buffer_with_data(context, $name, $data).unwrap()));
+                buffers.push((
+                    $name,
+                    storage_buffer_with_data(context, $name, $data).unwrap(),
+                ));
             };
         }
         upload!("materials", &pack_materials(scene, &textures));
@@ -137,8 +157,10 @@ impl SceneUpload {
         upload!("instances", &instances);
         upload!("lights", &lights.records);
         upload!("light_alias", &lights.alias);
-        let (texels, cdf) =
-            environment.as_ref().map(|e| (e.texels.clone(), e.cdf.clone())).unwrap_or_default();
+        let (texels, cdf) = environment
+            .as_ref()
+            .map(|e| (e.texels.clone(), e.cdf.clone()))
+            .unwrap_or_default();
         upload!("environment_texels", &texels);
         upload!("environment_cdf", &cdf);
         Self { buffers, lights }
@@ -153,37 +175,54 @@ impl SceneUpload {
     }
 }
 
-
 impl<'a> LightProbe<'a> {
     pub fn new(context: &'a GpuContext, on: &[&str], scene: &Scene, origin: DVec3) -> Self {
         let mut library = ShaderLibrary::embedded();
         library.insert("tests/lights_probe", include_str!("lights_probe.wesl"));
         let kernels = ["", "probe_emit", "probe_pdf"].map(|mode| {
-            let features: ShaderFeatures = on.iter().chain([&mode]).map(|name| ((*name).to_owned(), true)).collect();
+            let features: ShaderFeatures = on
+                .iter()
+                .chain([&mode])
+                .map(|name| ((*name).to_owned(), true))
+                .collect();
             Kernel::new(context, &library, "tests/lights_probe", &features).unwrap()
         });
         let upload = SceneUpload::new(context, scene, origin);
-        Self { context, kernels, lights: upload.lights.clone(), scene: upload }
+        Self {
+            context,
+            kernels,
+            lights: upload.lights.clone(),
+            scene: upload,
+        }
     }
 
     fn run(&self, mode: usize, queries: &[LightQuery], count: u32, seed: u32) -> Vec<Answer> {
         let kernel = &self.kernels[mode];
         let queries = storage_buffer_with_data(self.context, "queries", queries).unwrap();
         let answers = storage_buffer(self.context, "answers", u64::from(count) * 48).unwrap();
-        let settings = storage_buffer_with_data(self.context, "probe", &[count, seed, 0, 0]).unwrap();
-        let resources = self
-            .scene
-            .with(Resources::new().with("queries", &queries).with("answers", &answers).with("probe", &settings));
+        let settings =
+            storage_buffer_with_data(self.context, "probe", &[count, seed, 0, 0]).unwrap();
+        let resources = self.scene.with(
+            Resources::new()
+                .with("queries", &queries)
+                .with("answers", &answers)
+                .with("probe", &settings),
+        );
         let bound = kernel.bind(self.context, &resources).unwrap();
         let mut recorder = FrameRecorder::new(self.context, None, "lights probe");
         recorder.dispatch("lights probe", kernel, &bound, 0, kernel.groups_for(count));
-        recorder.submit("lights probe", &mut PassTimes::default()).unwrap();
+        recorder
+            .submit("lights probe", &mut PassTimes::default())
+            .unwrap();
         read_buffer(self.context, "answers", &answers, count as usize).unwrap()
     }
 
     /// Directions towards lights as seen from a point of render space. Draws without a sample have pdf 0.
     pub fn towards(&self, position: DVec3, count: u32, seed: u32) -> Vec<Towards> {
-        let query = LightQuery { from_position: position.as_vec3().to_array(), ..LightQuery::default() };
+        let query = LightQuery {
+            from_position: position.as_vec3().to_array(),
+            ..LightQuery::default()
+        };
         self.run(0, &[query], count, seed)
             .iter()
             .map(|answer| Towards {
@@ -233,34 +272,66 @@ pub fn node(world_from_node: DAffine3) -> Node {
 }
 
 /// Adds a mesh of separate triangles, all of one material, and places it.
-pub fn add_triangles(scene: &mut Scene, corners: &[[DVec3; 3]], material: Material, world_from_object: DAffine3) {
-    let positions: Vec<[f32; 3]> = corners.iter().flatten().map(|corner| corner.as_vec3().to_array()).collect();
+pub fn add_triangles(
+    scene: &mut Scene,
+    corners: &[[DVec3; 3]],
+    material: Material,
+    world_from_object: DAffine3,
+) {
+    let positions: Vec<[f32; 3]> = corners
+        .iter()
+        .flatten()
+        .map(|corner| corner.as_vec3().to_array())
+        .collect();
     let count = positions.len();
     scene.meshes.push(Mesh {
         normals: vec![[0.0, 1.0, 0.0]; count],
         tangents: vec![[1.0, 0.0, 0.0, 1.0]; count],
-        uv0: (0..count).map(|i| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3]).collect(),
+        uv0: (0..count)
+            .map(|i| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3])
+            .collect(),
         uv1: vec![[0.0; 2]; count],
         colors: vec![[1.0; 4]; count],
         positions,
         triangles: (0..corners.len() as u32)
-            .map(|i| MeshTriangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: scene.materials.len() as u32 })
+            .map(|i| MeshTriangle {
+                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
+                material: scene.materials.len() as u32,
+            })
             .collect(),
         ..Mesh::default()
     });
     scene.materials.push(material);
     scene.roots.push(scene.nodes.len());
-    scene.nodes.push(Node { mesh: Some(scene.meshes.len() - 1), ..node(world_from_object) });
+    scene.nodes.push(Node {
+        mesh: Some(scene.meshes.len() - 1),
+        ..node(world_from_object)
+    });
 }
 
 /// Adds a punctual light and places it.
-pub fn add_light(scene: &mut Scene, kind: LightKind, intensity: [f32; 3], world_from_light: DAffine3) {
-    scene.lights.push(PunctualLight { name: String::new(), kind, intensity });
+pub fn add_light(
+    scene: &mut Scene,
+    kind: LightKind,
+    intensity: [f32; 3],
+    world_from_light: DAffine3,
+) {
+    scene.lights.push(PunctualLight {
+        name: String::new(),
+        kind,
+        intensity,
+    });
     scene.roots.push(scene.nodes.len());
-    scene.nodes.push(Node { light: Some(scene.lights.len() - 1), ..node(world_from_light) });
+    scene.nodes.push(Node {
+        light: Some(scene.lights.len() - 1),
+        ..node(world_from_light)
+    });
 }
 
 /// A black material that emits.
 pub fn glowing(emission: [f32; 3]) -> Material {
-    Material { emission, ..Material::lambert("glowing", [0.0; 3]) }
+    Material {
+        emission,
+        ..Material::lambert("glowing", [0.0; 3])
+    }
 }

@@ -1,51 +1,55 @@
-//! Light sampling and photon emission against their densities and powers.
+//! Light sampling against its density: what shadow rays are aimed at.
 
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DVec3};
-use stereolux::gpu::types::light::LIGHT_TRIANGLE;
 use stereolux::scene::{Environment, LightKind, Scene};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
-use super::lights_probe::{LightProbe, LightQuery, Photon, add_light, add_triangles, glowing};
+use super::lights_probe::{LightProbe, LightQuery, add_light, add_triangles, glowing};
 use super::support::context;
 
-const DRAWS: u32 = 200_000;
-const LEVEL: f64 = 0.01;
-const ALL: [&str; 5] = ["emitters", "points", "spots", "directionals", "environment"];
+pub const DRAWS: u32 = 200_000;
+pub const LEVEL: f64 = 0.01;
 
-fn v(x: f64, y: f64, z: f64) -> DVec3 {
+pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
 /// One triangle in the plane y = 0 whose front looks along -y.
-fn ceiling_triangle() -> [DVec3; 3] {
+pub fn ceiling_triangle() -> [DVec3; 3] {
     [v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.2), v(0.3, 0.0, 0.9)]
 }
 
 /// Placement that stretches, turns and moves; `mirrored` flips it over.
-fn placement(scale: f64, mirrored: bool) -> DAffine3 {
+pub fn placement(scale: f64, mirrored: bool) -> DAffine3 {
     let turn = DMat3::from_rotation_x(0.3) * DMat3::from_rotation_y(1.1);
     let stretch = DMat3::from_diagonal(v(if mirrored { -1.5 } else { 1.5 }, 0.7, 1.2) * scale);
-    DAffine3 { matrix3: turn * stretch, translation: v(0.4, 2.0, -0.3) * scale }
+    DAffine3 {
+        matrix3: turn * stretch,
+        translation: v(0.4, 2.0, -0.3) * scale,
+    }
 }
 
 fn placed(corners: [DVec3; 3], world_from_object: &DAffine3) -> [DVec3; 3] {
     corners.map(|corner| world_from_object.transform_point3(corner))
 }
 
-fn area(t: &[DVec3; 3]) -> f64 {
+pub fn area(t: &[DVec3; 3]) -> f64 {
     0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length()
 }
 
 /// Solid angle of a triangle seen from a point (Van Oosterom and Strackee 1983).
 fn solid_angle(t: &[DVec3; 3], from: DVec3) -> f64 {
     let [a, b, c] = t.map(|corner| (corner - from).normalize());
-    2.0 * a.dot(b.cross(c)).abs().atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+    2.0 * a
+        .dot(b.cross(c))
+        .abs()
+        .atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
 /// Weights of the second and third corner where a ray meets the triangle's plane.
-fn weights(t: &[DVec3; 3], from: DVec3, direction: DVec3) -> (f64, f64) {
+pub fn weights(t: &[DVec3; 3], from: DVec3, direction: DVec3) -> (f64, f64) {
     let (e1, e2) = (t[1] - t[0], t[2] - t[0]);
     let p = direction.cross(e2);
     let s = from - t[0];
@@ -53,7 +57,7 @@ fn weights(t: &[DVec3; 3], from: DVec3, direction: DVec3) -> (f64, f64) {
     (s.dot(p) / e1.dot(p), direction.dot(q) / e1.dot(p))
 }
 
-fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for value in values {
         count += 1.0;
@@ -61,7 +65,10 @@ fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
         squares += value * value;
     }
     let mean: f64 = sum / count;
-    (mean, ((squares / count - mean * mean).max(0.0) / count).sqrt())
+    (
+        mean,
+        ((squares / count - mean * mean).max(0.0) / count).sqrt(),
+    )
 }
 
 /// Points at these angles from the middle of a triangle, measured from the side that emits.
@@ -72,7 +79,10 @@ fn viewpoints(t: &[DVec3; 3], distance: f64) -> Vec<(f64, DVec3)> {
     [0.0f64, 45.0, 85.0]
         .map(|degrees| {
             let angle = degrees.to_radians();
-            (degrees, middle + distance * (front * angle.cos() + along * angle.sin()))
+            (
+                degrees,
+                middle + distance * (front * angle.cos() + along * angle.sin()),
+            )
         })
         .to_vec()
 }
@@ -85,7 +95,12 @@ fn emitting_triangles_are_sampled_as_their_density_says() {
     for (scale, mirrored) in cases {
         let mut scene = Scene::default();
         let place = placement(scale, mirrored);
-        add_triangles(&mut scene, &[ceiling_triangle()], glowing([2.0, 1.0, 0.5]), place);
+        add_triangles(
+            &mut scene,
+            &[ceiling_triangle()],
+            glowing([2.0, 1.0, 0.5]),
+            place,
+        );
         let origin = v(0.3, -0.2, 0.1) * scale;
         let probe = LightProbe::new(&context, &["emitters"], &scene, origin);
         let mut triangle = placed(ceiling_triangle(), &place).map(|corner| corner - origin);
@@ -119,22 +134,29 @@ fn emitting_triangles_are_sampled_as_their_density_says() {
             let p = p_value(&sampled, &|sum, _| 2.0 * sum);
             assert!(p > level, "scale {scale}, {degrees} degrees: p = {p:e}");
             // The mean of 1 / pdf is the solid angle that the density covers.
-            let (mean, error) = mean_and_error(samples.iter().map(|s| if s.pdf > 0.0 { 1.0 / s.pdf } else { 0.0 }));
+            let (mean, error) = mean_and_error(
+                samples
+                    .iter()
+                    .map(|s| if s.pdf > 0.0 { 1.0 / s.pdf } else { 0.0 }),
+            );
             let covered = solid_angle(&triangle, from);
             assert!(
                 (mean - covered).abs() <= 4.5 * error + 1e-4 * covered,
                 "scale {scale}, {degrees} degrees: mean of 1 / pdf is {mean} +- {error}, the solid angle {covered}"
             );
             // emitter_pdf gives the same density for the same point.
-            let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize();
+            let normal = (triangle[1] - triangle[0])
+                .cross(triangle[2] - triangle[0])
+                .normalize();
             let queries: Vec<LightQuery> = samples[..500]
                 .iter()
                 .filter(|s| s.pdf > 0.0)
                 .map(|s| LightQuery {
                     from_position: from.as_vec3().to_array(),
-                    position: (from + s.direction * (normal.dot(triangle[0] - from) / normal.dot(s.direction)))
-                        .as_vec3()
-                        .to_array(),
+                    position: (from
+                        + s.direction * (normal.dot(triangle[0] - from) / normal.dot(s.direction)))
+                    .as_vec3()
+                    .to_array(),
                     geometric_normal: normal.as_vec3().to_array(),
                     ..LightQuery::default()
                 })
@@ -142,7 +164,11 @@ fn emitting_triangles_are_sampled_as_their_density_says() {
             let kept = samples[..500].iter().filter(|s| s.pdf > 0.0);
             for ((_, pdf), sample) in probe.densities(&queries).iter().zip(kept) {
                 // Positions are rounded to 2^-24 of their size, which the cosine at 85 degrees magnifies by 12.
-                assert!((pdf / sample.pdf - 1.0).abs() < 1e-4, "{pdf} of emitter_pdf, {} of light_sample", sample.pdf);
+                assert!(
+                    (pdf / sample.pdf - 1.0).abs() < 1e-4,
+                    "{pdf} of emitter_pdf, {} of light_sample",
+                    sample.pdf
+                );
                 // A shadow ray must stop before the light, but not far before it.
                 let reach = normal.dot(triangle[0] - from) / normal.dot(sample.direction);
                 assert!(sample.distance < reach && sample.distance > 0.9999 * reach - 1e-4 * scale);
@@ -155,12 +181,20 @@ fn emitting_triangles_are_sampled_as_their_density_says() {
 fn a_wrong_density_of_an_emitter_is_noticed() {
     let context = context();
     let mut scene = Scene::default();
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([1.0; 3]), DAffine3::IDENTITY);
+    add_triangles(
+        &mut scene,
+        &[ceiling_triangle()],
+        glowing([1.0; 3]),
+        DAffine3::IDENTITY,
+    );
     let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
     let from = v(0.4, -1.0, 0.4);
     let samples = probe.towards(from, DRAWS, 1);
     let (mean, error) = mean_and_error(samples.iter().map(|s| 1.01 / s.pdf));
-    assert!((mean - solid_angle(&ceiling_triangle(), from)).abs() > 4.5 * error, "one percent goes unnoticed");
+    assert!(
+        (mean - solid_angle(&ceiling_triangle(), from)).abs() > 4.5 * error,
+        "one percent goes unnoticed"
+    );
 }
 
 #[test]
@@ -169,10 +203,24 @@ fn single_sided_emitters_shine_forwards_only_and_double_sided_both_ways() {
     let (below, above) = (v(0.4, -1.0, 0.4), v(0.4, 1.0, 0.4));
     for double_sided in [false, true] {
         let mut scene = Scene::default();
-        let material = stereolux::scene::Material { double_sided, ..glowing([1.0; 3]) };
-        add_triangles(&mut scene, &[ceiling_triangle()], material, DAffine3::IDENTITY);
+        let material = stereolux::scene::Material {
+            double_sided,
+            ..glowing([1.0; 3])
+        };
+        add_triangles(
+            &mut scene,
+            &[ceiling_triangle()],
+            material,
+            DAffine3::IDENTITY,
+        );
         let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
-        let seen = |from| probe.towards(from, 64, 1).iter().filter(|s| s.pdf > 0.0).count();
+        let seen = |from| {
+            probe
+                .towards(from, 64, 1)
+                .iter()
+                .filter(|s| s.pdf > 0.0)
+                .count()
+        };
         assert_eq!(seen(below), 64);
         assert_eq!(seen(above), if double_sided { 64 } else { 0 });
         let photons = probe.photons(20_000, 1);
@@ -180,7 +228,11 @@ fn single_sided_emitters_shine_forwards_only_and_double_sided_both_ways() {
         assert_eq!(up > 9_000 && up < 11_000, double_sided);
         let power = PI * area(&ceiling_triangle()) * if double_sided { 2.0 } else { 1.0 };
         assert!((probe.lights.total_power[0] - power).abs() < 1e-6 * power);
-        assert!(photons.iter().all(|p| (p.flux[0] / power - 1.0).abs() < 1e-5));
+        assert!(
+            photons
+                .iter()
+                .all(|p| (p.flux[0] / power - 1.0).abs() < 1e-5)
+        );
     }
 }
 
@@ -188,14 +240,28 @@ fn single_sided_emitters_shine_forwards_only_and_double_sided_both_ways() {
 fn punctual_lights_follow_khr_lights_punctual() {
     let context = context();
     let (inner, outer) = (0.3f32, 0.6f32);
-    let place = DAffine3 { matrix3: DMat3::from_rotation_x(-0.5 * PI), translation: v(1.0, 3.0, 2.0) };
+    let place = DAffine3 {
+        matrix3: DMat3::from_rotation_x(-0.5 * PI),
+        translation: v(1.0, 3.0, 2.0),
+    };
     for (name, kind) in [
         ("points", LightKind::Point),
-        ("spots", LightKind::Spot { inner_cone_rad: inner, outer_cone_rad: outer }),
+        (
+            "spots",
+            LightKind::Spot {
+                inner_cone_rad: inner,
+                outer_cone_rad: outer,
+            },
+        ),
         ("directionals", LightKind::Directional),
     ] {
         let mut scene = Scene::default();
-        add_triangles(&mut scene, &[ceiling_triangle()], glowing([0.0; 3]), DAffine3::IDENTITY);
+        add_triangles(
+            &mut scene,
+            &[ceiling_triangle()],
+            glowing([0.0; 3]),
+            DAffine3::IDENTITY,
+        );
         add_light(&mut scene, kind, [4.0, 2.0, 1.0], place);
         let probe = LightProbe::new(&context, &[name], &scene, v(0.5, 0.0, 0.0));
         // -Z turned by -90 degrees about x looks down.
@@ -211,18 +277,27 @@ fn punctual_lights_follow_khr_lights_punctual() {
             };
             assert!(sample.is_delta && (sample.pdf - 1.0).abs() < 1e-6);
             // The cone's ramp divides a difference of cosines by 0.13, so 2^-24 grows to about 1e-6.
-            assert!((sample.radiance[0] - expected).abs() < 1e-5, "{name} at {angle}: {sample:?}, {expected} is due");
-            let towards =
-                if name == "directionals" { v(0.0, 1.0, 0.0) } else { (v(0.5, 3.0, 2.0) - from).normalize() };
+            assert!(
+                (sample.radiance[0] - expected).abs() < 1e-5,
+                "{name} at {angle}: {sample:?}, {expected} is due"
+            );
+            let towards = if name == "directionals" {
+                v(0.0, 1.0, 0.0)
+            } else {
+                (v(0.5, 3.0, 2.0) - from).normalize()
+            };
             assert!((sample.direction - towards).length() < 1e-6);
         }
         let at_light = probe.towards(v(0.5, 3.0, 2.0), 1, 1)[0];
-        assert!(at_light.pdf == 0.0 || name == "directionals", "a point inside the light has no direction to it");
+        assert!(
+            at_light.pdf == 0.0 || name == "directionals",
+            "a point inside the light has no direction to it"
+        );
     }
 }
 
 /// A map with a sun, a dark half, and poles that differ.
-fn map() -> Environment {
+pub fn map() -> Environment {
     let (width, height) = (32u32, 16u32);
     let radiance = (0..width * height)
         .map(|index| {
@@ -232,23 +307,38 @@ fn map() -> Environment {
             [sky + sun, 0.5 * sky + sun, 0.1 + 0.01 * x as f32]
         })
         .collect();
-    Environment { width, height, radiance, name: "test".to_owned() }
+    Environment {
+        width,
+        height,
+        radiance,
+        name: "test".to_owned(),
+    }
 }
 
 /// Direction of map coordinates in [0, 1].
 fn direction_of(u: f64, t: f64) -> DVec3 {
     let (theta, phi) = (PI * t, 2.0 * PI * (u - 0.5));
-    v(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())
+    v(
+        theta.sin() * phi.sin(),
+        theta.cos(),
+        -theta.sin() * phi.cos(),
+    )
 }
 
-fn map_coordinates(d: DVec3) -> (f64, f64) {
-    (0.5 + d.x.atan2(-d.z) / (2.0 * PI), d.y.clamp(-1.0, 1.0).acos() / PI)
+pub fn map_coordinates(d: DVec3) -> (f64, f64) {
+    (
+        0.5 + d.x.atan2(-d.z) / (2.0 * PI),
+        d.y.clamp(-1.0, 1.0).acos() / PI,
+    )
 }
 
 /// Bilinear radiance in f64.
 fn map_radiance(map: &Environment, d: DVec3) -> [f64; 3] {
     let (u, t) = map_coordinates(d);
-    let (x, y) = (u * f64::from(map.width) - 0.5, t * f64::from(map.height) - 0.5);
+    let (x, y) = (
+        u * f64::from(map.width) - 0.5,
+        t * f64::from(map.height) - 0.5,
+    );
     let (left, top) = (x.floor(), y.floor());
     let texel = |column: f64, row: f64| {
         let column = (column as i64).rem_euclid(i64::from(map.width));
@@ -263,14 +353,22 @@ fn map_radiance(map: &Environment, d: DVec3) -> [f64; 3] {
     })
 }
 
-fn environment_scene() -> Scene {
-    let mut scene = Scene { environment: Some(map()), ..Scene::default() };
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([0.0; 3]), DAffine3::IDENTITY);
+pub fn environment_scene() -> Scene {
+    let mut scene = Scene {
+        environment: Some(map()),
+        ..Scene::default()
+    };
+    add_triangles(
+        &mut scene,
+        &[ceiling_triangle()],
+        glowing([0.0; 3]),
+        DAffine3::IDENTITY,
+    );
     scene
 }
 
 /// Probability of each cell of the map, recomputed by fine quadrature of the bilinear radiance over the cell.
-fn cell_probabilities(map: &Environment) -> Vec<f64> {
+pub fn cell_probabilities(map: &Environment) -> Vec<f64> {
     let mut weights = Vec::new();
     let fine = 8;
     for row in 0..map.height {
@@ -280,9 +378,13 @@ fn cell_probabilities(map: &Environment) -> Vec<f64> {
             let mut mean = 0.0;
             for sub in 0..fine * fine {
                 let at = |first: u32, part: u32, count: u32| {
-                    (f64::from(first) + (f64::from(part) + 0.5) / f64::from(fine)) / f64::from(count)
+                    (f64::from(first) + (f64::from(part) + 0.5) / f64::from(fine))
+                        / f64::from(count)
                 };
-                let d = direction_of(at(column, sub % fine, map.width), at(row, sub / fine, map.height));
+                let d = direction_of(
+                    at(column, sub % fine, map.width),
+                    at(row, sub / fine, map.height),
+                );
                 mean += map_radiance(map, d).iter().sum::<f64>() / 3.0;
             }
             weights.push(mean / f64::from(fine * fine) * solid_angle);
@@ -305,14 +407,23 @@ fn environment_is_sampled_by_its_cells_and_oriented_as_designed() {
     for sample in &samples {
         let (u, t) = map_coordinates(sample.direction);
         let (x, y) = (u * f64::from(map.width), t * f64::from(map.height));
-        let (column, row) = ((x as u32).min(map.width - 1), (y as u32).min(map.height - 1));
+        let (column, row) = (
+            (x as u32).min(map.width - 1),
+            (y as u32).min(map.height - 1),
+        );
         observed[(row * map.width + column) as usize] += 1.0;
         // Place within the cell, uniform in longitude and in the cosine of the polar angle.
         let edge = |r: u32| (PI * f64::from(r) / f64::from(map.height)).cos();
-        places.push((x - f64::from(column), (edge(row) - sample.direction.y) / (edge(row) - edge(row + 1))));
+        places.push((
+            x - f64::from(column),
+            (edge(row) - sample.direction.y) / (edge(row) - edge(row + 1)),
+        ));
     }
-    let counts: Vec<(f64, f64)> =
-        probabilities.iter().map(|p| p * samples.len() as f64).zip(observed.iter().copied()).collect();
+    let counts: Vec<(f64, f64)> = probabilities
+        .iter()
+        .map(|p| p * samples.len() as f64)
+        .zip(observed.iter().copied())
+        .collect();
     let level = sidak(LEVEL, 2);
     let p = p_value_of_counts(&counts);
     assert!(p > level, "cells: p = {p:e}");
@@ -326,7 +437,11 @@ fn environment_is_sampled_by_its_cells_and_oriented_as_designed() {
     let p = p_value(&sampled, &|_, _| 1.0);
     assert!(p > level, "within cells: p = {p:e}");
     // Rows that are not weighed by their solid angle would be another distribution.
-    let flat: f64 = counts.iter().enumerate().map(|(i, c)| c.0 / row_sine(i, &map)).sum();
+    let flat: f64 = counts
+        .iter()
+        .enumerate()
+        .map(|(i, c)| c.0 / row_sine(i, &map))
+        .sum();
     let wrong: Vec<(f64, f64)> = counts
         .iter()
         .enumerate()
@@ -347,7 +462,10 @@ fn environment_is_sampled_by_its_cells_and_oriented_as_designed() {
     for ((radiance, pdf), sample) in probe.densities(&queries).iter().zip(&samples) {
         let due = map_radiance(&map, sample.direction);
         // atan2 in f32 is good to about 1e-6 rad; a step of 300 between texels 0.1 rad apart makes 3e-3 of it.
-        assert!((0..3).all(|c| (radiance[c] - due[c]).abs() < 1e-3 * due[c] + 1e-2), "{radiance:?}, {due:?} is due");
+        assert!(
+            (0..3).all(|c| (radiance[c] - due[c]).abs() < 1e-3 * due[c] + 1e-2),
+            "{radiance:?}, {due:?} is due"
+        );
         assert_eq!(*radiance, sample.radiance);
         // A sample on a cell's border may be looked up next door.
         agreeing += u32::from((pdf / sample.pdf - 1.0).abs() < 1e-4);
@@ -371,224 +489,39 @@ fn environment_axes_are_those_of_the_design() {
     let radiance = (0..width * height)
         .map(|i| [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5, 1.0])
         .collect();
-    scene.environment = Some(Environment { width, height, radiance, name: "axes".to_owned() });
+    scene.environment = Some(Environment {
+        width,
+        height,
+        radiance,
+        name: "axes".to_owned(),
+    });
     let probe = LightProbe::new(&context, &["environment"], &scene, DVec3::ZERO);
     let look = |d: DVec3| {
-        let query =
-            LightQuery { instance: u32::MAX, position: d.as_vec3().to_array(), ..LightQuery::default() };
+        let query = LightQuery {
+            instance: u32::MAX,
+            position: d.as_vec3().to_array(),
+            ..LightQuery::default()
+        };
         probe.densities(&[query])[0].0
     };
     let near = |value: f64, due: f64| (value - due).abs() < 1e-3;
-    assert!(near(look(v(0.0, 0.0, -1.0))[0], 32.0), "the centre column is -Z");
-    assert!(near(look(v(1.0, 0.0, 0.0))[0], 48.0), "the column at three quarters is +X");
+    assert!(
+        near(look(v(0.0, 0.0, -1.0))[0], 32.0),
+        "the centre column is -Z"
+    );
+    assert!(
+        near(look(v(1.0, 0.0, 0.0))[0], 48.0),
+        "the column at three quarters is +X"
+    );
     assert!(near(look(v(-1.0, 0.0, 0.0))[0], 16.0));
-    assert!(near(look(v(0.0, 0.0, 1.0))[0], 32.0), "the seam blends the first and the last column");
-    assert!(near(look(v(0.0, 1.0, 0.0))[1], 0.5), "the top row is +Y, clamped at the pole");
+    assert!(
+        near(look(v(0.0, 0.0, 1.0))[0], 32.0),
+        "the seam blends the first and the last column"
+    );
+    assert!(
+        near(look(v(0.0, 1.0, 0.0))[1], 0.5),
+        "the top row is +Y, clamped at the pole"
+    );
     assert!(near(look(v(0.0, -1.0, 0.0))[1], 31.5));
     assert!(near(look(v(1.0, 0.0, 0.0))[1], 16.0));
-}
-
-/// One light of each kind, far from the world's origin, seen from a head nearby.
-fn mixed_scene() -> (Scene, DVec3) {
-    let offset = v(1000.0, -500.0, 250.0);
-    let shift = DAffine3::from_translation(offset);
-    let mut scene = Scene { environment: Some(map()), ..Scene::default() };
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([5.0, 1.0, 0.3]), shift * placement(1.0, false));
-    let double_sided = stereolux::scene::Material { double_sided: true, ..glowing([0.0, 3.0, 1.0]) };
-    let pair = [ceiling_triangle(), [v(0.0, 1.0, 0.0), v(0.0, 1.0, 1.0), v(1.0, 1.0, 0.0)]];
-    add_triangles(&mut scene, &pair, double_sided, shift * placement(0.5, true));
-    add_light(&mut scene, LightKind::Point, [1.0, 0.5, 0.2], shift);
-    add_light(
-        &mut scene,
-        LightKind::Spot { inner_cone_rad: 0.2, outer_cone_rad: 0.7 },
-        [8.0, 4.0, 1.0],
-        shift * placement(1.0, false),
-    );
-    add_light(&mut scene, LightKind::Directional, [0.4, 0.5, 0.9], shift * placement(1.0, false));
-    (scene, offset + v(0.2, 0.1, 0.0))
-}
-
-#[test]
-fn the_mean_photon_carries_the_total_power() {
-    let context = context();
-    let (scene, origin) = mixed_scene();
-    let probe = LightProbe::new(&context, &ALL, &scene, origin);
-    let photons = probe.photons(1 << 20, 9);
-    for channel in 0..3 {
-        let (mean, error) = mean_and_error(photons.iter().map(|p| p.flux[channel]));
-        let power = probe.lights.total_power[channel];
-        assert!(error < 0.005 * power);
-        assert!((mean - power).abs() <= 4.0 * error, "channel {channel}: {mean} +- {error} W of {power} W");
-    }
-}
-
-#[test]
-fn each_kind_of_light_emits_exactly_its_power() {
-    let context = context();
-    let (inner, outer) = (0.2f64, 0.7f64);
-    let ramp = inner.cos() - outer.cos();
-    let cone = 2.0 * PI * (1.0 - inner.cos() + ramp / 3.0);
-    for (feature, kind, solid_angle) in [
-        ("points", LightKind::Point, 4.0 * PI),
-        ("spots", LightKind::Spot { inner_cone_rad: inner as f32, outer_cone_rad: outer as f32 }, cone),
-        ("spots", LightKind::Spot { inner_cone_rad: 0.0, outer_cone_rad: 0.5 * PI as f32 }, 2.0 * PI / 3.0),
-    ] {
-        let mut scene = Scene::default();
-        add_light(&mut scene, kind, [2.0, 1.0, 0.5], placement(1.0, false));
-        let probe = LightProbe::new(&context, &[feature], &scene, DVec3::ZERO);
-        for photon in probe.photons(20_000, 1) {
-            for (flux, intensity) in photon.flux.iter().zip([2.0, 1.0, 0.5]) {
-                assert!((flux / (intensity * solid_angle) - 1.0).abs() < 1e-5, "{kind:?}: {photon:?}");
-            }
-        }
-    }
-    // Parallel light fills a disk around the scene's bounding sphere.
-    let mut scene = Scene::default();
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([0.0; 3]), DAffine3::IDENTITY);
-    add_light(&mut scene, LightKind::Directional, [3.0; 3], placement(1.0, false));
-    let probe = LightProbe::new(&context, &["directionals"], &scene, DVec3::ZERO);
-    let radius = f64::from(probe.lights.records[0].scene_radius);
-    let center = v(0.5, 0.0, 0.45);
-    assert!(radius >= 0.5 * v(1.0, 0.0, 0.9).length() && radius < 0.68);
-    for photon in probe.photons(20_000, 1) {
-        assert!((photon.flux[0] / (3.0 * PI * radius * radius) - 1.0).abs() < 1e-5);
-        let from_center = photon.origin - center;
-        let across = from_center - photon.direction * from_center.dot(photon.direction);
-        assert!(across.length() <= radius * (1.0 + 1e-5) && (from_center.dot(photon.direction) + radius).abs() < 1e-5);
-    }
-}
-
-fn photon_p_value(
-    photons: &[Photon],
-    pilot: &[Photon],
-    breaks: &[f64],
-    place: impl Fn(&Photon) -> (f64, f64),
-    density: &dyn Fn(f64, f64) -> f64,
-) -> f64 {
-    let points: Vec<(f64, f64)> = photons.iter().map(&place).collect();
-    let pilot: Vec<(f64, f64)> = pilot.iter().map(&place).collect();
-    let sampled =
-        Sampled { points: &points, draws: points.len(), pilot: &pilot, domain: [(-1.0, 1.0), (-PI, PI)], breaks };
-    p_value(&sampled, density)
-}
-
-#[test]
-fn photons_leave_as_their_densities_say() {
-    let context = context();
-    let level = sidak(LEVEL, 5);
-    // (cosine to an axis, azimuth) of a direction.
-    let around = |axis: DVec3| {
-        let x = axis.any_orthonormal_vector();
-        let y = axis.cross(x);
-        move |p: &Photon| (p.direction.dot(axis).clamp(-1.0, 1.0), p.direction.dot(y).atan2(p.direction.dot(x)))
-    };
-
-    // A triangle: cosine-weighted directions, uniform positions.
-    let mut scene = Scene::default();
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([1.0; 3]), DAffine3::IDENTITY);
-    let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
-    let front = v(0.0, -1.0, 0.0);
-    let cosine = |z: f64, _: f64| z.max(0.0) / PI;
-    let p = photon_p_value(&photons, &pilot, &[0.0], around(front), &cosine);
-    assert!(p > level, "triangle, direction: p = {p:e}");
-    let triangle = ceiling_triangle();
-    let on_triangle = |photon: &Photon| {
-        let (b1, b2) = weights(&triangle, photon.origin - front, front);
-        ((b1 + b2).clamp(0.0, 1.0) * 2.0 - 1.0, ((b2 / (b1 + b2)).clamp(0.0, 1.0) * 2.0 - 1.0) * PI)
-    };
-    let p = photon_p_value(&photons, &pilot, &[], on_triangle, &|s, _| (s + 1.0) / (4.0 * PI));
-    assert!(p > level, "triangle, position: p = {p:e}");
-    for photon in &photons[..2000] {
-        assert!((photon.pdf_direction * PI - photon.direction.dot(front)).abs() < 1e-5);
-        assert!((photon.pdf_position * area(&triangle) - 1.0).abs() < 1e-5);
-    }
-    assert!(photon_p_value(&photons, &pilot, &[0.0], around(front), &|z, _| if z > 0.0 { 0.5 / PI } else { 0.0 }) < 1e-9);
-
-    // A point light: uniform.
-    let mut scene = Scene::default();
-    add_light(&mut scene, LightKind::Point, [1.0; 3], DAffine3::IDENTITY);
-    let probe = LightProbe::new(&context, &["points"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
-    let p = photon_p_value(&photons, &pilot, &[], around(DVec3::Y), &|_, _| 0.25 / PI);
-    assert!(p > level, "point: p = {p:e}");
-
-    // A spot: the falloff's own shape.
-    let (inner, outer) = (0.3f64, 0.9f64);
-    let mut scene = Scene::default();
-    let kind = LightKind::Spot { inner_cone_rad: inner as f32, outer_cone_rad: outer as f32 };
-    add_light(&mut scene, kind, [1.0; 3], DAffine3::IDENTITY);
-    let probe = LightProbe::new(&context, &["spots"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
-    let ramp = inner.cos() - outer.cos();
-    let total = 2.0 * PI * (1.0 - inner.cos() + ramp / 3.0);
-    let falloff = |z: f64, _: f64| ((z - outer.cos()) / ramp).clamp(0.0, 1.0).powi(2) / total;
-    let p = photon_p_value(&photons, &pilot, &[inner.cos(), outer.cos()], around(DVec3::NEG_Z), &falloff);
-    assert!(p > level, "spot: p = {p:e}");
-    for photon in &photons[..2000] {
-        let due = falloff(-photon.direction.z, 0.0);
-        assert!((photon.pdf_direction - due).abs() < 1e-4, "{photon:?}: {due} is due");
-    }
-
-    // The environment: photons fly against the sampled directions and fill the disk.
-    let probe = LightProbe::new(&context, &["environment"], &environment_scene(), DVec3::ZERO);
-    let photons = probe.photons(DRAWS, 1);
-    let map = map();
-    let mut observed = vec![0.0; (map.width * map.height) as usize];
-    for photon in &photons {
-        let (u, t) = map_coordinates(-photon.direction);
-        let column = ((u * f64::from(map.width)) as u32).min(map.width - 1);
-        let row = ((t * f64::from(map.height)) as u32).min(map.height - 1);
-        observed[(row * map.width + column) as usize] += 1.0;
-    }
-    let counts: Vec<(f64, f64)> =
-        cell_probabilities(&map).iter().map(|p| p * photons.len() as f64).zip(observed).collect();
-    let p = p_value_of_counts(&counts);
-    assert!(p > level, "environment: p = {p:e}");
-}
-
-#[test]
-fn many_lights_are_picked_by_power_and_degenerate_ones_never() {
-    let context = context();
-    let mut scene = Scene::default();
-    // Power proportional to the index, and every tenth triangle without area.
-    let corners: Vec<[DVec3; 3]> = (0..10_000)
-        .map(|index| {
-            let corner = v(f64::from(index % 100), 0.0, f64::from(index / 100));
-            let size = if index % 10 == 0 { 0.0 } else { f64::from(index) * 1e-4 };
-            [corner, corner + size * DVec3::X, corner + DVec3::Z]
-        })
-        .collect();
-    add_triangles(&mut scene, &corners, glowing([1.0; 3]), DAffine3::IDENTITY);
-    let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
-    assert_eq!(probe.lights.records.len(), 10_000);
-    assert!(probe.lights.records.iter().all(|light| light.kind == LIGHT_TRIANGLE));
-    let photons = probe.photons(1 << 20, 4);
-    let mut observed = vec![0.0; 100];
-    for photon in &photons {
-        let (column, row) = (photon.origin.x.floor(), photon.origin.z.floor().clamp(0.0, 99.0));
-        assert!((column as u32) % 10 != 0, "a triangle without area was picked: {photon:?}");
-        observed[row as usize] += 1.0;
-    }
-    let areas: Vec<f64> = corners.iter().map(area).collect();
-    let total: f64 = areas.iter().sum();
-    let counts: Vec<(f64, f64)> = areas
-        .chunks(100)
-        .map(|row| row.iter().sum::<f64>() / total * photons.len() as f64)
-        .zip(observed)
-        .collect();
-    let p = p_value_of_counts(&counts);
-    assert!(p > LEVEL, "p = {p:e}");
-}
-
-#[test]
-fn no_lights_give_no_samples_and_no_photons() {
-    let context = context();
-    let mut scene = Scene::default();
-    add_triangles(&mut scene, &[ceiling_triangle()], glowing([0.0; 3]), DAffine3::IDENTITY);
-    for features in [&[][..], &ALL[..]] {
-        let probe = LightProbe::new(&context, features, &scene, DVec3::ZERO);
-        assert!(probe.towards(v(0.0, -1.0, 0.0), 64, 1).iter().all(|s| s.pdf == 0.0));
-        assert!(probe.photons(64, 1).iter().all(|p| p.flux == [0.0; 3]));
-    }
 }

@@ -282,7 +282,7 @@ fn unknown_keys_find_their_nearest() {
         ("radius_m", "photon.radius_m"),
         ("Method", "method"),
         ("max_deph", "path.max_depth"),
-        ("force.caustic", "force.caustics"),
+        ("force.gloss", "force.glossy"),
         ("output.exposur", "output.exposure"),
     ] {
         let message = from_set(&[&format!("{key}=1")]).expect_err(key);

@@ -9,18 +9,46 @@ use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 
 const FEATURES: &[&str] = &[
-    "glossy", "dielectric", "textures", "normal_maps", "alpha", "vertex_colors", "emitters", "points", "spots",
-    "directionals", "environment", "caustics", "uv1",
+    "glossy",
+    "dielectric",
+    "textures",
+    "normal_maps",
+    "alpha",
+    "vertex_colors",
+    "emitters",
+    "points",
+    "spots",
+    "directionals",
+    "environment",
+    "caustics",
+    "uv1",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
-    "frame", "dispatch", "top_nodes", "mesh_nodes", "instances", "triangles", "triangle_vertices", "vertices",
-    "materials", "texture_infos", "texels", "lights", "light_alias", "environment_texels", "environment_cdf",
-    "pixel_list", "pixel_count",
+    "frame",
+    "dispatch",
+    "top_nodes",
+    "mesh_nodes",
+    "instances",
+    "triangles",
+    "triangle_vertices",
+    "vertices",
+    "materials",
+    "texture_infos",
+    "texels",
+    "lights",
+    "light_alias",
+    "environment_texels",
+    "environment_cdf",
+    "pixel_list",
+    "pixel_count",
 ];
 
 fn with(on: &[&str]) -> ShaderFeatures {
-    FEATURES.iter().map(|name| ((*name).to_owned(), on.contains(name))).collect()
+    FEATURES
+        .iter()
+        .map(|name| ((*name).to_owned(), on.contains(name)))
+        .collect()
 }
 
 /// Lambert scenes, each feature alone, everything.
@@ -28,7 +56,11 @@ fn kinds_of_scene() -> Vec<ShaderFeatures> {
     let mut kinds = vec![with(&[]), with(&["emitters"]), with(FEATURES)];
     kinds.extend(FEATURES.iter().map(|name| {
         // Normal maps and second coordinates come with textures.
-        if matches!(*name, "normal_maps" | "uv1") { with(&[name, "textures", "emitters"]) } else { with(&[name, "emitters"]) }
+        if matches!(*name, "normal_maps" | "uv1") {
+            with(&[name, "textures", "emitters"])
+        } else {
+            with(&[name, "emitters"])
+        }
     }));
     kinds
 }
@@ -46,7 +78,9 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                 let shader = library
                     .compile(&shader_name(pass), &specialised(pass, &features, from_list))
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
-                shader.validate().unwrap_or_else(|error| panic!("{error} (features {features:?})"));
+                shader
+                    .validate()
+                    .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
             }
         }
     }
@@ -57,19 +91,40 @@ fn passes_declare_what_their_shaders_read_and_write() {
     let library = ShaderLibrary::embedded();
     let features = with(FEATURES);
     for pass in passes::ALL {
-        let shader = library.compile(&shader_name(pass), &specialised(pass, &features, false)).unwrap();
+        let shader = library
+            .compile(&shader_name(pass), &specialised(pass, &features, false))
+            .unwrap();
         let bindings = reflect_bindings(&shader).unwrap();
         let names = |kind: BindingKind| -> BTreeSet<&str> {
             bindings
                 .iter()
-                .filter(|binding| binding.kind == kind && (!SCENE.contains(&binding.name.as_str()) || kind == BindingKind::ReadWrite))
+                .filter(|binding| {
+                    binding.kind == kind
+                        && (!SCENE.contains(&binding.name.as_str())
+                            || kind == BindingKind::ReadWrite)
+                })
                 .map(|binding| binding.name.as_str())
                 .collect()
         };
-        assert_eq!(names(BindingKind::Read), pass.reads.iter().copied().collect(), "{} reads", pass.name);
-        assert_eq!(names(BindingKind::ReadWrite), pass.writes.iter().copied().collect(), "{} writes", pass.name);
+        assert_eq!(
+            names(BindingKind::Read),
+            pass.reads.iter().copied().collect(),
+            "{} reads",
+            pass.name
+        );
+        assert_eq!(
+            names(BindingKind::ReadWrite),
+            pass.writes.iter().copied().collect(),
+            "{} writes",
+            pass.name
+        );
         let slots: BTreeSet<u32> = bindings.iter().map(|binding| binding.slot).collect();
-        assert_eq!(slots.len(), bindings.len(), "{}: two bindings share a slot", pass.name);
+        assert_eq!(
+            slots.len(),
+            bindings.len(),
+            "{}: two bindings share a slot",
+            pass.name
+        );
     }
 }
 
@@ -79,19 +134,33 @@ fn every_shader_file_is_a_pass_or_is_imported_by_one() {
     let passes: BTreeSet<String> = passes::ALL.iter().map(|pass| shader_name(pass)).collect();
     for name in library.names() {
         if name.starts_with("passes/") {
-            assert!(passes.contains(name), "shaders/{name}.wesl belongs to no pass");
+            assert!(
+                passes.contains(name),
+                "shaders/{name}.wesl belongs to no pass"
+            );
         }
     }
-    assert!(passes.iter().all(|pass| library.names().any(|name| name == pass)));
+    assert!(
+        passes
+            .iter()
+            .all(|pass| library.names().any(|name| name == pass))
+    );
 }
 
 #[test]
 fn rows_of_workgroups_agree_between_host_and_shaders() {
     let library = ShaderLibrary::embedded();
-    for name in ["passes/scan_blocks", "passes/grid_setup", "passes/fill_setup", "passes/cell_count"] {
+    for name in [
+        "passes/scan_blocks",
+        "passes/grid_setup",
+        "passes/fill_setup",
+        "passes/cell_count",
+    ] {
         let shader = library.compile(name, &ShaderFeatures::new()).unwrap();
         assert!(
-            shader.wgsl.contains(&format!("ROW_GROUPS: u32 = {ROW_GROUPS}u")) ,
+            shader
+                .wgsl
+                .contains(&format!("ROW_GROUPS: u32 = {ROW_GROUPS}u")),
             "{name} counts rows of another width than the host"
         );
     }
@@ -101,8 +170,18 @@ fn rows_of_workgroups_agree_between_host_and_shaders() {
 fn broken_shaders_are_errors_that_name_the_module() {
     let mut library = ShaderLibrary::embedded();
     library.insert("passes/scan_sums", "fn main() { let x = ; }");
-    let error = library.compile("passes/scan_sums", &ShaderFeatures::new()).err().expect("a syntax error");
+    let error = library
+        .compile("passes/scan_sums", &ShaderFeatures::new())
+        .err()
+        .expect("a syntax error");
     assert!(error.to_string().contains("passes/scan_sums"), "{error}");
-    library.insert("passes/scan_sums", "@compute @workgroup_size(1) fn main() { let x: u32 = 1.5; }");
-    assert!(library.compile("passes/scan_sums", &ShaderFeatures::new()).is_err());
+    library.insert(
+        "passes/scan_sums",
+        "@compute @workgroup_size(1) fn main() { let x: u32 = 1.5; }",
+    );
+    assert!(
+        library
+            .compile("passes/scan_sums", &ShaderFeatures::new())
+            .is_err()
+    );
 }

@@ -37,8 +37,16 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         })
         .collect();
     let cell_mean = |row: usize, column: usize| -> [f64; 3] {
-        let rows = [(row.saturating_sub(1), 0.125), (row, 0.75), ((row + 1).min(height - 1), 0.125)];
-        let columns = [((column + width - 1) % width, 0.125), (column, 0.75), ((column + 1) % width, 0.125)];
+        let rows = [
+            (row.saturating_sub(1), 0.125),
+            (row, 0.75),
+            ((row + 1).min(height - 1), 0.125),
+        ];
+        let columns = [
+            ((column + width - 1) % width, 0.125),
+            (column, 0.75),
+            ((column + 1) % width, 0.125),
+        ];
         let mut mean = [0.0; 3];
         for (y, row_share) in rows {
             for (x, column_share) in columns {
@@ -93,10 +101,17 @@ fn push_cumulative(cdf: &mut Vec<f32>, weights: &[f64]) {
     let total: f64 = weights.iter().sum();
     let mut sum = 0.0;
     // From the last weight above 0 on it is 1, so that rounding leaves no probability to what is black.
-    let last = weights.iter().rposition(|weight| *weight > 0.0).unwrap_or(weights.len() - 1);
+    let last = weights
+        .iter()
+        .rposition(|weight| *weight > 0.0)
+        .unwrap_or(weights.len() - 1);
     for (index, weight) in weights.iter().enumerate() {
         sum += weight;
-        let share = if total > 0.0 { sum / total } else { (index + 1) as f64 / weights.len() as f64 };
+        let share = if total > 0.0 {
+            sum / total
+        } else {
+            (index + 1) as f64 / weights.len() as f64
+        };
         cdf.push(if index >= last { 1.0 } else { share as f32 });
     }
 }
@@ -127,10 +142,14 @@ mod tests {
 
     #[test]
     fn a_lone_texel_gives_its_neighbours_a_share() {
-        let packed = pack_environment(&environment(8, 4, |i| [if i == 8 + 3 { 64.0 } else { 0.0 }; 3])).unwrap();
+        let packed = pack_environment(&environment(8, 4, |i| {
+            [if i == 8 + 3 { 64.0 } else { 0.0 }; 3]
+        }))
+        .unwrap();
         let row = &packed.cdf[4 + 8..4 + 16];
-        let shares: Vec<f32> =
-            (0..8).map(|i| row[i] - if i == 0 { 0.0 } else { row[i - 1] }).collect();
+        let shares: Vec<f32> = (0..8)
+            .map(|i| row[i] - if i == 0 { 0.0 } else { row[i - 1] })
+            .collect();
         assert_eq!(shares[..2], [0.0, 0.0]);
         for (share, wanted) in shares[2..5].iter().zip([0.125, 0.75, 0.125]) {
             assert!((share - wanted).abs() < 1e-6, "{shares:?}");

@@ -11,7 +11,8 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DVec3};
 
 use crate::gpu::types::light::{
-    LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light, LightAlias,
+    LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light,
+    LightAlias,
 };
 use crate::scene::{LightKind, Mesh, Scene};
 
@@ -47,7 +48,13 @@ pub struct LightKinds {
 impl Default for LightKinds {
     /// All of them.
     fn default() -> Self {
-        Self { emitters: true, points: true, spots: true, directionals: true, environment: true }
+        Self {
+            emitters: true,
+            points: true,
+            spots: true,
+            directionals: true,
+            environment: true,
+        }
     }
 }
 
@@ -61,7 +68,11 @@ pub struct TriangleOrder {
 impl TriangleOrder {
     /// From the packed `triangle_vertices`, whose fourth word is the original index; `first_triangle[m]` is where
     /// mesh m begins.
-    pub fn from_leaf_order(scene: &Scene, first_triangle: &[u32], triangle_vertices: &[[u32; 4]]) -> Self {
+    pub fn from_leaf_order(
+        scene: &Scene,
+        first_triangle: &[u32],
+        triangle_vertices: &[[u32; 4]],
+    ) -> Self {
         let leaf_of_triangle = scene
             .meshes
             .iter()
@@ -69,8 +80,11 @@ impl TriangleOrder {
             .map(|(mesh, first)| {
                 let mut leaf_of = vec![0; mesh.triangles.len()];
                 let start = *first as usize;
-                for (offset, words) in
-                    triangle_vertices.iter().skip(start).take(mesh.triangles.len()).enumerate()
+                for (offset, words) in triangle_vertices
+                    .iter()
+                    .skip(start)
+                    .take(mesh.triangles.len())
+                    .enumerate()
                 {
                     if let Some(slot) = leaf_of.get_mut(words[3] as usize) {
                         *slot = (start + offset) as u32;
@@ -150,16 +164,23 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
     let (center, radius) = bounding_sphere(scene, origin_in_world);
 
     if let Some(environment) = sources.environment.filter(|_| sources.kinds.environment) {
-        let power = environment.integral.map(|integral| PI * radius * radius * integral);
+        let power = environment
+            .integral
+            .map(|integral| PI * radius * radius * integral);
         packed.positions_in_world.push(center);
-        packed.push(&mut weights, power, 1.0, Light {
-            kind: LIGHT_ENVIRONMENT,
-            direction: [0.0, 0.0, 1.0],
-            scene_radius: radius as f32,
-            instance: environment.width,
-            triangle: environment.height,
-            ..Light::default()
-        });
+        packed.push(
+            &mut weights,
+            power,
+            1.0,
+            Light {
+                kind: LIGHT_ENVIRONMENT,
+                direction: [0.0, 0.0, 1.0],
+                scene_radius: radius as f32,
+                instance: environment.width,
+                triangle: environment.height,
+                ..Light::default()
+            },
+        );
     }
     push_punctual(&mut packed, &mut weights, sources, center, radius);
     packed.origin_dependent = packed.records.len();
@@ -180,7 +201,13 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
 
 impl PackedLights {
     fn push(&mut self, weights: &mut Vec<f64>, power: [f64; 3], boost: f64, record: Light) {
-        let power = power.map(|channel| if channel.is_finite() { channel.max(0.0) } else { 0.0 });
+        let power = power.map(|channel| {
+            if channel.is_finite() {
+                channel.max(0.0)
+            } else {
+                0.0
+            }
+        });
         for (total, channel) in self.total_power.iter_mut().zip(power) {
             *total += channel;
         }
@@ -191,10 +218,12 @@ impl PackedLights {
 
 /// Centre and radius of a sphere around the scene, world space.
 fn bounding_sphere(scene: &Scene, origin_in_world: DVec3) -> (DVec3, f64) {
-    scene.bounds_in_world().map_or((origin_in_world, 0.0), |bounds| {
-        let center = bounds.center();
-        (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
-    })
+    scene
+        .bounds_in_world()
+        .map_or((origin_in_world, 0.0), |bounds| {
+            let center = bounds.center();
+            (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
+        })
 }
 
 fn push_punctual(
@@ -221,7 +250,10 @@ fn push_punctual(
                 record.kind = LIGHT_POINT;
                 intensity.map(|intensity| 4.0 * PI * intensity)
             }
-            LightKind::Spot { inner_cone_rad, outer_cone_rad } if sources.kinds.spots => {
+            LightKind::Spot {
+                inner_cone_rad,
+                outer_cone_rad,
+            } if sources.kinds.spots => {
                 let (scale, offset) = spot_falloff(inner_cone_rad, outer_cone_rad);
                 record.kind = LIGHT_SPOT;
                 record.spot_scale = scale as f32;
@@ -285,13 +317,18 @@ fn push_triangles(packed: &mut PackedLights, weights: &mut Vec<f64>, sources: &L
                 .and_then(|leaf_of| leaf_of.get(glow.triangle))
                 .copied()
                 .unwrap_or_default();
-            packed.push(weights, glow.mean.map(|mean| PI * area * sides * mean), glow.boost, Light {
-                kind: LIGHT_TRIANGLE,
-                radiance: glow.mean.map(|mean| mean as f32),
-                instance: instance_index as u32,
-                triangle: leaf,
-                ..Light::default()
-            });
+            packed.push(
+                weights,
+                glow.mean.map(|mean| PI * area * sides * mean),
+                glow.boost,
+                Light {
+                    kind: LIGHT_TRIANGLE,
+                    radiance: glow.mean.map(|mean| mean as f32),
+                    instance: instance_index as u32,
+                    triangle: leaf,
+                    ..Light::default()
+                },
+            );
         }
     }
 }
@@ -316,23 +353,40 @@ fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
     let corners = mesh.triangles[triangle].vertices;
     let material = &scene.materials[mesh.triangles[triangle].material as usize];
     let factor = material.emission.map(|channel| f64::from(channel.max(0.0)));
-    let mut glow = Glow { triangle, mean: factor, boost: 1.0, double_sided: material.double_sided };
+    let mut glow = Glow {
+        triangle,
+        mean: factor,
+        boost: 1.0,
+        double_sided: material.double_sided,
+    };
     let Some(reference) = material.emissive_texture else {
         return glow;
     };
-    let uv_set = if reference.uv_set == 1 { &mesh.uv1 } else { &mesh.uv0 };
+    let uv_set = if reference.uv_set == 1 {
+        &mesh.uv1
+    } else {
+        &mesh.uv0
+    };
     let m = reference.texcoord_from_uv.map(f64::from);
     let texcoords = corners.map(|vertex| {
-        let [u, v] = uv_set.get(vertex as usize).copied().unwrap_or_default().map(f64::from);
+        let [u, v] = uv_set
+            .get(vertex as usize)
+            .copied()
+            .unwrap_or_default()
+            .map(f64::from);
         [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]]
     });
     let image = scene
         .textures
         .get(reference.texture as usize)
         .and_then(|texture| scene.images.get(texture.image as usize));
-    let size = image.map_or([1.0; 2], |image| [f64::from(image.width), f64::from(image.height)]);
+    let size = image.map_or([1.0; 2], |image| {
+        [f64::from(image.width), f64::from(image.height)]
+    });
     let reach = |a: usize, b: usize| -> f64 {
-        (0..2).map(|axis| ((texcoords[a][axis] - texcoords[b][axis]) * size[axis]).abs()).fold(0.0, f64::max)
+        (0..2)
+            .map(|axis| ((texcoords[a][axis] - texcoords[b][axis]) * size[axis]).abs())
+            .fold(0.0, f64::max)
     };
     let texels = reach(0, 1).max(reach(1, 2)).max(reach(2, 0));
     // `as` saturates; NaN gives 0.
@@ -357,9 +411,17 @@ fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
     for row in 0..steps {
         for column in 0..steps - row {
             // Centroids of the upright and of the inverted small triangles.
-            add((row as f64 + 1.0 / 3.0) * step, (column as f64 + 1.0 / 3.0) * step, 1.0);
+            add(
+                (row as f64 + 1.0 / 3.0) * step,
+                (column as f64 + 1.0 / 3.0) * step,
+                1.0,
+            );
             if column + 1 < steps - row {
-                add((row as f64 + 2.0 / 3.0) * step, (column as f64 + 2.0 / 3.0) * step, 1.0);
+                add(
+                    (row as f64 + 2.0 / 3.0) * step,
+                    (column as f64 + 2.0 / 3.0) * step,
+                    1.0,
+                );
             }
         }
     }
@@ -377,7 +439,11 @@ fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
     if level < floor {
         // A dark triangle has no power to raise: lend it the floor.
         glow.boost = if level > 0.0 { floor / level } else { 1.0 };
-        glow.mean = if level > 0.0 { mean } else { factor.map(|channel| channel * LEAST_SHARE * LEAST_SHARE) };
+        glow.mean = if level > 0.0 {
+            mean
+        } else {
+            factor.map(|channel| channel * LEAST_SHARE * LEAST_SHARE)
+        };
     } else {
         glow.mean = mean;
     }
@@ -387,21 +453,42 @@ fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
 /// Shares of the total; all 0 without power.
 fn probabilities(weights: &[f64]) -> Vec<f64> {
     let total: f64 = weights.iter().sum();
-    weights.iter().map(|weight| if total > 0.0 { weight / total } else { 0.0 }).collect()
+    weights
+        .iter()
+        .map(|weight| if total > 0.0 { weight / total } else { 0.0 })
+        .collect()
 }
 
 /// Vose 1991, "A linear algorithm for generating random numbers with a given distribution", behind a header entry.
 fn alias_table(probabilities: &[f64]) -> Vec<LightAlias> {
     let count = probabilities.len();
     // Without power nothing can be picked.
-    let usable = if probabilities.iter().any(|probability| *probability > 0.0) { count } else { 0 };
-    let mut table = vec![LightAlias { threshold: 0.0, alias_index: usable as u32 }];
-    let mut scaled: Vec<f64> = probabilities.iter().map(|probability| probability * count as f64).collect();
-    let mut entries: Vec<LightAlias> =
-        (0..count).map(|index| LightAlias { threshold: 1.0, alias_index: index as u32 }).collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..count).partition(|index| scaled[*index] < 1.0);
+    let usable = if probabilities.iter().any(|probability| *probability > 0.0) {
+        count
+    } else {
+        0
+    };
+    let mut table = vec![LightAlias {
+        threshold: 0.0,
+        alias_index: usable as u32,
+    }];
+    let mut scaled: Vec<f64> = probabilities
+        .iter()
+        .map(|probability| probability * count as f64)
+        .collect();
+    let mut entries: Vec<LightAlias> = (0..count)
+        .map(|index| LightAlias {
+            threshold: 1.0,
+            alias_index: index as u32,
+        })
+        .collect();
+    let (mut small, mut large): (Vec<usize>, Vec<usize>) =
+        (0..count).partition(|index| scaled[*index] < 1.0);
     while let (Some(less), Some(more)) = (small.pop(), large.last().copied()) {
-        entries[less] = LightAlias { threshold: scaled[less] as f32, alias_index: more as u32 };
+        entries[less] = LightAlias {
+            threshold: scaled[less] as f32,
+            alias_index: more as u32,
+        };
         scaled[more] -= 1.0 - scaled[less];
         if scaled[more] < 1.0 {
             large.pop();
@@ -409,10 +496,15 @@ fn alias_table(probabilities: &[f64]) -> Vec<LightAlias> {
         }
     }
     // What is left is 1 up to rounding, except lights without power that rounding stranded.
-    if let Some(brightest) = (0..count).max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b])) {
+    if let Some(brightest) =
+        (0..count).max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))
+    {
         for (index, entry) in entries.iter_mut().enumerate() {
             if probabilities[index] == 0.0 && entry.threshold > 0.0 {
-                *entry = LightAlias { threshold: 0.0, alias_index: brightest as u32 };
+                *entry = LightAlias {
+                    threshold: 0.0,
+                    alias_index: brightest as u32,
+                };
             }
         }
     }

@@ -15,7 +15,11 @@ const DARKEST_ATTENUATION: f32 = 1.0e-30;
 
 /// Packs all materials of the scene in order. Slots whose texture `textures` left out read no texture.
 pub fn pack_materials(scene: &Scene, textures: &PackedTextures) -> Vec<Material> {
-    scene.materials.iter().map(|material| pack_material(material, textures)).collect()
+    scene
+        .materials
+        .iter()
+        .map(|material| pack_material(material, textures))
+        .collect()
 }
 
 fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Material {
@@ -40,7 +44,11 @@ fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Mater
         specular_color: material.specular_color,
         specular: material.specular,
         attenuation_per_m: attenuation_per_m(material),
-        ior: if material.ior > 0.0 { material.ior } else { INFINITE_IOR },
+        ior: if material.ior > 0.0 {
+            material.ior
+        } else {
+            INFINITE_IOR
+        },
         metallic: material.metallic,
         roughness: material.roughness,
         transmission: material.transmission,
@@ -67,7 +75,7 @@ fn attenuation_per_m(material: &scene::Material) -> [f32; 3] {
     }
     material.attenuation_color.map(|color| {
         let exponent = -color.clamp(DARKEST_ATTENUATION, 1.0).ln() / distance;
-        exponent.min(f32::MAX).max(0.0)
+        exponent.clamp(0.0, f32::MAX)
     })
 }
 
@@ -75,13 +83,22 @@ fn pack_slot(reference: Option<TextureRef>, textures: &PackedTextures) -> Textur
     let Some(reference) = reference else {
         return TextureSlot::NONE;
     };
-    let Some(info) = textures.info_of_texture.get(reference.texture as usize).copied().flatten() else {
+    let Some(info) = textures
+        .info_of_texture
+        .get(reference.texture as usize)
+        .copied()
+        .flatten()
+    else {
         return TextureSlot::NONE;
     };
     let [m0, m1, m2, m3, m4, m5] = reference.texcoord_from_uv;
     TextureSlot {
         row_u: [m0, m1, m2],
-        info: if reference.uv_set == 1 { info | TEXTURE_UV1_BIT } else { info },
+        info: if reference.uv_set == 1 {
+            info | TEXTURE_UV1_BIT
+        } else {
+            info
+        },
         row_v: [m3, m4, m5],
         reserved: 0,
     }
@@ -93,7 +110,10 @@ mod tests {
     use crate::gpu::types::material::NO_TEXTURE;
 
     fn packed(material: scene::Material) -> Material {
-        let scene = Scene { materials: vec![material], ..Scene::default() };
+        let scene = Scene {
+            materials: vec![material],
+            ..Scene::default()
+        };
         pack_materials(&scene, &PackedTextures::default())[0]
     }
 
@@ -108,7 +128,10 @@ mod tests {
         assert!((left[0] - 0.25).abs() < 1e-6);
         assert_eq!(material.attenuation_per_m[1], 0.0);
         assert!(left[2] < 1e-29 && material.attenuation_per_m[2].is_finite());
-        assert_eq!(packed(scene::Material::default()).attenuation_per_m, [0.0; 3]);
+        assert_eq!(
+            packed(scene::Material::default()).attenuation_per_m,
+            [0.0; 3]
+        );
     }
 
     #[test]
@@ -120,7 +143,10 @@ mod tests {
         });
         assert_eq!(mask.flags, MATERIAL_ALPHA_MASK | MATERIAL_DOUBLE_SIDED);
         assert_eq!(mask.alpha_cutoff, 0.3);
-        let blend = packed(scene::Material { alpha_mode: AlphaMode::Blend, ..scene::Material::default() });
+        let blend = packed(scene::Material {
+            alpha_mode: AlphaMode::Blend,
+            ..scene::Material::default()
+        });
         assert_eq!(blend.flags, MATERIAL_ALPHA_BLEND);
     }
 

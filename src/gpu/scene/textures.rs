@@ -42,20 +42,41 @@ pub(super) fn materials_in_use(scene: &Scene) -> Vec<bool> {
 /// never scaled silently.
 pub fn pack_textures(scene: &Scene, budget_bytes: u64) -> Result<PackedTextures, PackError> {
     let mut wanted = vec![false; scene.textures.len()];
-    for (material, _) in scene.materials.iter().zip(materials_in_use(scene)).filter(|(_, used)| *used) {
-        for reference in material.texture_slots().iter().filter_map(|(_, reference)| *reference) {
+    for (material, _) in scene
+        .materials
+        .iter()
+        .zip(materials_in_use(scene))
+        .filter(|(_, used)| *used)
+    {
+        for reference in material
+            .texture_slots()
+            .iter()
+            .filter_map(|(_, reference)| *reference)
+        {
             if let Some(slot) = wanted.get_mut(reference.texture as usize) {
                 *slot = true;
             }
         }
     }
     let mut image_used = vec![false; scene.images.len()];
-    for (texture, _) in scene.textures.iter().zip(&wanted).filter(|(_, wanted)| **wanted) {
+    for (texture, _) in scene
+        .textures
+        .iter()
+        .zip(&wanted)
+        .filter(|(_, wanted)| **wanted)
+    {
         if let Some(slot) = image_used.get_mut(texture.image as usize) {
             *slot = true;
         }
     }
-    let used = || scene.images.iter().zip(&image_used).filter(|(_, used)| **used).map(|(image, _)| image);
+    let used = || {
+        scene
+            .images
+            .iter()
+            .zip(&image_used)
+            .filter(|(_, used)| **used)
+            .map(|(image, _)| image)
+    };
     let bytes: u64 = used().map(byte_count).sum();
     if bytes > budget_bytes.min(u64::from(u32::MAX) * 4) {
         let largest = used()
@@ -79,7 +100,9 @@ pub fn pack_textures(scene: &Scene, budget_bytes: u64) -> Result<PackedTextures,
             let offset = packed.texels.len() as u32;
             if *used {
                 let texels = image.rgba8.chunks_exact(4);
-                packed.texels.extend(texels.map(|t| u32::from_le_bytes([t[0], t[1], t[2], t[3]])));
+                packed
+                    .texels
+                    .extend(texels.map(|t| u32::from_le_bytes([t[0], t[1], t[2], t[3]])));
             }
             offset
         })
@@ -137,7 +160,11 @@ fn wrap_texel(index: i64, size: i64, wrap: Wrap) -> i64 {
         Wrap::Repeat => index.rem_euclid(size),
         Wrap::Mirror => {
             let wrapped = index.rem_euclid(2 * size);
-            if wrapped < size { wrapped } else { 2 * size - 1 - wrapped }
+            if wrapped < size {
+                wrapped
+            } else {
+                2 * size - 1 - wrapped
+            }
         }
     }
 }
@@ -148,7 +175,11 @@ pub fn sample_image(scene: &Scene, texture: u32, texcoord: [f64; 2], is_srgb: bo
     let Some(texture) = scene.textures.get(texture as usize) else {
         return [1.0; 4];
     };
-    let Some(image) = scene.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0) else {
+    let Some(image) = scene
+        .images
+        .get(texture.image as usize)
+        .filter(|i| i.width > 0 && i.height > 0)
+    else {
         return [1.0; 4];
     };
     let (width, height) = (i64::from(image.width), i64::from(image.height));
@@ -158,7 +189,11 @@ pub fn sample_image(scene: &Scene, texture: u32, texcoord: [f64; 2], is_srgb: bo
         let start = ((row * width + column) * 4) as usize;
         std::array::from_fn(|channel| {
             let value = f64::from(image.rgba8.get(start + channel).copied().unwrap_or(255)) / 255.0;
-            if is_srgb && channel < 3 { linear_from_srgb(value) } else { value }
+            if is_srgb && channel < 3 {
+                linear_from_srgb(value)
+            } else {
+                value
+            }
         })
     };
     let (x, y) = (texcoord[0] * width as f64, texcoord[1] * height as f64);
@@ -168,7 +203,12 @@ pub fn sample_image(scene: &Scene, texture: u32, texcoord: [f64; 2], is_srgb: bo
     let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
     let (right_share, bottom_share) = (x - 0.5 - left, y - 0.5 - top);
     let (left, top) = (left as i64, top as i64);
-    let corners = [fetch(left, top), fetch(left + 1, top), fetch(left, top + 1), fetch(left + 1, top + 1)];
+    let corners = [
+        fetch(left, top),
+        fetch(left + 1, top),
+        fetch(left, top + 1),
+        fetch(left + 1, top + 1),
+    ];
     std::array::from_fn(|channel| {
         let upper = corners[0][channel] * (1.0 - right_share) + corners[1][channel] * right_share;
         let lower = corners[2][channel] * (1.0 - right_share) + corners[3][channel] * right_share;

@@ -30,16 +30,27 @@ impl UserBsdf {
 
     fn check(&self) -> Result<(), PackError> {
         let fail = |reason: &str| {
-            Err(PackError::UserBsdf { name: self.name.clone(), reason: reason.to_owned() })
+            Err(PackError::UserBsdf {
+                name: self.name.clone(),
+                reason: reason.to_owned(),
+            })
         };
         let mut letters = self.name.chars();
         let starts_well = letters.next().is_some_and(|c| c.is_ascii_alphabetic());
         if !starts_well || !letters.all(|c| c.is_ascii_alphanumeric() || c == '_') {
-            return fail("a name is ASCII letters, digits and underscores, and begins with a letter");
+            return fail(
+                "a name is ASCII letters, digits and underscores, and begins with a letter",
+            );
         }
         for function in ["eval", "pdf", "sample"] {
-            if !self.source.contains(&format!("fn {}_{function}(", self.name)) {
-                return fail(&format!("its source defines no fn {}_{function}(...)", self.name));
+            if !self
+                .source
+                .contains(&format!("fn {}_{function}(", self.name))
+            {
+                return fail(&format!(
+                    "its source defines no fn {}_{function}(...)",
+                    self.name
+                ));
             }
         }
         Ok(())
@@ -50,7 +61,10 @@ impl UserBsdf {
 ///
 /// # Errors
 /// [`PackError::UserBsdf`] for a name that is no identifier or is there twice, or a missing function.
-pub fn install_user_bsdfs(library: &mut ShaderLibrary, bsdfs: &[UserBsdf]) -> Result<(), PackError> {
+pub fn install_user_bsdfs(
+    library: &mut ShaderLibrary,
+    bsdfs: &[UserBsdf],
+) -> Result<(), PackError> {
     for (index, bsdf) in bsdfs.iter().enumerate() {
         bsdf.check()?;
         if bsdfs[..index].iter().any(|other| other.name == bsdf.name) {
@@ -69,12 +83,14 @@ pub fn install_user_bsdfs(library: &mut ShaderLibrary, bsdfs: &[UserBsdf]) -> Re
 
 /// The module `shared/bsdf_user` for these BSDFs: imports and three switches over `b.user`.
 pub fn user_bsdf_dispatch(bsdfs: &[UserBsdf]) -> String {
-    let mut text = String::from(
-        "import package::shared::bsdf_types::{Bsdf, BsdfSample, bsdf_no_sample};\n",
-    );
+    let mut text =
+        String::from("import package::shared::bsdf_types::{Bsdf, BsdfSample, bsdf_no_sample};\n");
     for UserBsdf { name, .. } in bsdfs {
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "import package::user::{name}::{{{name}_eval, {name}_pdf, {name}_sample}};");
+        let _ = writeln!(
+            text,
+            "import package::user::{name}::{{{name}_eval, {name}_pdf, {name}_sample}};"
+        );
     }
     for (function, argument, result, default) in [
         ("eval", "wi: vec3f", "vec3f", "vec3f(0.0)"),
@@ -82,11 +98,17 @@ pub fn user_bsdf_dispatch(bsdfs: &[UserBsdf]) -> String {
         ("sample", "u: vec3f", "BsdfSample", "bsdf_no_sample()"),
     ] {
         let passed = &argument[..argument.find(':').unwrap_or(argument.len())];
-        let _ = writeln!(text, "\nfn user_bsdf_{function}(b: Bsdf, wo: vec3f, {argument}) -> {result} {{");
+        let _ = writeln!(
+            text,
+            "\nfn user_bsdf_{function}(b: Bsdf, wo: vec3f, {argument}) -> {result} {{"
+        );
         let _ = writeln!(text, "    switch b.user {{");
         for (index, UserBsdf { name, .. }) in bsdfs.iter().enumerate() {
             let number = index + 1;
-            let _ = writeln!(text, "        case {number}u: {{ return {name}_{function}(b, wo, {passed}); }}");
+            let _ = writeln!(
+                text,
+                "        case {number}u: {{ return {name}_{function}(b, wo, {passed}); }}"
+            );
         }
         let _ = writeln!(text, "        default: {{ return {default}; }}\n    }}\n}}");
     }
@@ -115,10 +137,16 @@ mod tests {
     fn bad_names_and_missing_functions_are_errors() {
         let mut library = ShaderLibrary::embedded();
         for bad in ["", "1st", "a b", "sh\u{e9}en"] {
-            assert!(install_user_bsdfs(&mut library, &[bsdf(bad)]).is_err(), "{bad}");
+            assert!(
+                install_user_bsdfs(&mut library, &[bsdf(bad)]).is_err(),
+                "{bad}"
+            );
         }
         assert!(install_user_bsdfs(&mut library, &[bsdf("a"), bsdf("a")]).is_err());
-        let incomplete = UserBsdf { name: "sheen".to_owned(), source: "fn sheen_eval(".to_owned() };
+        let incomplete = UserBsdf {
+            name: "sheen".to_owned(),
+            source: "fn sheen_eval(".to_owned(),
+        };
         let error = install_user_bsdfs(&mut library, &[incomplete]).unwrap_err();
         assert!(error.to_string().contains("sheen_pdf"), "{error}");
         assert!(install_user_bsdfs(&mut library, &[bsdf("sheen")]).is_ok());

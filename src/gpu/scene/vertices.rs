@@ -33,7 +33,11 @@ pub fn pack_vertices(scene: &Scene) -> PackedVertices {
             packed.vertices.push(Vertex {
                 normal: mesh.normals.get(index).copied().unwrap_or_default(),
                 color_rg: unorm16x2(red, green),
-                tangent: mesh.tangents.get(index).copied().unwrap_or([0.0, 0.0, 0.0, 1.0]),
+                tangent: mesh
+                    .tangents
+                    .get(index)
+                    .copied()
+                    .unwrap_or([0.0, 0.0, 0.0, 1.0]),
                 uv0: mesh.uv0.get(index).copied().unwrap_or_default(),
                 uv1: mesh.uv1.get(index).copied().unwrap_or_default(),
                 color_ba: unorm16x2(blue, alpha),

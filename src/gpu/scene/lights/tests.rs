@@ -1,17 +1,34 @@
 use super::*;
-use crate::scene::{Filter, Image, Material, MeshTriangle, Node, PunctualLight, Texture, TextureRef, Wrap};
+use crate::scene::{
+    Filter, Image, Material, MeshTriangle, Node, PunctualLight, Texture, TextureRef, Wrap,
+};
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
-    Node { name: String::new(), parent: None, children: Vec::new(), parent_from_node, mesh, light, camera: None }
+    Node {
+        name: String::new(),
+        parent: None,
+        children: Vec::new(),
+        parent_from_node,
+        mesh,
+        light,
+        camera: None,
+    }
 }
 
 /// One mesh of a dark and three glowing unit right triangles, placed twice (the second twice as large), and a lamp.
 fn scene() -> Scene {
-    let triangle = |material| MeshTriangle { vertices: [0, 1, 2], material };
+    let triangle = |material| MeshTriangle {
+        vertices: [0, 1, 2],
+        material,
+    };
     Scene {
         nodes: vec![
             node(Some(0), None, DAffine3::IDENTITY),
-            node(None, Some(0), DAffine3::from_translation(DVec3::new(0.0, 7.0, 0.0))),
+            node(
+                None,
+                Some(0),
+                DAffine3::from_translation(DVec3::new(0.0, 7.0, 0.0)),
+            ),
             node(Some(0), None, DAffine3::from_scale(DVec3::splat(2.0))),
         ],
         roots: vec![0, 1, 2],
@@ -23,24 +40,45 @@ fn scene() -> Scene {
         }],
         materials: vec![
             Material::lambert("dark", [0.5; 3]),
-            Material { emission: [2.0, 1.0, 0.0], ..Material::lambert("glow", [0.0; 3]) },
-            Material { emission: [4.0; 3], double_sided: true, ..Material::lambert("both", [0.0; 3]) },
+            Material {
+                emission: [2.0, 1.0, 0.0],
+                ..Material::lambert("glow", [0.0; 3])
+            },
+            Material {
+                emission: [4.0; 3],
+                double_sided: true,
+                ..Material::lambert("both", [0.0; 3])
+            },
         ],
-        lights: vec![PunctualLight { name: String::new(), kind: LightKind::Point, intensity: [1.0; 3] }],
+        lights: vec![PunctualLight {
+            name: String::new(),
+            kind: LightKind::Point,
+            intensity: [1.0; 3],
+        }],
         ..Scene::default()
     }
 }
 
 fn packed(scene: &Scene) -> PackedLights {
-    let order = TriangleOrder { leaf_of_triangle: vec![vec![3, 2, 1, 0]] };
-    let sources = LightSources { scene, environment: None, order: &order, kinds: LightKinds::default() };
+    let order = TriangleOrder {
+        leaf_of_triangle: vec![vec![3, 2, 1, 0]],
+    };
+    let sources = LightSources {
+        scene,
+        environment: None,
+        order: &order,
+        kinds: LightKinds::default(),
+    };
     pack_lights(&sources, DVec3::new(0.0, 5.0, 0.0))
 }
 
 #[test]
 fn ordinals_count_emissive_triangles_in_the_meshs_order() {
     let scene = scene();
-    assert_eq!(emitter_ordinals(&scene, &scene.meshes[0]), [0, NO_EMITTER, 1, 2]);
+    assert_eq!(
+        emitter_ordinals(&scene, &scene.meshes[0]),
+        [0, NO_EMITTER, 1, 2]
+    );
 }
 
 #[test]
@@ -53,7 +91,10 @@ fn records_lie_where_instances_and_ordinals_say() {
     assert_eq!(lights.records[0].kind, LIGHT_POINT);
     assert_eq!(lights.records[0].position, [0.0, 2.0, 0.0]);
     let second = &lights.records[4 + 2];
-    assert_eq!((second.kind, second.instance, second.triangle), (LIGHT_TRIANGLE, 1, 0));
+    assert_eq!(
+        (second.kind, second.instance, second.triangle),
+        (LIGHT_TRIANGLE, 1, 0)
+    );
 }
 
 #[test]
@@ -82,12 +123,35 @@ fn only_leading_records_move_with_the_origin() {
 fn kinds_that_are_off_have_no_record() {
     let scene = scene();
     let order = TriangleOrder::default();
-    let kinds = LightKinds { emitters: false, ..LightKinds::default() };
-    let lights = pack_lights(&LightSources { scene: &scene, environment: None, order: &order, kinds }, DVec3::ZERO);
+    let kinds = LightKinds {
+        emitters: false,
+        ..LightKinds::default()
+    };
+    let lights = pack_lights(
+        &LightSources {
+            scene: &scene,
+            environment: None,
+            order: &order,
+            kinds,
+        },
+        DVec3::ZERO,
+    );
     assert_eq!(lights.records.len(), 1);
     assert_eq!(lights.first_emitter, [NO_EMITTER; 2]);
-    let kinds = LightKinds { emitters: false, points: false, ..LightKinds::default() };
-    let lights = pack_lights(&LightSources { scene: &scene, environment: None, order: &order, kinds }, DVec3::ZERO);
+    let kinds = LightKinds {
+        emitters: false,
+        points: false,
+        ..LightKinds::default()
+    };
+    let lights = pack_lights(
+        &LightSources {
+            scene: &scene,
+            environment: None,
+            order: &order,
+            kinds,
+        },
+        DVec3::ZERO,
+    );
     assert!(lights.records.is_empty());
     assert_eq!(lights.alias, [LightAlias::default()]);
 }
@@ -98,21 +162,34 @@ fn table_probabilities(table: &[LightAlias]) -> Vec<f64> {
     let mut probabilities = vec![0.0; count];
     for (index, entry) in table[1..].iter().enumerate() {
         probabilities[index] += f64::from(entry.threshold) / count as f64;
-        probabilities[entry.alias_index as usize] += (1.0 - f64::from(entry.threshold)) / count as f64;
+        probabilities[entry.alias_index as usize] +=
+            (1.0 - f64::from(entry.threshold)) / count as f64;
     }
     probabilities
 }
 
 #[test]
 fn the_alias_table_gives_every_light_its_share() {
-    for weights in [vec![1.0], vec![0.0, 1.0], vec![1.0, 2.0, 3.0, 0.0], (0..10_000).map(|i| f64::from(i * i)).collect()] {
+    for weights in [
+        vec![1.0],
+        vec![0.0, 1.0],
+        vec![1.0, 2.0, 3.0, 0.0],
+        (0..10_000).map(|i| f64::from(i * i)).collect(),
+    ] {
         let wanted = probabilities(&weights);
         let table = alias_table(&wanted);
         assert_eq!(table.len(), weights.len() + 1);
-        for (index, (given, wanted)) in table_probabilities(&table).iter().zip(&wanted).enumerate() {
+        for (index, (given, wanted)) in table_probabilities(&table).iter().zip(&wanted).enumerate()
+        {
             // Thresholds are f32: 2^-25 of a slot each.
-            assert!((given - wanted).abs() <= 6e-8, "light {index}: {given} for {wanted}");
-            assert!(*wanted > 0.0 || *given == 0.0, "light {index} has no power and is picked");
+            assert!(
+                (given - wanted).abs() <= 6e-8,
+                "light {index}: {given} for {wanted}"
+            );
+            assert!(
+                *wanted > 0.0 || *given == 0.0,
+                "light {index} has no power and is picked"
+            );
         }
     }
     assert_eq!(alias_table(&probabilities(&[0.0, 0.0]))[0].alias_index, 0);
@@ -127,9 +204,15 @@ fn spot_falloff_is_one_inside_zero_outside_and_integrates() {
         assert!(falloff(f64::from(outer).cos()) < 1e-9);
         let steps = 2_000_000;
         let step = 2.0 / f64::from(steps);
-        let sum: f64 = (0..steps).map(|i| falloff(-1.0 + (f64::from(i) + 0.5) * step) * step).sum();
+        let sum: f64 = (0..steps)
+            .map(|i| falloff(-1.0 + (f64::from(i) + 0.5) * step) * step)
+            .sum();
         let closed = spot_solid_angle(scale, offset);
-        assert!((sum * 2.0 * PI - closed).abs() < 1e-4 * closed + 1e-9, "{inner} {outer}: {closed}, sum {}", sum * 2.0 * PI);
+        assert!(
+            (sum * 2.0 * PI - closed).abs() < 1e-4 * closed + 1e-9,
+            "{inner} {outer}: {closed}, sum {}",
+            sum * 2.0 * PI
+        );
     }
     let (scale, offset) = spot_falloff(0.2, 0.6);
     assert_eq!((0.2f64.cos() * scale + offset).clamp(0.0, 1.0).round(), 1.0);
@@ -140,8 +223,18 @@ fn textured(white: usize, uv_scale: f32) -> Scene {
     let mut scene = scene();
     let mut rgba8 = vec![0; 64];
     rgba8[4 * white..4 * white + 4].fill(255);
-    scene.images.push(Image { name: String::new(), width: 4, height: 4, rgba8 });
-    scene.textures.push(Texture { image: 0, wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, filter: Filter::Nearest });
+    scene.images.push(Image {
+        name: String::new(),
+        width: 4,
+        height: 4,
+        rgba8,
+    });
+    scene.textures.push(Texture {
+        image: 0,
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Clamp,
+        filter: Filter::Nearest,
+    });
     scene.materials[1].emissive_texture = Some(TextureRef {
         texture: 0,
         uv_set: 0,

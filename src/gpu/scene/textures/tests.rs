@@ -3,7 +3,11 @@ use crate::scene::{Material, Mesh, MeshTriangle, Node, TextureRef};
 use glam::DAffine3;
 
 fn reference(texture: u32) -> Option<TextureRef> {
-    Some(TextureRef { texture, uv_set: 0, texcoord_from_uv: TextureRef::IDENTITY })
+    Some(TextureRef {
+        texture,
+        uv_set: 0,
+        texcoord_from_uv: TextureRef::IDENTITY,
+    })
 }
 
 fn image(name: &str, width: u32, height: u32) -> Image {
@@ -17,7 +21,12 @@ fn image(name: &str, width: u32, height: u32) -> Image {
 
 /// Two textures of one image, a second image that only an unused material reads, and one placed triangle.
 fn textured_scene() -> Scene {
-    let texture = |image| Texture { image, wrap_u: Wrap::Clamp, wrap_v: Wrap::Mirror, filter: Filter::Linear };
+    let texture = |image| Texture {
+        image,
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Mirror,
+        filter: Filter::Linear,
+    };
     Scene {
         nodes: vec![Node {
             name: String::new(),
@@ -31,18 +40,31 @@ fn textured_scene() -> Scene {
         roots: vec![0],
         meshes: vec![Mesh {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-            triangles: vec![MeshTriangle { vertices: [0, 1, 2], material: 1 }],
+            triangles: vec![MeshTriangle {
+                vertices: [0, 1, 2],
+                material: 1,
+            }],
             ..Mesh::default()
         }],
         materials: vec![
-            Material { base_color_texture: reference(0), ..Material::default() },
+            Material {
+                base_color_texture: reference(0),
+                ..Material::default()
+            },
             Material {
                 base_color_texture: reference(1),
                 normal_texture: reference(2),
                 ..Material::default()
             },
         ],
-        textures: vec![texture(0), texture(1), Texture { filter: Filter::Nearest, ..texture(1) }],
+        textures: vec![
+            texture(0),
+            texture(1),
+            Texture {
+                filter: Filter::Nearest,
+                ..texture(1)
+            },
+        ],
         images: vec![image("unused", 64, 64), image("used", 3, 2)],
         ..Scene::default()
     }
@@ -55,15 +77,24 @@ fn only_images_in_use_are_packed_and_shared_images_once() {
     assert_eq!(packed.texels[1], u32::from_le_bytes([4, 5, 6, 7]));
     assert_eq!(packed.info_of_texture, [None, Some(0), Some(1)]);
     assert_eq!(packed.infos[0].offset, packed.infos[1].offset);
-    assert_eq!(packed.infos[0].flags, TEXTURE_WRAP_CLAMP | (TEXTURE_WRAP_MIRROR << 2));
-    assert_eq!(packed.infos[1].flags, packed.infos[0].flags | TEXTURE_NEAREST_BIT);
+    assert_eq!(
+        packed.infos[0].flags,
+        TEXTURE_WRAP_CLAMP | (TEXTURE_WRAP_MIRROR << 2)
+    );
+    assert_eq!(
+        packed.infos[1].flags,
+        packed.infos[0].flags | TEXTURE_NEAREST_BIT
+    );
 }
 
 #[test]
 fn too_large_a_pool_is_an_error_that_names_the_size() {
     let error = pack_textures(&textured_scene(), 23).unwrap_err();
     let text = error.to_string();
-    assert!(text.contains("24 bytes") && text.contains("used, 3x2"), "{text}");
+    assert!(
+        text.contains("24 bytes") && text.contains("used, 3x2"),
+        "{text}"
+    );
     assert!(pack_textures(&textured_scene(), 24).is_ok());
 }
 
@@ -78,7 +109,11 @@ fn srgb_is_exact_at_its_joint_and_ends() {
 
 #[test]
 fn wraps_follow_gltf() {
-    let row = |wrap| (-4..8).map(|index| wrap_texel(index, 3, wrap)).collect::<Vec<_>>();
+    let row = |wrap| {
+        (-4..8)
+            .map(|index| wrap_texel(index, 3, wrap))
+            .collect::<Vec<_>>()
+    };
     assert_eq!(row(Wrap::Repeat), [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1]);
     assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2, 2]);
     assert_eq!(row(Wrap::Mirror), [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1]);
