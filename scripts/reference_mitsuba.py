@@ -10,8 +10,8 @@ Using:
         --fov "-19.65 19.65 19.65 -19.65" --max-depth 12 --spp 1024 --seeds 16 --out tests/reference/cornell
 
 writes NAME_mean.exr, NAME_se.exr (standard error of the mean of each pixel and channel, from the spread of the seeds'
-images) and NAME.json (the command, versions, the scene's hash, what was modelled). tests/reference/README.md lists the
-commands of the references that are kept.
+images) and NAME.json (the command, versions, the scene's hash, what was modelled).
+tests/reference/render_all.sh holds the commands of the references that are kept.
 
 Nothing is shared with the Rust program: this file reads glTF by itself, generates the camera's rays by itself, and
 leaves intersection, light sampling, path construction and the Lambert, mirror and smooth glass models to Mitsuba. The
@@ -25,7 +25,7 @@ Conventions where Mitsuba's differ and what is done about it:
 - `diffuse` reflects on the front only: wrapped in `twosided`;
 - `area` emits on the front only: a doubleSided emitter is given a second, turned copy a hair behind it;
 - `spot` falls off linearly in angle: a sum of such ramps interpolates glTF's smooth falloff (SPOT_RAMPS pieces);
-- `envmap` puts -Z at column 0 and row centres on the poles: the map is turned by half a turn and resampled finely;
+- `envmap` puts -Z at column 0 and row centres on the poles: the map is turned by half a turn, rows are added;
 - KHR_materials_transmission is solid glass with or without KHR_materials_volume.
 """
 
@@ -46,7 +46,6 @@ from urllib.parse import unquote
 import numpy as np
 
 SPOT_RAMPS = 24
-ENVIRONMENT_UPSAMPLING = 8
 RAYS_PER_LAUNCH = 1 << 20
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -435,17 +434,17 @@ class Builder:
         triangles = indices.astype("i8").reshape(-1, 3)
         if np.linalg.det(linear) < 0.0:
             triangles = triangles[:, ::-1]  # glTF: a mirroring transform turns the winding.
-        area = np.cross(
-            positions[triangles[:, 1]] - positions[triangles[:, 0]], positions[triangles[:, 2]] - positions[triangles[:, 0]]
-        )
+        corners = positions[triangles]
+        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         triangles, area = triangles[(area**2).sum(1) > 0], area[(area**2).sum(1) > 0]
         normals = None
         if "NORMAL" in attributes:
             normals = gltf.accessor(attributes["NORMAL"]).astype("f8") @ np.linalg.inv(linear)
             normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            corner = normals[triangles]
-            flat = (np.abs((corner * (area / np.linalg.norm(area, axis=1, keepdims=True))[:, None]).sum(2)) > 1 - 1e-5).all()
-            normals = None if flat else normals
+            across = area / np.linalg.norm(area, axis=1, keepdims=True)
+            cosines = (normals[triangles] * across[:, None]).sum(2)
+            if (np.abs(cosines) > 1 - 1e-5).all():
+                normals = None
         uv = None
         if material.uv is not None:
             matrix, uv_set = material.uv
@@ -466,7 +465,8 @@ class Builder:
     def shape(self, positions, triangles, normals, uv, colors, bsdf, emitter):
         path = self.folder / f"{len(self.entries)}.ply"
         write_ply(path, positions, triangles, normals, uv, colors)
-        entry = {"type": "ply", "filename": str(path), "face_normals": normals is None or emitter is not None, "bsdf": bsdf}
+        flat = normals is None or emitter is not None
+        entry = {"type": "ply", "filename": str(path), "face_normals": flat, "bsdf": bsdf}
         if emitter is not None:
             entry["emitter"] = emitter
         self.add(entry)
@@ -512,19 +512,14 @@ class Builder:
 
 
 def resample_environment(source):
-    """Bilinear lookup (texel centres, wrapping in u, clamped in v) where Mitsuba's nodes lie: column centres, rows from
-    pole to pole."""
-    height, width, _ = source.shape
-    rows, columns = height * ENVIRONMENT_UPSAMPLING, width * ENVIRONMENT_UPSAMPLING
-    y = np.clip(np.arange(rows) / (rows - 1) * height - 0.5, 0, height - 1)
-    x = (np.arange(columns) + 0.5) / columns * width - 0.5
-    y0, x0 = np.floor(y).astype(int), np.floor(x).astype(int)
-    y1 = np.minimum(y0 + 1, height - 1)
-    fy, fx = (y - y0)[:, None, None], (x - x0)[None, :, None]
-    at = lambda row, column: source[row][:, column % width]
-    top = at(y0, x0) * (1 - fx) + at(y0, x0 + 1) * fx
-    bottom = at(y1, x0) * (1 - fx) + at(y1, x0 + 1) * fx
-    return top * (1 - fy) + bottom * fy
+    """The same bilinear function on Mitsuba's nodes. Columns have their centres where ours have them. Mitsuba's rows go
+    from pole to pole, ours have centres: 2 height + 1 rows hold every centre and every edge, so nothing is lost."""
+    height = len(source)
+    y = np.clip(np.arange(2 * height + 1) / 2 - 0.5, 0, height - 1)
+    above = np.floor(y).astype(int)
+    below = np.minimum(above + 1, height - 1)
+    blend = (y - above)[:, None, None]
+    return source[above] * (1 - blend) + source[below] * blend
 
 
 # ----------------------------------------------------------------------------------------------------------- rendering

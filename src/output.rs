@@ -53,6 +53,24 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
+    /// Finds out early, and without making anything, whether `path` can become a folder.
+    ///
+    /// # Errors
+    /// [`OutputError::Folder`] if a file is in the way.
+    pub fn check(path: &Path) -> Result<(), OutputError> {
+        let in_the_way = path
+            .ancestors()
+            .find(|ancestor| ancestor.exists())
+            .filter(|ancestor| !ancestor.is_dir());
+        match in_the_way {
+            None => Ok(()),
+            Some(file) => Err(OutputError::Folder {
+                path: path.to_owned(),
+                reason: format!("{} is not a folder", file.display()),
+            }),
+        }
+    }
+
     /// Makes the folder if need be and starts `stats.jsonl` in it.
     ///
     /// # Errors

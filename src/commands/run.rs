@@ -30,27 +30,24 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let scene = load_scene(settings)?;
     let start = start_pose(&scene);
     let (session, source): (Box<dyn XrSession>, String) = session(options, &headset, start)?;
-    let context = GpuContext::open(Some(&settings.adapter))?;
-    let output = OutputFolder::create(&options.out)?;
     let size = settings
         .size
         .or(session.info().recommended_size)
         .unwrap_or(headset.size);
-    let session: Box<dyn XrSession> = match &options.record {
-        Some(path) => Box::new(Recorder::create(path, session)?),
-        None => session,
-    };
     render_session(
-        context,
         session,
-        &source,
-        &scene,
-        settings,
-        Eyes::Both,
-        size,
-        options.every,
-        options.frames,
-        output,
+        &Job {
+            source: &source,
+            announce: options.session == SessionChoice::Auto,
+            scene: &scene,
+            settings,
+            eyes: Eyes::Both,
+            size,
+            every: options.every,
+            frames: options.frames,
+            out: &options.out,
+            record: options.record.as_deref(),
+        },
     )
 }
 
@@ -74,22 +71,38 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         Some(pose) => Pose::new(pose.position, pose.orientation),
         None => start_pose(&scene),
     };
-    let context = GpuContext::open(Some(&settings.adapter))?;
-    let output = OutputFolder::create(&options.out)?;
     let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
-        context,
         Box::new(session),
-        "one pose",
-        &scene,
-        settings,
-        options.eyes,
-        size,
-        1,
-        Some(1),
-        output,
+        &Job {
+            source: "one pose",
+            announce: false,
+            scene: &scene,
+            settings,
+            eyes: options.eyes,
+            size,
+            every: 1,
+            frames: Some(1),
+            out: &options.out,
+            record: None,
+        },
     )
+}
+
+/// What both commands ask of the frame loop.
+struct Job<'a> {
+    source: &'a str,
+    /// Say on stderr where the views come from.
+    announce: bool,
+    scene: &'a Scene,
+    settings: &'a Settings,
+    eyes: Eyes,
+    size: [u32; 2],
+    every: u32,
+    frames: Option<u32>,
+    out: &'a Path,
+    record: Option<&'a Path>,
 }
 
 fn start_pose(scene: &Scene) -> Pose {
@@ -136,12 +149,7 @@ fn session(
         (SessionChoice::Openxr, _) => Err(Failure::failed(
             "--session openxr: this version cannot drive an OpenXR runtime yet; use --session simulated or --trace FILE",
         )),
-        (choice @ (SessionChoice::Auto | SessionChoice::Simulated), _) => {
-            if choice == SessionChoice::Auto {
-                eprintln!(
-                    "session: simulated headset (this version cannot drive an OpenXR runtime yet)"
-                );
-            }
+        (SessionChoice::Auto | SessionChoice::Simulated, _) => {
             let frames = options.frames.map_or(SIMULATED_FRAMES, u64::from);
             let motion = match options.settings.simulated.motion {
                 MotionSetting::Still => Motion::Still,
@@ -159,22 +167,10 @@ fn session(
     }
 }
 
-#[expect(
-    clippy::too_many_arguments,
-    reason = "both commands' meeting point, called twice"
-)]
-fn render_session(
-    context: GpuContext,
-    mut session: Box<dyn XrSession>,
-    source: &str,
-    scene: &Scene,
-    settings: &Settings,
-    eyes: Eyes,
-    size: [u32; 2],
-    every: u32,
-    frames: Option<u32>,
-    mut output: OutputFolder,
-) -> Result<(), Failure> {
+fn render_session(session: Box<dyn XrSession>, job: &Job<'_>) -> Result<(), Failure> {
+    let settings = job.settings;
+    OutputFolder::check(job.out)?;
+    let context = GpuContext::open(Some(&settings.adapter))?;
     if context.adapter.is_software() {
         log::info!(
             "{} computes on the CPU: timings are not a GPU's",
@@ -185,19 +181,31 @@ fn render_session(
         "" => ShaderLibrary::embedded(),
         folder => ShaderLibrary::with_folder(Path::new(folder)).map_err(Failure::unusable)?,
     };
-    let needs = Needs::of(scene);
-    let mut bar = Bar::new(settings.spp, frames);
+    let needs = Needs::of(job.scene);
+    let mut bar = Bar::new(settings.spp, job.frames);
     bar.say("compiling");
-    let mut renderer = Renderer::new(context, &library, scene, settings, eyes, size)?;
+    let mut renderer = Renderer::new(context, &library, job.scene, settings, job.eyes, job.size)?;
+    // Everything that can be refused has been; only now do files appear.
+    let mut session: Box<dyn XrSession> = match job.record {
+        Some(path) => Box::new(Recorder::create(path, session)?),
+        None => session,
+    };
+    let mut output = OutputFolder::create(job.out)?;
+    if job.announce {
+        bar.print(&format!(
+            "session: {}; this version cannot drive an OpenXR runtime yet",
+            job.source
+        ));
+    }
     let stats = frame_loop::run(
         session.as_mut(),
         &mut renderer,
         &mut output,
         LoopOptions {
-            every,
+            every: job.every,
             images: settings.output.images,
             exposure: settings.output.exposure,
-            size,
+            size: job.size,
         },
         &mut bar,
     );
@@ -206,11 +214,11 @@ fn render_session(
     let run = report::RunReport::new(
         settings,
         &renderer,
-        scene,
+        job.scene,
         &needs,
-        source,
+        job.source,
         session.info(),
-        size,
+        job.size,
         &stats,
     );
     output.write_run(&run)?;
@@ -241,6 +249,10 @@ impl Bar {
 
     fn say(&self, message: &'static str) {
         self.bar.set_message(message);
+    }
+
+    fn print(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
     }
 
     fn finish(&self) {

@@ -29,7 +29,8 @@ pub fn storage_buffer(
     })
 }
 
-/// A storage buffer that holds `data`; an empty slice becomes 256 zero bytes, so that it can be bound.
+/// A storage buffer that holds `data`; an empty slice becomes 1,024 zero bytes, more than any record, so that it
+/// can be bound.
 ///
 /// # Errors
 /// [`GpuError::TooLarge`] if the adapter cannot bind it.
@@ -45,7 +46,7 @@ pub fn storage_buffer_with_data<T: NoUninit>(
             .device
             .create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some(label),
-                contents: if bytes.is_empty() { &[0; 256] } else { bytes },
+                contents: if bytes.is_empty() { &[0; 1024] } else { bytes },
                 usage: STORAGE,
             }))
     })

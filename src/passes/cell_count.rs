@@ -2,12 +2,12 @@
 
 use super::{Over, Pass};
 
-/// Counts the photons of every cell.
+/// Counts the photons of every cell and notes each photon's cell.
 pub const PASS: Pass = Pass {
     name: "cell_count",
-    what: "Counts the photons of every cell.",
+    what: "Counts the photons of every cell and notes each photon's cell.",
     over: Over::Photons,
     traces: false,
     reads: &["photon_counters", "photons", "photon_grid"],
-    writes: &["cell_starts"],
+    writes: &["cell_starts", "radix_to"],
 };

@@ -5,7 +5,8 @@
 //! shader declares and the frame does not hold is an error. The lists below are the whole frame: there is no graph.
 //!
 //! ```text
-//! photon map   PHOTON_BATCH per batch of paths, then PHOTON_GRID         (once for a static scene)
+//! photon map   PHOTON_BATCH per batch of paths, PHOTON_GRID, RADIX_DIGIT three times, PHOTON_FINISH
+//!              (once for a static scene)
 //! left eye     EYE_PHOTON or EYE_PATH over all pixels                    (per sample)
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
@@ -31,8 +32,8 @@ passes!(
     photon_bounds,
     grid_setup,
     cell_count,
-    cell_scatter,
-    cell_sort,
+    radix_count,
+    radix_scatter,
     photon_reorder,
     eye_hits,
     direct_light,
@@ -61,8 +62,8 @@ pub enum Over {
     PhotonSixteenths,
     /// Stored photons, indirectly.
     Photons,
-    /// Grid cells in use, indirectly.
-    Cells,
+    /// Blocks of the radix sort.
+    Blocks,
     /// All pixels in 8x8 tiles, or the pixels of the fill list, indirectly.
     Pixels,
     /// The pixels of an eye that see a surface, indirectly.
@@ -108,15 +109,14 @@ pub const PHOTON_BATCH: &[&Pass] = &[
     &photon_count::PASS,
 ];
 
-/// Sorts the photons into the grid; [`SCAN`] over the cells' counts runs after `cell_count`.
-pub const PHOTON_GRID: &[&Pass] = &[
-    &photon_bounds::PASS,
-    &grid_setup::PASS,
-    &cell_count::PASS,
-    &cell_scatter::PASS,
-    &cell_sort::PASS,
-    &photon_reorder::PASS,
-];
+/// Lays the grid and notes every photon's cell; [`SCAN`] over the cells' counts runs after it.
+pub const PHOTON_GRID: &[&Pass] = &[&photon_bounds::PASS, &grid_setup::PASS, &cell_count::PASS];
+
+/// One digit of the sort by cell; [`SCAN`] over the digits' counts runs in between.
+pub const RADIX_DIGIT: &[&Pass] = &[&radix_count::PASS, &radix_scatter::PASS];
+
+/// Puts the sorted photons where gathering reads them.
+pub const PHOTON_FINISH: &[&Pass] = &[&photon_reorder::PASS];
 
 /// One sample of an eye by photon mapping.
 pub const EYE_PHOTON: &[&Pass] = &[

@@ -2,12 +2,12 @@
 
 use super::{Over, Pass};
 
-/// Copies photons into cell order.
+/// Copies photons into cell order and finds the longest cell.
 pub const PASS: Pass = Pass {
     name: "photon_reorder",
-    what: "Copies photons into cell order.",
+    what: "Copies photons into cell order and finds the longest cell.",
     over: Over::Photons,
     traces: false,
-    reads: &["photon_counters", "photons", "photon_order"],
-    writes: &["sorted_photons"],
+    reads: &["photons", "cell_starts", "radix_from", "photon_counters"],
+    writes: &["sorted_photons", "longest_cell"],
 };

@@ -162,6 +162,19 @@ pub struct EyePlan {
     pub reuse: bool,
 }
 
+/// The dispatch table of a submission: sample, eye, gathering slice.
+fn sample_table(context: &GpuContext, slices: u32) -> wgpu::Buffer {
+    let mut entries = Vec::new();
+    for sample in 0..SAMPLES_PER_SUBMISSION {
+        for eye in [Eye::Left, Eye::Right] {
+            for slice in 0..slices {
+                entries.push([sample, eye.index(), slice, slices]);
+            }
+        }
+    }
+    dispatch_table(context, "samples", &entries)
+}
+
 /// Both eyes.
 pub struct Eyes {
     width: u32,
@@ -171,6 +184,7 @@ pub struct Eyes {
     right: Option<EyeBuffers>,
     stereo: Option<StereoBuffers>,
     dispatch: wgpu::Buffer,
+    gather_slices: u32,
     left_steps: Vec<Step>,
     right_steps: Vec<Step>,
 }
@@ -188,9 +202,6 @@ impl Eyes {
     ) -> Result<Self, GpuError> {
         let [width, height] = size;
         let pixels = u64::from(width) * u64::from(height);
-        let entries: Vec<[u32; 4]> = (0..SAMPLES_PER_SUBMISSION)
-            .flat_map(|sample| [[sample, 0, 0, 0], [sample, 1, 0, 0]])
-            .collect();
         let buffer = |name: &str, bytes| storage_buffer(context, name, bytes);
         let stereo = if both && plan.reuse {
             Some(StereoBuffers {
@@ -213,10 +224,21 @@ impl Eyes {
                 .then(|| EyeBuffers::new(context, Eye::Right, pixels, plan.photon))
                 .transpose()?,
             stereo,
-            dispatch: dispatch_table(context, "samples", &entries),
+            dispatch: sample_table(context, 1),
+            gather_slices: 1,
             left_steps: Vec::new(),
             right_steps: Vec::new(),
         })
+    }
+
+    /// Sets in how many slices photons are gathered; true if passes must be bound again.
+    pub fn set_gather_slices(&mut self, context: &GpuContext, slices: u32) -> bool {
+        let changes = slices != self.gather_slices;
+        if changes {
+            self.gather_slices = slices;
+            self.dispatch = sample_table(context, slices);
+        }
+        changes
     }
 
     /// Binds every pass anew; `shared` holds the scene, the frame uniform and the photon map.
@@ -336,16 +358,23 @@ impl Eyes {
             recorder.clear(&stereo.winners);
             recorder.clear(&stereo.fill.count);
         }
-        let index = sample * 2 + eye.index();
+        let first = (sample * 2 + eye.index()) * self.gather_slices;
         for step in self.steps(eye) {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;
-            match self.groups(step.extent) {
-                Groups::Direct(groups) => {
-                    recorder.dispatch(&label, kernel, &step.bound, index, groups)
-                }
-                Groups::Indirect(groups) => {
-                    recorder.dispatch_indirect(&label, kernel, &step.bound, index, groups, 0);
+            let slices = if step.pass.name == passes::photon_gather::PASS.name {
+                self.gather_slices
+            } else {
+                1
+            };
+            for index in first..first + slices {
+                match self.groups(step.extent) {
+                    Groups::Direct(groups) => {
+                        recorder.dispatch(&label, kernel, &step.bound, index, groups);
+                    }
+                    Groups::Indirect(groups) => {
+                        recorder.dispatch_indirect(&label, kernel, &step.bound, index, groups, 0);
+                    }
                 }
             }
         }

@@ -43,6 +43,8 @@ pub use scene_buffers::SceneBuffers;
 const AUTOMATIC_GATHER: f64 = 60.0;
 /// Photon paths that land nowhere when the automatic radius is estimated: about one photon is stored per path.
 const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
+/// Gather radii below this are raised to it: their square would leave f32's range.
+const LEAST_RADIUS_M: f64 = 1e-12;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
 const FOLLOW_MAX_ALPHA: f32 = 0.05;
 
@@ -169,7 +171,6 @@ pub struct Renderer {
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
-    has_lights: bool,
     origin_in_world: DVec3,
 }
 
@@ -233,12 +234,15 @@ impl Renderer {
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
         if photon {
-            wanted.extend(
-                passes::PHOTON_BATCH
-                    .iter()
-                    .chain(passes::SCAN)
-                    .chain(passes::PHOTON_GRID),
-            );
+            for list in [
+                passes::PHOTON_BATCH,
+                passes::SCAN,
+                passes::PHOTON_GRID,
+                passes::RADIX_DIGIT,
+                passes::PHOTON_FINISH,
+            ] {
+                wanted.extend(list);
+            }
         }
         let mut filling: Vec<&Pass> = Vec::new();
         if plan.reuse {
@@ -262,7 +266,7 @@ impl Renderer {
             })
             .transpose()?;
         let radius_m = if settings.photon.radius_m > 0.0 {
-            settings.photon.radius_m
+            settings.photon.radius_m.max(LEAST_RADIUS_M)
         } else {
             automatic_radius_m(scene, settings.photon.count)
         };
@@ -281,7 +285,6 @@ impl Renderer {
             photon_map,
             eyes,
             is_bound: false,
-            has_lights,
             origin_in_world: DVec3::ZERO,
             context,
         };
@@ -367,11 +370,16 @@ impl Renderer {
 
         let began = Instant::now();
         self.trace_photons(views, frame_index, &mut result)?;
+        let slices = self.photon_map.as_ref().map_or(1, PhotonMap::gather_slices);
+        if self.eyes.set_gather_slices(&self.context, slices) {
+            self.bind()?;
+        }
         let samples = self.settings.spp;
         let mut first = 0;
         while first < samples {
             let count = SAMPLES_PER_SUBMISSION.min(samples - first);
-            self.write_frame_uniform(views, frame_index, first);
+            let photons = self.photon_map.as_ref().and_then(PhotonMap::traced_at);
+            self.write_frame_uniform(views, frame_index, first, photons);
             let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
             if first == 0 {
                 self.eyes.record_clear(&mut recorder);
@@ -447,7 +455,8 @@ impl Renderer {
             .as_ref()
             .is_some_and(|map| map.traced_at().is_none() || self.settings.photon.every_frame);
         if is_due {
-            self.write_frame_uniform(views, frame_index, 0);
+            // The map that is about to be traced, not the one before it.
+            self.write_frame_uniform(views, frame_index, 0, None);
             let origin = self.origin_in_world;
             if let Some(map) = &mut self.photon_map {
                 let mut recorder =
@@ -469,7 +478,7 @@ impl Renderer {
         if let Some(map) = &self.photon_map {
             let counters = map.counters();
             result.photons = PhotonStats {
-                traced: is_due && self.has_lights,
+                traced: is_due && counters.paths_traced > 0,
                 emitted: counters.paths_traced,
                 stored: counters.stored,
                 dropped: counters.dropped,
@@ -480,7 +489,13 @@ impl Renderer {
         Ok(())
     }
 
-    fn write_frame_uniform(&self, views: &[View; 2], frame_index: u32, first_sample: u32) {
+    fn write_frame_uniform(
+        &self,
+        views: &[View; 2],
+        frame_index: u32,
+        first_sample: u32,
+        photons: Option<(DVec3, u32)>,
+    ) {
         let origin = self.origin_in_world;
         let settings = &self.settings;
         let mut views = *views;
@@ -502,11 +517,7 @@ impl Renderer {
             DensityKernel::Epanechnikov => FRAME_KERNEL_EPANECHNIKOV,
             DensityKernel::Cone => FRAME_KERNEL_CONE,
         };
-        let (photon_origin, photon_frame_index) = self
-            .photon_map
-            .as_ref()
-            .and_then(PhotonMap::traced_at)
-            .unwrap_or((origin, frame_index));
+        let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
         let frame = Frame {
             left: eye_uniform(&views[0], origin),
             right: eye_uniform(&views[1], origin),

@@ -19,6 +19,12 @@ pub const PHOTON_BYTES: u64 = 32;
 const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
 const SCAN_BLOCK: u64 = 2048;
+/// Photons that one thread of the radix sort handles; `shared/photon.wesl` holds the same number.
+pub const RADIX_BLOCK: u32 = 256;
+/// Digits of the sort by cell.
+const RADIX_DIGITS: u32 = 3;
+/// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
+const PHOTONS_PER_SLICE: u64 = 60_000;
 
 /// Twin of `PhotonCounters` in `shaders/shared/photon.wesl`.
 #[repr(C)]
@@ -32,12 +38,10 @@ pub struct PhotonCounters {
     pub paths_kept: u32,
     /// Paths traced.
     pub paths_traced: u32,
-    /// Unused between batches.
-    pub batch_total: u32,
     /// Photons that all paths made.
     pub demanded: u32,
     /// Unused.
-    pub padding: [u32; 2],
+    pub padding: [u32; 3],
 }
 
 /// Twin of `Photon` in `shaders/shared/photon.wesl`.
@@ -74,14 +78,11 @@ pub struct PhotonGrid {
     pub edge: f32,
     /// Unused.
     pub padding: u32,
-    /// Indirect dispatch over cells.
-    pub cell_groups: [u32; 4],
     /// Indirect dispatch over photons.
     pub photon_groups: [u32; 4],
 }
 
-/// Byte offsets of the indirect arguments in [`PhotonGrid`].
-const CELL_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, cell_groups) as u64;
+/// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
 
 /// What the photon map of a scene is made for.
@@ -103,13 +104,15 @@ struct Buffers {
     path_sums: wgpu::Buffer,
     photons: wgpu::Buffer,
     sorted: wgpu::Buffer,
-    order: wgpu::Buffer,
+    radix: [wgpu::Buffer; 2],
+    radix_table: wgpu::Buffer,
+    radix_sums: wgpu::Buffer,
+    longest_cell: wgpu::Buffer,
     kept: wgpu::Buffer,
     counters: wgpu::Buffer,
     bounds: wgpu::Buffer,
     grid: wgpu::Buffer,
     cell_starts: wgpu::Buffer,
-    cell_cursors: wgpu::Buffer,
     cell_sums: wgpu::Buffer,
     dispatch: wgpu::Buffer,
 }
@@ -124,6 +127,10 @@ pub struct PhotonMap {
     bound: BTreeMap<&'static str, Bound>,
     bound_cell_scan: Vec<Bound>,
     bound_path_scan: Vec<Bound>,
+    bound_radix_scan: Vec<Bound>,
+    /// Passes of a digit, from the first buffer to the second and back.
+    bound_radix: [Vec<Bound>; 2],
+    longest_cell: u32,
     /// Render-space origin (world, metres) and frame number of the last trace.
     traced_at: Option<(DVec3, u32)>,
     last: PhotonCounters,
@@ -167,9 +174,24 @@ impl PhotonMap {
             batches.push([first, 0, count, slots_per_path]);
             first += count;
         }
-        // One empty batch at the end, for warming up.
+        // One empty batch, for warming up; then one entry per digit of the sort.
         batches.push([0, 0, 0, slots_per_path]);
         let sums = |values: u64| (values + 1).div_ceil(SCAN_BLOCK) * 4;
+        let cell_bits = (cells + 4).next_power_of_two().trailing_zeros();
+        let digit_bits = cell_bits.div_ceil(RADIX_DIGITS);
+        let blocks = capacity.div_ceil(RADIX_BLOCK);
+        let table = u64::from(blocks) << digit_bits;
+        if table > SCAN_LIMIT {
+            return Err(GpuError::TooLarge {
+                what: "radix table".to_owned(),
+                bytes: table * 4,
+                limit: SCAN_LIMIT * 4,
+                mend: "use fewer photons or a smaller photon.grid_cells_max",
+            });
+        }
+        for digit in 0..RADIX_DIGITS {
+            batches.push([digit * digit_bits, 0, blocks, (1 << digit_bits) - 1]);
+        }
         let buffers = Buffers {
             path_photons: buffer(
                 "photon path slots",
@@ -179,13 +201,18 @@ impl PhotonMap {
             path_sums: buffer("photon path block sums", sums(u64::from(batch_paths)))?,
             photons: buffer("photon list", photon_bytes)?,
             sorted: buffer("photons in cell order", photon_bytes)?,
-            order: buffer("photon order", u64::from(capacity) * 4)?,
+            radix: [
+                buffer("photon cells, even digits", u64::from(capacity) * 8)?,
+                buffer("photon cells, odd digits", u64::from(capacity) * 8)?,
+            ],
+            radix_table: buffer("radix table", table * 4)?,
+            radix_sums: buffer("radix block sums", sums(table))?,
+            longest_cell: buffer("longest photon cell", 16)?,
             kept: buffer("photon paths kept", 8)?,
             counters: buffer("photon counters", size_of::<PhotonCounters>() as u64)?,
             bounds: buffer("photon bounds", 24)?,
             grid: buffer("photon grid", size_of::<PhotonGrid>() as u64)?,
             cell_starts: buffer("photon cell starts", (cells + 1) * 4)?,
-            cell_cursors: buffer("photon cell cursors", cells * 4)?,
             cell_sums: buffer("photon cell block sums", sums(cells + 4))?,
             dispatch: dispatch_table(context, "photon batches", &batches),
         };
@@ -198,6 +225,9 @@ impl PhotonMap {
             bound: BTreeMap::new(),
             bound_cell_scan: Vec::new(),
             bound_path_scan: Vec::new(),
+            bound_radix_scan: Vec::new(),
+            bound_radix: [Vec::new(), Vec::new()],
+            longest_cell: 0,
             traced_at: None,
             last: PhotonCounters::default(),
         })
@@ -254,12 +284,14 @@ impl PhotonMap {
             .with("photon_bounds", &b.bounds)
             .with("photon_grid", &b.grid)
             .with("cell_starts", &b.cell_starts)
-            .with("cell_cursors", &b.cell_cursors)
-            .with("photon_order", &b.order)
+            // `cell_count` fills the first buffer; an odd number of digits ends in the second.
+            .with("radix_to", &b.radix[0])
+            .with("radix_from", &b.radix[1])
+            .with("longest_cell", &b.longest_cell)
             .with("sorted_photons", &b.sorted);
         let all = scene.clone().and(&own);
         let mut bound = BTreeMap::new();
-        for pass in passes::PHOTON_BATCH.iter().chain(passes::PHOTON_GRID) {
+        for pass in map_passes() {
             bound.insert(pass.name, kernels.get(pass)?.bind(context, &all)?);
         }
         let scan = |values, sums| {
@@ -277,6 +309,23 @@ impl PhotonMap {
         };
         self.bound_path_scan = scan(&b.path_counts, &b.path_sums)?;
         self.bound_cell_scan = scan(&b.cell_starts, &b.cell_sums)?;
+        self.bound_radix_scan = scan(&b.radix_table, &b.radix_sums)?;
+        let digit = |from, to| {
+            let resources = Resources::new()
+                .with("dispatch", &b.dispatch)
+                .with("photon_counters", &b.counters)
+                .with("radix_table", &b.radix_table)
+                .with("radix_from", from)
+                .with("radix_to", to);
+            passes::RADIX_DIGIT
+                .iter()
+                .map(|pass| kernels.get(pass)?.bind(context, &resources))
+                .collect::<Result<Vec<_>, GpuError>>()
+        };
+        self.bound_radix = [
+            digit(&b.radix[0], &b.radix[1])?,
+            digit(&b.radix[1], &b.radix[0])?,
+        ];
         self.bound = bound;
         Ok(())
     }
@@ -324,7 +373,7 @@ impl PhotonMap {
             &b.kept,
             &b.bounds,
             &b.cell_starts,
-            &b.cell_cursors,
+            &b.longest_cell,
         ] {
             recorder.clear(buffer);
         }
@@ -347,36 +396,66 @@ impl PhotonMap {
             }
         }
         for pass in passes::PHOTON_GRID {
-            let kernel = kernels.get(pass)?;
-            let bound = self.bound(pass)?;
-            let name = label(pass);
-            match pass.over {
-                passes::Over::Photons => recorder.dispatch_indirect(
-                    &name,
+            self.record_over_photons(recorder, kernels, pass)?;
+        }
+        Self::scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
+        let blocks = self.capacity.div_ceil(RADIX_BLOCK);
+        for digit in 0..RADIX_DIGITS {
+            recorder.clear(&b.radix_table);
+            let bound = &self.bound_radix[(digit % 2) as usize];
+            for (step, (pass, bound)) in passes::RADIX_DIGIT.iter().zip(bound).enumerate() {
+                let kernel = kernels.get(pass)?;
+                recorder.dispatch(
+                    &label(pass),
                     kernel,
                     bound,
-                    0,
-                    &b.grid,
-                    PHOTON_GROUPS_OFFSET,
-                ),
-                passes::Over::Cells => {
-                    recorder.dispatch_indirect(&name, kernel, bound, 0, &b.grid, CELL_GROUPS_OFFSET)
+                    batches + 1 + digit,
+                    kernel.groups_for(blocks),
+                );
+                if step == 0 {
+                    Self::scan(recorder, kernels, &self.bound_radix_scan, &b.radix_table)?;
                 }
-                passes::Over::PhotonSixteenths => recorder.dispatch(
-                    &name,
-                    kernel,
-                    bound,
-                    0,
-                    kernel.groups_for(self.capacity.div_ceil(16)),
-                ),
-                _ => recorder.dispatch(&name, kernel, bound, 0, [1, 1, 1]),
             }
-            if pass.name == passes::cell_count::PASS.name {
-                Self::scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
-            }
+        }
+        for pass in passes::PHOTON_FINISH {
+            self.record_over_photons(recorder, kernels, pass)?;
         }
         self.traced_at = Some((origin_in_world, frame_index));
         Ok(())
+    }
+
+    fn record_over_photons(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+        pass: &passes::Pass,
+    ) -> Result<(), GpuError> {
+        let kernel = kernels.get(pass)?;
+        let bound = self.bound(pass)?;
+        let name = label(pass);
+        match pass.over {
+            passes::Over::Photons => recorder.dispatch_indirect(
+                &name,
+                kernel,
+                bound,
+                0,
+                &self.buffers.grid,
+                PHOTON_GROUPS_OFFSET,
+            ),
+            passes::Over::PhotonSixteenths => {
+                let groups = kernel.groups_for(self.capacity.div_ceil(16));
+                recorder.dispatch(&name, kernel, bound, 0, groups);
+            }
+            _ => recorder.dispatch(&name, kernel, bound, 0, [1, 1, 1]),
+        }
+        Ok(())
+    }
+
+    /// Slices that the gather needs so that no thread walks too many photons: by the bound of 27 cells as full as the
+    /// fullest, or all photons.
+    pub fn gather_slices(&self) -> u32 {
+        let most = (27 * u64::from(self.longest_cell)).min(u64::from(self.last.stored));
+        most.div_ceil(PHOTONS_PER_SLICE).max(1) as u32
     }
 
     /// Records every pass over nothing.
@@ -389,7 +468,7 @@ impl PhotonMap {
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
         let empty_batch = self.config.paths.div_ceil(self.batch_paths);
-        for pass in passes::PHOTON_BATCH.iter().chain(passes::PHOTON_GRID) {
+        for pass in map_passes() {
             recorder.dispatch(
                 pass.name,
                 kernels.get(pass)?,
@@ -398,8 +477,9 @@ impl PhotonMap {
                 [1, 1, 1],
             );
         }
-        for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan) {
-            recorder.dispatch(pass.name, kernels.get(pass)?, bound, 0, [1, 1, 1]);
+        let radix = passes::RADIX_DIGIT.iter().zip(&self.bound_radix[0]);
+        for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan).chain(radix) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, empty_batch, [1, 1, 1]);
         }
         Ok(())
     }
@@ -412,6 +492,13 @@ impl PhotonMap {
         let counters: Vec<PhotonCounters> =
             read_buffer(context, "photon counters", &self.buffers.counters, 1)?;
         self.last = counters.first().copied().unwrap_or_default();
+        let longest: Vec<u32> = read_buffer(
+            context,
+            "longest photon cell",
+            &self.buffers.longest_cell,
+            1,
+        )?;
+        self.longest_cell = longest.first().copied().unwrap_or_default();
         Ok(self.last)
     }
 
@@ -469,6 +556,14 @@ impl PhotonMap {
         )?;
         Ok((grid, starts))
     }
+}
+
+/// The passes that the map binds one by one.
+fn map_passes() -> impl Iterator<Item = &'static &'static passes::Pass> {
+    passes::PHOTON_BATCH
+        .iter()
+        .chain(passes::PHOTON_GRID)
+        .chain(passes::PHOTON_FINISH)
 }
 
 fn label(pass: &passes::Pass) -> String {

@@ -2,7 +2,7 @@
 # Renders every reference of this folder again: PYTHON=VENV/bin/python tests/reference/render_all.sh [NAME...]
 # from the repository's root. Scenes come from make_scenes.py.
 set -eu
-names=${*:-cornell cornell_asymmetric sphere plane lights environment environment_turned glass mirror glossy}
+names=${*:-cornell cornell_asymmetric sphere plane lights environment environment_turned glass mirror glossy gallery}
 reference() {
     name=$1; shift
     case " $names " in *" $name "*)
@@ -23,3 +23,4 @@ reference environment_turned --scene tests/reference/environment.gltf --environm
 reference glass --scene tests/reference/glass.gltf --fov "-26 26 24 -24" --max-depth 7 --spp 256 --seeds 16
 reference mirror --scene tests/reference/mirror.gltf --fov "-26 26 24 -24" --max-depth 5 --spp 160 --seeds 16
 reference glossy --scene tests/reference/glossy.gltf --fov "-26 26 24 -24" --max-depth 4 --spp 160 --seeds 16
+reference gallery --scene assets/gallery.glb --fov "-40 40 40 -40" --max-depth 4 --spp 96 --seeds 16

@@ -1,19 +1,23 @@
-//! What GPU tests share: one device, said aloud.
+//! What GPU tests share: one adapter, said aloud; renderers, views and scenes that are moved or scaled; the binary.
 
-use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
 
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::context::{GpuContext, adapters};
-use stereolux::options::{Eyes, Settings};
-use stereolux::renderer::Renderer;
+use stereolux::options::{Eyes, Method, Reuse, Settings};
+use stereolux::renderer::{Eye, FrameResult, Renderer};
 use stereolux::scene::Scene;
-use stereolux::xr::{Fov, View};
+use stereolux::xr::{Fov, Pose, View};
 
 /// Name of the adapter that tests run on: a software one, unless `STEREOLUX_TEST_ADAPTER` says otherwise.
 /// Fails where there is none: a test that needs a driver does not pass by skipping.
 pub fn adapter_name() -> &'static str {
     static NAME: OnceLock<String> = OnceLock::new();
     NAME.get_or_init(|| {
+        stereolux::gpu::vulkan_interop::disable_device_select_layer();
         let found = adapters();
         let wanted = std::env::var("STEREOLUX_TEST_ADAPTER").unwrap_or_default();
         let chosen = match wanted.as_str() {
@@ -22,7 +26,10 @@ pub fn adapter_name() -> &'static str {
             part => found.iter().find(|adapter| adapter.name.to_lowercase().contains(&part.to_lowercase())),
         };
         let Some(chosen) = chosen else {
-            panic!("no adapter for the tests (wanted {wanted:?}, found {found:?}): install mesa-vulkan-drivers or set STEREOLUX_TEST_ADAPTER");
+            panic!(
+                "no adapter for the tests (wanted {wanted:?}, found {found:?}): install mesa-vulkan-drivers or set \
+                 STEREOLUX_TEST_ADAPTER"
+            );
         };
         // Past the harness's capture, so that it is seen.
         use std::io::Write as _;
@@ -31,13 +38,252 @@ pub fn adapter_name() -> &'static str {
     })
 }
 
-/// A device of its own; at most two tests hold one at a time, because a software device takes all cores anyway.
+/// A device of its own.
 pub fn context() -> GpuContext {
     GpuContext::open(Some(adapter_name())).expect("the adapter opens")
 }
 
-/// Holds others back while a test fills memory or measures ratios.
-pub fn alone() -> MutexGuard<'static, ()> {
-    static LOCK: Mutex<()> = Mutex::new(());
-    LOCK.lock().unwrap_or_else(PoisonError::into_inner)
+/// Default settings with a small photon map, changed by `change`.
+pub fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
+    let mut settings = Settings::default();
+    settings.photon.count = 4096;
+    settings.gpu.timestamps = false;
+    change(&mut settings);
+    settings
+}
+
+/// Settings of one method and one kind of reuse.
+pub fn method(method: Method, reuse: Reuse) -> Settings {
+    settings(|s| {
+        s.method = method;
+        s.reuse = reuse;
+    })
+}
+
+/// Two parallel eyes, `ipd_m` apart along the head's x axis.
+pub fn parallel_views(head: Pose, ipd_m: f64, fov: Fov) -> [View; 2] {
+    [-0.5, 0.5].map(|side| {
+        let eye = head.then(&Pose::new(DVec3::X * (side * ipd_m), DQuat::IDENTITY));
+        View {
+            position_in_world: eye.position,
+            orientation: eye.orientation.normalize(),
+            fov,
+        }
+    })
+}
+
+/// The same angle in all four directions, degrees.
+pub fn square_fov(half_degrees: f64) -> Fov {
+    Fov::from_degrees(-half_degrees, half_degrees, half_degrees, -half_degrees)
+}
+
+/// Where a scene's head starts.
+pub fn start_pose(scene: &Scene) -> Pose {
+    let pose = scene.start_pose();
+    Pose::new(pose.position, pose.orientation)
+}
+
+/// An embedded scene.
+pub fn builtin(name: &str) -> Scene {
+    Scene::builtin(name).unwrap()
+}
+
+/// The scene under another transform of the world.
+pub fn placed(mut scene: Scene, moved_from_world: DAffine3) -> Scene {
+    for root in scene.roots.clone() {
+        let node = &mut scene.nodes[root];
+        node.parent_from_node = moved_from_world * node.parent_from_node;
+    }
+    scene
+}
+
+/// Both eyes of a scene.
+pub fn renderer(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Renderer {
+    Renderer::new(
+        context(),
+        &ShaderLibrary::embedded(),
+        scene,
+        settings,
+        Eyes::Both,
+        size,
+    )
+    .unwrap()
+}
+
+/// Renders frame 0.
+pub fn frame(renderer: &mut Renderer, views: &[View; 2]) -> FrameResult {
+    renderer.render_frame(views, 0, |_| {}).unwrap()
+}
+
+/// Radiance of an eye.
+pub fn radiance(renderer: &Renderer, eye: Eye) -> Vec<[f32; 3]> {
+    renderer.read_radiance(eye).unwrap().unwrap()
+}
+
+/// Bits of an image, for comparisons that forgive nothing.
+pub fn bits(image: &[[f32; 3]]) -> Vec<[u32; 3]> {
+    image.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+/// Mean over pixels and channels.
+pub fn mean(image: &[[f32; 3]]) -> f64 {
+    let sum: f64 = image
+        .iter()
+        .flatten()
+        .map(|&channel| f64::from(channel))
+        .sum();
+    sum / (image.len() * 3) as f64
+}
+
+/// Fails unless every channel is finite and none is negative.
+pub fn assert_clean(image: &[[f32; 3]], what: &str) {
+    for (pixel, value) in image.iter().enumerate() {
+        assert!(
+            value.iter().all(|c| c.is_finite() && *c >= 0.0),
+            "{what}: pixel {pixel} is {value:?}"
+        );
+    }
+}
+
+/// Direction and distance of every pixel's first hit.
+pub fn hit_rays(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
+    renderer
+        .eyes()
+        .read_hit_rays(renderer.context(), eye)
+        .unwrap()
+        .unwrap()
+}
+
+/// World position of a hit, from an eye's own position and the f32 ray, in f64.
+pub fn hit_in_world(view: &View, ray: [f32; 4]) -> DVec3 {
+    let direction = DVec3::new(f64::from(ray[0]), f64::from(ray[1]), f64::from(ray[2]));
+    view.position_in_world + direction * f64::from(ray[3])
+}
+
+/// All triangles of a scene in world space, for brute force in f64.
+pub struct Triangles {
+    corners: Vec<[DVec3; 3]>,
+    materials: Vec<u32>,
+}
+
+impl Triangles {
+    /// Collects them.
+    pub fn of(scene: &Scene) -> Self {
+        let mut all = Self {
+            corners: Vec::new(),
+            materials: Vec::new(),
+        };
+        for instance in scene.instances() {
+            let mesh = &scene.meshes[instance.mesh];
+            for triangle in &mesh.triangles {
+                let corners = mesh.corners(triangle);
+                all.corners.push(
+                    corners.map(|corner| instance.world_from_object.transform_point3(corner)),
+                );
+                all.materials.push(triangle.material);
+            }
+        }
+        all
+    }
+
+    /// Distance, unit normal and material of the first hit beyond `nearest`. Möller and Trumbore 1997.
+    pub fn closest(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        nearest: f64,
+    ) -> Option<(f64, DVec3, u32)> {
+        let mut best: Option<(f64, DVec3, u32)> = None;
+        for ([a, b, c], &material) in self.corners.iter().zip(&self.materials) {
+            let (e1, e2) = (*b - *a, *c - *a);
+            let p = direction.cross(e2);
+            let determinant = e1.dot(p);
+            if determinant == 0.0 {
+                continue;
+            }
+            let s = origin - *a;
+            let q = s.cross(e1);
+            let (u, v) = (s.dot(p) / determinant, direction.dot(q) / determinant);
+            let t = e2.dot(q) / determinant;
+            if u < 0.0
+                || v < 0.0
+                || u + v > 1.0
+                || t <= nearest
+                || best.is_some_and(|(other, ..)| other <= t)
+            {
+                continue;
+            }
+            best = Some((t, e1.cross(e2).normalize(), material));
+        }
+        best
+    }
+
+    /// Whether something stands between two points, each's own surroundings of `margin` (a share of the distance) apart.
+    pub fn blocked(&self, from: DVec3, to: DVec3, margin: f64) -> bool {
+        self.closest(from, to - from, margin)
+            .is_some_and(|(t, ..)| t < 1.0 - margin)
+    }
+}
+
+/// A folder that is removed when the test ends well.
+pub struct Folder(PathBuf);
+
+impl Folder {
+    /// An empty folder; `name` must be unique among the tests.
+    pub fn new(name: &str) -> Self {
+        let path =
+            std::env::temp_dir().join(format!("stereolux-test-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// A path in it.
+    pub fn join(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    /// Every file below it, sorted, relative.
+    pub fn files(&self) -> Vec<String> {
+        fn walk(root: &Path, folder: &Path, found: &mut Vec<String>) {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    walk(root, &path, found);
+                } else {
+                    found.push(path.strip_prefix(root).unwrap().display().to_string());
+                }
+            }
+        }
+        let mut found = Vec::new();
+        walk(&self.0, &self.0, &mut found);
+        found.sort();
+        found
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+}
+
+/// Runs the program on the tests' adapter (for the commands that take one).
+pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stereolux"));
+    command.args(args).env_remove("RUST_LOG");
+    let renders = args
+        .first()
+        .is_some_and(|arg| arg.as_ref() == "run" || arg.as_ref() == "render");
+    if renders && !args.iter().any(|arg| arg.as_ref() == "--adapter") {
+        command.args(["--adapter", adapter_name()]);
+    }
+    command.output().expect("the program starts")
 }

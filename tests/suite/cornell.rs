@@ -1,0 +1,115 @@
+//! `builtin:cornell` at the settings of the contract, smaller: how much is reused, and at what error.
+
+use stereolux::options::{Method, Reuse};
+use stereolux::renderer::{Eye, Provenance};
+use stereolux::scene::Scene;
+
+use crate::suite::support::{
+    builtin, frame, method, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+const SIZE: [u32; 2] = [64, 64];
+
+fn views(scene: &Scene) -> [stereolux::xr::View; 2] {
+    // The published camera's opening.
+    parallel_views(start_pose(scene), 0.063, square_fov(19.65))
+}
+
+#[test]
+fn most_of_the_right_eye_is_reused() {
+    let scene = builtin("cornell");
+    for (kind, size) in [(Method::Photon, [128, 128]), (Method::Path, [64, 64])] {
+        let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), size);
+        let stereo = frame(&mut renderer, &views(&scene)).stereo;
+        eprintln!("{kind:?} {size:?}: {stereo:?}");
+        assert!(stereo.reuse_fraction > 0.85, "{kind:?}: {stereo:?}");
+    }
+}
+
+/// Relative squared errors of two images' pixels of a mask, DESIGN section 9: (x - r)^2 / (r^2 + 0.01 s).
+fn rel_mse(image: &[[f32; 3]], reference: &[[f32; 3]], mask: &[bool]) -> f64 {
+    let square = |value: f32| f64::from(value) * f64::from(value);
+    let s =
+        reference.iter().flatten().map(|&r| square(r)).sum::<f64>() / (reference.len() * 3) as f64;
+    let (mut sum, mut count) = (0.0, 0);
+    for ((x, r), counted) in image.iter().zip(reference).zip(mask) {
+        if *counted {
+            for channel in 0..3 {
+                sum += (f64::from(x[channel]) - f64::from(r[channel])).powi(2)
+                    / (square(r[channel]) + 0.01 * s);
+                count += 1;
+            }
+        }
+    }
+    sum / f64::from(count)
+}
+
+#[test]
+fn reused_pixels_are_about_as_true_as_native_ones() {
+    let scene = builtin("cornell");
+    let views = views(&scene);
+    // The reference averages over the pixel; so does the image that is judged, with several samples. A pixel counts as
+    // reused if its last sample was: nearly all of its samples were.
+    let reference = |seed| {
+        let settings = settings(|s| {
+            s.method = Method::Path;
+            s.reuse = Reuse::Off;
+            s.spp = 192;
+            s.seed = seed;
+        });
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        frame(&mut renderer, &views);
+        radiance(&renderer, Eye::Right)
+    };
+    let (a, b) = (reference(1), reference(2));
+    let truth: Vec<[f32; 3]> = a
+        .iter()
+        .zip(&b)
+        .map(|(a, b)| [0, 1, 2].map(|channel| 0.5 * (a[channel] + b[channel])))
+        .collect();
+    let render = |reuse| {
+        let settings = settings(|s| {
+            s.reuse = reuse;
+            s.spp = 4;
+            s.photon.count = 65_536;
+        });
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        frame(&mut renderer, &views);
+        let provenance = renderer.eyes().read_provenance(renderer.context()).unwrap();
+        (radiance(&renderer, Eye::Right), provenance)
+    };
+    let (native, _) = render(Reuse::Off);
+    let (reusing, provenance) = render(Reuse::Scatter);
+    let mask: Vec<bool> = provenance
+        .unwrap()
+        .iter()
+        .map(|&p| p == Provenance::Reused as u32)
+        .collect();
+    let (with, without) = (
+        rel_mse(&reusing, &truth, &mask),
+        rel_mse(&native, &truth, &mask),
+    );
+    // The two halves of the reference differ by twice the squared error of one, four times that of their mean.
+    let own = rel_mse(&a, &b, &mask) / 4.0;
+    eprintln!(
+        "relMSE of reused pixels: {with:.5} reusing, {without:.5} native; the reference's own {own:.5}"
+    );
+    assert!(
+        own < 0.1 * without,
+        "the reference is not converged: {own} against {without}"
+    );
+    assert!(
+        with <= 1.2 * without,
+        "reuse costs accuracy: {with} against {without}"
+    );
+    // Negative control: the left image in the right one's place is far off.
+    let left = {
+        let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Off), SIZE);
+        frame(&mut renderer, &views);
+        radiance(&renderer, Eye::Left)
+    };
+    assert!(
+        rel_mse(&left, &truth, &mask) > 2.0 * without,
+        "the measure does not tell eyes apart"
+    );
+}

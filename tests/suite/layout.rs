@@ -1,0 +1,340 @@
+//! Every struct that host and shaders share has one layout: size and each field's offset, by naga's reflection.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::mem::{offset_of, size_of};
+
+use stereolux::gpu::ShaderLibrary;
+use stereolux::gpu::shaders::ShaderFeatures;
+use stereolux::gpu::types::{bvh, frame, light, material};
+use stereolux::passes;
+use stereolux::renderer::kernels::{shader_name, specialised};
+use stereolux::renderer::photon_map;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Layout {
+    size: usize,
+    /// Name and offset, in order of offset; fields that only fill space are left out.
+    fields: Vec<(String, usize)>,
+}
+
+fn is_filler(name: &str) -> bool {
+    name.starts_with("padding") || name.starts_with("reserved")
+}
+
+macro_rules! host_layout {
+    ($type:path { $($field:ident),+ $(,)? }) => {{
+        // A field that is forgotten here does not compile.
+        #[allow(dead_code, unused_variables)]
+        fn all_fields(value: &$type) {
+            let $type { $($field),+ } = value;
+        }
+        let mut fields = vec![$((stringify!($field).to_owned(), offset_of!($type, $field))),+];
+        fields.retain(|(name, _)| !is_filler(name));
+        fields.sort_by_key(|field| field.1);
+        let name = stringify!($type).rsplit("::").next().unwrap().trim().to_owned();
+        (name, Layout { size: size_of::<$type>(), fields })
+    }};
+}
+
+fn host() -> BTreeMap<String, Layout> {
+    BTreeMap::from([
+        host_layout!(frame::Eye {
+            position,
+            tan_left,
+            axis_x,
+            tan_right,
+            axis_y,
+            tan_up,
+            axis_z,
+            tan_down
+        }),
+        host_layout!(frame::Frame {
+            left,
+            right,
+            left_from_right,
+            flags,
+            photon_offset,
+            photon_radius,
+            width,
+            height,
+            seed,
+            frame_index,
+            first_sample,
+            sample_count,
+            max_depth,
+            photon_paths,
+            photon_frame_index,
+            normal_min_cos,
+            reuse_max_view_dependence,
+            follow_max_alpha,
+        }),
+        host_layout!(bvh::BvhNode {
+            left_min,
+            left_index,
+            left_max,
+            left_count,
+            right_min,
+            right_index,
+            right_max,
+            right_count,
+        }),
+        host_layout!(bvh::Instance {
+            render_from_object_0,
+            render_from_object_1,
+            render_from_object_2,
+            object_from_render_0,
+            object_from_render_1,
+            object_from_render_2,
+            blas_root,
+            first_emitter,
+            flags,
+            node,
+        }),
+        host_layout!(bvh::Triangle {
+            v0,
+            material,
+            v1,
+            emitter,
+            v2,
+            flags
+        }),
+        host_layout!(light::Light {
+            position,
+            kind,
+            direction,
+            scene_radius,
+            radiance,
+            pick_pdf,
+            instance,
+            triangle,
+            spot_scale,
+            spot_offset,
+        }),
+        host_layout!(light::LightAlias {
+            threshold,
+            alias_index
+        }),
+        host_layout!(material::TextureSlot {
+            row_u,
+            info,
+            row_v,
+            reserved
+        }),
+        host_layout!(material::Material {
+            base_color,
+            emission,
+            flags,
+            specular_color,
+            specular,
+            attenuation_per_m,
+            ior,
+            metallic,
+            roughness,
+            transmission,
+            normal_scale,
+            alpha_cutoff,
+            user_bsdf,
+            reserved_0,
+            reserved_1,
+            base_color_map,
+            metallic_roughness_map,
+            normal_map,
+            emissive_map,
+            specular_map,
+            specular_color_map,
+            transmission_map,
+        }),
+        host_layout!(material::TextureInfo {
+            offset,
+            width,
+            height,
+            flags
+        }),
+        host_layout!(material::Vertex {
+            normal,
+            color_rg,
+            tangent,
+            uv0,
+            uv1,
+            color_ba,
+            reserved_0,
+            reserved_1,
+            reserved_2,
+        }),
+        host_layout!(photon_map::Photon {
+            position,
+            direction,
+            flux,
+            normal_depth
+        }),
+        host_layout!(photon_map::PhotonCounters {
+            stored,
+            dropped,
+            paths_kept,
+            paths_traced,
+            batch_total,
+            demanded,
+            padding,
+        }),
+        host_layout!(photon_map::PhotonGrid {
+            origin,
+            inverse_edge,
+            dims,
+            hashed_rows,
+            cell_count,
+            has_photons,
+            edge,
+            padding,
+            cell_groups,
+            photon_groups,
+        }),
+    ])
+}
+
+/// Layouts of every struct in a buffer's type, directly or inside others.
+fn collect(
+    module: &naga::Module,
+    handle: naga::Handle<naga::Type>,
+    found: &mut BTreeMap<String, Layout>,
+) {
+    let ty = &module.types[handle];
+    match &ty.inner {
+        naga::TypeInner::Array { base, .. } => collect(module, *base, found),
+        naga::TypeInner::Struct { members, span } => {
+            let mut fields = Vec::new();
+            for member in members {
+                collect(module, member.ty, found);
+                let name = member.name.clone().unwrap_or_default();
+                if !is_filler(&name) {
+                    fields.push((name, member.offset as usize));
+                }
+            }
+            let name = ty.name.clone().expect("structs of buffers have names");
+            let layout = Layout {
+                size: *span as usize,
+                fields,
+            };
+            if let Some(other) = found.insert(name.clone(), layout.clone()) {
+                assert_eq!(other, layout, "{name} has two layouts");
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Every struct that a buffer of any pass holds, with every feature on.
+fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
+    let features: ShaderFeatures = [
+        "glossy",
+        "dielectric",
+        "textures",
+        "normal_maps",
+        "alpha",
+        "vertex_colors",
+        "emitters",
+        "points",
+        "spots",
+        "directionals",
+        "environment",
+        "caustics",
+        "uv1",
+    ]
+    .into_iter()
+    .map(|name| (name.to_owned(), true))
+    .collect();
+    let mut found = BTreeMap::new();
+    for pass in passes::ALL {
+        let shader = library
+            .compile(&shader_name(pass), &specialised(pass, &features, false))
+            .unwrap();
+        for (_, variable) in shader.module.global_variables.iter() {
+            if variable.binding.is_some() {
+                collect(&shader.module, variable.ty, &mut found);
+            }
+        }
+    }
+    found
+}
+
+/// Names of the structs whose two layouts differ, and of those that one side lacks.
+fn mismatches(host: &BTreeMap<String, Layout>, shaders: &BTreeMap<String, Layout>) -> Vec<String> {
+    let names: BTreeSet<&String> = host.keys().chain(shaders.keys()).collect();
+    names
+        .into_iter()
+        .filter(|name| host.get(*name) != shaders.get(*name))
+        .cloned()
+        .collect()
+}
+
+#[test]
+fn shared_structs_have_one_layout() {
+    let host = host();
+    let mut shaders = shaders(&ShaderLibrary::embedded());
+    // Dispatch is written as four numbers; `gpu::kernel::dispatch_table` says which.
+    let dispatch = shaders
+        .remove("Dispatch")
+        .expect("passes read their dispatch");
+    assert_eq!(dispatch.size, 16);
+    let names: Vec<&str> = dispatch
+        .fields
+        .iter()
+        .map(|field| field.0.as_str())
+        .collect();
+    assert_eq!(names, ["index", "eye", "count", "slots_per_path"]);
+    let wrong = mismatches(&host, &shaders);
+    for name in &wrong {
+        eprintln!(
+            "{name}: host {:#?}, shaders {:#?}",
+            host.get(name),
+            shaders.get(name)
+        );
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+#[test]
+fn a_wrong_layout_is_noticed() {
+    // Two fields exchanged, a field inserted, a field grown: each must be found, and nothing else.
+    for (module, from, to, name) in [
+        (
+            "shared/photon",
+            "position: vec3<f32>,",
+            "position: vec4<f32>,",
+            "Photon",
+        ),
+        (
+            "shared/frame",
+            "    seed: u32,\n    frame_index: u32,",
+            "    frame_index: u32,\n    seed: u32,",
+            "Frame",
+        ),
+        (
+            "shared/grid",
+            "hashed_rows: u32,\n    // Table",
+            "hashed_rows: u32,\n    extra: u32,\n    // Table",
+            "PhotonGrid",
+        ),
+    ] {
+        let path = format!("{}/shaders/{module}.wesl", env!("CARGO_MANIFEST_DIR"));
+        let source = std::fs::read_to_string(path).unwrap();
+        let changed = source.replacen(from, to, 1);
+        assert_ne!(changed, source, "{module} does not hold {from:?}");
+        let mut library = ShaderLibrary::embedded();
+        library.insert(module, changed);
+        // A changed type may break code that uses it; exchanged names do not. Reflection of what still compiles is enough.
+        let outcome = std::panic::catch_unwind(|| shaders(&library));
+        if let Ok(mut found) = outcome {
+            found.remove("Dispatch");
+            assert_eq!(mismatches(&host(), &found), [name]);
+        }
+    }
+    let mut host = host();
+    host.remove("Vertex");
+    let mut found = shaders(&ShaderLibrary::embedded());
+    found.remove("Dispatch");
+    assert_eq!(
+        mismatches(&host, &found),
+        ["Vertex"],
+        "a struct that no test knows"
+    );
+}

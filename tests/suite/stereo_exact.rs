@@ -1,0 +1,486 @@
+//! Stereo reuse against closed forms and f64 arithmetic: nothing here has a tolerance that hides a wrong pixel.
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::options::{Method, Reuse, Settings};
+use stereolux::renderer::{Eye, Provenance, Renderer};
+use stereolux::scene::Scene;
+use stereolux::scene::builtin::plane;
+use stereolux::xr::{Fov, Headset, Pose, View};
+
+use crate::suite::support::{
+    Triangles, bits, builtin, frame, hit_in_world, hit_rays, method, parallel_views, placed,
+    radiance, renderer, square_fov, start_pose,
+};
+
+fn winners(renderer: &Renderer) -> Vec<u32> {
+    renderer
+        .eyes()
+        .read_winners(renderer.context())
+        .unwrap()
+        .unwrap()
+}
+
+fn provenance(renderer: &Renderer) -> Vec<u32> {
+    renderer
+        .eyes()
+        .read_provenance(renderer.context())
+        .unwrap()
+        .unwrap()
+}
+
+/// The head rolled about its line of sight, degrees.
+fn rolled(head: Pose, degrees: f64) -> Pose {
+    head.then(&Pose::new(
+        DVec3::ZERO,
+        DQuat::from_rotation_z(degrees.to_radians()),
+    ))
+}
+
+#[test]
+fn equal_eyes_give_equal_images_bit_for_bit() {
+    let scene = builtin("cornell");
+    let head = start_pose(&scene);
+    let asymmetric = Fov::from_degrees(-20.0, 31.0, 25.0, -17.0);
+    for (kind, reuse) in [
+        (Method::Photon, Reuse::Scatter),
+        (Method::Photon, Reuse::Off),
+        (Method::Path, Reuse::Scatter),
+        (Method::Path, Reuse::Off),
+    ] {
+        for spp in [1, 4] {
+            let settings = Settings {
+                spp,
+                ..method(kind, reuse)
+            };
+            let mut renderer = renderer(&scene, &settings, [32, 24]);
+            for (fov, roll) in [
+                (square_fov(20.0), 0.0),
+                (asymmetric, 0.0),
+                (asymmetric, 90.0),
+            ] {
+                let views = parallel_views(rolled(head, roll), 0.0, fov);
+                let result = frame(&mut renderer, &views);
+                let (left, right) = (
+                    radiance(&renderer, Eye::Left),
+                    radiance(&renderer, Eye::Right),
+                );
+                let what = format!("{kind:?} {reuse:?} {spp} spp roll {roll}");
+                assert!(bits(&left) == bits(&right), "{what}: eyes differ");
+                assert!(left.iter().flatten().any(|&c| c > 0.0), "{what}: black");
+                if reuse == Reuse::Scatter {
+                    assert_eq!(result.stereo.reuse_fraction, 1.0, "{what}");
+                    assert_eq!(result.stereo.filled, 0, "{what}");
+                    assert_eq!(result.stereo.reused, result.stereo.left_hits, "{what}");
+                }
+            }
+            // Negative control: eyes apart are not equal.
+            frame(&mut renderer, &parallel_views(head, 0.02, square_fov(20.0)));
+            assert!(
+                bits(&radiance(&renderer, Eye::Left)) != bits(&radiance(&renderer, Eye::Right))
+            );
+        }
+    }
+}
+
+#[test]
+fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
+    let scene = builtin("plane");
+    // Asymmetric horizontally, tangents -1.2 to 0.8 and 1 to -1.
+    let asymmetric = Fov {
+        angle_left: (-1.2_f64).atan(),
+        angle_right: 0.8_f64.atan(),
+        angle_up: 45.0_f64.to_radians(),
+        angle_down: -45.0_f64.to_radians(),
+    };
+    for size in [[64, 40], [128, 16], [100, 24]] {
+        let [width, height] = size;
+        let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), size);
+        for (fov, ipd_m) in [
+            (square_fov(45.0), 0.063),
+            (asymmetric, 0.063),
+            (square_fov(45.0), 0.21),
+        ] {
+            let views = parallel_views(Pose::IDENTITY, ipd_m, fov);
+            let result = frame(&mut renderer, &views);
+            let tangents = fov.tangents();
+            let disparity =
+                f64::from(width) * ipd_m / (plane::DISTANCE_M * (tangents.right - tangents.left));
+            // A left pixel's centre moves left by the disparity. Its distance from the nearest pixel border is the
+            // same for the whole image; these settings keep it far above f32 rounding (1e-5 pixels).
+            let landing = 0.5 - disparity;
+            assert!(
+                (landing - landing.round()).abs() > 1e-3,
+                "choose another size: lands on a border"
+            );
+            let shift = -(landing.floor() as i64) as u32;
+            assert!(shift >= 1, "the test must move something");
+            let (winners, provenance) = (winners(&renderer), provenance(&renderer));
+            let (left, right) = (
+                radiance(&renderer, Eye::Left),
+                radiance(&renderer, Eye::Right),
+            );
+            for y in 0..height {
+                for x in 0..width {
+                    let here = (y * width + x) as usize;
+                    let from = if x + shift < width {
+                        y * width + x + shift
+                    } else {
+                        u32::MAX
+                    };
+                    assert_eq!(
+                        winners[here], from,
+                        "{size:?} ipd {ipd_m}: right pixel ({x}, {y})"
+                    );
+                    if from == u32::MAX {
+                        assert_eq!(
+                            provenance[here],
+                            Provenance::OutOfLeftView as u32,
+                            "({x}, {y})"
+                        );
+                    } else {
+                        assert_eq!(provenance[here], Provenance::Reused as u32);
+                        assert_eq!(bits(&right)[here], bits(&left)[from as usize], "({x}, {y})");
+                    }
+                }
+            }
+            let reused = (width - shift) * height;
+            assert_eq!(result.stereo.reused, reused);
+            assert_eq!(
+                result.stereo.filled_because.out_of_left_view,
+                shift * height
+            );
+            assert_eq!(result.stereo.filled, shift * height);
+            // Direct light of one point light is the whole truth here: a plane alone scatters nothing to itself. f32
+            // arithmetic of some twenty steps keeps 1e-5; 1e-4 leaves room for a driver's division.
+            for (pixel, value) in left.iter().enumerate() {
+                let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+                let ray = views[0].ray_through_pixel(
+                    f64::from(x) + 0.5,
+                    f64::from(y) + 0.5,
+                    width,
+                    height,
+                );
+                let point = ray.origin
+                    + ray.direction * (-plane::DISTANCE_M - ray.origin.z) / ray.direction.z;
+                let expected = plane::radiance_at(point.x, point.y);
+                for channel in value {
+                    assert!(
+                        (f64::from(*channel) / expected - 1.0).abs() < 1e-4,
+                        "({x}, {y}): {channel} for {expected}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Views of a profile's eyes, or of eyes with other angles.
+fn headset_views(name: &str, head: Pose) -> [View; 2] {
+    Headset::load(name).unwrap().views_from_head(&head)
+}
+
+/// Right pixels whose winner's point, projected in f64, lies elsewhere; and right pixels with a winner.
+fn misplaced(
+    renderer: &Renderer,
+    views: &[View; 2],
+    judge: &View,
+    size: [u32; 2],
+) -> (usize, usize) {
+    let rays = hit_rays(renderer, Eye::Left);
+    let (mut wrong, mut all) = (0, 0);
+    for (pixel, &winner) in winners(renderer).iter().enumerate() {
+        if winner == u32::MAX {
+            continue;
+        }
+        all += 1;
+        let hit = hit_in_world(&views[0], rays[winner as usize]);
+        let here = judge
+            .pixel_from_point_in_world(hit, size[0], size[1])
+            .map(|(x, y)| y.floor() as usize * size[0] as usize + x.floor() as usize);
+        wrong += usize::from(here != Some(pixel));
+    }
+    (wrong, all)
+}
+
+fn check_landing(scene: &Scene, kind: Method, far: DVec3) {
+    let size = [48, 40];
+    let scene = placed(scene.clone(), DAffine3::from_translation(far));
+    let head = start_pose(&scene);
+    let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), size);
+    let canted = |head: Pose| {
+        let mut views = parallel_views(head, 0.063, Fov::from_degrees(-35.0, 28.0, 30.0, -24.0));
+        views[0].orientation *= DQuat::from_rotation_y(0.09);
+        views[1].orientation *= DQuat::from_rotation_y(-0.09) * DQuat::from_rotation_x(0.02);
+        views[1].fov = Fov::from_degrees(-28.0, 35.0, 30.0, -26.0);
+        views
+    };
+    let all = [
+        ("parallel", parallel_views(head, 0.063, square_fov(25.0))),
+        ("canted", canted(head)),
+        ("canted, rolled 90", canted(rolled(head, 90.0))),
+        ("canted, rolled 180", canted(rolled(head, 180.0))),
+        ("quest3", headset_views("quest3", head)),
+        ("index", headset_views("index", rolled(head, 90.0))),
+        (
+            "half a metre apart",
+            parallel_views(head, 0.5, square_fov(30.0)),
+        ),
+    ];
+    for (name, views) in all {
+        frame(&mut renderer, &views);
+        let (wrong, reused) = misplaced(&renderer, &views, &views[1], size);
+        let what = format!("{} {kind:?} {name} at {far}", scene.name);
+        assert!(reused > 100, "{what}: only {reused} pixels were reused");
+        assert_eq!(wrong, 0, "{what}: of {reused}");
+        // Negative control: an eye that stands 5 cm elsewhere sees other pixels.
+        let mut shifted = views[1];
+        shifted.position_in_world += shifted.orientation * DVec3::new(0.05, 0.03, 0.0);
+        let (wrong, _) = misplaced(&renderer, &views, &shifted, size);
+        assert!(
+            wrong > reused / 10,
+            "{what}: the judge is blind ({wrong} of {reused})"
+        );
+    }
+}
+
+#[test]
+fn every_reused_point_lies_in_its_pixel_in_cornell() {
+    let scene = builtin("cornell");
+    check_landing(&scene, Method::Photon, DVec3::ZERO);
+    check_landing(&scene, Method::Path, DVec3::ZERO);
+}
+
+#[test]
+fn every_reused_point_lies_in_its_pixel_in_the_gallery() {
+    check_landing(&builtin("gallery"), Method::Photon, DVec3::ZERO);
+}
+
+#[test]
+fn every_reused_point_lies_in_its_pixel_a_thousand_kilometres_out() {
+    // Not round numbers: an f32 of these is off by centimetres.
+    let far = DVec3::new(1.0e6 + 0.123, -1.0e6 + 0.377, 1.0e6 + 0.711);
+    check_landing(&builtin("cornell"), Method::Photon, far);
+    check_landing(&builtin("gallery"), Method::Path, far);
+}
+
+#[test]
+fn far_from_the_origin_as_much_is_reused_as_at_it() {
+    let scene = builtin("cornell");
+    let fraction = |far: DVec3| {
+        let scene = placed(scene.clone(), DAffine3::from_translation(far));
+        let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), [64, 64]);
+        frame(
+            &mut renderer,
+            &parallel_views(start_pose(&scene), 0.063, square_fov(19.0)),
+        )
+        .stereo
+        .reuse_fraction
+    };
+    let near = fraction(DVec3::ZERO);
+    // A power of two: f64 holds the moved scene to 2^-32 m, so geometry and views are the same but for that. A pixel or
+    // two (of 4096) may have stood on a border.
+    let far = fraction(DVec3::splat(1_048_576.0));
+    assert!(
+        (near - far).abs() < 4.0 / 4096.0,
+        "{near} at the origin, {far} far from it"
+    );
+}
+
+#[test]
+fn the_nearest_visible_hit_wins() {
+    let scene = builtin("cornell");
+    let triangles = Triangles::of(&scene);
+    let size = [64, 64];
+    let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), size);
+    let mut contested = 0;
+    for ipd_m in [0.063, 0.25] {
+        let views = parallel_views(start_pose(&scene), ipd_m, square_fov(19.0));
+        frame(&mut renderer, &views);
+        let right_eye = views[1].position_in_world;
+        // Per right pixel: left hits that f64 arithmetic sees in it, with their distance. Points within a thousandth of
+        // a pixel of a border may go either way by rounding: their pixels are left out.
+        let mut candidates: Vec<Vec<(u32, f64)>> = vec![Vec::new(); 64 * 64];
+        let mut doubtful = vec![false; 64 * 64];
+        for (left_pixel, ray) in hit_rays(&renderer, Eye::Left).into_iter().enumerate() {
+            if ray[3] <= 0.0 {
+                continue;
+            }
+            let hit = hit_in_world(&views[0], ray);
+            let Some((x, y)) = views[1].pixel_from_point_in_world(hit, size[0], size[1]) else {
+                continue;
+            };
+            let pixel = y.floor() as usize * 64 + x.floor() as usize;
+            // Two margins: what is blocked by both or by neither is certain.
+            let blocked = triangles.blocked(hit, right_eye, 1e-4);
+            if [x, y].iter().any(|v| (v - v.round()).abs() < 1e-3)
+                || blocked != triangles.blocked(hit, right_eye, 1e-5)
+            {
+                let (i, j) = (x.round() as i64, y.round() as i64);
+                for (i, j) in [
+                    (i, j),
+                    (i - 1, j),
+                    (i, j - 1),
+                    (i - 1, j - 1),
+                    (x as i64, y as i64),
+                ] {
+                    if (0..64).contains(&i) && (0..64).contains(&j) {
+                        doubtful[(j * 64 + i) as usize] = true;
+                    }
+                }
+            } else if !blocked {
+                candidates[pixel].push((left_pixel as u32, hit.distance(right_eye)));
+            }
+        }
+        let winners = winners(&renderer);
+        let mut checked = 0;
+        for pixel in 0..64 * 64 {
+            if doubtful[pixel] {
+                continue;
+            }
+            let nearest = candidates[pixel]
+                .iter()
+                .map(|c| c.1)
+                .fold(f64::INFINITY, f64::min);
+            // f32 squares tell distances apart that differ by more than 1e-6 of themselves.
+            let front: Vec<u32> = candidates[pixel]
+                .iter()
+                .filter(|c| c.1 <= nearest * (1.0 + 1e-6))
+                .map(|c| c.0)
+                .collect();
+            checked += 1;
+            contested += usize::from(candidates[pixel].len() > front.len());
+            if front.is_empty() {
+                assert_eq!(
+                    winners[pixel],
+                    u32::MAX,
+                    "pixel {pixel}: nothing lands there"
+                );
+            } else {
+                assert!(
+                    front.contains(&winners[pixel]),
+                    "pixel {pixel}: {} won over {front:?}",
+                    winners[pixel]
+                );
+            }
+        }
+        assert!(checked > 3000, "only {checked} pixels could be judged");
+    }
+    assert!(
+        contested > 20,
+        "only {contested} pixels had more than one candidate"
+    );
+}
+
+#[test]
+fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
+    for (name, half) in [("cornell", 22.0), ("gallery", 40.0)] {
+        let scene = builtin(name);
+        let views = parallel_views(start_pose(&scene), 0.063, square_fov(half));
+        for kind in [Method::Photon, Method::Path] {
+            let size = [64, 48];
+            let mut native = renderer(&scene, &method(kind, Reuse::Off), size);
+            let mut reusing = renderer(&scene, &method(kind, Reuse::Scatter), size);
+            frame(&mut native, &views);
+            let result = frame(&mut reusing, &views);
+            let what = format!("{name} {kind:?}");
+            assert!(
+                bits(&radiance(&native, Eye::Left)) == bits(&radiance(&reusing, Eye::Left)),
+                "{what}: the left eye does not know about reuse"
+            );
+            let (expected, found) = (
+                bits(&radiance(&native, Eye::Right)),
+                bits(&radiance(&reusing, Eye::Right)),
+            );
+            let sees = hit_rays(&native, Eye::Right);
+            let from = provenance(&reusing);
+            let mut counts = [0_u32; 7];
+            let mut reused_differ = 0;
+            for pixel in 0..from.len() {
+                counts[from[pixel] as usize] += 1;
+                if from[pixel] == Provenance::Reused as u32 {
+                    reused_differ += usize::from(expected[pixel] != found[pixel]);
+                    continue;
+                }
+                assert_eq!(
+                    expected[pixel], found[pixel],
+                    "{what}: filled pixel {pixel} ({})",
+                    from[pixel]
+                );
+                let is_background = from[pixel] == Provenance::Background as u32;
+                assert_eq!(
+                    is_background,
+                    sees[pixel][3] <= 0.0,
+                    "{what}: pixel {pixel}"
+                );
+            }
+            // Negative control: carried over values are another sample's.
+            assert!(
+                reused_differ > counts[1] as usize / 2,
+                "{what}: the comparison sees nothing"
+            );
+            let s = result.stereo;
+            let b = s.filled_because;
+            assert_eq!(s.reused, counts[1], "{what}");
+            assert_eq!(
+                [
+                    b.out_of_left_view,
+                    b.disoccluded,
+                    b.edge,
+                    b.view_dependent,
+                    b.gap
+                ],
+                [counts[2], counts[3], counts[4], counts[5], counts[6]],
+                "{what}"
+            );
+            assert_eq!(s.filled, counts[2..].iter().sum::<u32>(), "{what}");
+            assert_eq!(s.reused + s.filled + counts[0], size[0] * size[1], "{what}");
+            assert_eq!(
+                s.reuse_fraction,
+                f64::from(s.reused) / f64::from(s.reused + s.filled),
+                "{what}"
+            );
+            assert!(
+                s.scattered <= s.left_hits && s.reused <= s.scattered,
+                "{what}: {s:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn mirrors_and_glass_are_not_carried_over() {
+    // What a mirror shows depends on the eye: every pixel whose first surface is view dependent must be filled, and say so
+    // unless the left eye does not look there.
+    let scene = builtin("gallery");
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(40.0));
+    let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), [96, 64]);
+    let result = frame(&mut renderer, &views);
+    let triangles = Triangles::of(&scene);
+    let mut seen = 0;
+    for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
+        let (x, y) = (pixel % 96, pixel / 96);
+        let ray = views[1].ray_through_pixel(x as f64 + 0.5, y as f64 + 0.5, 96, 64);
+        let Some((t, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
+            continue;
+        };
+        if scene.materials[material as usize].is_lambert() || from == Provenance::Reused as u32 {
+            continue; // reused: the left eye's hit in this pixel may be the diffuse surface beside the mirror
+        }
+        seen += 1;
+        let in_left = views[0].pixel_from_point_in_world(ray.origin + ray.direction * t, 96, 64);
+        match in_left {
+            // Near the left image's border either may be right.
+            Some((u, v)) if (1.0..95.0).contains(&u) && (1.0..63.0).contains(&v) => {
+                assert_eq!(
+                    from,
+                    Provenance::ViewDependent as u32,
+                    "pixel ({x}, {y}), {}",
+                    scene.materials[material as usize].name
+                );
+            }
+            _ => {}
+        }
+    }
+    assert!(seen > 20, "only {seen} pixels show a mirror or glass");
+    assert!(result.stereo.filled_because.view_dependent > 20);
+}
