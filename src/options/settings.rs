@@ -201,7 +201,7 @@ pub struct PhotonSettings {
     pub kernel: Kernel,
     /// Photons that the buffer holds, 0 to 268435456; 0 takes it from the photon count; default 0.
     pub capacity: u32,
-    /// Upper bound on hash-grid cells, 64 to 4194300; default 2097152.
+    /// Upper bound on hash-grid cells, 64 to 4194300; default 524288.
     pub grid_cells_max: u32,
     /// Trace photons anew for every frame, even where scene and lights are static; default false.
     pub every_frame: bool,
@@ -222,7 +222,7 @@ impl Default for PhotonSettings {
             direct: DirectLight::default(),
             kernel: Kernel::default(),
             capacity: 0,
-            grid_cells_max: 2_097_152,
+            grid_cells_max: 524_288,
             every_frame: false,
             progressive: false,
             progressive_alpha: 0.7,

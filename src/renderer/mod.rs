@@ -21,13 +21,13 @@ use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::timing::Timer;
 use crate::gpu::types::frame::{
     Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_EYES_EQUAL, FRAME_KERNEL_CONE,
-    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
+    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, FRAME_SOBOL, Frame,
 };
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderLibrary, uniform_buffer,
 };
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Settings,
+    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Sampler, Settings,
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
@@ -45,6 +45,10 @@ const AUTOMATIC_GATHER: f64 = 60.0;
 const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
 /// Gather radii below this are raised to it: their square would leave f32's range.
 const LEAST_RADIUS_M: f64 = 1e-12;
+/// Distance of two frames' photon keys: progressive mode numbers its samples in between.
+const PHOTON_KEY_STRIDE: u32 = 1_000_003;
+/// Passes that one sample records at most, gathering slices aside.
+const PASSES_PER_SAMPLE: usize = 64;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
 const FOLLOW_MAX_ALPHA: f32 = 0.05;
 
@@ -164,6 +168,8 @@ pub struct Renderer {
     width: u32,
     height: u32,
     radius_m: f64,
+    /// The radius of the sample in hand; smaller than `radius_m` in progressive mode.
+    radius_now_m: f64,
     scene: SceneBuffers,
     kernels: KernelSet,
     photon_map: Option<PhotonMap>,
@@ -198,6 +204,17 @@ pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
     } else {
         0.1
     }
+}
+
+/// Radius of progressive pass `pass` (from 0): r_(i+1)^2 = r_i^2 (i + alpha) / (i + 1), i from 1. The mean over passes
+/// then converges, its bias falling with the radius: Knaus and Zwicker 2011, "Progressive photon mapping: a
+/// probabilistic approach", eq. 15.
+pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
+    let mut squared = first_radius_m * first_radius_m;
+    for i in 1..=pass {
+        squared *= (f64::from(i) + alpha) / (f64::from(i) + 1.0);
+    }
+    squared.sqrt().max(LEAST_RADIUS_M)
 }
 
 /// The passes of one sample of an eye.
@@ -280,6 +297,7 @@ impl Renderer {
             width: size[0],
             height: size[1],
             radius_m,
+            radius_now_m: radius_m,
             scene: buffers,
             kernels,
             photon_map,
@@ -369,15 +387,32 @@ impl Renderer {
         result.cpu_ms.update = milliseconds_since(began);
 
         let began = Instant::now();
-        self.trace_photons(views, frame_index, &mut result)?;
-        let slices = self.photon_map.as_ref().map_or(1, PhotonMap::gather_slices);
-        if self.eyes.set_gather_slices(&self.context, slices) {
-            self.bind()?;
-        }
         let samples = self.settings.spp;
+        // Progressive mode traces photons anew for every sample, with a smaller radius each time.
+        let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
+        let per_submission = if progressive {
+            1
+        } else {
+            SAMPLES_PER_SUBMISSION
+        };
         let mut first = 0;
         while first < samples {
-            let count = SAMPLES_PER_SUBMISSION.min(samples - first);
+            let count = per_submission.min(samples - first);
+            if first == 0 || progressive {
+                self.radius_now_m = progressive_radius_m(
+                    self.radius_m,
+                    self.settings.photon.progressive_alpha,
+                    first,
+                );
+                let photon_key = frame_index
+                    .wrapping_mul(PHOTON_KEY_STRIDE)
+                    .wrapping_add(first);
+                self.trace_photons(views, frame_index, photon_key, progressive, &mut result)?;
+                let slices = self.photon_map.as_ref().map_or(1, PhotonMap::gather_slices);
+                if self.eyes.set_gather_slices(&self.context, slices) {
+                    self.bind()?;
+                }
+            }
             let photons = self.photon_map.as_ref().and_then(PhotonMap::traced_at);
             self.write_frame_uniform(views, frame_index, first, photons);
             let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
@@ -385,7 +420,7 @@ impl Renderer {
                 self.eyes.record_clear(&mut recorder);
             }
             for sample in 0..count {
-                if recorder.room() < 64 {
+                if recorder.room() < PASSES_PER_SAMPLE {
                     let full = std::mem::replace(
                         &mut recorder,
                         FrameRecorder::new(&self.context, self.timer.as_ref(), "frame"),
@@ -437,6 +472,8 @@ impl Renderer {
         &mut self,
         views: &[View; 2],
         frame_index: u32,
+        photon_key: u32,
+        anew: bool,
         result: &mut FrameResult,
     ) -> Result<(), GpuError> {
         let Some(map) = &mut self.photon_map else {
@@ -450,18 +487,17 @@ impl Renderer {
             );
             self.bind()?;
         }
-        let is_due = self
-            .photon_map
-            .as_ref()
-            .is_some_and(|map| map.traced_at().is_none() || self.settings.photon.every_frame);
+        let is_due = self.photon_map.as_ref().is_some_and(|map| {
+            anew || map.traced_at().is_none() || self.settings.photon.every_frame
+        });
         if is_due {
             // The map that is about to be traced, not the one before it.
-            self.write_frame_uniform(views, frame_index, 0, None);
             let origin = self.origin_in_world;
+            self.write_frame_uniform(views, frame_index, 0, Some((origin, photon_key)));
             if let Some(map) = &mut self.photon_map {
                 let mut recorder =
                     FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
-                map.record(&mut recorder, &self.kernels, origin, frame_index)?;
+                map.record(&mut recorder, &self.kernels, origin, photon_key)?;
                 recorder.submit("photon map", &mut result.times)?;
                 let counters = map.read_counters(&self.context)?;
                 if counters.dropped > 0 {
@@ -478,7 +514,7 @@ impl Renderer {
         if let Some(map) = &self.photon_map {
             let counters = map.counters();
             result.photons = PhotonStats {
-                traced: is_due && counters.paths_traced > 0,
+                traced: (is_due && counters.paths_traced > 0) || result.photons.traced,
                 emitted: counters.paths_traced,
                 stored: counters.stored,
                 dropped: counters.dropped,
@@ -506,6 +542,9 @@ impl Renderer {
         if views[0] == views[1] {
             flags |= FRAME_EYES_EQUAL;
         }
+        if settings.path.sampler == Sampler::Sobol {
+            flags |= FRAME_SOBOL;
+        }
         if settings.path.russian_roulette {
             flags |= FRAME_RUSSIAN_ROULETTE;
         }
@@ -526,7 +565,7 @@ impl Renderer {
                 .to_array(),
             flags,
             photon_offset: (photon_origin - origin).as_vec3().to_array(),
-            photon_radius: self.radius_m as f32,
+            photon_radius: self.radius_now_m as f32,
             width: self.width,
             height: self.height,
             seed: settings.seed,

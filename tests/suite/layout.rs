@@ -172,7 +172,6 @@ fn host() -> BTreeMap<String, Layout> {
             dropped,
             paths_kept,
             paths_traced,
-            batch_total,
             demanded,
             padding,
         }),
@@ -185,7 +184,6 @@ fn host() -> BTreeMap<String, Layout> {
             has_photons,
             edge,
             padding,
-            cell_groups,
             photon_groups,
         }),
     ])

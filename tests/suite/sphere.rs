@@ -81,7 +81,6 @@ fn photons_give_the_closed_form_within_two_percent() {
 }
 
 #[test]
-#[ignore = "a million photons: minutes on a slow machine"]
 fn a_million_photons_give_the_closed_form_within_two_percent() {
     let expected = radiance_to_depth(12);
     for direct in [DirectLight::Nee, DirectLight::Map] {
