@@ -1,5 +1,12 @@
 //! The integration tests, in one binary: wgpu is linked once.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::type_complexity,
+    clippy::too_many_arguments,
+    missing_docs
+)]
 
 mod suite {
     pub mod bsdf_furnace;
@@ -13,8 +20,12 @@ mod suite {
     pub mod bvh_probe;
     pub mod chi_square;
     pub mod commands;
+    pub mod convergence;
     pub mod cornell;
     pub mod determinism;
+    pub mod hard_cases;
+    pub mod hard_scales;
+    pub mod hard_support;
     pub mod images_files;
     pub mod layout;
     pub mod lights_emission;

@@ -616,7 +616,7 @@ mod tests {
         };
         let flat = flatten(None, &boxes, &shape, &mut Scratch::default());
         let check = |nodes: &[BvhNode], depth| {
-            super::check(nodes, 0, 0..100, depth, |i| {
+            check(nodes, 0, 0..100, depth, |i| {
                 boxes[flat.order[i as usize] as usize]
             })
         };

@@ -166,7 +166,7 @@ impl PhotonMap {
     ) -> Result<Self, GpuError> {
         let buffer = |label, bytes| storage_buffer(context, label, bytes);
         // One more entry marks the last run's end; together they fill whole 16-byte units, as buffers do.
-        let cells = u64::from(config.cells).min(SCAN_LIMIT - 4).max(64) / 4 * 4 - 1;
+        let cells = u64::from(config.cells).clamp(64, SCAN_LIMIT - 4) / 4 * 4 - 1;
         let photon_bytes = u64::from(capacity) * PHOTON_BYTES;
         let mut batches = Vec::new();
         let mut first = 0;

@@ -67,7 +67,7 @@ fn registry_words_are_the_enums_words() {
     ] {
         assert_eq!(
             registry::find(key).unwrap().kind.allowed(),
-            Kind::Choice(&leak(words)).allowed(),
+            Kind::Choice(leak(words)).allowed(),
             "{key}"
         );
         checked += 1;
@@ -78,7 +78,7 @@ fn registry_words_are_the_enums_words() {
     for setting in forces {
         assert_eq!(
             setting.kind.allowed(),
-            Kind::Choice(&leak(words::<Force>())).allowed()
+            Kind::Choice(leak(words::<Force>())).allowed()
         );
         checked += 1;
     }

@@ -82,6 +82,14 @@ impl<'a> Document<'a> {
                 node.remove("skin");
             }
         }
+        // A scene may leave its list of nodes out (glTF 2.0, section 5.27); gltf-json demands one.
+        if let Some(scenes) = top.get_mut("scenes").and_then(Value::as_array_mut) {
+            for scene in scenes.iter_mut().filter_map(Value::as_object_mut) {
+                scene
+                    .entry("nodes")
+                    .or_insert_with(|| Value::Array(Vec::new()));
+            }
+        }
         strip_extras(&mut raw);
         if let Some(place) = oversized_index(&raw, "", false) {
             return Err(SceneError::invalid(
