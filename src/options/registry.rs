@@ -258,7 +258,7 @@ pub static SETTINGS: &[Setting] = &[
         "photon.progressive",
         Kind::Bool,
         "",
-        "shrink the radius from frame to frame, converging to the path tracer",
+        "shrink the radius from sample to sample, converging to the path tracer",
     ),
     setting(
         "photon.progressive_alpha",

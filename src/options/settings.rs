@@ -205,7 +205,7 @@ pub struct PhotonSettings {
     pub grid_cells_max: u32,
     /// Trace photons anew for every frame, even where scene and lights are static; default false.
     pub every_frame: bool,
-    /// Shrink the radius from frame to frame; default false.
+    /// Shrink the radius from sample to sample; default false.
     pub progressive: bool,
     /// Share of new photons kept per progressive step (alpha of Hachisuka and Jensen 2009), in (0, 1); default 0.7.
     pub progressive_alpha: f64,

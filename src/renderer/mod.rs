@@ -21,7 +21,7 @@ use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::timing::Timer;
 use crate::gpu::types::frame::{
     Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_EYES_EQUAL, FRAME_KERNEL_CONE,
-    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, FRAME_SOBOL, Frame,
+    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderLibrary, uniform_buffer,
@@ -187,6 +187,7 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
         .into_iter()
         .map(|(name, on)| (name.to_owned(), on))
         .collect();
+    features.insert("sobol".to_owned(), settings.path.sampler == Sampler::Sobol);
     for (name, force) in settings.force.by_feature() {
         let needed = features.get(name).copied().unwrap_or(false);
         features.insert(name.to_owned(), force.apply(needed));
@@ -541,9 +542,6 @@ impl Renderer {
         let mut flags = 0;
         if views[0] == views[1] {
             flags |= FRAME_EYES_EQUAL;
-        }
-        if settings.path.sampler == Sampler::Sobol {
-            flags |= FRAME_SOBOL;
         }
         if settings.path.russian_roulette {
             flags |= FRAME_RUSSIAN_ROULETTE;

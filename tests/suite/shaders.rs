@@ -22,6 +22,7 @@ const FEATURES: &[&str] = &[
     "environment",
     "caustics",
     "uv1",
+    "sobol",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[

@@ -66,10 +66,8 @@ pub struct Frame {
     pub follow_max_alpha: f32,
 }
 
-/// Random numbers are points of a scrambled Sobol sequence.
-pub const FRAME_SOBOL: u32 = 1;
 /// The eyes have one pose and one field of view.
-pub const FRAME_EYES_EQUAL: u32 = 32;
+pub const FRAME_EYES_EQUAL: u32 = 1;
 /// Paths end by Russian roulette.
 pub const FRAME_RUSSIAN_ROULETTE: u32 = 2;
 /// Direct light comes from the photon map.
