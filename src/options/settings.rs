@@ -189,7 +189,7 @@ impl Default for PathSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotonSettings {
-    /// Photons emitted per frame, 0 to 4194300; default 262144.
+    /// Photons emitted per frame, 0 to 67108864; default 262144.
     pub count: u32,
     /// Gather radius in metres; 0 takes it from the scene's area and the photon count; default 0.
     pub radius_m: f64,

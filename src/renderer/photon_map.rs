@@ -146,7 +146,7 @@ impl PhotonMap {
         let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
         let batch_paths = u64::from(config.paths).clamp(1, batch_limit) as u32;
         // Bright interiors store about two photons per path; a map that overflows is grown after the frame.
-        let largest = (context.max_binding_bytes / PHOTON_BYTES).min(u64::from(u32::MAX)) as u32;
+        let largest = largest_capacity(context, config.cells);
         let capacity = match config.capacity {
             0 => config
                 .paths
@@ -178,8 +178,7 @@ impl PhotonMap {
         // One empty batch, for warming up; then one entry per digit of the sort.
         batches.push([0, 0, 0, slots_per_path]);
         let sums = |values: u64| (values + 1).div_ceil(SCAN_BLOCK) * 4;
-        let cell_bits = (cells + 4).next_power_of_two().trailing_zeros();
-        let digit_bits = cell_bits.div_ceil(RADIX_DIGITS);
+        let digit_bits = digit_bits(config.cells);
         let blocks = capacity.div_ceil(RADIX_BLOCK);
         let table = u64::from(blocks) << digit_bits;
         if table > SCAN_LIMIT {
@@ -512,8 +511,8 @@ impl PhotonMap {
         if self.last.dropped == 0 || self.config.capacity != 0 {
             return Ok(false);
         }
-        let largest = context.max_binding_bytes / PHOTON_BYTES;
-        let wanted = (u64::from(self.last.demanded) * 5 / 4).min(largest) as u32;
+        let largest = largest_capacity(context, self.config.cells);
+        let wanted = (u64::from(self.last.demanded) * 5 / 4).min(u64::from(largest)) as u32;
         if wanted <= self.capacity {
             return Ok(false);
         }
@@ -557,6 +556,19 @@ impl PhotonMap {
         )?;
         Ok((grid, starts))
     }
+}
+
+/// Bits of one digit of the sort, for a table of `cells` cells.
+fn digit_bits(cells: u32) -> u32 {
+    let cell_bits = (u64::from(cells) + 4).next_power_of_two().trailing_zeros();
+    cell_bits.div_ceil(RADIX_DIGITS)
+}
+
+/// Photons that a list which grows by itself may reach: what the adapter binds and the sort's table can count.
+fn largest_capacity(context: &GpuContext, cells: u32) -> u32 {
+    let bound = context.max_binding_bytes / PHOTON_BYTES;
+    let sorted = (SCAN_LIMIT >> digit_bits(cells)) * u64::from(RADIX_BLOCK);
+    bound.min(sorted).min(u64::from(u32::MAX)) as u32
 }
 
 /// The passes that the map binds one by one.
