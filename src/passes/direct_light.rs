@@ -2,10 +2,10 @@
 
 use super::{Over, Pass};
 
-/// Next-event estimation at the gathered surfaces.
+/// Direct light at the gathered surfaces, by light samples and by the surface's own directions.
 pub const PASS: Pass = Pass {
     name: "direct_light",
-    what: "Next-event estimation at the gathered surfaces.",
+    what: "Direct light at the gathered surfaces, by light samples and by the surface's own directions.",
     over: Over::Hits,
     traces: true,
     reads: &["end_rays", "hit_surfaces", "hit_paths"],
