@@ -188,6 +188,8 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
         .map(|(name, on)| (name.to_owned(), on))
         .collect();
     features.insert("sobol".to_owned(), settings.path.sampler == Sampler::Sobol);
+    // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
+    features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
     for (name, force) in settings.force.by_feature() {
         let needed = features.get(name).copied().unwrap_or(false);
         features.insert(name.to_owned(), force.apply(needed));
