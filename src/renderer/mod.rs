@@ -23,9 +23,7 @@ use crate::gpu::types::frame::{
     Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_EYES_EQUAL, FRAME_KERNEL_CONE,
     FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
 };
-use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderLibrary, uniform_buffer,
-};
+use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Sampler, Settings,
 };
@@ -664,12 +662,4 @@ fn stereo_stats(counters: &[u32; eyes::STEREO_COUNTERS]) -> StereoStats {
 
 fn milliseconds_since(began: Instant) -> f64 {
     began.elapsed().as_secs_f64() * 1e3
-}
-
-/// Resources of a frame that tests bind kernels of their own against.
-pub fn frame_resources<'a>(renderer: &'a Renderer) -> Resources<'a> {
-    renderer
-        .scene
-        .resources()
-        .with("frame", &renderer.frame_uniform)
 }
