@@ -18,6 +18,7 @@ mod suite {
     pub mod bsdf_user;
     pub mod bvh_gpu;
     pub mod bvh_probe;
+    pub mod caustics;
     pub mod chi_square;
     pub mod commands;
     pub mod convergence;

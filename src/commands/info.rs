@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{Failure, load_scene};
 use crate::gpu::context::adapters;
 use crate::options::{InfoOptions, Settings, registry};
-use crate::renderer::{automatic_radius_m, sample_passes, shader_features};
+use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
 use crate::scene::Needs;
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.
@@ -47,7 +47,7 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
         "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
         "needs": needs,
         "shader_features": features,
-        "passes_per_sample": sample_passes(&settings)
+        "passes_per_sample": sample_passes(&settings, forms_caustics(&features))
             .iter()
             .map(|pass| pass.to_string())
             .collect::<Vec<_>>(),

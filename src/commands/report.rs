@@ -69,6 +69,8 @@ pub struct RunReport<'a> {
     pub size: [u32; 2],
     /// Gather radius in use, metres; with the photon method.
     pub radius_m: Option<f64>,
+    /// Gather radius of caustics in use, metres; where they have a map of their own.
+    pub caustic_radius_m: Option<f64>,
     /// The resolved settings.
     pub settings: &'a Settings,
     /// The scene.
@@ -130,6 +132,7 @@ impl<'a> RunReport<'a> {
             refresh_hz: info.refresh_hz,
             size,
             radius_m: (settings.method == Method::Photon).then(|| renderer.radius_m()),
+            caustic_radius_m: renderer.caustic_map().map(|_| renderer.caustic_radius_m()),
             settings,
             scene: SceneSummary {
                 name: settings.scene.clone(),

@@ -104,7 +104,7 @@ pub struct LayerArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Scene and rendering")]
 pub struct SharedArgs {
-    /// glTF 2.0 file (.gltf, .glb), or builtin:NAME with NAME one of cornell, plane, sphere, gallery
+    /// glTF 2.0 file (.gltf, .glb), or builtin:NAME with NAME one of cornell, plane, sphere, caustic, gallery
     /// [default: builtin:cornell]
     #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
     pub scene: Option<String>,

@@ -213,6 +213,25 @@ pub static SETTINGS: &[Setting] = &[
         "gather radius; 0 takes it from the scene's area and the photon count",
     ),
     setting(
+        "photon.caustic_count",
+        Kind::Whole {
+            min: 0,
+            max: 67_108_864,
+        },
+        "photons",
+        "photons emitted for the map of caustics, in scenes that can form them; 0 takes photon.count",
+    ),
+    setting(
+        "photon.caustic_radius_m",
+        Kind::Real {
+            min: 0.0,
+            max: 1e9,
+            inclusive: true,
+        },
+        "metres",
+        "gather radius of caustics; 0 takes half of photon.radius_m",
+    ),
+    setting(
         "photon.max_depth",
         DEPTH,
         "segments",
@@ -237,7 +256,7 @@ pub static SETTINGS: &[Setting] = &[
             max: 268_435_456,
         },
         "photons",
-        "stored photons that the buffer holds; 0 takes it from photon.count",
+        "stored photons that each map's buffer holds; 0 takes it from the photon count",
     ),
     setting(
         "photon.grid_cells_max",
@@ -348,6 +367,12 @@ pub static SETTINGS: &[Setting] = &[
         FORCE,
         "",
         "the environment map in the shaders",
+    ),
+    setting(
+        "force.caustics",
+        FORCE,
+        "",
+        "a map of caustics, apart from the other photons",
     ),
     setting(
         "simulated.motion",

@@ -193,6 +193,10 @@ pub struct PhotonSettings {
     pub count: u32,
     /// Gather radius in metres; 0 takes it from the scene's area and the photon count; default 0.
     pub radius_m: f64,
+    /// Photons emitted for the map of caustics, 0 to 67108864, in scenes that can form them; 0 takes `count`; default 0.
+    pub caustic_count: u32,
+    /// Gather radius of caustics in metres; 0 takes half of `radius_m`; default 0.
+    pub caustic_radius_m: f64,
     /// Segments of the whole path from eye to light, 1 to 64; default 12.
     pub max_depth: u32,
     /// Source of direct light; default next-event estimation.
@@ -218,6 +222,8 @@ impl Default for PhotonSettings {
         Self {
             count: 262_144,
             radius_m: 0.0,
+            caustic_count: 0,
+            caustic_radius_m: 0.0,
             max_depth: 12,
             direct: DirectLight::default(),
             kernel: Kernel::default(),
@@ -304,12 +310,14 @@ pub struct ForceSettings {
     pub vertex_colors: Force,
     /// The environment map.
     pub environment: Force,
+    /// The map of caustics.
+    pub caustics: Force,
 }
 
 impl ForceSettings {
     /// Shader feature names with their setting, in the registry's order.
     #[must_use]
-    pub fn by_feature(&self) -> [(&'static str, Force); 7] {
+    pub fn by_feature(&self) -> [(&'static str, Force); 8] {
         [
             ("glossy", self.glossy),
             ("dielectric", self.dielectric),
@@ -318,6 +326,7 @@ impl ForceSettings {
             ("alpha", self.alpha),
             ("vertex_colors", self.vertex_colors),
             ("environment", self.environment),
+            ("caustics", self.caustics),
         ]
     }
 }

@@ -7,7 +7,7 @@ pub const PASS: Pass = Pass {
     name: "eye_combine",
     what: "Adds up a sample's light and accumulates samples.",
     over: Over::Pixels,
-    traces: false,
-    reads: &["hit_rays", "emitted_light", "direct_light", "indirect_light"],
+    traces: true,
+    reads: &["hit_rays", "emitted_light", "direct_light", "indirect_light", "caustic_light"],
     writes: &["sample_radiance", "radiance_sum"],
 };

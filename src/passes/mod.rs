@@ -7,7 +7,8 @@
 //! ```text
 //! photon map   PHOTON_BATCH per batch of paths, PHOTON_GRID, RADIX_DIGIT three times, PHOTON_FINISH
 //!              (once for a static scene)
-//! left eye     EYE_PHOTON or EYE_PATH over all pixels                    (per sample)
+//! caustic map  the same with CAUSTIC_BATCH, only where the scene can form caustics
+//! left eye     EYE_PHOTON... or EYE_PATH over all pixels                 (per sample)
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //! ```
@@ -24,6 +25,7 @@ macro_rules! passes {
 
 passes!(
     photon_trace,
+    caustic_trace,
     scan_blocks,
     scan_sums,
     scan_add,
@@ -38,6 +40,7 @@ passes!(
     eye_hits,
     direct_light,
     photon_gather,
+    caustic_gather,
     eye_combine,
     path_trace,
     scatter_depth,
@@ -79,7 +82,8 @@ pub struct Pass {
     pub what: &'static str,
     /// Domain.
     pub over: Over,
-    /// Whether it sees the scene (hierarchies, materials, lights) and is specialised by what the scene needs.
+    /// Whether it is specialised by what the scene needs: it sees hierarchies, materials and lights, or handles parts
+    /// of the light that only some scenes have.
     pub traces: bool,
     /// Buffers that it only reads, besides the scene's.
     pub reads: &'static [&'static str],
@@ -109,6 +113,13 @@ pub const PHOTON_BATCH: &[&Pass] = &[
     &photon_count::PASS,
 ];
 
+/// Traces one batch of the caustic map's paths, otherwise as [`PHOTON_BATCH`].
+pub const CAUSTIC_BATCH: &[&Pass] = &[
+    &caustic_trace::PASS,
+    &photon_append::PASS,
+    &photon_count::PASS,
+];
+
 /// Lays the grid and notes every photon's cell; [`SCAN`] over the cells' counts runs after it.
 pub const PHOTON_GRID: &[&Pass] = &[&photon_bounds::PASS, &grid_setup::PASS, &cell_count::PASS];
 
@@ -127,11 +138,30 @@ pub const EYE_PHOTON: &[&Pass] = &[
     &eye_combine::PASS,
 ];
 
+/// [`EYE_PHOTON`] where the scene can form caustics.
+pub const EYE_PHOTON_CAUSTICS: &[&Pass] = &[
+    &eye_hits::PASS,
+    &list_setup::PASS,
+    &direct_light::PASS,
+    &photon_gather::PASS,
+    &caustic_gather::PASS,
+    &eye_combine::PASS,
+];
+
 /// One sample of an eye by photon mapping with direct light from the map.
 pub const EYE_PHOTON_MAP_ONLY: &[&Pass] = &[
     &eye_hits::PASS,
     &list_setup::PASS,
     &photon_gather::PASS,
+    &eye_combine::PASS,
+];
+
+/// [`EYE_PHOTON_MAP_ONLY`] where the scene can form caustics.
+pub const EYE_PHOTON_MAP_ONLY_CAUSTICS: &[&Pass] = &[
+    &eye_hits::PASS,
+    &list_setup::PASS,
+    &photon_gather::PASS,
+    &caustic_gather::PASS,
     &eye_combine::PASS,
 ];
 

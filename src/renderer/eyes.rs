@@ -48,6 +48,7 @@ pub struct EyeBuffers {
     emitted_light: wgpu::Buffer,
     direct_light: wgpu::Buffer,
     indirect_light: wgpu::Buffer,
+    caustic_light: wgpu::Buffer,
     sample_radiance: wgpu::Buffer,
     radiance_sum: wgpu::Buffer,
     /// Pixels that see a surface: list, length, and the workgroups of passes over it.
@@ -80,12 +81,13 @@ impl PixelList {
 }
 
 impl EyeBuffers {
-    fn new(context: &GpuContext, eye: Eye, pixels: u64, photon: bool) -> Result<Self, GpuError> {
+    fn new(context: &GpuContext, eye: Eye, pixels: u64, plan: &EyePlan) -> Result<Self, GpuError> {
         let buffer =
             |name: &str, bytes| storage_buffer(context, &format!("{} {name}", eye.name()), bytes);
         let image = |name| buffer(name, pixels * 16);
         // The path method shades as it goes and keeps no parts.
-        let part = |name| buffer(name, if photon { pixels * 16 } else { 16 });
+        let part = |name| buffer(name, if plan.photon { pixels * 16 } else { 16 });
+        let caustics = if plan.caustics { pixels * 16 } else { 16 };
         Ok(Self {
             hit_rays: image("hit rays")?,
             hit_paths: image("hit paths")?,
@@ -95,6 +97,7 @@ impl EyeBuffers {
             emitted_light: part("emitted light")?,
             direct_light: part("direct light")?,
             indirect_light: part("indirect light")?,
+            caustic_light: buffer("caustic light", caustics)?,
             sample_radiance: image("sample radiance")?,
             radiance_sum: image("radiance sum")?,
             hits: PixelList::new(context, &format!("{} hit", eye.name()), pixels)?,
@@ -111,6 +114,7 @@ impl EyeBuffers {
             .with("emitted_light", &self.emitted_light)
             .with("direct_light", &self.direct_light)
             .with("indirect_light", &self.indirect_light)
+            .with("caustic_light", &self.caustic_light)
             .with("sample_radiance", &self.sample_radiance)
             .with("radiance_sum", &self.radiance_sum)
             .with("hit_list", &self.hits.pixels)
@@ -158,6 +162,8 @@ pub struct EyePlan {
     pub sample: &'static [&'static Pass],
     /// Whether the photon method's buffers are needed.
     pub photon: bool,
+    /// Whether caustics have a map of their own.
+    pub caustics: bool,
     /// Whether the right eye reuses the left.
     pub reuse: bool,
 }
@@ -219,9 +225,9 @@ impl Eyes {
             width,
             height,
             plan,
-            left: EyeBuffers::new(context, Eye::Left, pixels, plan.photon)?,
+            left: EyeBuffers::new(context, Eye::Left, pixels, &plan)?,
             right: both
-                .then(|| EyeBuffers::new(context, Eye::Right, pixels, plan.photon))
+                .then(|| EyeBuffers::new(context, Eye::Right, pixels, &plan))
                 .transpose()?,
             stereo,
             dispatch: sample_table(context, 1),
@@ -241,7 +247,8 @@ impl Eyes {
         changes
     }
 
-    /// Binds every pass anew; `shared` holds the scene, the frame uniform and the photon map.
+    /// Binds every pass anew; `shared` holds the scene, the frame uniform and the photon map. The pass that gathers
+    /// caustics finds the map in `caustics` under the same names.
     ///
     /// # Errors
     /// As [`crate::gpu::Kernel::bind`].
@@ -250,6 +257,7 @@ impl Eyes {
         context: &GpuContext,
         kernels: &KernelSet,
         shared: &Resources<'_>,
+        caustics: &Resources<'_>,
     ) -> Result<(), GpuError> {
         let base = shared.clone().with("dispatch", &self.dispatch);
         let bind = |pass: &'static Pass, extent: Extent, resources: &Resources<'_>| {
@@ -258,7 +266,11 @@ impl Eyes {
             } else {
                 kernels.get(pass)?
             };
-            let bound = kernel.bind(context, resources)?;
+            let bound = if pass.name == passes::caustic_gather::PASS.name {
+                kernel.bind(context, &resources.clone().and(caustics))?
+            } else {
+                kernel.bind(context, resources)?
+            };
             Ok::<Step, GpuError>(Step {
                 pass,
                 bound,
@@ -362,7 +374,11 @@ impl Eyes {
         for step in self.steps(eye) {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;
-            let slices = if step.pass.name == passes::photon_gather::PASS.name {
+            let gathers = [
+                passes::photon_gather::PASS.name,
+                passes::caustic_gather::PASS.name,
+            ];
+            let slices = if gathers.contains(&step.pass.name) {
                 self.gather_slices
             } else {
                 1

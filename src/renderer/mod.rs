@@ -33,7 +33,7 @@ use crate::xr::View;
 
 pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
-pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
+pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
 pub use scene_buffers::SceneBuffers;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
@@ -45,6 +45,8 @@ const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
 const LEAST_RADIUS_M: f64 = 1e-12;
 /// Distance of two frames' photon keys: progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
+/// Caustic radius over the photons' radius, where both are automatic.
+const AUTOMATIC_CAUSTIC_RADIUS: f64 = 0.5;
 /// Passes that one sample records at most, gathering slices aside.
 const PASSES_PER_SAMPLE: usize = 64;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
@@ -89,6 +91,17 @@ pub enum Provenance {
 pub struct PhotonStats {
     /// Whether this frame traced photons, or used those of an earlier one.
     pub traced: bool,
+    /// The map of all photons but caustics.
+    #[serde(flatten)]
+    pub map: MapStats,
+    /// The map of caustics, where the scene can form them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caustics: Option<MapStats>,
+}
+
+/// One photon map, for `stats.jsonl`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct MapStats {
     /// Paths emitted for the map in use.
     pub emitted: u32,
     /// Photons in the map.
@@ -166,11 +179,13 @@ pub struct Renderer {
     width: u32,
     height: u32,
     radius_m: f64,
-    /// The radius of the sample in hand; smaller than `radius_m` in progressive mode.
-    radius_now_m: f64,
+    caustic_radius_m: f64,
+    /// The sample in hand; its radii are smaller in progressive mode.
+    progressive_sample: u32,
     scene: SceneBuffers,
     kernels: KernelSet,
     photon_map: Option<PhotonMap>,
+    caustic_map: Option<PhotonMap>,
     eyes: Eyes,
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
@@ -195,6 +210,11 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
     features
 }
 
+/// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
+pub fn forms_caustics(features: &ShaderFeatures) -> bool {
+    features.get("caustics").copied().unwrap_or(false)
+}
+
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
 pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
     let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
@@ -204,6 +224,14 @@ pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
         radius
     } else {
         0.1
+    }
+}
+
+/// Paths emitted for the map of caustics.
+pub fn caustic_paths(settings: &Settings) -> u32 {
+    match settings.photon.caustic_count {
+        0 => settings.photon.count,
+        count => count,
     }
 }
 
@@ -218,12 +246,14 @@ pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
     squared.sqrt().max(LEAST_RADIUS_M)
 }
 
-/// The passes of one sample of an eye.
-pub fn sample_passes(settings: &Settings) -> &'static [&'static Pass] {
-    match (settings.method, settings.photon.direct) {
-        (Method::Path, _) => passes::EYE_PATH,
-        (Method::Photon, DirectLight::Nee) => passes::EYE_PHOTON,
-        (Method::Photon, DirectLight::Map) => passes::EYE_PHOTON_MAP_ONLY,
+/// The passes of one sample of an eye, in a scene that can form `caustics` or not.
+pub fn sample_passes(settings: &Settings, caustics: bool) -> &'static [&'static Pass] {
+    match (settings.method, settings.photon.direct, caustics) {
+        (Method::Path, ..) => passes::EYE_PATH,
+        (Method::Photon, DirectLight::Nee, false) => passes::EYE_PHOTON,
+        (Method::Photon, DirectLight::Nee, true) => passes::EYE_PHOTON_CAUSTICS,
+        (Method::Photon, DirectLight::Map, false) => passes::EYE_PHOTON_MAP_ONLY,
+        (Method::Photon, DirectLight::Map, true) => passes::EYE_PHOTON_MAP_ONLY_CAUSTICS,
     }
 }
 
@@ -245,9 +275,11 @@ impl Renderer {
         let buffers = SceneBuffers::new(&context, scene, &features)?;
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
+        let caustics = photon && forms_caustics(&features);
         let plan = EyePlan {
-            sample: sample_passes(settings),
+            sample: sample_passes(settings, caustics),
             photon,
+            caustics,
             reuse: both && settings.reuse != Reuse::Off,
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
@@ -262,6 +294,9 @@ impl Renderer {
                 wanted.extend(list);
             }
         }
+        if caustics {
+            wanted.extend(passes::CAUSTIC_BATCH);
+        }
         let mut filling: Vec<&Pass> = Vec::new();
         if plan.reuse {
             wanted.extend(passes::STEREO_SCATTER.iter().chain(passes::FILL_REASONS));
@@ -269,24 +304,34 @@ impl Renderer {
         }
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let has_lights = buffers.light_count() > 0;
+        let map = |kind, paths| {
+            PhotonMap::new(
+                &context,
+                PhotonMapConfig {
+                    kind,
+                    // Without lights there is nothing to emit, and no path may be traced for it.
+                    paths: if has_lights { paths } else { 0 },
+                    max_depth: settings.photon.max_depth,
+                    capacity: settings.photon.capacity,
+                    cells: settings.photon.grid_cells_max,
+                },
+            )
+        };
         let photon_map = photon
-            .then(|| {
-                PhotonMap::new(
-                    &context,
-                    PhotonMapConfig {
-                        // Without lights there is nothing to emit, and no path may be traced for it.
-                        paths: if has_lights { settings.photon.count } else { 0 },
-                        max_depth: settings.photon.max_depth,
-                        capacity: settings.photon.capacity,
-                        cells: settings.photon.grid_cells_max,
-                    },
-                )
-            })
+            .then(|| map(MapKind::Photons, settings.photon.count))
+            .transpose()?;
+        let caustic_map = caustics
+            .then(|| map(MapKind::Caustics, caustic_paths(settings)))
             .transpose()?;
         let radius_m = if settings.photon.radius_m > 0.0 {
             settings.photon.radius_m.max(LEAST_RADIUS_M)
         } else {
             automatic_radius_m(scene, settings.photon.count)
+        };
+        let caustic_radius_m = if settings.photon.caustic_radius_m > 0.0 {
+            settings.photon.caustic_radius_m.max(LEAST_RADIUS_M)
+        } else {
+            radius_m * AUTOMATIC_CAUSTIC_RADIUS
         };
         let eyes = Eyes::new(&context, size, plan, both)?;
         let mut renderer = Self {
@@ -298,10 +343,12 @@ impl Renderer {
             width: size[0],
             height: size[1],
             radius_m,
-            radius_now_m: radius_m,
+            caustic_radius_m,
+            progressive_sample: 0,
             scene: buffers,
             kernels,
             photon_map,
+            caustic_map,
             eyes,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
@@ -320,7 +367,7 @@ impl Renderer {
             .queue
             .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
         let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
-        if let Some(map) = &self.photon_map {
+        for map in self.maps() {
             map.record_warm_up(&mut recorder, &self.kernels)?;
         }
         self.eyes.record_warm_up(&mut recorder, &self.kernels)?;
@@ -342,6 +389,15 @@ impl Renderer {
         self.photon_map.as_ref()
     }
 
+    /// The map of caustics, with the photon method, where the scene can form them.
+    pub fn caustic_map(&self) -> Option<&PhotonMap> {
+        self.caustic_map.as_ref()
+    }
+
+    fn maps(&self) -> impl Iterator<Item = &PhotonMap> {
+        self.photon_map.iter().chain(&self.caustic_map)
+    }
+
     /// The scene on the device.
     pub fn scene(&self) -> &SceneBuffers {
         &self.scene
@@ -350,6 +406,11 @@ impl Renderer {
     /// Gather radius in use, metres.
     pub fn radius_m(&self) -> f64 {
         self.radius_m
+    }
+
+    /// Gather radius of caustics in use, metres.
+    pub fn caustic_radius_m(&self) -> f64 {
+        self.caustic_radius_m
     }
 
     /// Shader features that the passes were compiled with.
@@ -400,16 +461,13 @@ impl Renderer {
         while first < samples {
             let count = per_submission.min(samples - first);
             if first == 0 || progressive {
-                self.radius_now_m = progressive_radius_m(
-                    self.radius_m,
-                    self.settings.photon.progressive_alpha,
-                    first,
-                );
+                self.progressive_sample = first;
                 let photon_key = frame_index
                     .wrapping_mul(PHOTON_KEY_STRIDE)
                     .wrapping_add(first);
                 self.trace_photons(views, frame_index, photon_key, progressive, &mut result)?;
-                let slices = self.photon_map.as_ref().map_or(1, PhotonMap::gather_slices);
+                let slices = self.maps().map(PhotonMap::gather_slices).max();
+                let slices = slices.unwrap_or(1);
                 if self.eyes.set_gather_slices(&self.context, slices) {
                     self.bind()?;
                 }
@@ -457,14 +515,17 @@ impl Renderer {
 
     fn bind(&mut self) -> Result<(), GpuError> {
         let scene = self.scene.resources().with("frame", &self.frame_uniform);
-        if let Some(map) = &mut self.photon_map {
+        for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
             map.bind(&self.context, &self.kernels, &scene)?;
         }
-        let shared = match &self.photon_map {
-            Some(map) => scene.and(&map.resources()),
-            None => scene,
-        };
-        self.eyes.bind(&self.context, &self.kernels, &shared)?;
+        let [photons, caustics] = [&self.photon_map, &self.caustic_map]
+            .map(|map| map.as_ref().map(PhotonMap::resources).unwrap_or_default());
+        self.eyes.bind(
+            &self.context,
+            &self.kernels,
+            &scene.and(&photons),
+            &caustics,
+        )?;
         self.is_bound = true;
         Ok(())
     }
@@ -477,30 +538,34 @@ impl Renderer {
         anew: bool,
         result: &mut FrameResult,
     ) -> Result<(), GpuError> {
-        let Some(map) = &mut self.photon_map else {
-            return Ok(());
-        };
-        if map.grow(&self.context)? {
-            log::info!(
-                "the photon list overflowed by {} photons and now holds {}",
-                map.counters().dropped,
-                map.capacity()
-            );
+        let mut grew = false;
+        for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
+            if map.grow(&self.context)? {
+                log::info!(
+                    "the photon list overflowed by {} photons and now holds {}",
+                    map.counters().dropped,
+                    map.capacity()
+                );
+                grew = true;
+            }
+        }
+        if grew {
             self.bind()?;
         }
-        let is_due = self.photon_map.as_ref().is_some_and(|map| {
-            anew || map.traced_at().is_none() || self.settings.photon.every_frame
-        });
-        if is_due {
+        let is_due =
+            |map: &PhotonMap| anew || map.traced_at().is_none() || self.settings.photon.every_frame;
+        // One frame's maps share one origin and one key, so they are traced together.
+        if self.maps().any(is_due) {
             // The map that is about to be traced, not the one before it.
             let origin = self.origin_in_world;
             self.write_frame_uniform(views, frame_index, 0, Some((origin, photon_key)));
-            if let Some(map) = &mut self.photon_map {
+            for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
                 let mut recorder =
                     FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
                 map.record(&mut recorder, &self.kernels, origin, photon_key)?;
                 recorder.submit("photon map", &mut result.times)?;
                 let counters = map.read_counters(&self.context)?;
+                result.photons.traced |= counters.paths_traced > 0;
                 if counters.dropped > 0 {
                     log::warn!(
                         "{} of {} photons found no room; {} of {} paths count",
@@ -512,17 +577,18 @@ impl Renderer {
                 }
             }
         }
-        if let Some(map) = &self.photon_map {
+        let stats = |map: &PhotonMap| {
             let counters = map.counters();
-            result.photons = PhotonStats {
-                traced: (is_due && counters.paths_traced > 0) || result.photons.traced,
+            MapStats {
                 emitted: counters.paths_traced,
                 stored: counters.stored,
                 dropped: counters.dropped,
                 paths_kept: counters.paths_kept,
                 capacity: map.capacity(),
-            };
-        }
+            }
+        };
+        result.photons.map = self.photon_map.as_ref().map(stats).unwrap_or_default();
+        result.photons.caustics = self.caustic_map.as_ref().map(stats);
         Ok(())
     }
 
@@ -554,6 +620,10 @@ impl Renderer {
             DensityKernel::Epanechnikov => FRAME_KERNEL_EPANECHNIKOV,
             DensityKernel::Cone => FRAME_KERNEL_CONE,
         };
+        let radius_now_m = |first_radius_m| {
+            let alpha = settings.photon.progressive_alpha;
+            progressive_radius_m(first_radius_m, alpha, self.progressive_sample) as f32
+        };
         let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
         let frame = Frame {
             left: eye_uniform(&views[0], origin),
@@ -563,7 +633,7 @@ impl Renderer {
                 .to_array(),
             flags,
             photon_offset: (photon_origin - origin).as_vec3().to_array(),
-            photon_radius: self.radius_now_m as f32,
+            photon_radius: radius_now_m(self.radius_m),
             width: self.width,
             height: self.height,
             seed: settings.seed,
@@ -574,7 +644,7 @@ impl Renderer {
                 Method::Path => settings.path.max_depth,
                 Method::Photon => settings.photon.max_depth,
             },
-            photon_paths: settings.photon.count,
+            caustic_radius: radius_now_m(self.caustic_radius_m),
             photon_frame_index,
             normal_min_cos: settings.photon.normal_min_cos as f32,
             reuse_max_view_dependence: settings.stereo.max_view_dependence as f32,

@@ -9,7 +9,7 @@ use super::kernels::KernelSet;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
-use crate::passes;
+use crate::passes::{self, Pass};
 
 /// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
 const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
@@ -76,8 +76,8 @@ pub struct PhotonGrid {
     pub has_photons: u32,
     /// Cell edge, metres.
     pub edge: f32,
-    /// Unused.
-    pub padding: u32,
+    /// Gather radius that the map was made for, metres.
+    pub radius: f32,
     /// Indirect dispatch over photons.
     pub photon_groups: [u32; 4],
 }
@@ -85,9 +85,54 @@ pub struct PhotonGrid {
 /// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
 
+/// Which photons a map holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapKind {
+    /// All that scattered, or all where no map of caustics exists.
+    Photons,
+    /// Photons that came over narrow lobes alone.
+    Caustics,
+}
+
+impl MapKind {
+    /// Passes of one batch of paths.
+    pub fn batch(self) -> &'static [&'static Pass] {
+        match self {
+            Self::Photons => passes::PHOTON_BATCH,
+            Self::Caustics => passes::CAUSTIC_BATCH,
+        }
+    }
+
+    /// Name of a pass in timings; every photon pass begins with `photons.`.
+    fn label(self, pass: &Pass) -> String {
+        match self {
+            Self::Photons => format!("photons.{}", pass.name),
+            Self::Caustics => format!("photons.caustics.{}", pass.name),
+        }
+    }
+
+    /// All passes of the map but scans and the sort, which are bound by themselves.
+    fn passes(self) -> impl Iterator<Item = &'static &'static Pass> {
+        self.batch()
+            .iter()
+            .chain(passes::PHOTON_GRID)
+            .chain(passes::PHOTON_FINISH)
+    }
+
+    /// `Dispatch.eye` of the map's passes.
+    fn index(self) -> u32 {
+        match self {
+            Self::Photons => 0,
+            Self::Caustics => 1,
+        }
+    }
+}
+
 /// What the photon map of a scene is made for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotonMapConfig {
+    /// Which photons.
+    pub kind: MapKind,
     /// Paths per frame.
     pub paths: u32,
     /// Longest light path from eye to light, in segments.
@@ -145,12 +190,17 @@ impl PhotonMap {
         let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
         let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
         let batch_paths = u64::from(config.paths).clamp(1, batch_limit) as u32;
-        // Bright interiors store about two photons per path; a map that overflows is grown after the frame.
+        // Bright interiors store about two photons per path, and few paths meet glass; a map that overflows is grown
+        // after the frame.
+        let per_path = match config.kind {
+            MapKind::Photons => 3,
+            MapKind::Caustics => 1,
+        };
         let largest = largest_capacity(context, config.cells);
         let capacity = match config.capacity {
             0 => config
                 .paths
-                .saturating_mul(3)
+                .saturating_mul(per_path)
                 .clamp(1024, largest.max(1024)),
             fixed => fixed,
         };
@@ -168,15 +218,16 @@ impl PhotonMap {
         // One more entry marks the last run's end; together they fill whole 16-byte units, as buffers do.
         let cells = u64::from(config.cells).clamp(64, SCAN_LIMIT - 4) / 4 * 4 - 1;
         let photon_bytes = u64::from(capacity) * PHOTON_BYTES;
+        let kind = config.kind.index();
         let mut batches = Vec::new();
         let mut first = 0;
         while first < config.paths {
             let count = batch_paths.min(config.paths - first);
-            batches.push([first, 0, count, slots_per_path]);
+            batches.push([first, kind, count, slots_per_path]);
             first += count;
         }
         // One empty batch, for warming up; then one entry per digit of the sort.
-        batches.push([0, 0, 0, slots_per_path]);
+        batches.push([0, kind, 0, slots_per_path]);
         let sums = |values: u64| (values + 1).div_ceil(SCAN_BLOCK) * 4;
         let digit_bits = digit_bits(config.cells);
         let blocks = capacity.div_ceil(RADIX_BLOCK);
@@ -291,7 +342,7 @@ impl PhotonMap {
             .with("sorted_photons", &b.sorted);
         let all = scene.clone().and(&own);
         let mut bound = BTreeMap::new();
-        for pass in map_passes() {
+        for pass in self.config.kind.passes() {
             bound.insert(pass.name, kernels.get(pass)?.bind(context, &all)?);
         }
         let scan = |values, sums| {
@@ -330,7 +381,7 @@ impl PhotonMap {
         Ok(())
     }
 
-    fn bound(&self, pass: &passes::Pass) -> Result<&Bound, GpuError> {
+    fn bound(&self, pass: &Pass) -> Result<&Bound, GpuError> {
         self.bound.get(pass.name).ok_or_else(|| GpuError::Unbound {
             pass: pass.name.to_owned(),
             binding: "any (the photon map was not bound)".to_owned(),
@@ -338,6 +389,7 @@ impl PhotonMap {
     }
 
     fn scan(
+        &self,
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
         bound: &[Bound],
@@ -351,7 +403,13 @@ impl PhotonMap {
                 passes::Over::ScanValues => linear_groups(count, 256),
                 _ => [1, 1, 1],
             };
-            recorder.dispatch(&label(pass), kernels.get(pass)?, bound, 0, groups);
+            recorder.dispatch(
+                &self.config.kind.label(pass),
+                kernels.get(pass)?,
+                bound,
+                0,
+                groups,
+            );
         }
         Ok(())
     }
@@ -383,22 +441,28 @@ impl PhotonMap {
                 .batch_paths
                 .min(self.config.paths - batch * self.batch_paths);
             recorder.clear(&b.path_counts);
-            for (step, pass) in passes::PHOTON_BATCH.iter().enumerate() {
+            for (step, pass) in self.config.kind.batch().iter().enumerate() {
                 let kernel = kernels.get(pass)?;
                 let groups = match pass.over {
                     passes::Over::Batch => kernel.groups_for(count),
                     _ => [1, 1, 1],
                 };
-                recorder.dispatch(&label(pass), kernel, self.bound(pass)?, batch, groups);
+                recorder.dispatch(
+                    &self.config.kind.label(pass),
+                    kernel,
+                    self.bound(pass)?,
+                    batch,
+                    groups,
+                );
                 if step == 0 {
-                    Self::scan(recorder, kernels, &self.bound_path_scan, &b.path_counts)?;
+                    self.scan(recorder, kernels, &self.bound_path_scan, &b.path_counts)?;
                 }
             }
         }
         for pass in passes::PHOTON_GRID {
             self.record_over_photons(recorder, kernels, pass)?;
         }
-        Self::scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
+        self.scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
         let blocks = self.capacity.div_ceil(RADIX_BLOCK);
         for digit in 0..RADIX_DIGITS {
             recorder.clear(&b.radix_table);
@@ -406,14 +470,14 @@ impl PhotonMap {
             for (step, (pass, bound)) in passes::RADIX_DIGIT.iter().zip(bound).enumerate() {
                 let kernel = kernels.get(pass)?;
                 recorder.dispatch(
-                    &label(pass),
+                    &self.config.kind.label(pass),
                     kernel,
                     bound,
                     batches + 1 + digit,
                     kernel.groups_for(blocks),
                 );
                 if step == 0 {
-                    Self::scan(recorder, kernels, &self.bound_radix_scan, &b.radix_table)?;
+                    self.scan(recorder, kernels, &self.bound_radix_scan, &b.radix_table)?;
                 }
             }
         }
@@ -428,11 +492,11 @@ impl PhotonMap {
         &self,
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
-        pass: &passes::Pass,
+        pass: &Pass,
     ) -> Result<(), GpuError> {
         let kernel = kernels.get(pass)?;
         let bound = self.bound(pass)?;
-        let name = label(pass);
+        let name = self.config.kind.label(pass);
         match pass.over {
             passes::Over::Photons => recorder.dispatch_indirect(
                 &name,
@@ -468,7 +532,7 @@ impl PhotonMap {
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
         let empty_batch = self.config.paths.div_ceil(self.batch_paths);
-        for pass in map_passes() {
+        for pass in self.config.kind.passes() {
             recorder.dispatch(
                 pass.name,
                 kernels.get(pass)?,
@@ -569,16 +633,4 @@ fn largest_capacity(context: &GpuContext, cells: u32) -> u32 {
     let bound = context.max_binding_bytes / PHOTON_BYTES;
     let sorted = (SCAN_LIMIT >> digit_bits(cells)) * u64::from(RADIX_BLOCK);
     bound.min(sorted).min(u64::from(u32::MAX)) as u32
-}
-
-/// The passes that the map binds one by one.
-fn map_passes() -> impl Iterator<Item = &'static &'static passes::Pass> {
-    passes::PHOTON_BATCH
-        .iter()
-        .chain(passes::PHOTON_GRID)
-        .chain(passes::PHOTON_FINISH)
-}
-
-fn label(pass: &passes::Pass) -> String {
-    format!("photons.{}", pass.name)
 }

@@ -62,7 +62,7 @@ fn host() -> BTreeMap<String, Layout> {
             first_sample,
             sample_count,
             max_depth,
-            photon_paths,
+            caustic_radius,
             photon_frame_index,
             normal_min_cos,
             reuse_max_view_dependence,
@@ -183,7 +183,7 @@ fn host() -> BTreeMap<String, Layout> {
             cell_count,
             has_photons,
             edge,
-            padding,
+            radius,
             photon_groups,
         }),
     ])

@@ -91,14 +91,14 @@ fn direct_photons_carry_the_lights_power_exactly() {
     let power = 4.0 * std::f64::consts::PI * f64::from(sphere::LIGHT_INTENSITY);
     assert_eq!(
         (
-            result.photons.emitted,
-            result.photons.stored,
-            result.photons.dropped
+            result.photons.map.emitted,
+            result.photons.map.stored,
+            result.photons.map.dropped
         ),
         (20_000, 20_000, 0)
     );
-    assert_eq!(result.photons.paths_kept, 20_000);
-    let found = flux(&photons(&renderer)) / f64::from(result.photons.paths_kept);
+    assert_eq!(result.photons.map.paths_kept, 20_000);
+    let found = flux(&photons(&renderer)) / f64::from(result.photons.map.paths_kept);
     assert!((found / power - 1.0).abs() < 1e-5, "{found} W of {power} W");
     let said = renderer.scene().total_power_w()[0];
     assert!((said / power - 1.0).abs() < 1e-5, "the scene says {said} W");
@@ -147,7 +147,7 @@ fn every_photon_lies_in_the_run_of_its_cell() {
         let (grid, starts) = grid(&renderer);
         let photons = photons(&renderer);
         let what = format!("radius {radius_m}, at most {cells} cells");
-        assert_eq!(photons.len(), result.photons.stored as usize, "{what}");
+        assert_eq!(photons.len(), result.photons.map.stored as usize, "{what}");
         assert!(photons.len() > 5000, "{what}: {} photons", photons.len());
         assert_eq!(grid.hashed_rows > 0, hashed, "{what}");
         assert!(
@@ -286,7 +286,7 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
                 &scene,
                 &triangles,
                 &photons,
-                result.photons.paths_kept,
+                result.photons.map.paths_kept,
                 &views[0],
                 at,
                 size,
@@ -329,7 +329,7 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
     assert_eq!(grid.dims, [3, 3, 3], "one cell and its padding");
     assert_eq!(
         starts[13 + 1] - starts[13],
-        result.photons.stored,
+        result.photons.map.stored,
         "all photons share the middle cell"
     );
     let photons = photons(&renderer);
@@ -344,7 +344,7 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
             &scene,
             &triangles,
             &photons,
-            result.photons.paths_kept,
+            result.photons.map.paths_kept,
             &views[0],
             at,
             [8, 8],
@@ -380,15 +380,15 @@ fn no_photons_and_vanishing_radii_give_clean_images() {
         assert_clean(&left, &what);
         assert_clean(&radiance(&renderer, Eye::Right), &what);
         assert!(mean(&left) > 0.0, "{what}: direct light stays");
-        assert_eq!(result.photons.emitted, count, "{what}");
+        assert_eq!(result.photons.map.emitted, count, "{what}");
         if count == 0 {
-            assert_eq!(result.photons.stored, 0);
+            assert_eq!(result.photons.map.stored, 0);
             assert!(
                 bits(&left) == bits(&direct_only),
                 "{what}: direct light is all there is"
             );
         } else {
-            assert!(result.photons.stored > 0);
+            assert!(result.photons.map.stored > 0);
         }
     }
 }
@@ -412,16 +412,21 @@ fn overflow_is_counted_and_loses_no_energy() {
         )
     };
     let (whole, stats, _) = render(0);
-    assert_eq!((stats.dropped, stats.paths_kept), (0, 20_000));
+    assert_eq!((stats.map.dropped, stats.map.paths_kept), (0, 20_000));
     let (capped, stats, counters) = render(1000);
-    assert_eq!(stats.capacity, 1000);
-    assert!(stats.stored <= 1000 && stats.stored > 900, "{stats:?}");
+    assert_eq!(stats.map.capacity, 1000);
     assert!(
-        stats.dropped > 0 && stats.paths_kept < stats.emitted && stats.emitted == 20_000,
+        stats.map.stored <= 1000 && stats.map.stored > 900,
+        "{stats:?}"
+    );
+    assert!(
+        stats.map.dropped > 0
+            && stats.map.paths_kept < stats.map.emitted
+            && stats.map.emitted == 20_000,
         "{stats:?}"
     );
     assert_eq!(
-        stats.stored + stats.dropped,
+        stats.map.stored + stats.map.dropped,
         counters.demanded,
         "every photon is stored or counted as dropped"
     );
@@ -445,10 +450,17 @@ fn an_automatic_buffer_grows_for_the_next_frame() {
     let mut renderer = renderer(&scene, &settings, [8, 8]);
     let views = views(&scene, 40.0);
     let first = frame(&mut renderer, &views).photons;
-    assert!(first.dropped > 0 && first.paths_kept < 4096, "{first:?}");
+    assert!(
+        first.map.dropped > 0 && first.map.paths_kept < 4096,
+        "{first:?}"
+    );
     let second = renderer.render_frame(&views, 1, |_| {}).unwrap().photons;
-    assert!(second.capacity > first.capacity, "{second:?}");
-    assert_eq!((second.dropped, second.paths_kept), (0, 4096), "{second:?}");
+    assert!(second.map.capacity > first.map.capacity, "{second:?}");
+    assert_eq!(
+        (second.map.dropped, second.map.paths_kept),
+        (0, 4096),
+        "{second:?}"
+    );
     assert!(second.traced);
 }
 
@@ -521,7 +533,7 @@ fn a_moving_head_gathers_from_a_map_that_stays() {
             &scene,
             &triangles,
             &carried,
-            result.photons.paths_kept,
+            result.photons.map.paths_kept,
             &moved[0],
             at,
             [24, 24],
@@ -556,7 +568,10 @@ fn scenes_without_lights_emit_nothing() {
         let settings = settings(|s| s.method = method);
         let mut renderer = renderer(&scene, &settings, [16, 16]);
         let result = frame(&mut renderer, &views(&scene, 19.0));
-        assert_eq!((result.photons.emitted, result.photons.stored), (0, 0));
+        assert_eq!(
+            (result.photons.map.emitted, result.photons.map.stored),
+            (0, 0)
+        );
         assert!(!result.photons.traced);
         for eye in [Eye::Left, Eye::Right] {
             assert!(

@@ -10,12 +10,15 @@ fn assets_are_what_the_generator_writes() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
             .join("assets")
             .join(format!("{name}.glb"));
+        let generated = builtin::write_builtin_glb(name).unwrap();
+        if std::env::var_os("STEREOLUX_WRITE_ASSETS").is_some() {
+            std::fs::write(&path, &generated).unwrap();
+        }
         let committed =
             std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        let generated = builtin::write_builtin_glb(name).unwrap();
         assert!(
             committed == generated,
-            "{} differs from the generated scene: write it again",
+            "{} differs from the generated scene: STEREOLUX_WRITE_ASSETS=1 writes it again",
             path.display()
         );
         let from_file = Scene::load(&path).unwrap();
@@ -31,7 +34,7 @@ fn unknown_names_list_the_known_ones() {
     let message = Scene::builtin("builtin:kitchen").unwrap_err().to_string();
     assert_eq!(
         message,
-        "no embedded scene is called 'kitchen': the names are cornell, plane, sphere, gallery"
+        "no embedded scene is called 'kitchen': the names are cornell, plane, sphere, caustic, gallery"
     );
 }
 

@@ -38,7 +38,7 @@ pub struct Frame {
     pub flags: u32,
     /// Render space minus photon space, metres.
     pub photon_offset: [f32; 3],
-    /// Gather radius, metres.
+    /// Gather radius of the next photon map, metres.
     pub photon_radius: f32,
     /// Pixels per eye, across.
     pub width: u32,
@@ -54,8 +54,8 @@ pub struct Frame {
     pub sample_count: u32,
     /// Longest light path from eye to light, in segments.
     pub max_depth: u32,
-    /// Photon paths asked for.
-    pub photon_paths: u32,
+    /// Gather radius of the next caustic map, metres.
+    pub caustic_radius: f32,
     /// Frame number that keys the photons' random streams.
     pub photon_frame_index: u32,
     /// Least cosine between a photon's normal and that of the surface that gathers it.

@@ -1,0 +1,284 @@
+//! The map of caustics: only where a scene can form them, no light lost or counted twice, and the same spot under a
+//! glass ball as the path tracer's.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use stereolux::options::{DirectLight, Force, Method, Reuse, Settings};
+use stereolux::passes;
+use stereolux::renderer::{Eye, Photon, PhotonMap, Renderer, forms_caustics};
+use stereolux::scene::Scene;
+use stereolux::scene::builtin::caustic;
+use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
+use stereolux::xr::View;
+
+use super::support::{
+    assert_clean, builtin, frame, parallel_views, radiance, renderer, settings, square_fov,
+    start_pose,
+};
+
+fn photon_settings(change: impl FnOnce(&mut Settings)) -> Settings {
+    settings(|s| {
+        s.method = Method::Photon;
+        s.reuse = Reuse::Off;
+        change(s);
+    })
+}
+
+fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
+    parallel_views(start_pose(scene), 0.0, square_fov(half_degrees))
+}
+
+#[test]
+fn narrow_lobes_mean_the_same_to_host_and_shaders() {
+    let text = include_str!("../../shaders/shared/bsdf_types.wesl");
+    let alpha = CAUSTIC_ROUGHNESS * CAUSTIC_ROUGHNESS;
+    assert!(
+        text.contains(&format!("NARROW_ALPHA: f32 = {alpha:.2};")),
+        "roughness {CAUSTIC_ROUGHNESS} is alpha {alpha}"
+    );
+}
+
+#[test]
+fn a_lambert_scene_has_no_caustic_pass_and_forcing_one_changes_nothing() {
+    let scene = builtin("cornell");
+    let views = views(&scene, 19.0);
+    let caustic_names = |renderer: &Renderer| -> Vec<String> {
+        let names = renderer.pass_names();
+        names
+            .into_iter()
+            .filter(|name| name.contains("caustic"))
+            .collect()
+    };
+    let mut plain = renderer(&scene, &photon_settings(|_| {}), [32, 32]);
+    let result = frame(&mut plain, &views);
+    assert!(!forms_caustics(plain.features()));
+    assert_eq!(caustic_names(&plain), Vec::<String>::new());
+    assert!(plain.caustic_map().is_none() && result.photons.caustics.is_none());
+
+    let forced = photon_settings(|s| s.force.caustics = Force::On);
+    let mut forced = renderer(&scene, &forced, [32, 32]);
+    let result = frame(&mut forced, &views);
+    assert_eq!(caustic_names(&forced), ["caustic_gather", "caustic_trace"]);
+    let caustics = result.photons.caustics.unwrap();
+    assert_eq!(
+        (caustics.emitted, caustics.stored),
+        (4096, 0),
+        "Lambert walls focus nothing"
+    );
+    // The same operations in another program: a compiler may fuse multiplications and additions otherwise, which moves
+    // each of a pixel's terms (at most some 200 photons and one light sample) by half a unit of 2^-24 or so, and the
+    // sum by as much per term at worst: 200 x 2^-23 = 2.4e-5.
+    let (plain, forced) = (radiance(&plain, Eye::Left), radiance(&forced, Eye::Left));
+    for (a, b) in plain.iter().flatten().zip(forced.iter().flatten()) {
+        assert!((a - b).abs() <= 2.4e-5 * a.abs(), "{a} became {b}");
+    }
+    // Negative control: where there are caustics, taking their map away is seen.
+    let scene = builtin("caustic");
+    let views = self::views(&scene, 15.0);
+    let image = |force| {
+        let mut renderer = renderer(
+            &scene,
+            &photon_settings(|s| s.force.caustics = force),
+            [32, 32],
+        );
+        frame(&mut renderer, &views);
+        radiance(&renderer, Eye::Left)
+    };
+    let (with, without) = (image(Force::Auto), image(Force::Off));
+    let differs = with.iter().flatten().zip(without.iter().flatten());
+    assert!(
+        differs
+            .filter(|(a, b)| (*a - *b).abs() > 2.4e-5 * a.abs())
+            .count()
+            > 20
+    );
+}
+
+#[test]
+fn scenes_with_glass_or_polished_metal_list_the_passes() {
+    for (name, expected) in [
+        ("cornell", false),
+        ("sphere", false),
+        ("caustic", true),
+        ("gallery", true),
+    ] {
+        let settings = photon_settings(|s| s.photon.count = 64);
+        let renderer = renderer(&builtin(name), &settings, [8, 8]);
+        let listed = renderer.pass_names().contains(&"caustic_gather".to_owned());
+        assert_eq!(listed, expected, "{name}");
+    }
+    assert!(passes::EYE_PHOTON_CAUSTICS.contains(&&passes::caustic_gather::PASS));
+}
+
+fn flux_per_path(map: Option<&PhotonMap>, renderer: &Renderer) -> DVec3 {
+    let Some(map) = map else { return DVec3::ZERO };
+    let photons: Vec<Photon> = map.read_photons(renderer.context()).unwrap();
+    let sum: DVec3 = photons
+        .iter()
+        .map(|photon| DVec3::from_array(photon.flux.map(f64::from)))
+        .sum();
+    sum / f64::from(map.counters().paths_kept)
+}
+
+/// Mean and squared standard error.
+fn statistics(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, variance / n)
+}
+
+#[test]
+fn the_two_maps_share_out_the_light_of_one() {
+    // Coated clay, bronze, a mirror, glass: every kind of lobe.
+    let scene = builtin("gallery");
+    let views = views(&scene, 40.0);
+    // Frames that trace photons anew are independent runs: their random streams are keyed by the frame.
+    let flux = |force: Force, direct: DirectLight, frames: Range<u32>| -> Vec<(f64, f64)> {
+        let settings = photon_settings(|s| {
+            s.photon.count = 20_000;
+            s.photon.max_depth = 6;
+            s.photon.direct = direct;
+            s.photon.every_frame = true;
+            s.force.caustics = force;
+        });
+        let mut renderer = renderer(&scene, &settings, [8, 8]);
+        frames
+            .map(|frame_index| {
+                renderer.render_frame(&views, frame_index, |_| {}).unwrap();
+                let [photons, caustics] = [renderer.photon_map(), renderer.caustic_map()]
+                    .map(|map| flux_per_path(map, &renderer).element_sum());
+                (photons, caustics)
+            })
+            .collect()
+    };
+    for direct in [DirectLight::Nee, DirectLight::Map] {
+        let one: Vec<f64> = flux(Force::Off, direct, 0..6).iter().map(|f| f.0).collect();
+        let two = flux(Force::On, direct, 6..12);
+        let both: Vec<f64> = two
+            .iter()
+            .map(|(photons, caustics)| photons + caustics)
+            .collect();
+        let photons: Vec<f64> = two.iter().map(|(photons, _)| *photons).collect();
+        let (expected, expected_error) = statistics(&one);
+        let z = |values: &[f64]| {
+            let (mean, error) = statistics(values);
+            (mean - expected) / (error + expected_error).sqrt()
+        };
+        // Student's t with 10 degrees of freedom lies beyond 5 with probability 5e-4.
+        assert!(
+            z(&both).abs() < 5.0,
+            "{direct:?}: {} standard errors",
+            z(&both)
+        );
+        // Negative control: without the caustics the sum falls short.
+        assert!(
+            z(&photons) < -5.0,
+            "{direct:?}: {} standard errors",
+            z(&photons)
+        );
+    }
+}
+
+/// Floor point that a pixel position sees, unless the ball is near the ray.
+fn floor_point(view: &View, at: [f64; 2], size: u32) -> Option<DVec3> {
+    let t = view.fov.tangents();
+    let tx = t.left + (t.right - t.left) * at[0] / f64::from(size);
+    let ty = t.up + (t.down - t.up) * at[1] / f64::from(size);
+    let direction = (view.orientation * DVec3::new(tx, ty, -1.0)).normalize();
+    let eye = view.position_in_world;
+    let to_ball = DVec3::Y * caustic::RADIUS_M * caustic::FLOOR_TO_CENTRE - eye;
+    let closest = to_ball - direction * to_ball.dot(direction);
+    (direction.y < 0.0 && closest.length() > 1.1 * caustic::RADIUS_M)
+        .then(|| eye - direction * (eye.y / direction.y))
+}
+
+/// What the pixels within `SPOT_M` of the ball's foot see: radiance integrated over the floor, and its variance along x.
+fn spot(image: &[[f32; 3]], view: &View, size: u32) -> (f64, f64) {
+    const SPOT_M: f64 = 0.12;
+    let (mut energy, mut second) = (0.0, 0.0);
+    for y in 0..size {
+        for x in 0..size {
+            let corner =
+                |dx: f64, dy: f64| floor_point(view, [f64::from(x) + dx, f64::from(y) + dy], size);
+            let corners = [
+                corner(0.0, 0.0),
+                corner(1.0, 0.0),
+                corner(1.0, 1.0),
+                corner(0.0, 1.0),
+            ];
+            let [Some(a), Some(b), Some(c), Some(d)] = corners else {
+                continue;
+            };
+            let centre = 0.25 * (a + b + c + d);
+            if centre.length() > SPOT_M {
+                continue;
+            }
+            let area = 0.5 * (c - a).cross(d - b).length();
+            let light = f64::from(image[(y * size + x) as usize][0]) * area;
+            energy += light;
+            second += light * centre.x * centre.x;
+        }
+    }
+    (energy, second / energy)
+}
+
+#[test]
+fn the_spot_under_a_glass_ball_is_the_path_tracers() {
+    const SIZE: u32 = 48;
+    const RADIUS_M: f64 = 0.01;
+    let scene = builtin("caustic");
+    let views = views(&scene, 13.0);
+    let measured = |runs: u32, change: &dyn Fn(&mut Settings)| -> Vec<(f64, f64)> {
+        let settings = photon_settings(|s| {
+            s.photon.every_frame = true;
+            change(s);
+        });
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        (0..runs)
+            .map(|frame_index| {
+                renderer.render_frame(&views, frame_index, |_| {}).unwrap();
+                let image = radiance(&renderer, Eye::Left);
+                assert_clean(&image, "caustic");
+                spot(&image, &views[0], SIZE)
+            })
+            .collect()
+    };
+    let path = measured(8, &|s| {
+        s.method = Method::Path;
+        s.spp = 96;
+        s.path.max_depth = 8;
+    });
+    let photons = |runs, radius_m: f64| {
+        measured(runs, &|s| {
+            s.photon.count = 131_072;
+            s.photon.max_depth = 8;
+            s.photon.caustic_radius_m = radius_m;
+            s.spp = 2;
+        })
+    };
+    let moments = |runs: &[(f64, f64)]| {
+        let of =
+            |pick: fn(&(f64, f64)) -> f64| statistics(&runs.iter().map(pick).collect::<Vec<_>>());
+        (of(|run| run.0), of(|run| run.1))
+    };
+    let ((energy, energy_error), (width, width_error)) = moments(&path);
+    let ((found, found_error), (found_width, found_width_error)) = moments(&photons(8, RADIUS_M));
+    let sigma = (energy_error + found_error).sqrt();
+    assert!(
+        (found - energy).abs() < 4.0 * sigma,
+        "{found} W for {energy} +- {sigma}"
+    );
+    let sigma = (width_error + found_width_error).sqrt();
+    let blur = RADIUS_M * RADIUS_M / 4.0;
+    // A disc of radius r spreads its light with a variance of r^2 / 4 along each axis.
+    let agrees = |excess: f64| excess > -4.0 * sigma && excess < blur + 4.0 * sigma;
+    assert!(
+        agrees(found_width - width),
+        "{found_width} m^2 for {width} + {blur} +- {sigma}"
+    );
+    // Negative control: a spot blurred by 8 cm has the energy but not the shape.
+    let (_, (wide, _)) = moments(&photons(2, 0.08));
+    assert!(!agrees(wide - width), "{wide} m^2 for {width}");
+}
