@@ -32,6 +32,7 @@ mod suite {
     pub mod lights_emission;
     pub mod lights_probe;
     pub mod lights_sampling;
+    pub mod lookup;
     pub mod metrics_files;
     pub mod options_flags;
     pub mod options_settings;

@@ -135,7 +135,7 @@ pub static SETTINGS: &[Setting] = &[
     ),
     setting(
         "reuse",
-        Kind::Choice(&["off", "scatter"]),
+        Kind::Choice(&["off", "scatter", "lookup"]),
         "",
         "how the right eye reuses the left; off renders each by itself",
     ),

@@ -25,6 +25,8 @@ pub enum Reuse {
     /// Scatter the left eye's hits into the right eye, trace only what stays empty
     #[default]
     Scatter,
+    /// Trace the right eye's primary rays and take light from left samples that agree in place and normal
+    Lookup,
 }
 
 /// Random numbers of the path tracer (`path.sampler`).

@@ -11,6 +11,7 @@
 //! left eye     EYE_PHOTON... or EYE_PATH over all pixels                 (per sample)
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
+//!              lookup:  STEREO_LOOKUP, then likewise
 //! ```
 
 use std::fmt;
@@ -46,6 +47,9 @@ passes!(
     scatter_depth,
     scatter_winner,
     reuse_resolve,
+    left_irradiance,
+    primary_hits,
+    reuse_lookup,
     list_setup,
     fill_reasons,
 );
@@ -71,6 +75,8 @@ pub enum Over {
     Pixels,
     /// The pixels of an eye that see a surface, indirectly.
     Hits,
+    /// The pixels whose primary ray meets a surface, indirectly.
+    Seen,
 }
 
 /// Declaration of one pass.
@@ -173,6 +179,15 @@ pub const STEREO_SCATTER: &[&Pass] = &[
     &scatter_depth::PASS,
     &scatter_winner::PASS,
     &reuse_resolve::PASS,
+    &list_setup::PASS,
+];
+
+/// Traces the right eye's primary rays, lights what they meet from the left eye's samples, and lists what is left.
+pub const STEREO_LOOKUP: &[&Pass] = &[
+    &left_irradiance::PASS,
+    &primary_hits::PASS,
+    &list_setup::PASS,
+    &reuse_lookup::PASS,
     &list_setup::PASS,
 ];
 

@@ -129,6 +129,9 @@ struct StereoBuffers {
     winners: wgpu::Buffer,
     counters: wgpu::Buffer,
     provenance: wgpu::Buffer,
+    irradiance: wgpu::Buffer,
+    /// Pixels whose primary ray meets a surface.
+    seen: PixelList,
     fill: PixelList,
 }
 
@@ -139,6 +142,7 @@ enum Extent {
     Tiles,
     LeftHits,
     RightHits,
+    RightSeen,
     Fill,
 }
 
@@ -164,8 +168,8 @@ pub struct EyePlan {
     pub photon: bool,
     /// Whether caustics have a map of their own.
     pub caustics: bool,
-    /// Whether the right eye reuses the left.
-    pub reuse: bool,
+    /// Passes by which the right eye takes over what it can; none where it is rendered by itself.
+    pub stereo: &'static [&'static Pass],
 }
 
 /// The dispatch table of a submission: sample, eye, gathering slice.
@@ -209,11 +213,16 @@ impl Eyes {
         let [width, height] = size;
         let pixels = u64::from(width) * u64::from(height);
         let buffer = |name: &str, bytes| storage_buffer(context, name, bytes);
-        let stereo = if both && plan.reuse {
+        let stereo = if both && !plan.stereo.is_empty() {
+            let writes = |name| plan.stereo.iter().any(|pass| pass.writes.contains(&name));
+            // What this kind of reuse does not touch gets a token size.
+            let used = |name, bytes| if writes(name) { bytes } else { 16 };
             Some(StereoBuffers {
-                targets: buffer("scatter targets", pixels * 8)?,
-                nearest: buffer("scatter nearest", pixels * 4)?,
-                winners: buffer("scatter winners", pixels * 4)?,
+                targets: buffer("scatter targets", used("scatter_targets", pixels * 8))?,
+                nearest: buffer("scatter nearest", used("scatter_nearest", pixels * 4))?,
+                winners: buffer("scatter winners", used("scatter_winners", pixels * 4))?,
+                irradiance: buffer("left irradiance", used("left_irradiance", pixels * 16))?,
+                seen: PixelList::new(context, "seen", used("seen_list", pixels * 4) / 4)?,
                 counters: buffer("stereo counters", STEREO_COUNTERS as u64 * 4)?,
                 provenance: buffer("provenance", pixels * 4)?,
                 fill: PixelList::new(context, "fill", pixels)?,
@@ -311,18 +320,30 @@ impl Eyes {
                     .with("scatter_winners", &stereo.winners)
                     .with("stereo_counters", &stereo.counters)
                     .with("provenance", &stereo.provenance)
+                    .with("left_irradiance", &stereo.irradiance)
+                    .with("seen_list", &stereo.seen.pixels)
+                    .with("seen_count", &stereo.seen.count)
                     .with("fill_list", &stereo.fill.pixels)
                     .with("fill_count", &stereo.fill.count);
                 let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
+                let over_seen = resources.clone().and(&stereo.seen.to_run_over());
                 let over_right_hits = resources.and(&right.hits.to_run_over());
                 let mut steps = Vec::new();
-                for pass in passes::STEREO_SCATTER {
+                // A list is sized right after the pass that writes it.
+                let mut written = &over_fill;
+                for pass in self.plan.stereo {
                     steps.push(match pass.over {
                         Over::Hits => bind(pass, Extent::LeftHits, &over_left_hits)?,
+                        Over::Seen => bind(pass, Extent::RightSeen, &over_seen)?,
                         Over::Pixels => bind(pass, Extent::Tiles, &over_fill)?,
-                        _ => bind(pass, Extent::Once, &over_fill)?,
+                        _ => bind(pass, Extent::Once, written)?,
                     });
+                    written = if pass.writes.contains(&"seen_list") {
+                        &over_seen
+                    } else {
+                        &over_fill
+                    };
                 }
                 for pass in self.plan.sample.iter().chain(passes::FILL_REASONS) {
                     steps.push(match pass.over {
@@ -368,6 +389,8 @@ impl Eyes {
         if let (Eye::Right, Some(stereo)) = (eye, &self.stereo) {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
+            recorder.clear(&stereo.irradiance);
+            recorder.clear(&stereo.seen.count);
             recorder.clear(&stereo.fill.count);
         }
         let first = (sample * 2 + eye.index()) * self.gather_slices;
@@ -441,6 +464,7 @@ impl Eyes {
             }
             Extent::LeftHits => Some(&self.left.hits),
             Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
+            Extent::RightSeen => self.stereo.as_ref().map(|stereo| &stereo.seen),
             Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),
         };
         match list {

@@ -106,7 +106,8 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     } else {
         ShaderFeatures::new()
     };
-    let list = pass.over == Over::Hits || (from_list && pass.over == Over::Pixels);
+    let list =
+        matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);
     own.insert(FROM_LIST.to_owned(), list);
     own
 }

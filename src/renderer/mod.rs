@@ -227,6 +227,15 @@ pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
     }
 }
 
+/// The passes by which the right eye takes over what it can.
+pub fn stereo_passes(reuse: Reuse) -> &'static [&'static Pass] {
+    match reuse {
+        Reuse::Off => &[],
+        Reuse::Scatter => passes::STEREO_SCATTER,
+        Reuse::Lookup => passes::STEREO_LOOKUP,
+    }
+}
+
 /// Paths emitted for the map of caustics.
 pub fn caustic_paths(settings: &Settings) -> u32 {
     match settings.photon.caustic_count {
@@ -280,7 +289,11 @@ impl Renderer {
             sample: sample_passes(settings, caustics),
             photon,
             caustics,
-            reuse: both && settings.reuse != Reuse::Off,
+            stereo: if both {
+                stereo_passes(settings.reuse)
+            } else {
+                &[]
+            },
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
         if photon {
@@ -298,8 +311,8 @@ impl Renderer {
             wanted.extend(passes::CAUSTIC_BATCH);
         }
         let mut filling: Vec<&Pass> = Vec::new();
-        if plan.reuse {
-            wanted.extend(passes::STEREO_SCATTER.iter().chain(passes::FILL_REASONS));
+        if !plan.stereo.is_empty() {
+            wanted.extend(plan.stereo.iter().chain(passes::FILL_REASONS));
             filling.extend(plan.sample);
         }
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;

@@ -95,7 +95,9 @@ fn an_eye_on_a_surface_gives_a_clean_image() {
             DQuat::from_rotation_x(PI / 4.0),
         ] {
             let views = eyes_at(DVec3::new(0.1, 0.2, -plane::DISTANCE_M), turn, 45.0);
-            images(&scene, &method(kind, Reuse::Scatter), [16, 16], &views);
+            for reuse in [Reuse::Scatter, Reuse::Lookup] {
+                images(&scene, &method(kind, reuse), [16, 16], &views);
+            }
         }
     }
 }
@@ -214,7 +216,9 @@ fn fields_of_view_of_1_and_170_degrees() {
                 let off = worst(image, &plane_in_closed_form(view, 32, 1.0));
                 assert!(off < CLOSED_FORM, "{kind:?} {half_degrees}: {off}");
             }
-            images(&scene, &method(kind, Reuse::Scatter), [32, 32], &views);
+            for reuse in [Reuse::Scatter, Reuse::Lookup] {
+                images(&scene, &method(kind, reuse), [32, 32], &views);
+            }
         }
         // Negative control: another opening is another image.
         let other = parallel_views(Pose::IDENTITY, 0.063, square_fov(half_degrees * 0.98));
@@ -243,7 +247,7 @@ fn an_empty_scene_is_black_or_its_environment() {
     assert_eq!(scene.triangle_count(), 0);
     let views = |turn| eyes_at(DVec3::new(1.0, 2.0, 3.0), turn, 10.0);
     let all = [Method::Photon, Method::Path]
-        .map(|kind| [Reuse::Off, Reuse::Scatter].map(|reuse| method(kind, reuse)));
+        .map(|kind| [Reuse::Off, Reuse::Scatter, Reuse::Lookup].map(|reuse| method(kind, reuse)));
     for settings in all.iter().flatten() {
         for image in images(&scene, settings, [16, 16], &views(DQuat::IDENTITY)) {
             assert!(is_black(&image));

@@ -24,10 +24,14 @@ fn scaled(scene: &Scene, scale: f64, half_degrees: f64) -> (Scene, [View; 2]) {
 fn area_lights_look_the_same_at_every_scale() {
     let scene = builtin("cornell");
     let size = [24, 24];
-    for kind in [Method::Photon, Method::Path] {
+    for (kind, reuse) in [
+        (Method::Photon, Reuse::Scatter),
+        (Method::Photon, Reuse::Lookup),
+        (Method::Path, Reuse::Scatter),
+    ] {
         let settings = Settings {
             spp: 2,
-            ..method(kind, Reuse::Scatter)
+            ..method(kind, reuse)
         };
         let render = |scale| {
             let (scene, views) = scaled(&scene, scale, 19.0);

@@ -210,7 +210,7 @@ fn unusable_values_name_flag_value_and_range() {
         (["--scene", ""], "not empty"),
         (["--out", ""], "value is required"),
         (["--method", "raster"], "photon, path"),
-        (["--reuse", "maybe"], "off, scatter"),
+        (["--reuse", "maybe"], "off, scatter, lookup"),
         (["--frames", "0"], "from 1"),
         (["--every", "0"], "from 1"),
         (["--every", "x"], "from 1"),

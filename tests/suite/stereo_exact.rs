@@ -44,8 +44,10 @@ fn equal_eyes_give_equal_images_bit_for_bit() {
     for (kind, reuse) in [
         (Method::Photon, Reuse::Scatter),
         (Method::Photon, Reuse::Off),
+        (Method::Photon, Reuse::Lookup),
         (Method::Path, Reuse::Scatter),
         (Method::Path, Reuse::Off),
+        (Method::Path, Reuse::Lookup),
     ] {
         for spp in [1, 4] {
             let settings = Settings {
@@ -67,7 +69,7 @@ fn equal_eyes_give_equal_images_bit_for_bit() {
                 let what = format!("{kind:?} {reuse:?} {spp} spp roll {roll}");
                 assert!(bits(&left) == bits(&right), "{what}: eyes differ");
                 assert!(left.iter().flatten().any(|&c| c > 0.0), "{what}: black");
-                if reuse == Reuse::Scatter {
+                if reuse != Reuse::Off {
                     assert_eq!(result.stereo.reuse_fraction, 1.0, "{what}");
                     assert_eq!(result.stereo.filled, 0, "{what}");
                     assert_eq!(result.stereo.reused, result.stereo.left_hits, "{what}");

@@ -1,0 +1,13 @@
+//! `left_irradiance`: see `shaders/passes/left_irradiance.wesl`.
+
+use super::{Over, Pass};
+
+/// Divides the left samples' radiance by the reflectance that it came from.
+pub const PASS: Pass = Pass {
+    name: "left_irradiance",
+    what: "Divides the left samples' radiance by the reflectance that it came from.",
+    over: Over::Hits,
+    traces: true,
+    reads: &["left_hit_rays", "left_first_surfaces", "left_hit_paths", "left_sample_radiance"],
+    writes: &["left_irradiance", "stereo_counters"],
+};

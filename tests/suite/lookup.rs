@@ -1,0 +1,110 @@
+//! `--reuse lookup`: the right eye's own hits, lit by the left eye's samples around them.
+
+use stereolux::options::{Method, Reuse};
+use stereolux::renderer::{Eye, Provenance, Renderer};
+use stereolux::scene::builtin::plane;
+use stereolux::xr::Pose;
+
+use super::support::{
+    Triangles, builtin, frame, method, parallel_views, radiance, renderer, square_fov, start_pose,
+};
+
+fn provenance(renderer: &Renderer) -> Vec<u32> {
+    let eyes = renderer.eyes();
+    eyes.read_provenance(renderer.context()).unwrap().unwrap()
+}
+
+#[test]
+fn light_on_a_plane_is_interpolated_to_second_order() {
+    const SIZE: u32 = 64;
+    let scene = builtin("plane");
+    // 1.45 pixels of disparity: the samples lie nearly as far from the pixel centres as they can.
+    let ipd_m = 0.0906;
+    let views = parallel_views(Pose::IDENTITY, ipd_m, square_fov(45.0));
+    // Pixel width on the plane, and the disparity in pixels.
+    let width_m = 2.0 * plane::DISTANCE_M / f64::from(SIZE);
+    let disparity = ipd_m / width_m;
+    // The light is bilinear between samples h apart: off by h^2 / 8 (|L_xx| + |L_yy|). L is (rho^2 + H^2)^(-3/2), H =
+    // 1.5 m over the plane: |L_xx| / L <= 15 rho^2 / d^4 + 3 / d^2 <= 15 / (4 H^2) + 3 / H^2 = 3.0 / m^2.
+    let bound = width_m * width_m / 8.0 * 2.0 * 3.0;
+    for kind in [Method::Photon, Method::Path] {
+        let worst = |reuse| {
+            // A point light on one plane: every sample is exact.
+            let mut renderer = renderer(&scene, &method(kind, reuse), [SIZE, SIZE]);
+            let result = frame(&mut renderer, &views);
+            let (image, provenance) = (radiance(&renderer, Eye::Right), provenance(&renderer));
+            let (mut worst, mut compared) = (0.0_f64, 0);
+            for y in 1..SIZE - 1 {
+                for x in 0..SIZE {
+                    let pixel = (y * SIZE + x) as usize;
+                    // Columns whose place in the left image has a sample on either side.
+                    let at = f64::from(x) + 0.5 + disparity;
+                    if at > f64::from(SIZE) - 0.5 || provenance[pixel] != Provenance::Reused as u32
+                    {
+                        continue;
+                    }
+                    let ray = views[1].ray_through_pixel(
+                        f64::from(x) + 0.5,
+                        f64::from(y) + 0.5,
+                        SIZE,
+                        SIZE,
+                    );
+                    let point = ray.origin - ray.direction * (plane::DISTANCE_M / ray.direction.z);
+                    let expected = plane::radiance_at(point.x, point.y);
+                    worst = worst.max((f64::from(image[pixel][0]) / expected - 1.0).abs());
+                    compared += 1;
+                }
+            }
+            assert!(
+                compared > 3000,
+                "{kind:?} {reuse:?}: {compared} pixels reused"
+            );
+            (worst, result.stereo)
+        };
+        let (lookup, stereo) = worst(Reuse::Lookup);
+        assert!(lookup < bound, "{kind:?}: off by {lookup}, bound {bound}");
+        // Everything but what lies outside the left view.
+        assert_eq!(
+            stereo.filled, stereo.filled_because.out_of_left_view,
+            "{stereo:?}"
+        );
+        // Negative control: a sample carried over as it stands is off by up to half a pixel's worth of gradient.
+        let (scatter, _) = worst(Reuse::Scatter);
+        assert!(scatter > 3.0 * bound, "{kind:?}: off by {scatter}");
+    }
+}
+
+#[test]
+fn only_what_the_right_eye_sees_as_diffuse_is_taken_over() {
+    let (width, height) = (96, 64);
+    let scene = builtin("gallery");
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(40.0));
+    let mut renderer = renderer(
+        &scene,
+        &method(Method::Photon, Reuse::Lookup),
+        [width, height],
+    );
+    let result = frame(&mut renderer, &views);
+    let triangles = Triangles::of(&scene);
+    let (mut diffuse, mut wrong) = (0, 0);
+    for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
+        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+        let ray = views[1].ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
+        let Some((_, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
+            continue;
+        };
+        if from == Provenance::Reused as u32 {
+            let is_lambert = scene.materials[material as usize].is_lambert();
+            diffuse += u32::from(is_lambert);
+            wrong += u32::from(!is_lambert);
+        }
+    }
+    // A ray through a seam of two materials may meet either in f32: that takes a pixel centre within 1e-6 of one.
+    assert_eq!(
+        wrong, 0,
+        "mirrors, glass or glossy surfaces were taken over"
+    );
+    assert_eq!(diffuse, result.stereo.reused);
+    assert!(result.stereo.reuse_fraction > 0.5, "{:?}", result.stereo);
+    assert!(result.stereo.filled_because.view_dependent > 500);
+}
