@@ -20,10 +20,12 @@ mod suite {
     pub mod bvh_probe;
     pub mod caustics;
     pub mod chi_square;
+    pub mod closed_sphere;
     pub mod commands;
     pub mod convergence;
     pub mod cornell;
     pub mod determinism;
+    pub mod forced_features;
     pub mod hard_cases;
     pub mod hard_scales;
     pub mod hard_support;
@@ -45,6 +47,7 @@ mod suite {
     pub mod sphere;
     pub mod stereo_exact;
     pub mod support;
+    pub mod techniques;
     pub mod xr_headset;
     pub mod xr_replay;
     pub mod xr_simulated;

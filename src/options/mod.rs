@@ -18,7 +18,9 @@ pub use resolve::{
     BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,
     TraceOptions, ViewOptions, resolve,
 };
-pub use settings::{DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings};
+pub use settings::{
+    DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings, Technique,
+};
 
 /// Unusable flags or settings; each message is one line. Exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -194,6 +194,12 @@ pub static SETTINGS: &[Setting] = &[
         "independent random numbers or Owen-scrambled Sobol points",
     ),
     setting(
+        "path.technique",
+        Kind::Choice(&["mis", "light", "bsdf"]),
+        "",
+        "how the path tracer finds lights: both ways weighted, by light samples, by the surfaces' directions",
+    ),
+    setting(
         "photon.count",
         Kind::Whole {
             min: 0,
@@ -229,7 +235,7 @@ pub static SETTINGS: &[Setting] = &[
             inclusive: true,
         },
         "metres",
-        "gather radius of caustics; 0 takes half of photon.radius_m",
+        "gather radius of caustics; 0 takes the photons' radius",
     ),
     setting(
         "photon.max_depth",

@@ -40,6 +40,19 @@ pub enum Sampler {
     Sobol,
 }
 
+/// How the path tracer finds lights (`path.technique`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Technique {
+    /// By light samples and by the surfaces' directions, weighted by the balance heuristic
+    #[default]
+    Mis,
+    /// By light samples alone
+    Light,
+    /// By the surfaces' directions alone, which find no point, spot or directional light
+    Bsdf,
+}
+
 /// Where photon mapping takes direct light from (`photon.direct`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -175,6 +188,8 @@ pub struct PathSettings {
     pub russian_roulette: bool,
     /// Random numbers; default independent.
     pub sampler: Sampler,
+    /// How lights are found; default both ways.
+    pub technique: Technique,
 }
 
 impl Default for PathSettings {
@@ -183,6 +198,7 @@ impl Default for PathSettings {
             max_depth: 12,
             russian_roulette: false,
             sampler: Sampler::default(),
+            technique: Technique::default(),
         }
     }
 }
@@ -197,7 +213,7 @@ pub struct PhotonSettings {
     pub radius_m: f64,
     /// Photons emitted for the map of caustics, 0 to 67108864, in scenes that can form them; 0 takes `count`; default 0.
     pub caustic_count: u32,
-    /// Gather radius of caustics in metres; 0 takes half of `radius_m`; default 0.
+    /// Gather radius of caustics in metres; 0 takes the photons' radius; default 0.
     pub caustic_radius_m: f64,
     /// Segments of the whole path from eye to light, 1 to 64; default 12.
     pub max_depth: u32,

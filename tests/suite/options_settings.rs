@@ -6,7 +6,9 @@ use clap::ValueEnum;
 use serde_json::Value;
 use stereolux::options::layers::Layers;
 use stereolux::options::registry::{self, Kind, SETTINGS};
-use stereolux::options::{DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings};
+use stereolux::options::{
+    DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings, Technique,
+};
 
 fn from_toml(text: &str) -> Result<Settings, String> {
     let mut layers = Layers::default();
@@ -61,6 +63,7 @@ fn registry_words_are_the_enums_words() {
         ("method", words::<Method>()),
         ("reuse", words::<Reuse>()),
         ("path.sampler", words::<Sampler>()),
+        ("path.technique", words::<Technique>()),
         ("photon.direct", words::<DirectLight>()),
         ("photon.kernel", words::<Kernel>()),
         ("simulated.motion", words::<Motion>()),

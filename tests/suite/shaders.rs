@@ -23,6 +23,8 @@ const FEATURES: &[&str] = &[
     "caustics",
     "uv1",
     "sobol",
+    "light_only",
+    "bsdf_only",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[

@@ -1,0 +1,97 @@
+//! Shader features that a scene does not need change nothing when they are forced in.
+
+use stereolux::options::settings::ForceSettings;
+use stereolux::options::{Force, Method, Reuse, Settings};
+use stereolux::renderer::{Eye, Renderer};
+use stereolux::scene::Scene;
+
+use super::support::{
+    builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+/// Each switch alone, by name.
+const SWITCHES: [(&str, fn(&mut ForceSettings)); 8] = [
+    ("glossy", |f| f.glossy = Force::On),
+    ("dielectric", |f| f.dielectric = Force::On),
+    ("textures", |f| f.textures = Force::On),
+    ("normal_maps", |f| {
+        // Normal maps are textures.
+        f.textures = Force::On;
+        f.normal_maps = Force::On;
+    }),
+    ("alpha", |f| f.alpha = Force::On),
+    ("vertex_colors", |f| f.vertex_colors = Force::On),
+    ("environment", |f| f.environment = Force::On),
+    ("caustics", |f| f.caustics = Force::On),
+];
+
+/// The same operations in another program: a compiler may fuse or reorder them, which moves a result by a few units of
+/// 2^-24 per operation. A pixel's value has some 500 operations behind it (a path of 4 segments, or a sum over photons):
+/// 500 x 2^-24 = 3e-5. What it could also do is turn a decision (which triangle, which photon) at a difference of that
+/// size: a pixel in ten thousand.
+const ROUNDING: f32 = 3e-5;
+
+fn image(
+    scene: &Scene,
+    method: Method,
+    half_degrees: f64,
+    force: ForceSettings,
+) -> (Vec<[f32; 3]>, Renderer) {
+    let settings: Settings = settings(|s| {
+        s.method = method;
+        s.reuse = Reuse::Off;
+        s.path.max_depth = 4;
+        s.photon.max_depth = 4;
+        s.force = force;
+    });
+    let views = parallel_views(start_pose(scene), 0.0, square_fov(half_degrees));
+    let mut renderer = renderer(scene, &settings, [24, 24]);
+    frame(&mut renderer, &views);
+    (radiance(&renderer, Eye::Left), renderer)
+}
+
+fn strays(a: &[[f32; 3]], b: &[[f32; 3]]) -> usize {
+    let differs = |a: &[f32; 3], b: &[f32; 3]| {
+        a.iter()
+            .zip(b)
+            .any(|(a, b)| (a - b).abs() > ROUNDING * a.abs().max(b.abs()))
+    };
+    a.iter().zip(b).filter(|(a, b)| differs(a, b)).count()
+}
+
+#[test]
+fn every_feature_forced_into_a_lambert_scene_leaves_its_image() {
+    let scene = builtin("cornell");
+    let (plain, renderer) = image(&scene, Method::Path, 19.0, ForceSettings::default());
+    for (name, switch) in SWITCHES {
+        assert!(
+            !renderer.features()[name],
+            "{name} is needed: it must be tried in another scene"
+        );
+        let mut force = ForceSettings::default();
+        switch(&mut force);
+        let (forced, renderer) = image(&scene, Method::Path, 19.0, force);
+        assert!(renderer.features()[name], "{name} was not compiled in");
+        assert_eq!(strays(&plain, &forced), 0, "{name}");
+    }
+    // Negative control: a thousandth more is seen.
+    let brighter: Vec<[f32; 3]> = plain.iter().map(|p| p.map(|c| c * 1.001)).collect();
+    assert!(strays(&plain, &brighter) > 300);
+}
+
+#[test]
+fn all_features_together_leave_the_images_of_both_methods() {
+    for (name, half_degrees) in [("cornell", 19.0), ("gallery", 40.0)] {
+        let scene = builtin(name);
+        for method in [Method::Path, Method::Photon] {
+            let (plain, _) = image(&scene, method, half_degrees, ForceSettings::default());
+            let mut force = ForceSettings::default();
+            for (_, switch) in SWITCHES {
+                switch(&mut force);
+            }
+            let (forced, renderer) = image(&scene, method, half_degrees, force);
+            assert!(SWITCHES.iter().all(|(name, _)| renderer.features()[*name]));
+            assert_eq!(strays(&plain, &forced), 0, "{name} by {method:?}");
+        }
+    }
+}
