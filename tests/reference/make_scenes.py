@@ -304,6 +304,8 @@ def absorbing():
     turn = [0, math.sin(0.25), 0, math.cos(0.25)]
     block = s.mesh("block", s.material("amber", [1, 1, 1], roughness=0.0, extensions=amber), *box())
     s.node(name="block", mesh=block, translation=[0.7, 0.7, 0.2], rotation=turn, scale=[0.6, 0.65, 0.3])
+    # An insect in the amber: light is absorbed on its way there and back.
+    s.node(name="insect", mesh=s.mesh("insect", s.material("insect", [0.9, 0.9, 0.9]), *ball(1)), translation=[0.75, 0.6, 0.25], scale=[0.2] * 3)
     wine = dielectric(1.4, attenuationColor=[0.8, 0.15, 0.3], attenuationDistance=1.5)
     rough = s.mesh("ball", s.material("wine", [0.8, 1.0, 1.0], roughness=0.3, extensions=wine), *ball(2))
     s.node(name="ball", mesh=rough, translation=[-0.8, 0.9, 0.0], scale=[0.7] * 3)
@@ -470,6 +472,9 @@ def smooth():
     s.light("point", [0.5, 0.8, 1.0], 0.06, translation=[-1.9, 0.9, -0.5])
     s.light("directional", [1.0, 0.7, 0.5], 0.5, rotation=looking(np.array([-1.0, -0.12, -0.3])))
     s.quad("lamp", s.lamp("lamp", [5.0, 5.0, 5.0]), [-0.5, 2.8, 0.2], [1, 0, 0], [0, 0, 1])
+    # A mirroring node turns the side that shines: this one lights the left wall, not the camera's side.
+    node = s.node(name="mirror", translation=[-1.4, 1.9, 0.2], scale=[-1.0, 1.3, 0.8])
+    s.quad("mirrored lamp", s.lamp("mirrored lamp", [4.0, 3.0, 6.0]), [0, 0, 0], [0, 0, -0.4], [0.1, 0.3, 0], parent=node)
     s.write("smooth.gltf")
 
 

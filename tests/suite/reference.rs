@@ -212,8 +212,18 @@ fn photons_agree(name: &str, radius_m: f64) {
 }
 
 #[test]
+fn photons_in_the_asymmetric_cornell_box() {
+    photons_agree("cornell_asymmetric", 0.004);
+}
+
+#[test]
 fn photons_through_glass() {
     photons_agree("glass", 0.03);
+}
+
+#[test]
+fn photons_through_absorbing_bodies() {
+    photons_agree("absorbing", 0.03);
 }
 
 #[test]
