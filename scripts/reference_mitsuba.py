@@ -14,9 +14,8 @@ images) and NAME.json (the command, versions, the scene's hash, what was modelle
 tests/reference/render_all.sh holds the commands of the references that are kept.
 
 Nothing is shared with the Rust program: this file reads glTF by itself, generates the camera's rays by itself, and
-leaves intersection, light sampling, path construction and the Lambert, mirror and smooth glass models to Mitsuba. The
-GGX layer of glTF has no counterpart in Mitsuba (its own BSDFs mask without height correlation, and mix otherwise), so
-`GltfBsdf` below writes glTF 2.0 appendix B down a second time, to be sampled by Mitsuba's own GGX distribution.
+leaves intersection, light sampling, path construction and most models to Mitsuba. reference_models.py beside it maps
+materials to Mitsuba's plugins, and writes a second time what has no counterpart there.
 What cannot be told truly is refused with a message, never approximated in silence.
 
 Conventions where Mitsuba's differ and what is done about it:
@@ -209,6 +208,9 @@ class Builder:
             self.materials[key] = Material(mi, gltf, *key)
         material = self.materials[key]
         self.models[material.name] = material.model
+        for uv_set in sorted(material.uv_sets):
+            if f"TEXCOORD_{uv_set}" not in attributes:
+                raise Refused(f"material '{material.name}': a primitive without TEXCOORD_{uv_set}")
         self.has_alpha |= material.opacity is not None
         self.has_media |= material.medium is not None
         positions = gltf.accessor(attributes["POSITION"]).astype("f8")
@@ -438,7 +440,7 @@ def main():
     scene = mi.load_dict({"type": "scene"} | builder.entries)
     # rr_depth beyond the last bounce: no Russian roulette. Mitsuba's max_depth counts as ours does: 1 is emission
     # seen directly, 2 adds direct light.
-    # `path` takes alpha for opaque in shadow rays, `volpath` does not; media are absorbed along segments by `volpathmis`.
+    # `path` takes alpha for opaque in shadow rays, `volpath` does not; `volpathmis` knows media.
     kind = "volpathmis" if builder.has_media else "volpath" if builder.has_alpha else "path"
     integrator = mi.load_dict({"type": kind, "max_depth": arguments.max_depth, "rr_depth": 1000000})
     renders = []

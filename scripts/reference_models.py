@@ -45,6 +45,7 @@ class Material:
 
     def __init__(self, mi, gltf, index, colored=False):
         tree = gltf.tree["materials"][index] if index is not None else {}
+        self.uv_sets = set()
         self.mi, self.gltf, self.name = mi, gltf, tree.get("name", f"material {index}")
         extensions = tree.get("extensions", {})
         pbr = tree.get("pbrMetallicRoughness", {})
@@ -141,6 +142,7 @@ class Material:
         if info is None:
             return entry
         matrix, uv_set = texture_transform(info)
+        self.uv_sets.add(uv_set)
         entry["uv"] = place or f"vertex_uv{uv_set}"
         if place is None:
             entry |= {f"m{row}{column}": matrix[row][column] for row in range(2) for column in range(3)}
@@ -215,7 +217,7 @@ def tangents(positions, normals, uv, triangles):
 
 
 def define_plugins(mi, dr):
-    """Registers `slot`, `gltf`, `gltf_glass` and `shaded`; a function, since their bases exist once a variant is set."""
+    """Registers `slot`, `gltf`, `gltf_glass` and `shaded`: here, since their bases exist once a variant is set."""
     flags = mi.BSDFFlags
     sides = flags.FrontSide | flags.BackSide
 
@@ -228,7 +230,8 @@ def define_plugins(mi, dr):
             self.bitmap = get("bitmap", None)
             self.uv, self.color = get("uv", ""), get("color", "")
             self.matrix = [[get(f"m{r}{c}", float(r == c)) for c in range(3)] for r in range(2)]
-            self.fold = [[get(f"{key}{axis}", default) for key, default in (("scale", 1.0), ("shift", 0.0), ("inside", 0.0))] for axis in range(2)]
+            folds = (("scale", 1.0), ("shift", 0.0), ("inside", 0.0))
+            self.fold = [[get(f"{key}{axis}", default) for key, default in folds] for axis in range(2)]
 
         def value(self, si, active):
             value = mi.Color3f(self.factor)
@@ -400,7 +403,7 @@ def define_plugins(mi, dr):
             f = mi.fresnel(ih, eta)[0]
             alpha = dr.square(self.metallic_roughness.eval(si, active)[1])
             dv = ggx(h.z, alpha) * visibility(wi.z, dr.abs(wo.z), alpha)
-            # Equation 21, (ih oh) / (ci co) eta_o^2 (1 - F) G D / (eta_i ih + eta_o oh)^2, with radiance scaled by 1 / eta^2.
+            # Equation 21, (ih oh) / (ci co) eta_o^2 (1 - F) G D / (eta_i ih + eta_o oh)^2; radiance scales by 1 / eta^2.
             jacobian = dr.square(eta) / dr.square(ih + eta * oh)
             through = (1 - f) * 4 * dv * ih * dr.abs(oh) * jacobian / dr.square(eta)
             value = dr.select(reflected, mi.Color3f(f * dv), through * self.tint.eval(si, active)) * dr.abs(wo.z)

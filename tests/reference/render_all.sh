@@ -31,7 +31,7 @@ reference coats --scene tests/reference/coats.gltf --fov "-26 26 24 -24" --max-d
 reference normal_map --scene tests/reference/normal_map.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 160 --seeds 16
 reference alpha --scene tests/reference/alpha.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 192 --seeds 16
 reference textures --scene tests/reference/textures.gltf --fov "-28 28 26 -26" --max-depth 3 --spp 160 --seeds 16
-reference many_lights --scene tests/reference/many_lights.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 1024 --seeds 16
+reference many_lights --scene tests/reference/many_lights.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 320 --seeds 16
 reference smooth --scene tests/reference/smooth.gltf --fov "-26 26 24 -24" --max-depth 5 --spp 256 --seeds 16
 reference studio --scene tests/reference/studio.gltf --environment tests/reference/environment.hdr \
     --environment-strength 2.5 --fov "-38 38 30 -38" --max-depth 5 --spp 160 --seeds 16
