@@ -14,9 +14,8 @@ images) and NAME.json (the command, versions, the scene's hash, what was modelle
 tests/reference/render_all.sh holds the commands of the references that are kept.
 
 Nothing is shared with the Rust program: this file reads glTF by itself, generates the camera's rays by itself, and
-leaves intersection, light sampling, path construction and the Lambert, mirror and smooth glass models to Mitsuba. The
-GGX layer of glTF has no counterpart in Mitsuba (its own BSDFs mask without height correlation, and mix otherwise), so
-`GltfBsdf` below writes glTF 2.0 appendix B down a second time, to be sampled by Mitsuba's own GGX distribution.
+leaves intersection, light sampling, path construction and most models to Mitsuba. reference_models.py beside it maps
+materials to Mitsuba's plugins, and writes a second time what has no counterpart there.
 What cannot be told truly is refused with a message, never approximated in silence.
 
 Conventions where Mitsuba's differ and what is done about it:
@@ -38,18 +37,17 @@ import os
 import shlex
 import struct
 import sys
-import tempfile
 import time
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
+from reference_models import Material, Refused, define_plugins, rgb, tangents, texture_transform
 
 SPOT_RAMPS = 24
 RAYS_PER_LAUNCH = 1 << 20
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 SUPPORTED_EXTENSIONS = {
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -59,10 +57,6 @@ SUPPORTED_EXTENSIONS = {
     "KHR_materials_volume",
     "KHR_texture_transform",
 }
-
-
-class Refused(Exception):
-    """The scene holds what this script does not model truly."""
 
 
 # ---------------------------------------------------------------------------------------------------------------- glTF
@@ -75,7 +69,7 @@ class Gltf:
         self.path = Path(path)
         data = self.path.read_bytes()
         self.sha256 = hashlib.sha256(data).hexdigest()
-        self.chunk = b""
+        self.chunk, self.images = b"", {}
         if data[:4] == b"glTF":
             _, version, _ = struct.unpack_from("<4sII", data, 0)
             if version != 2:
@@ -124,7 +118,9 @@ class Gltf:
         return values
 
     def image(self, index):
-        """Decoded 8-bit pixels, (height, width, 3), values 0 to 1 as stored, row 0 first. Alpha is dropped."""
+        """Decoded 8-bit pixels, (height, width, 4), values 0 to 1 as stored, row 0 first."""
+        if index in self.images:
+            return self.images[index]
         entry = self.tree["images"][index]
         data = self._uri(entry["uri"]) if "uri" in entry else self.view(entry["bufferView"])
         stream = mi.MemoryStream(len(data))
@@ -136,8 +132,11 @@ class Gltf:
             raise Refused(f"{self.path}: image {index} has {pixels.dtype} samples")
         pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
         if pixels.shape[2] in (1, 2):
-            pixels = np.repeat(pixels[:, :, :1], 3, axis=2)
-        return pixels[:, :, :3].astype("f8") / 255.0
+            pixels = np.concatenate([np.repeat(pixels[:, :, :1], 3, axis=2), pixels[:, :, 1:]], axis=2)
+        if pixels.shape[2] == 3:
+            pixels = np.concatenate([pixels, np.full_like(pixels[:, :, :1], 255)], axis=2)
+        self.images[index] = pixels.astype("f4") / 255.0
+        return self.images[index]
 
     def nodes(self):
         """Yields (node, world_from_node 4x4) of the default scene."""
@@ -172,233 +171,14 @@ def node_matrix(node):
     return matrix
 
 
-def srgb_to_linear(values):
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-# ----------------------------------------------------------------------------------------------------------- materials
-
-
-def texture_transform(info):
-    """2x3 matrix of KHR_texture_transform: translation times rotation times scale."""
-    entry = info.get("extensions", {}).get("KHR_texture_transform", {})
-    c, s = math.cos(entry.get("rotation", 0.0)), math.sin(entry.get("rotation", 0.0))
-    sx, sy = entry.get("scale", [1, 1])
-    ox, oy = entry.get("offset", [0, 0])
-    return ((c * sx, s * sy, ox), (-s * sx, c * sy, oy)), entry.get("texCoord", info.get("texCoord", 0))
-
-
-class Material:
-    """One glTF material as Mitsuba dictionaries. All its textures must share one coordinate set and transform."""
-
-    def __init__(self, gltf, index):
-        tree = gltf.tree["materials"][index] if index is not None else {}
-        self.gltf, self.name = gltf, tree.get("name", f"material {index}")
-        self.uv = None
-        extensions = tree.get("extensions", {})
-        pbr = tree.get("pbrMetallicRoughness", {})
-        self.double_sided = tree.get("doubleSided", False)
-        if tree.get("alphaMode", "OPAQUE") != "OPAQUE":
-            self.refuse("alphaMode " + tree["alphaMode"])
-        if "normalTexture" in tree:
-            self.refuse("normalTexture")
-        base = pbr.get("baseColorFactor", [1, 1, 1, 1])[:3]
-        metallic, roughness = pbr.get("metallicFactor", 1.0), pbr.get("roughnessFactor", 1.0)
-        specular = extensions.get("KHR_materials_specular", {})
-        transmission = extensions.get("KHR_materials_transmission", {})
-        volume = extensions.get("KHR_materials_volume", {})
-        ior = extensions.get("KHR_materials_ior", {}).get("ior", 1.5)
-        if "specularTexture" in specular or "specularColorTexture" in specular or "transmissionTexture" in transmission:
-            self.refuse("a specular or transmission texture")
-        weight = specular.get("specularFactor", 1.0)
-
-        factor = transmission.get("transmissionFactor", 0.0)
-        self.uses_vertex_colors = False
-        self.base_factor = base
-        self.base = self.texture(pbr.get("baseColorTexture"), base, srgb=True)
-        if factor > 0.0:
-            if factor < 1.0 or metallic > 0.0 or roughness * roughness >= 1e-3 or "baseColorTexture" in pbr:
-                self.refuse("glass that is rough, partly metallic, partly opaque or textured")
-            if math.isfinite(volume.get("attenuationDistance", math.inf)):
-                self.refuse("a volume that absorbs")
-            self.model = "smooth glass: Mitsuba dielectric"
-            self.bsdf = {
-                "type": "dielectric",
-                "int_ior": float(ior),
-                "ext_ior": 1.0,
-                "specular_transmittance": self.base,
-            }
-        elif metallic == 0.0 and weight == 0.0:
-            self.model = "Lambert: Mitsuba diffuse"
-            self.bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": self.base}}
-        elif metallic == 1.0 and roughness == 0.0 and base == [1, 1, 1] and "baseColorTexture" not in pbr:
-            self.model = "perfect mirror: Mitsuba conductor"
-            mirror = {"type": "conductor", "material": "none", "specular_reflectance": rgb([1, 1, 1])}
-            self.bsdf = {"type": "twosided", "bsdf": mirror}
-        else:
-            if roughness * roughness < 1e-3:
-                self.refuse("a smooth metal other than a white mirror, or a smooth coat")
-            self.model = "glTF appendix B: own formulas, sampled by Mitsuba"
-            self.bsdf = {
-                "type": "gltf",
-                "base": self.base,
-                "metallic_roughness": self.texture(
-                    pbr.get("metallicRoughnessTexture"), [0.0, roughness, metallic], srgb=False
-                ),
-                "ior": float(ior),
-                "specular": float(weight),
-                "specular_color": mi.ScalarColor3f(specular.get("specularColorFactor", [1, 1, 1])),
-            }
-        strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        emission = [strength * c for c in tree.get("emissiveFactor", [0, 0, 0])]
-        self.emitter = None
-        if max(emission) > 0.0:
-            self.emitter = {
-                "type": "area",
-                "radiance": self.texture(tree.get("emissiveTexture"), emission, srgb=True),
-            }
-
-    def refuse(self, what):
-        raise Refused(f"material '{self.name}': {what}")
-
-    def texture(self, info, factor, srgb):
-        if info is None:
-            return rgb(factor)
-        uv = texture_transform(info)
-        if self.uv not in (None, uv):
-            self.refuse("textures with different coordinates")
-        self.uv = uv
-        entry = self.gltf.tree["textures"][info["index"]]
-        sampler = self.gltf.tree["samplers"][entry["sampler"]] if "sampler" in entry else {}
-        wraps = {WRAPS[sampler.get(key, 10497)] for key in ("wrapS", "wrapT")}
-        if len(wraps) > 1:
-            self.refuse("a texture that wraps differently in u and v")
-        pixels = self.gltf.image(entry["source"])
-        pixels = (srgb_to_linear(pixels) if srgb else pixels) * np.array(factor)
-        return {
-            "type": "bitmap",
-            "data": mi.TensorXf(np.ascontiguousarray(pixels, "f4")),
-            "raw": True,
-            "filter_type": "nearest" if sampler.get("magFilter") == 9728 else "bilinear",
-            "wrap_mode": wraps.pop(),
-        }
-
-    def with_vertex_colors(self):
-        """The BSDF of a primitive that has COLOR_0, which multiplies the base colour."""
-        if self.base["type"] != "rgb" or self.base_factor != [1, 1, 1] or "bsdf" not in self.bsdf:
-            self.refuse("COLOR_0 together with a base colour, or on other than a Lambert surface")
-        colors = {"type": "mesh_attribute", "name": "vertex_color"}
-        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colors}}
-
-
-def rgb(values):
-    return {"type": "rgb", "value": [float(v) for v in values]}
-
-
-def define_gltf_bsdf():
-    """Registers `GltfBsdf`; only here, since its base class exists once a variant is set."""
-
-    class GltfBsdf(mi.BSDF):
-        """glTF 2.0 appendix B and KHR_materials_specular: Lambert under a GGX layer, mixed by F(v.h), or a metal.
-
-        Sampled half by the cosine, half by the visible normals of Mitsuba's GGX distribution.
-        """
-
-        def __init__(self, props):
-            mi.BSDF.__init__(self, props)
-            self.base = props.get_texture("base")
-            self.metallic_roughness = props.get_texture("metallic_roughness")
-            self.weight = props["specular"]
-            tint = [float(c) for c in props["specular_color"]]
-            f0 = ((props["ior"] - 1.0) / (props["ior"] + 1.0)) ** 2
-            self.f0 = [min(f0 * c, 1.0) for c in tint]
-            sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.GlossyReflection | sides]
-            self.m_flags = self.m_components[0]
-
-        def layer(self, si, active):
-            mr = self.metallic_roughness.eval(si, active)
-            alpha = dr.square(mr[1])
-            return self.base.eval(si, active), mr[2], alpha, mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha)
-
-        def eval_pdf(self, ctx, si, wo, active=True):
-            wi, wo = mi.Vector3f(si.wi), mi.Vector3f(wo)
-            turn = dr.sign(wi.z)
-            wi, wo = mi.Vector3f(wi.x, wi.y, wi.z * turn), mi.Vector3f(wo.x, wo.y, wo.z * turn)
-            active = mi.Bool(active) & (wi.z > 0) & (wo.z > 0)
-            base, metallic, alpha, normals = self.layer(si, active)
-            h = dr.normalize(wi + wo)
-            cos_i, cos_o, a2 = wi.z, wo.z, dr.square(alpha)
-            # D and V of appendix B.3.2.
-            d = a2 / (dr.pi * dr.square(dr.square(h.z) * (a2 - 1) + 1))
-            v = 0.5 / (
-                cos_o * dr.sqrt(a2 + (1 - a2) * dr.square(cos_i)) + cos_i * dr.sqrt(a2 + (1 - a2) * dr.square(cos_o))
-            )
-            s5 = (1 - dr.abs(dr.dot(wi, h))) ** 5
-            f0 = mi.Color3f(self.f0)
-            fresnel = f0 + (1 - f0) * s5
-            dielectric = (1 - self.weight * dr.max(fresnel)) * base * dr.inv_pi + self.weight * fresnel * (d * v)
-            metal = (base + (1 - base) * s5) * (d * v)
-            value = dr.lerp(dielectric, metal, metallic) * cos_o
-            pdf_layer = normals.pdf(wi, h) / (4 * dr.dot(wo, h))
-            pdf = 0.5 * cos_o * dr.inv_pi + 0.5 * pdf_layer
-            return dr.select(active, value, 0), dr.select(active, pdf, 0)
-
-        def eval(self, ctx, si, wo, active=True):
-            return self.eval_pdf(ctx, si, wo, active)[0]
-
-        def pdf(self, ctx, si, wo, active=True):
-            return self.eval_pdf(ctx, si, wo, active)[1]
-
-        def sample(self, ctx, si, sample1, sample2, active=True):
-            turn = dr.sign(si.wi.z)
-            wi = mi.Vector3f(si.wi.x, si.wi.y, si.wi.z * turn)
-            _, _, _, normals = self.layer(si, active)
-            h, _ = normals.sample(wi, sample2)
-            wo = dr.select(sample1 < 0.5, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, h))
-            wo = mi.Vector3f(wo.x, wo.y, wo.z * turn)
-            value, pdf = self.eval_pdf(ctx, si, wo, active)
-            bs = dr.zeros(mi.BSDFSample3f)
-            bs.wo, bs.pdf, bs.eta = wo, pdf, 1.0
-            bs.sampled_type = mi.UInt32(+self.m_components[0])
-            bs.sampled_component = mi.UInt32(0)
-            ok = mi.Bool(active) & (pdf > 0)
-            return bs, dr.select(ok, value / pdf, 0)
-
-        def traverse(self, callback):
-            pass
-
-        def to_string(self):
-            return "GltfBsdf[]"
-
-    mi.register_bsdf("gltf", GltfBsdf)
-
-
 # --------------------------------------------------------------------------------------------------------------- scene
-
-
-def write_ply(path, positions, triangles, normals=None, uv=None, colors=None):
-    columns = [(name, positions[:, k]) for k, name in enumerate("xyz")]
-    if normals is not None:
-        columns += [("n" + name, normals[:, k]) for k, name in enumerate("xyz")]
-    if uv is not None:
-        columns += [("u", uv[:, 0]), ("v", uv[:, 1])]
-    if colors is not None:
-        columns += [(name, colors[:, k]) for k, name in enumerate("rgb")]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(positions)}"]
-    header += [f"property float {name}" for name, _ in columns]
-    header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header", ""]
-    faces = np.empty(len(triangles), np.dtype([("n", "u1"), ("v", "<i4", 3)]))
-    faces["n"], faces["v"] = 3, triangles
-    vertices = np.stack([column for _, column in columns], axis=1).astype("<f4")
-    Path(path).write_bytes("\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
 
 
 class Builder:
     """Gathers Mitsuba dictionaries: every primitive flattened to world space, lights, environment."""
 
-    def __init__(self, gltf, folder):
-        self.gltf, self.folder = gltf, Path(folder)
+    def __init__(self, gltf):
+        self.gltf, self.has_alpha, self.has_media = gltf, False, False
         self.entries, self.models, self.materials = {}, {}, {}
         self.camera = None
         self.triangles = 0
@@ -422,54 +202,109 @@ class Builder:
         gltf, attributes = self.gltf, primitive["attributes"]
         if primitive.get("mode", 4) != 4 or primitive.get("targets"):
             raise Refused("primitives other than plain triangles")
-        key = primitive.get("material")
+        colored = "COLOR_0" in attributes
+        key = (primitive.get("material"), colored)
         if key not in self.materials:
-            self.materials[key] = Material(gltf, key)
+            self.materials[key] = Material(mi, gltf, *key)
         material = self.materials[key]
+        self.models[material.name] = material.model
+        for uv_set in sorted(material.uv_sets):
+            if f"TEXCOORD_{uv_set}" not in attributes:
+                raise Refused(f"material '{material.name}': a primitive without TEXCOORD_{uv_set}")
+        self.has_alpha |= material.opacity is not None
+        self.has_media |= material.medium is not None
         positions = gltf.accessor(attributes["POSITION"]).astype("f8")
         linear = world_from_node[:3, :3]
+        mirrored = np.linalg.det(linear) < 0.0
+        in_object = positions
         positions = positions @ linear.T + world_from_node[:3, 3]
         count = len(positions)
         indices = gltf.accessor(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(count)
         triangles = indices.astype("i8").reshape(-1, 3)
-        if np.linalg.det(linear) < 0.0:
+        if mirrored:
             triangles = triangles[:, ::-1]  # glTF: a mirroring transform turns the winding.
         corners = positions[triangles]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        triangles, area = triangles[(area**2).sum(1) > 0], area[(area**2).sum(1) > 0]
-        normals = None
-        if "NORMAL" in attributes:
-            normals = gltf.accessor(attributes["NORMAL"]).astype("f8") @ np.linalg.inv(linear)
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            across = area / np.linalg.norm(area, axis=1, keepdims=True)
-            cosines = (normals[triangles] * across[:, None]).sum(2)
-            if (np.abs(cosines) > 1 - 1e-5).all():
-                normals = None
-        uv = None
-        if material.uv is not None:
-            matrix, uv_set = material.uv
-            uv = gltf.accessor(attributes[f"TEXCOORD_{uv_set}"]).astype("f8")
-            uv = np.concatenate([uv, np.ones((len(uv), 1))], axis=1) @ np.array(matrix).T
-        bsdf, colors = material.bsdf, None
-        if "COLOR_0" in attributes:
-            colors, bsdf = gltf.accessor(attributes["COLOR_0"]), material.with_vertex_colors()
-        self.models[material.name] = material.model
+        solid = (area**2).sum(1) > 0
+        triangles, area = triangles[solid], area[solid]
         self.triangles += len(triangles)
-        self.shape(positions, triangles, normals, uv, colors, bsdf, material.emitter)
+        # Every corner becomes a vertex of its own: what belongs to corners can then be told apart.
+        across = area / np.linalg.norm(area, axis=1, keepdims=True)
+        normals, has_normals = np.repeat(across[:, None], 3, axis=1), False
+        if "NORMAL" in attributes:
+            given = gltf.accessor(attributes["NORMAL"]).astype("f8")
+            smooth = given @ np.linalg.inv(linear)
+            smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
+            cosines = (smooth[triangles] * across[:, None]).sum(2)
+            if not (np.abs(cosines) > 1 - 1e-5).all():
+                normals, has_normals = smooth[triangles], True
+        corner = {"vertex_shading_normal": normals}
+        for uv_set in (0, 1):
+            if f"TEXCOORD_{uv_set}" in attributes:
+                uv = gltf.accessor(attributes[f"TEXCOORD_{uv_set}"]).astype("f8")
+                corner[f"vertex_uv{uv_set}"] = np.pad(uv, ((0, 0), (0, 1)))[triangles]
+        if colored:
+            colors = np.clip(gltf.accessor(attributes["COLOR_0"]).astype("f8"), 0, 1)
+            alpha = colors[:, 3:] if colors.shape[1] == 4 else np.ones((count, 1))
+            corner["vertex_color_rgb"] = colors[triangles][:, :, :3]
+            corner["vertex_color_alpha"] = np.repeat(alpha, 3, axis=1)[triangles]
+        if material.normal_map is not None:
+            if "TANGENT" in attributes and "NORMAL" in attributes:
+                given_tangents = gltf.accessor(attributes["TANGENT"]).astype("f8")[triangles]
+                along, hand = given_tangents[:, :, :3], given_tangents[:, :, 3]
+            else:
+                # In object space, where the winding is the file's; without normals no corner is shared.
+                uv = gltf.accessor(attributes[f"TEXCOORD_{material.normal_uv_set}"]).astype("f8")
+                order = triangles[:, ::-1] if mirrored else triangles
+                if "NORMAL" in attributes:
+                    along, hand = tangents(in_object, given, uv, order)
+                else:
+                    flat = in_object[order].reshape(-1, 3)
+                    faces = np.arange(len(flat)).reshape(-1, 3)
+                    edges = flat[faces]
+                    out = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+                    out = np.repeat(out / np.linalg.norm(out, axis=1, keepdims=True), 3, axis=0)
+                    along, hand = tangents(flat, out, uv[order].reshape(-1, 2), faces)
+                if mirrored:
+                    along, hand = along[:, ::-1], hand[:, ::-1]
+            # A mirrored object is the mirror image of the object, its bumps included.
+            corner["vertex_tangent"] = along @ linear.T
+            corner["vertex_hand"] = np.repeat((hand * (-1.0 if mirrored else 1.0))[:, :, None], 3, axis=2)
+        mesh_uv = None
+        if material.emitter is not None and material.emissive_info is not None:
+            matrix, uv_set = texture_transform(material.emissive_info)
+            uv = corner[f"vertex_uv{uv_set}"]
+            mesh_uv = np.concatenate([uv[:, :, :2], np.ones_like(uv[:, :, :1])], axis=2) @ np.array(matrix).T
+        entry = {"bsdf": material.surface(has_normals)}
+        if material.emitter is not None:
+            entry["emitter"] = material.emitter
+        if material.medium is not None:
+            entry["interior"] = material.medium
+        corners = positions[triangles]
+        self.shape(corners, corner, mesh_uv, entry)
         if material.emitter is not None and material.double_sided:
-            size = np.ptp(positions, axis=0).max()
-            shift = area.sum(0) / np.linalg.norm(area.sum(0)) * (2e-5 * size)
-            turned = None if normals is None else -normals
-            self.shape(positions - shift, triangles[:, ::-1], turned, uv, colors, bsdf, material.emitter)
+            shift = across[:, None] * (2e-5 * np.ptp(positions, axis=0).max())
+            corner["vertex_shading_normal"] = -corner["vertex_shading_normal"]
+            turned = {name: values[:, ::-1] for name, values in corner.items()}
+            self.shape((corners - shift)[:, ::-1], turned, None if mesh_uv is None else mesh_uv[:, ::-1], entry)
 
-    def shape(self, positions, triangles, normals, uv, colors, bsdf, emitter):
-        path = self.folder / f"{len(self.entries)}.ply"
-        write_ply(path, positions, triangles, normals, uv, colors)
-        flat = normals is None or emitter is not None
-        entry = {"type": "ply", "filename": str(path), "face_normals": flat, "bsdf": bsdf}
-        if emitter is not None:
-            entry["emitter"] = emitter
-        self.add(entry)
+    def shape(self, corners, attributes, uv, entry):
+        """A mesh of separate triangles, (triangles, 3 corners, 3), flat by itself."""
+        count = len(corners)
+        props = mi.Properties()
+        for name, value in entry.items():
+            props[name] = mi.load_dict(value) if isinstance(value, dict) else value
+        props["face_normals"] = True
+        mesh = mi.Mesh(f"mesh {len(self.entries)}", 3 * count, count, has_vertex_texcoords=uv is not None, props=props)
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = np.ascontiguousarray(corners, "f4").ravel()
+        parameters["faces"] = np.arange(3 * count, dtype="u4")
+        if uv is not None:
+            parameters["vertex_texcoords"] = np.ascontiguousarray(uv, "f4").ravel()
+        parameters.update()
+        for name, values in attributes.items():
+            mesh.add_attribute(name, 3, np.ascontiguousarray(values, "f4").ravel())
+        self.add(mesh)
 
     def light(self, light, world_from_node):
         position = world_from_node[:3, 3]
@@ -487,7 +322,7 @@ class Builder:
         """glTF's falloff, clamp((cos t - cos outer) / (cos inner - cos outer))^2, as a sum of linear ramps."""
         inner, outer = cone.get("innerConeAngle", 0.0), cone.get("outerConeAngle", math.pi / 4)
         edges = np.linspace(inner, outer, SPOT_RAMPS + 1)
-        span = max(math.cos(inner) - math.cos(outer), 1e-6)
+        span = max(math.cos(inner) - math.cos(outer), 1e-3)
         falloff = np.clip((np.cos(edges) - math.cos(outer)) / span, 0, 1) ** 2
         up = [0, 1, 0] if abs(forward[1]) < 0.9 else [1, 0, 0]
         target = position + forward
@@ -545,7 +380,7 @@ def render(scene, integrator, pose, fov, size, spp, seed):
         m = [[float(v) for v in row] for row in rotation]
         direction = dr.normalize(mi.Vector3f(*(row[0] * tx + row[1] * ty - row[2] for row in m)))
         ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*(float(v) for v in position)), direction))
-        radiance, _, _ = integrator.sample(scene, sampler, ray, active=mi.Bool(True))
+        radiance, _, _ = integrator.sample(scene, sampler, ray, None, mi.Bool(True))
         sums = [dr.block_reduce(dr.ReduceOp.Add, channel, samples) for channel in (radiance.x, radiance.y, radiance.z)]
         total += np.stack([np.array(channel, dtype="f8") for channel in sums], axis=1)
         done, launch = done + samples, launch + 1
@@ -586,27 +421,28 @@ def main():
     import mitsuba as mi
 
     mi.set_variant(arguments.variant)
-    define_gltf_bsdf()
+    define_plugins(mi, dr)
     size = tuple(int(v) for v in arguments.size.split("x"))
     fov = [float(v) for v in arguments.fov.split()]
     started = time.time()
     gltf = Gltf(arguments.scene)
-    with tempfile.TemporaryDirectory() as folder:
-        builder = Builder(gltf, folder)
-        if arguments.environment:
-            builder.environment(arguments.environment, arguments.environment_strength)
-        if arguments.pose:
-            numbers = [float(v) for v in arguments.pose.split()]
-            pose = (np.array(numbers[:3]), rotation_matrix(*numbers[3:]))
-        elif builder.camera is not None:
-            axes = builder.camera[:3, :3]
-            pose = (builder.camera[:3, 3], axes / np.linalg.norm(axes, axis=0))
-        else:
-            raise Refused("the scene has no camera: give --pose")
-        scene = mi.load_dict({"type": "scene"} | builder.entries)
+    builder = Builder(gltf)
+    if arguments.environment:
+        builder.environment(arguments.environment, arguments.environment_strength)
+    if arguments.pose:
+        numbers = [float(v) for v in arguments.pose.split()]
+        pose = (np.array(numbers[:3]), rotation_matrix(*numbers[3:]))
+    elif builder.camera is not None:
+        axes = builder.camera[:3, :3]
+        pose = (builder.camera[:3, 3], axes / np.linalg.norm(axes, axis=0))
+    else:
+        raise Refused("the scene has no camera: give --pose")
+    scene = mi.load_dict({"type": "scene"} | builder.entries)
     # rr_depth beyond the last bounce: no Russian roulette. Mitsuba's max_depth counts as ours does: 1 is emission
     # seen directly, 2 adds direct light.
-    integrator = mi.load_dict({"type": "path", "max_depth": arguments.max_depth, "rr_depth": 1000000})
+    # `path` takes alpha for opaque in shadow rays, `volpath` does not; `volpathmis` knows media.
+    kind = "volpathmis" if builder.has_media else "volpath" if builder.has_alpha else "path"
+    integrator = mi.load_dict({"type": kind, "max_depth": arguments.max_depth, "rr_depth": 1000000})
     renders = []
     for k in range(arguments.seeds):
         renders.append(render(scene, integrator, pose, fov, size, arguments.spp, arguments.first_seed + k))

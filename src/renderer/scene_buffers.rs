@@ -9,7 +9,7 @@ use crate::gpu::scene::{
     pack_materials, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
-use crate::gpu::{GpuContext, GrowingBuffer, Resources, storage_buffer_with_data};
+use crate::gpu::{GpuContext, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data};
 use crate::scene::Scene;
 
 /// The scene's buffers.
@@ -105,6 +105,11 @@ impl SceneBuffers {
             Some(packed) => Some((
                 storage_buffer_with_data(context, "environment texels", &packed.texels)?,
                 storage_buffer_with_data(context, "environment cdf", &packed.cdf)?,
+            )),
+            // The map is black, or the feature is forced in without one: the shaders read no texel of it, but bind them.
+            None if is_on(features, "environment") => Some((
+                storage_buffer(context, "environment texels", 16)?,
+                storage_buffer(context, "environment cdf", 16)?,
             )),
             None => None,
         };

@@ -2,7 +2,8 @@
 # Renders every reference of this folder again: PYTHON=VENV/bin/python tests/reference/render_all.sh [NAME...]
 # from the repository's root. Scenes come from make_scenes.py.
 set -eu
-names=${*:-cornell cornell_asymmetric sphere plane lights environment environment_turned glass mirror glossy gallery}
+names=${*:-cornell cornell_asymmetric sphere plane lights environment environment_turned glass mirror glossy gallery \
+    rough_glass absorbing coats normal_map alpha textures many_lights smooth studio}
 reference() {
     name=$1; shift
     case " $names " in *" $name "*)
@@ -24,3 +25,13 @@ reference glass --scene tests/reference/glass.gltf --fov "-26 26 24 -24" --max-d
 reference mirror --scene tests/reference/mirror.gltf --fov "-26 26 24 -24" --max-depth 5 --spp 160 --seeds 16
 reference glossy --scene tests/reference/glossy.gltf --fov "-26 26 24 -24" --max-depth 4 --spp 160 --seeds 16
 reference gallery --scene assets/gallery.glb --fov "-40 40 40 -40" --max-depth 4 --spp 96 --seeds 16
+reference rough_glass --scene tests/reference/rough_glass.gltf --fov "-26 26 24 -24" --max-depth 6 --spp 256 --seeds 16
+reference absorbing --scene tests/reference/absorbing.gltf --fov "-26 26 24 -24" --max-depth 7 --spp 256 --seeds 16
+reference coats --scene tests/reference/coats.gltf --fov "-26 26 24 -24" --max-depth 5 --spp 192 --seeds 16
+reference normal_map --scene tests/reference/normal_map.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 160 --seeds 16
+reference alpha --scene tests/reference/alpha.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 192 --seeds 16
+reference textures --scene tests/reference/textures.gltf --fov "-28 28 26 -26" --max-depth 3 --spp 160 --seeds 16
+reference many_lights --scene tests/reference/many_lights.gltf --fov "-26 26 24 -24" --max-depth 3 --spp 320 --seeds 16
+reference smooth --scene tests/reference/smooth.gltf --fov "-26 26 24 -24" --max-depth 5 --spp 256 --seeds 16
+reference studio --scene tests/reference/studio.gltf --environment tests/reference/environment.hdr \
+    --environment-strength 2.5 --fov "-38 38 30 -38" --max-depth 5 --spp 160 --seeds 16

@@ -265,13 +265,20 @@ fn every_method_and_sampler_adds_the_lights_up() {
 fn nothing_gets_into_a_closed_sphere() {
     let (mut scene, _) = lit_by(&[Light::Sun]);
     scene.environment = Some(even_sky(1.0));
+    // A hit within its rounding (some 1e-7 m) of an edge may start its next ray beyond the neighbouring facet. There are
+    // 43 m of edges per square metre: 43 x 2 x 1e-7 = 1e-5 of the rays, 5 of them a path, each bringing 1 at most.
+    let bound = 5e-5;
     for settings in [
         path(Sampler::Random, Technique::Mis),
         photons(Sampler::Random, |_| {}),
     ] {
         let (found, _) = measured(&scene, &settings, &views());
-        assert_eq!(found, 0.0, "{:?}: a crack between facets", settings.method);
+        assert!(found < bound, "{:?}: {found}", settings.method);
     }
+    // Negative control: one facet of 5120 missing lets in 1 / 5120 of what a ray can meet, times the albedo's series.
+    scene.meshes[0].triangles.remove(0);
+    let (found, _) = measured(&scene, &path(Sampler::Random, Technique::Mis), &views());
+    assert!(found > bound, "a hole goes unnoticed: {found}");
 }
 
 fn even_sky(radiance: f32) -> Environment {
@@ -289,9 +296,9 @@ fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
     let mut scene = sphere();
     scene.lights[0].intensity = [0.0; 3];
     scene.environment = Some(even_sky(2.0));
-    // So near that the ball fills the view: tan 8 degrees x 3 = 0.42 of its radius.
-    let head = Pose::new(DVec3::Z * 4.0, DQuat::IDENTITY);
-    let views = parallel_views(head, 0.0, square_fov(8.0));
+    // So near that the ball fills the view: it spans 41.8 degrees, and the view's corners lie at 39.2.
+    let head = Pose::new(DVec3::Z * 1.5, DQuat::IDENTITY);
+    let views = parallel_views(head, 0.0, square_fov(30.0));
     let expected = 2.0 * f64::from(ALBEDO);
     for (name, settings) in [
         ("path", path(Sampler::Random, Technique::Mis)),
@@ -307,7 +314,7 @@ fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
         ("photons", photons(Sampler::Random, |_| {})),
         (
             "photons, direct from the map",
-            photons(Sampler::Random, |s| s.photon.direct = DirectLight::Map),
+            photons(Sampler::Sobol, |s| s.photon.direct = DirectLight::Map),
         ),
     ] {
         let found = measured(&scene, &settings, &views);

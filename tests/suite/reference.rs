@@ -1,5 +1,5 @@
-//! The path tracer against Mitsuba 3: tests/reference holds images that scripts/reference_mitsuba.py rendered, with
-//! its own glTF reader, camera and formulas.
+//! Both methods against Mitsuba 3: tests/reference holds images that scripts/reference_mitsuba.py rendered, with its
+//! own glTF reader, camera and formulas.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
 use stereolux::metrics::{BlockStatistics, ZTest, mean_image, z_test};
-use stereolux::options::{Eyes, Method, Reuse};
+use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Scene, load_environment};
 use stereolux::xr::{Fov, Pose};
@@ -43,8 +43,8 @@ fn file(name: &str) -> PathBuf {
     root().join("tests/reference").join(name)
 }
 
-/// Renders what the record tells: pixel means, and their standard errors from the spread of the renders.
-fn render(record: &Value) -> (ImageRgb, ImageRgb) {
+/// Independent renders of what the record tells, by settings that `change` may alter.
+fn renders(record: &Value, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> {
     let mut scene = Scene::load(root().join(record["scene"].as_str().unwrap())).unwrap();
     if let Some(path) = record["environment"].as_str() {
         let path = root().join(path);
@@ -56,6 +56,8 @@ fn render(record: &Value) -> (ImageRgb, ImageRgb) {
         s.reuse = Reuse::Off;
         s.spp = SPP;
         s.path.max_depth = record["max_depth"].as_u64().unwrap() as u32;
+        s.photon.max_depth = s.path.max_depth;
+        change(s);
     });
     let size = [0, 1].map(|axis| record["size"][axis].as_u64().unwrap() as u32);
     let angles = numbers(&record["fov_deg"]);
@@ -71,13 +73,17 @@ fn render(record: &Value) -> (ImageRgb, ImageRgb) {
     let library = ShaderLibrary::embedded();
     let mut renderer =
         Renderer::new(context(), &library, &scene, &settings, Eyes::Left, size).unwrap();
-    let renders: Vec<ImageRgb> = (0..RENDERS)
+    (0..RENDERS)
         .map(|index| {
             renderer.render_frame(&views, index, |_| {}).unwrap();
             Image::new(size[0], size[1], radiance(&renderer, Eye::Left)).unwrap()
         })
-        .collect();
-    let mean = mean_image(&renders).unwrap();
+        .collect()
+}
+
+/// Pixel means, and their standard errors from the spread of the renders.
+fn mean_and_error(renders: &[ImageRgb]) -> (ImageRgb, ImageRgb) {
+    let mean = mean_image(renders).unwrap();
     let errors = (0..mean.pixels.len()).map(|pixel| {
         [0, 1, 2].map(|channel| {
             let square = |render: &ImageRgb| {
@@ -87,7 +93,7 @@ fn render(record: &Value) -> (ImageRgb, ImageRgb) {
             (renders.iter().map(square).sum::<f64>() / (count - 1.0) / count).sqrt() as f32
         })
     });
-    let errors = Image::new(size[0], size[1], errors.collect()).unwrap();
+    let errors = Image::new(mean.width, mean.height, errors.collect()).unwrap();
     (mean, errors)
 }
 
@@ -135,14 +141,16 @@ fn altered(
     (alter(mean), alter(error))
 }
 
-fn agrees(name: &str) {
-    let record: Value =
-        serde_json::from_str(&std::fs::read_to_string(file(&format!("{name}.json"))).unwrap())
-            .unwrap();
-    let reference =
+fn read(name: &str) -> (Value, (ImageRgb, ImageRgb)) {
+    let record = std::fs::read_to_string(file(&format!("{name}.json"))).unwrap();
+    let images =
         ["mean", "se"].map(|part| read_image(&file(&format!("{name}_{part}.exr"))).unwrap());
-    let reference = reference.into();
-    let ours = render(&record);
+    (serde_json::from_str(&record).unwrap(), images.into())
+}
+
+fn agrees(name: &str) {
+    let (record, reference) = read(name);
+    let ours = mean_and_error(&renders(&record, |_| {}));
     let (blocks, image) = (test(&ours, &reference), whole(&ours, &reference));
     eprintln!("{name}: blocks {blocks:?}; image {image:?}");
     assert!(blocks.rejected <= STRAYS, "{name}: {blocks:?}");
@@ -160,11 +168,82 @@ fn agrees(name: &str) {
     }
 }
 
+/// Progressive photons against the same images. Pixels of one pass share its photons, so errors come from the spread
+/// of whole blocks over the renders, and blocks are large so that few tests meet the t distribution's tails.
+fn photons_agree(name: &str, radius_m: f64) {
+    const PHOTON_BLOCK: u32 = 16;
+    /// What the radius may cost a block, relative. A disc around a point at distance d from its surface's edge reaches
+    /// beyond it; the mean loss over d from 0 to r is 2 / (3 pi) = 0.21 of the gathered light. An edge across a block
+    /// of side s brings two such strips, 0.42 r / s of it; `radius_m` is a 35th of s, so 1.2 % per edge. Four edges in
+    /// a block, half of whose light is indirect, make 2.4 %.
+    const BIAS: f64 = 0.024;
+    let (record, (mean, error)) = read(name);
+    let ours = renders(&record, |s| {
+        s.method = Method::Photon;
+        s.spp = 2;
+        s.photon.count = 12_000;
+        s.photon.radius_m = radius_m;
+        s.photon.progressive = true;
+    });
+    let statistics = |factor: f32| {
+        let scaled: Vec<ImageRgb> = ours
+            .iter()
+            .map(|image| {
+                let mut image = image.clone();
+                for channel in image.pixels.iter_mut().flatten() {
+                    *channel *= factor;
+                }
+                image
+            })
+            .collect();
+        let test = |block| {
+            let ours = BlockStatistics::of_renders(&scaled, block).unwrap();
+            let theirs = BlockStatistics::of_mean_and_error(&mean, &error, block).unwrap();
+            // The allowance is a bound, `z_test` takes a standard deviation: 4.3 is its limit for 48 tests.
+            z_test(&ours, &theirs, SIGNIFICANCE, BIAS / 4.3).unwrap()
+        };
+        (test(PHOTON_BLOCK), test(mean.width))
+    };
+    let (blocks, image) = statistics(1.0);
+    eprintln!("{name}, photons: blocks {blocks:?}; image {image:?}");
+    assert!(blocks.rejected <= STRAYS, "{name}: {blocks:?}");
+    assert_eq!(image.rejected, 0, "{name}: {image:?}");
+    assert!(statistics(1.07).1.rejected > 0, "{name}: 7 % more pass");
+}
+
+#[test]
+fn photons_in_the_asymmetric_cornell_box() {
+    photons_agree("cornell_asymmetric", 0.004);
+}
+
+#[test]
+fn photons_through_glass() {
+    photons_agree("glass", 0.03);
+}
+
+#[test]
+fn photons_through_absorbing_bodies() {
+    photons_agree("absorbing", 0.03);
+}
+
+#[test]
+fn photons_from_lamps_of_all_kinds() {
+    photons_agree("lights", 0.03);
+}
+
+#[test]
+fn photons_on_normal_maps() {
+    photons_agree("normal_map", 0.03);
+}
+
 macro_rules! cases {
     ($($name:ident),* $(,)?) => { $(#[test] fn $name() { agrees(stringify!($name)); })* };
 }
 
 cases!(
+    absorbing,
+    alpha,
+    coats,
     cornell,
     cornell_asymmetric,
     environment,
@@ -173,7 +252,13 @@ cases!(
     glass,
     glossy,
     lights,
+    many_lights,
     mirror,
+    normal_map,
     plane,
+    rough_glass,
+    smooth,
     sphere,
+    studio,
+    textures,
 );
