@@ -10,6 +10,7 @@
 //! left eye     EYE_PHOTON or EYE_PATH over all pixels                    (per sample)
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
+//! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
 //! ```
 
 use std::fmt;
@@ -45,6 +46,8 @@ passes!(
     reuse_resolve,
     list_setup,
     fill_reasons,
+    xr_submit,
+    xr_submit_depth,
 );
 
 /// What a pass is dispatched over.
@@ -68,6 +71,8 @@ pub enum Over {
     Pixels,
     /// The pixels of an eye that see a surface, indirectly.
     Hits,
+    /// All pixels, as fragments of one triangle: a render pass into a texture.
+    Fragments,
 }
 
 /// Declaration of one pass.
@@ -145,6 +150,9 @@ pub const STEREO_SCATTER: &[&Pass] = &[
     &reuse_resolve::PASS,
     &list_setup::PASS,
 ];
+
+/// Hands an eye's image, and its depth where the runtime takes it, to an OpenXR runtime.
+pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];
 
 /// Diagnosis of the filled pixels.
 pub const FILL_REASONS: &[&Pass] = &[&fill_reasons::PASS];

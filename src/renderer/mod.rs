@@ -8,6 +8,7 @@ pub mod eyes;
 pub mod kernels;
 pub mod photon_map;
 pub mod scene_buffers;
+pub mod submit;
 
 use std::time::Instant;
 
@@ -29,12 +30,14 @@ use crate::options::{
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
-use crate::xr::View;
+use crate::xr::view::Tangents;
+use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
 pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
 pub use scene_buffers::SceneBuffers;
+pub use submit::Submitter;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -176,6 +179,14 @@ pub struct Renderer {
     timer: Option<Timer>,
     is_bound: bool,
     origin_in_world: DVec3,
+    hidden: Option<Hidden>,
+    submitter: Option<Submitter>,
+}
+
+/// What the lenses hide, and for which fields of view the device knows it.
+struct Hidden {
+    areas: [HiddenArea; 2],
+    tangents: Option<[Tangents; 2]>,
 }
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -240,8 +251,25 @@ impl Renderer {
         eye_choice: EyeChoice,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
+        Self::with_hidden_area(context, library, scene, settings, eye_choice, size, None)
+    }
+
+    /// As [`Renderer::new`], with no rays for the pixels that lie in `hidden`, left and right.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with_hidden_area(
+        context: GpuContext,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        settings: &Settings,
+        eye_choice: EyeChoice,
+        size: [u32; 2],
+        hidden: Option<&[HiddenArea; 2]>,
+    ) -> Result<Self, RenderError> {
         let needs = Needs::of(scene);
-        let features = shader_features(&needs, settings);
+        let mut features = shader_features(&needs, settings);
+        features.insert("visibility_mask".to_owned(), hidden.is_some());
         let buffers = SceneBuffers::new(&context, scene, &features)?;
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
@@ -305,6 +333,11 @@ impl Renderer {
             eyes,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
+            hidden: hidden.map(|areas| Hidden {
+                areas: areas.clone(),
+                tangents: None,
+            }),
+            submitter: None,
             context,
         };
         renderer.warm_up()?;
@@ -381,6 +414,7 @@ impl Renderer {
         let began = Instant::now();
         let origin = midpoint(views);
         self.origin_in_world = origin;
+        self.update_hidden(views);
         let replaced = self.scene.set_origin(&self.context, origin)?;
         if replaced || !self.is_bound {
             self.bind()?;
@@ -442,6 +476,60 @@ impl Renderer {
         }
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
+    }
+
+    /// Says which pixels the lenses hide, if that or the fields of view are new.
+    fn update_hidden(&mut self, views: &[View; 2]) {
+        let Some(hidden) = &mut self.hidden else {
+            return;
+        };
+        let tangents = views.map(|view| view.fov.tangents());
+        if hidden.tangents == Some(tangents) {
+            return;
+        }
+        for ((eye, area), tangents) in [Eye::Left, Eye::Right]
+            .into_iter()
+            .zip(&hidden.areas)
+            .zip(&tangents)
+        {
+            let bits = area.pixels(tangents, [self.width, self.height]);
+            self.eyes.write_hidden(&self.context, eye, &bits);
+        }
+        hidden.tangents = Some(tangents);
+    }
+
+    /// Switches stereo reuse for the frames to come; false if the settings have none to switch.
+    pub fn switch_reuse(&mut self) -> bool {
+        let changed = self.eyes.set_reuse(!self.eyes.reuse());
+        if changed {
+            self.is_bound = false;
+        }
+        changed
+    }
+
+    /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`], also if only one eye is rendered.
+    pub fn submit_to(
+        &mut self,
+        library: &ShaderLibrary,
+        targets: &RuntimeTargets,
+    ) -> Result<(), RenderError> {
+        let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
+            Some(submitter) => submitter,
+            None => Submitter::new(
+                &self.context,
+                library,
+                &self.eyes,
+                &self.frame_uniform,
+                targets,
+            )?,
+        };
+        let exposure = self.settings.output.exposure as f32;
+        submitter.submit(&self.context, targets, exposure, self.eyes.reuse())?;
+        self.submitter = Some(submitter);
+        Ok(())
     }
 
     fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
