@@ -200,10 +200,10 @@ program=$1
 shift
 [ -x "$program" ] || program=$(command -v "$program" || { [ -x "$folder/root/usr/bin/$program" ] && echo "$folder/root/usr/bin/$program"; } || true)
 [ -n "$program" ] || fail "no such command"
+# For a command that starts programs itself: what to put before their names.
+export MONADO_RUN="$loader --library-path $path"
 if [ "$(head -c 4 "$program" | tail -c 3)" = ELF ]; then
     in_folder "$program" "$@"
 else
-    # A script: it finds the linker here for the programs that it starts itself.
-    export MONADO_RUN="$loader --library-path $path"
     "$program" "$@"
 fi

@@ -3,7 +3,7 @@
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
 //! runtime.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -15,6 +15,18 @@ use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
 };
 use crate::xr::{FrameSubmission, RenderTargets, XrError, XrSession};
+
+/// Frames whose statistics are kept for the medians of `run.json`: a session may go on for hours.
+pub const KEPT_FRAMES: usize = 1000;
+
+/// What a loop did.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Frames rendered.
+    pub frames: usize,
+    /// Statistics of the last of them, at most [`KEPT_FRAMES`].
+    pub last: VecDeque<FrameStats>,
+}
 
 /// What ends a loop early.
 #[derive(Debug, thiserror::Error)]
@@ -133,7 +145,7 @@ pub trait LoopProgress {
     fn frame(&mut self, stats: &FrameStats);
 }
 
-/// Runs until the session ends. Returns the statistics of every frame.
+/// Runs until the session ends or the user interrupts.
 ///
 /// # Errors
 /// [`LoopError`]; files and statistics of the frames before it are on disk.
@@ -144,16 +156,16 @@ pub fn run(
     output: &mut OutputFolder,
     options: LoopOptions,
     progress: &mut dyn LoopProgress,
-) -> Result<Vec<FrameStats>, LoopError> {
-    let mut all = Vec::new();
+) -> Result<Outcome, LoopError> {
+    let mut outcome = Outcome::default();
     let mut index = 0;
     loop {
         let began = Instant::now();
         if crate::interrupt::requested() {
-            return Ok(all);
+            return Ok(outcome);
         }
         let Some(state) = session.wait_frame()? else {
-            return Ok(all);
+            return Ok(outcome);
         };
         let mut cpu_ms = CpuMs {
             wait: milliseconds_since(began),
@@ -215,7 +227,11 @@ pub fn run(
         };
         output.append_stats(&stats)?;
         progress.frame(&stats);
-        all.push(stats);
+        if outcome.last.len() == KEPT_FRAMES {
+            outcome.last.pop_front();
+        }
+        outcome.last.push_back(stats);
+        outcome.frames += 1;
         index += 1;
     }
 }

@@ -32,6 +32,10 @@ mod suite {
     pub mod lights_probe;
     pub mod lights_sampling;
     pub mod metrics_files;
+    pub mod openxr_picture;
+    pub mod openxr_runtime;
+    pub mod openxr_submit;
+    pub mod openxr_support;
     pub mod options_flags;
     pub mod options_settings;
     pub mod photon_map;

@@ -169,6 +169,12 @@ fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
             settings: settings.openxr.clone(),
         },
     )?;
+    if let Some((format, with_depth)) = session.image_format() {
+        log::info!(
+            "OpenXR images: {format:?}, {}",
+            if with_depth { "with depth" } else { "no depth" }
+        );
+    }
     let name = session.info().source.clone();
     Ok(Source {
         session: Box::new(Validated::new(session)),
@@ -282,7 +288,7 @@ fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
     if let Some(line) = &announcement {
         bar.print(line);
     }
-    let stats = frame_loop::run(
+    let outcome = frame_loop::run(
         session.as_mut(),
         &mut renderer,
         &library,
@@ -296,7 +302,7 @@ fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
         &mut bar,
     );
     bar.finish();
-    let stats = stats?;
+    let outcome = outcome?;
     let run = report::RunReport::new(
         settings,
         &renderer,
@@ -305,14 +311,14 @@ fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
         &name,
         session.info(),
         size,
-        &stats,
+        &outcome,
     );
     output.write_run(&run)?;
     eprintln!("{}", run.summary_line(output.path()));
     if interrupt::requested() {
         return Err(Failure::failed(format!(
             "interrupted after {} frames; what was written until then is whole",
-            stats.len()
+            outcome.frames
         )));
     }
     Ok(())

@@ -23,6 +23,7 @@ const FEATURES: &[&str] = &[
     "caustics",
     "uv1",
     "sobol",
+    "visibility_mask",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
@@ -43,6 +44,7 @@ const SCENE: &[&str] = &[
     "environment_cdf",
     "pixel_list",
     "pixel_count",
+    "hidden_pixels",
 ];
 
 fn with(on: &[&str]) -> ShaderFeatures {
