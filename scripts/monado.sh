@@ -184,7 +184,7 @@ if [ "$service" = yes ]; then
         for _ in $(seq 100); do [ -s "$work/display" ] && break; sleep 0.1; done
         [ -s "$work/display" ] || fail "Xvfb did not start"
         export DISPLAY=":$(cat "$work/display")" XVFB_SCREEN="$work/Xvfb_screen0"
-        settings+=(SIMULATED_ROTATE=1 XRT_COMPOSITOR_FORCE_XCB=1 XRT_COMPOSITOR_XCB_FULLSCREEN=0)
+        settings+=(SIMULATED_ROTATE=1 XRT_COMPOSITOR_FORCE_XCB=1)
         ;;
     esac
     # Settings of the caller come last and win. No validation layer in the service: it would report the runtime's own.

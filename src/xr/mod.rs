@@ -227,7 +227,7 @@ pub enum RenderTargets {
     /// The source takes no images: the frame loop renders into textures of its own.
     FrameLoopOwned,
     /// The frame loop renders as always, and the result goes into these before the frame ends.
-    Runtime(RuntimeTargets),
+    Runtime(Box<RuntimeTargets>),
 }
 
 /// A finished frame, for [`XrSession::end_frame`].

@@ -218,7 +218,7 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
     let scene = builtin("cornell");
     // The corner of each eye's image, cut off at a slant.
     let corner = |side: f64| {
-        HiddenArea::from_triangles(vec![[[side, 1.0], [side, -0.2], [-0.3 * side, 1.0]]])
+        HiddenArea::from_triangles(vec![[[side, 1.0], [side, -0.6], [-0.5 * side, 1.0]]])
     };
     let hidden = [corner(-0.8), corner(0.8)];
     for (light, reuse) in [

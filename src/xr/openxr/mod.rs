@@ -391,13 +391,13 @@ impl XrSession for OpenXrSession {
         };
         match acquire() {
             Ok(((left, left_depth), (right, right_depth))) => {
-                Ok(RenderTargets::Runtime(RuntimeTargets {
+                Ok(RenderTargets::Runtime(Box::new(RuntimeTargets {
                     color: [left, right],
                     depth: left_depth
                         .zip(right_depth)
                         .map(|(left, right)| [left, right]),
                     near_m: NEAR_M,
-                }))
+                })))
             }
             Err((call, error)) => Err(self.lost(call, error)),
         }
