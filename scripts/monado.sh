@@ -2,7 +2,7 @@
 # Gets Monado, the open OpenXR runtime, and runs a command against it; no headset, GPU or root needed.
 #   scripts/monado.sh [--xvfb | --remote] [--no-service] [--log FILE] COMMAND [ARGUMENTS...]
 #   scripts/monado.sh --fetch        only fetch
-#   scripts/monado.sh --folder      fetch if need be and print the folder
+#   scripts/monado.sh --folder       fetch if need be and print the folder
 #
 #   (none)        simulated headset that turns its head, null compositor: 320x240 per eye, 20 Hz
 #   --xvfb        the real compositor in a window of a virtual display; XVFB_SCREEN in the command's environment names the

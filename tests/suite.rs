@@ -33,6 +33,7 @@ mod suite {
     pub mod lights_sampling;
     pub mod metrics_files;
     pub mod openxr_picture;
+    pub mod openxr_remote;
     pub mod openxr_runtime;
     pub mod openxr_submit;
     pub mod openxr_support;

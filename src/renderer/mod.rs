@@ -8,6 +8,7 @@ pub mod eyes;
 pub mod kernels;
 pub mod photon_map;
 pub mod scene_buffers;
+mod session;
 pub mod submit;
 
 use std::time::Instant;
@@ -30,8 +31,7 @@ use crate::options::{
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
-use crate::xr::view::Tangents;
-use crate::xr::{HiddenArea, RuntimeTargets, View};
+use crate::xr::{HiddenArea, View};
 
 pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
@@ -179,14 +179,8 @@ pub struct Renderer {
     timer: Option<Timer>,
     is_bound: bool,
     origin_in_world: DVec3,
-    hidden: Option<Hidden>,
+    hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
-}
-
-/// What the lenses hide, and for which fields of view the device knows it.
-struct Hidden {
-    areas: [HiddenArea; 2],
-    tangents: Option<[Tangents; 2]>,
 }
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -333,10 +327,7 @@ impl Renderer {
             eyes,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
-            hidden: hidden.map(|areas| Hidden {
-                areas: areas.clone(),
-                tangents: None,
-            }),
+            hidden: hidden.map(session::Hidden::new),
             submitter: None,
             context,
         };
@@ -476,60 +467,6 @@ impl Renderer {
         }
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
-    }
-
-    /// Says which pixels the lenses hide, if that or the fields of view are new.
-    fn update_hidden(&mut self, views: &[View; 2]) {
-        let Some(hidden) = &mut self.hidden else {
-            return;
-        };
-        let tangents = views.map(|view| view.fov.tangents());
-        if hidden.tangents == Some(tangents) {
-            return;
-        }
-        for ((eye, area), tangents) in [Eye::Left, Eye::Right]
-            .into_iter()
-            .zip(&hidden.areas)
-            .zip(&tangents)
-        {
-            let bits = area.pixels(tangents, [self.width, self.height]);
-            self.eyes.write_hidden(&self.context, eye, &bits);
-        }
-        hidden.tangents = Some(tangents);
-    }
-
-    /// Switches stereo reuse for the frames to come; false if the settings have none to switch.
-    pub fn switch_reuse(&mut self) -> bool {
-        let changed = self.eyes.set_reuse(!self.eyes.reuse());
-        if changed {
-            self.is_bound = false;
-        }
-        changed
-    }
-
-    /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`], also if only one eye is rendered.
-    pub fn submit_to(
-        &mut self,
-        library: &ShaderLibrary,
-        targets: &RuntimeTargets,
-    ) -> Result<(), RenderError> {
-        let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
-            Some(submitter) => submitter,
-            None => Submitter::new(
-                &self.context,
-                library,
-                &self.eyes,
-                &self.frame_uniform,
-                targets,
-            )?,
-        };
-        let exposure = self.settings.output.exposure as f32;
-        submitter.submit(&self.context, targets, exposure, self.eyes.reuse())?;
-        self.submitter = Some(submitter);
-        Ok(())
     }
 
     fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
