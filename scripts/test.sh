@@ -7,6 +7,9 @@ cd "$(dirname "$0")/.."
 
 ensure_build_tools
 ensure_vulkan
+# The OpenXR tests run against Monado, fetched once into a cache folder, and read its picture off a virtual screen.
+command -v Xvfb >/dev/null || apt_install xvfb
+scripts/monado.sh --fetch
 cargo fmt --check
 # One profile throughout, so that dependencies are compiled once.
 cargo clippy --release --locked --all-targets -- -D warnings

@@ -3,18 +3,30 @@
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
 //! runtime.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::gpu::PassTimes;
+use crate::gpu::{PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::output::{FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
 };
-use crate::xr::{FrameSubmission, XrError, XrSession};
+use crate::xr::{FrameSubmission, RenderTargets, XrError, XrSession};
+
+/// Frames whose statistics are kept for the medians of `run.json`: a session may go on for hours.
+pub const KEPT_FRAMES: usize = 1000;
+
+/// What a loop did.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Frames rendered.
+    pub frames: usize,
+    /// Statistics of the last of them, at most [`KEPT_FRAMES`].
+    pub last: VecDeque<FrameStats>,
+}
 
 /// What ends a loop early.
 #[derive(Debug, thiserror::Error)]
@@ -98,8 +110,16 @@ pub struct CpuMs {
     /// Stages of the renderer.
     #[serde(flatten)]
     pub renderer: CpuTimes,
+    /// Waiting until the session wants the next frame.
+    pub wait: f64,
+    /// The session's other calls: beginning the frame, views, targets, handing the frame over.
+    pub session: f64,
+    /// Recording what hands the images to a runtime; 0 where nobody takes them.
+    pub submit: f64,
     /// Reading images back and writing files.
     pub write: f64,
+    /// The loop's own: the frame without all of the above.
+    pub overhead: f64,
     /// The whole frame, waiting for the session included.
     pub frame: f64,
 }
@@ -125,24 +145,36 @@ pub trait LoopProgress {
     fn frame(&mut self, stats: &FrameStats);
 }
 
-/// Runs until the session ends. Returns the statistics of every frame.
+/// Runs until the session ends or the user interrupts.
 ///
 /// # Errors
 /// [`LoopError`]; files and statistics of the frames before it are on disk.
 pub fn run(
     session: &mut dyn XrSession,
     renderer: &mut Renderer,
+    library: &ShaderLibrary,
     output: &mut OutputFolder,
     options: LoopOptions,
     progress: &mut dyn LoopProgress,
-) -> Result<Vec<FrameStats>, LoopError> {
-    let mut all = Vec::new();
+) -> Result<Outcome, LoopError> {
+    let mut outcome = Outcome::default();
     let mut index = 0;
     loop {
         let began = Instant::now();
+        if crate::interrupt::requested() {
+            return Ok(outcome);
+        }
         let Some(state) = session.wait_frame()? else {
-            return Ok(all);
+            return Ok(outcome);
         };
+        let mut cpu_ms = CpuMs {
+            wait: milliseconds_since(began),
+            ..CpuMs::default()
+        };
+        if state.switch_reuse && !renderer.switch_reuse() {
+            log::info!("reuse is off in this run's settings; there is nothing to switch");
+        }
+        let called = Instant::now();
         session.begin_frame()?;
         let views = if state.should_render {
             session.locate_views(state.predicted_display_time_ns)?
@@ -153,13 +185,22 @@ pub fn run(
             session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
             continue;
         };
-        session.acquire_targets()?;
+        let targets = session.acquire_targets()?;
+        cpu_ms.session = milliseconds_since(called);
         let result =
             renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
+        if let RenderTargets::Runtime(targets) = &targets {
+            let recorded = Instant::now();
+            renderer.submit_to(library, targets)?;
+            cpu_ms.submit = milliseconds_since(recorded);
+        }
+        drop(targets);
+        let called = Instant::now();
         session.end_frame(FrameSubmission::new(
             state.predicted_display_time_ns,
             Some(&located),
         ))?;
+        cpu_ms.session += milliseconds_since(called);
 
         let written = Instant::now();
         let mut non_finite_pixels = 0;
@@ -167,16 +208,18 @@ pub fn run(
             let images = read_images(renderer, options.size, &mut non_finite_pixels)?;
             output.write_frame(index, &images, options.exposure)?;
         }
+        cpu_ms.renderer = result.cpu_ms;
+        cpu_ms.write = milliseconds_since(written);
+        cpu_ms.frame = milliseconds_since(began);
+        let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.write;
+        let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
+        cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
         let stats = FrameStats {
             frame: index,
             display_time_ns: state.predicted_display_time_ns,
             pass_ms: pass_ms(&result),
             gpu_ms: GpuSums::of(&result.times),
-            cpu_ms: CpuMs {
-                renderer: result.cpu_ms,
-                write: written.elapsed().as_secs_f64() * 1e3,
-                frame: began.elapsed().as_secs_f64() * 1e3,
-            },
+            cpu_ms,
             photons: result.photons,
             stereo: result.stereo,
             non_finite_pixels,
@@ -184,9 +227,17 @@ pub fn run(
         };
         output.append_stats(&stats)?;
         progress.frame(&stats);
-        all.push(stats);
+        if outcome.last.len() == KEPT_FRAMES {
+            outcome.last.pop_front();
+        }
+        outcome.last.push_back(stats);
+        outcome.frames += 1;
         index += 1;
     }
+}
+
+fn milliseconds_since(began: Instant) -> f64 {
+    began.elapsed().as_secs_f64() * 1e3
 }
 
 fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {

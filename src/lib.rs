@@ -15,7 +15,7 @@
 //! # Modules
 //!
 //! - [`commands`], [`options`]: the program's commands and their checked options;
-//! - [`frame_loop`], [`xr`], [`output`]: frames from a session to files;
+//! - [`frame_loop`], [`xr`], [`output`], [`interrupt`]: frames from a session to files and to a headset;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
 //! - [`metrics`], [`images`]: errors against a reference, image files.
@@ -27,6 +27,7 @@ pub mod commands;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;
+pub mod interrupt;
 pub mod metrics;
 pub mod options;
 pub mod output;

@@ -36,6 +36,11 @@ mod suite {
     pub mod lights_sampling;
     pub mod lookup;
     pub mod metrics_files;
+    pub mod openxr_picture;
+    pub mod openxr_remote;
+    pub mod openxr_runtime;
+    pub mod openxr_submit;
+    pub mod openxr_support;
     pub mod options_flags;
     pub mod options_settings;
     pub mod photon_map;

@@ -13,10 +13,7 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
     let mut report = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "adapters": adapters(),
-        "openxr": {
-            "runtime": Value::Null,
-            "reason": "this version cannot drive an OpenXR runtime yet",
-        },
+        "openxr": openxr_report(),
     });
     if let Some(name) = &options.scene {
         report["scene"] = scene_report(name, &options.settings)?;
@@ -27,6 +24,20 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
     println!("{text}");
     Ok(())
+}
+
+/// The runtime and its headset, or why there is none.
+fn openxr_report() -> Value {
+    #[cfg(not(target_vendor = "apple"))]
+    let found = crate::xr::openxr::Runtime::find().map(|runtime| runtime.report());
+    #[cfg(target_vendor = "apple")]
+    let found = Err::<Value, _>("no OpenXR runtime for Metal exists");
+    found.unwrap_or_else(|reason| {
+        json!({
+            "runtime": Value::Null,
+            "reason": reason.to_string(),
+        })
+    })
 }
 
 fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {

@@ -84,6 +84,18 @@ impl From<XrError> for Failure {
     }
 }
 
+#[cfg(not(target_vendor = "apple"))]
+impl From<crate::xr::openxr::RuntimeError> for Failure {
+    fn from(error: crate::xr::openxr::RuntimeError) -> Self {
+        use crate::xr::openxr::RuntimeError;
+        match error {
+            RuntimeError::Gpu(error) => error.into(),
+            error if error.is_unusable_input() => Self::unusable(error),
+            error => Self::failed(error),
+        }
+    }
+}
+
 impl From<GpuError> for Failure {
     fn from(error: GpuError) -> Self {
         match error {

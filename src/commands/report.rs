@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::frame_loop::FrameStats;
+use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
 use crate::options::{Method, Settings};
 use crate::renderer::Renderer;
@@ -31,7 +31,7 @@ pub struct SceneSummary {
     pub bounds_in_world: Option<[[f64; 3]; 2]>,
 }
 
-/// Medians over the frames.
+/// Medians over the frames, over the last 1,000 of a longer run.
 #[derive(Debug, Serialize)]
 pub struct Medians {
     /// Device milliseconds by pass, over the frames that ran it.
@@ -113,8 +113,9 @@ impl<'a> RunReport<'a> {
         session: &str,
         info: &SessionInfo,
         size: [u32; 2],
-        stats: &[FrameStats],
+        outcome: &Outcome,
     ) -> Self {
+        let stats = &outcome.last;
         let mut by_pass: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         for frame in stats {
             for (name, ms) in &frame.pass_ms {
@@ -148,7 +149,7 @@ impl<'a> RunReport<'a> {
             needs,
             features: renderer.features().clone(),
             passes: renderer.pass_names(),
-            frames: stats.len(),
+            frames: outcome.frames,
             medians: Medians {
                 pass_ms: by_pass
                     .into_iter()

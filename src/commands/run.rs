@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::{Failure, load_scene, report};
 use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::interrupt;
 use crate::options::{
     Eyes, Motion as MotionSetting, RenderOptions, RunOptions, SessionChoice, Settings,
     TraceBody as TraceBodyOption, TraceUp as TraceUpOption,
@@ -23,26 +24,32 @@ use crate::xr::{
 /// Frames of a simulated run without `--frames`.
 const SIMULATED_FRAMES: u64 = crate::options::resolve::SIMULATED_FRAMES as u64;
 
+/// A session, and the device if the session dictates it.
+struct Source {
+    session: Box<dyn XrSession>,
+    context: Option<GpuContext>,
+    /// Where the views come from, for people.
+    name: String,
+    /// Said on stderr when the run begins.
+    announcement: Option<String>,
+    size: [u32; 2],
+}
+
 /// The stereo frame loop.
 pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let headset = headset(settings)?;
     let scene = load_scene(settings)?;
     let start = start_pose(&scene);
-    let (session, source): (Box<dyn XrSession>, String) = session(options, &headset, start)?;
-    let size = settings
-        .size
-        .or(session.info().recommended_size)
-        .unwrap_or(headset.size);
+    OutputFolder::check(&options.out)?;
+    let source = source(options, &headset, start)?;
+    interrupt::catch();
     render_session(
-        session,
+        source,
         &Job {
-            source: &source,
-            announce: options.session == SessionChoice::Auto,
             scene: &scene,
             settings,
             eyes: Eyes::Both,
-            size,
             every: options.every,
             frames: options.frames,
             out: &options.out,
@@ -74,14 +81,17 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
-        Box::new(session),
+        Source {
+            session: Box::new(session),
+            context: None,
+            name: "one pose".to_owned(),
+            announcement: None,
+            size,
+        },
         &Job {
-            source: "one pose",
-            announce: false,
             scene: &scene,
             settings,
             eyes: options.eyes,
-            size,
             every: 1,
             frames: Some(1),
             out: &options.out,
@@ -92,13 +102,9 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
 
 /// What both commands ask of the frame loop.
 struct Job<'a> {
-    source: &'a str,
-    /// Say on stderr where the views come from.
-    announce: bool,
     scene: &'a Scene,
     settings: &'a Settings,
     eyes: Eyes,
-    size: [u32; 2],
     every: u32,
     frames: Option<u32>,
     out: &'a Path,
@@ -112,6 +118,78 @@ fn start_pose(scene: &Scene) -> Pose {
 
 fn headset(settings: &Settings) -> Result<Headset, Failure> {
     Ok(Headset::load(&settings.headset)?)
+}
+
+/// Opens the session that the options ask for.
+fn source(options: &RunOptions, headset: &Headset, start: Pose) -> Result<Source, Failure> {
+    let unavailable = match options.session {
+        SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start) {
+            Ok(mut source) => {
+                if options.session == SessionChoice::Auto {
+                    source.announcement = Some(format!("session: {}", source.name));
+                }
+                return Ok(source);
+            }
+            Err(failure) if options.session == SessionChoice::Openxr => return Err(failure),
+            Err(failure) => Some(failure.message),
+        },
+        SessionChoice::Simulated | SessionChoice::Replay => None,
+    };
+    let (session, name) = session(options, headset, start)?;
+    let size = options
+        .settings
+        .size
+        .or(session.info().recommended_size)
+        .unwrap_or(headset.size);
+    Ok(Source {
+        session,
+        context: None,
+        announcement: unavailable.map(|reason| format!("session: {name}; {reason}")),
+        name,
+        size,
+    })
+}
+
+#[cfg(not(target_vendor = "apple"))]
+fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
+    use crate::xr::openxr::{OpenXrSession, Runtime, SessionOptions};
+
+    let settings = &options.settings;
+    let runtime = Runtime::find()?;
+    let size = runtime.size(settings.size)?;
+    let wanted = Some(settings.adapter.as_str()).filter(|name| !name.is_empty());
+    let context = runtime.open_device(wanted)?;
+    let session = OpenXrSession::create(
+        runtime,
+        &context,
+        SessionOptions {
+            size,
+            start,
+            frame_limit: options.frames.map(u64::from),
+            settings: settings.openxr.clone(),
+        },
+    )?;
+    if let Some((format, with_depth)) = session.image_format() {
+        log::info!(
+            "OpenXR images: {format:?}, {}",
+            if with_depth { "with depth" } else { "no depth" }
+        );
+    }
+    let name = session.info().source.clone();
+    Ok(Source {
+        session: Box::new(Validated::new(session)),
+        context: Some(context),
+        name,
+        announcement: None,
+        size,
+    })
+}
+
+#[cfg(target_vendor = "apple")]
+fn openxr_source(_: &RunOptions, _: Pose) -> Result<Source, Failure> {
+    Err(Failure::failed(
+        "no OpenXR runtime for Metal exists; use --session simulated",
+    ))
 }
 
 fn session(
@@ -146,10 +224,7 @@ fn session(
         (SessionChoice::Replay, None) => Err(Failure::unusable(
             "--session replay needs a recording: give one with --trace FILE",
         )),
-        (SessionChoice::Openxr, _) => Err(Failure::failed(
-            "--session openxr: this version cannot drive an OpenXR runtime yet; use --session simulated or --trace FILE",
-        )),
-        (SessionChoice::Auto | SessionChoice::Simulated, _) => {
+        (SessionChoice::Auto | SessionChoice::Openxr | SessionChoice::Simulated, _) => {
             let frames = options.frames.map_or(SIMULATED_FRAMES, u64::from);
             let motion = match options.settings.simulated.motion {
                 MotionSetting::Still => Motion::Still,
@@ -167,10 +242,20 @@ fn session(
     }
 }
 
-fn render_session(session: Box<dyn XrSession>, job: &Job<'_>) -> Result<(), Failure> {
+fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
     let settings = job.settings;
+    let Source {
+        session,
+        context,
+        name,
+        announcement,
+        size,
+    } = source;
     OutputFolder::check(job.out)?;
-    let context = GpuContext::open(Some(&settings.adapter))?;
+    let context = match context {
+        Some(context) => context,
+        None => GpuContext::open(Some(&settings.adapter))?,
+    };
     if context.adapter.is_software() {
         log::info!(
             "{} computes on the CPU: timings are not a GPU's",
@@ -184,45 +269,58 @@ fn render_session(session: Box<dyn XrSession>, job: &Job<'_>) -> Result<(), Fail
     let needs = Needs::of(job.scene);
     let mut bar = Bar::new(settings.spp, job.frames);
     bar.say("compiling");
-    let mut renderer = Renderer::new(context, &library, job.scene, settings, job.eyes, job.size)?;
+    let hidden = session.info().hidden.clone();
+    let mut renderer = Renderer::with_hidden_area(
+        context,
+        &library,
+        job.scene,
+        settings,
+        job.eyes,
+        size,
+        hidden.as_ref(),
+    )?;
     // Everything that can be refused has been; only now do files appear.
     let mut session: Box<dyn XrSession> = match job.record {
         Some(path) => Box::new(Recorder::create(path, session)?),
         None => session,
     };
     let mut output = OutputFolder::create(job.out)?;
-    if job.announce {
-        bar.print(&format!(
-            "session: {}; this version cannot drive an OpenXR runtime yet",
-            job.source
-        ));
+    if let Some(line) = &announcement {
+        bar.print(line);
     }
-    let stats = frame_loop::run(
+    let outcome = frame_loop::run(
         session.as_mut(),
         &mut renderer,
+        &library,
         &mut output,
         LoopOptions {
             every: job.every,
             images: settings.output.images,
             exposure: settings.output.exposure,
-            size: job.size,
+            size,
         },
         &mut bar,
     );
     bar.finish();
-    let stats = stats?;
+    let outcome = outcome?;
     let run = report::RunReport::new(
         settings,
         &renderer,
         job.scene,
         &needs,
-        job.source,
+        &name,
         session.info(),
-        job.size,
-        &stats,
+        size,
+        &outcome,
     );
     output.write_run(&run)?;
     eprintln!("{}", run.summary_line(output.path()));
+    if interrupt::requested() {
+        return Err(Failure::failed(format!(
+            "interrupted after {} frames; what was written until then is whole",
+            outcome.frames
+        )));
+    }
     Ok(())
 }
 

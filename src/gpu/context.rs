@@ -214,7 +214,25 @@ impl GpuContext {
 
     fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
-        let summary = AdapterSummary::of(&info);
+        let descriptor = Self::device_descriptor(adapter)?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
+                GpuError::Device {
+                    adapter: info.name.clone(),
+                    reason: error.to_string(),
+                }
+            })?;
+        Ok(Self::from_device(&info, device, queue))
+    }
+
+    /// Features and limits that the renderer asks of every device, however it is opened.
+    ///
+    /// # Errors
+    /// [`GpuError::Missing`]: the adapter lacks some of them.
+    pub fn device_descriptor(
+        adapter: &wgpu::Adapter,
+    ) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
+        let info = adapter.get_info();
         let offered = adapter.limits();
         let required_limits = wgpu::Limits {
             max_storage_buffers_per_shader_stage: STORAGE_BUFFERS_PER_STAGE,
@@ -237,19 +255,20 @@ impl GpuContext {
         }
         // Timing is a diagnostic: without the feature the renderer runs and says that it cannot time.
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        Ok(wgpu::DeviceDescriptor {
             label: Some("stereolux"),
             required_features,
             required_limits,
             experimental_features: wgpu::ExperimentalFeatures::disabled(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             trace: wgpu::Trace::Off,
-        }))
-        .map_err(|error| GpuError::Device {
-            adapter: info.name.clone(),
-            reason: error.to_string(),
-        })?;
+        })
+    }
 
+    /// A context around a device that is open already, with the features and limits of
+    /// [`GpuContext::device_descriptor`].
+    pub fn from_device(info: &wgpu::AdapterInfo, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let summary = AdapterSummary::of(info);
         let lost = Arc::new(Mutex::new(None));
         let uncaptured = Arc::new(Mutex::new(None));
         let lost_in_callback = Arc::clone(&lost);
@@ -263,7 +282,7 @@ impl GpuContext {
             set_once(&uncaptured_in_callback, one_line(&error.to_string()));
         }));
         log::debug!("adapter {} ({})", summary.name, summary.driver_info);
-        Ok(Self {
+        Self {
             has_timestamps: device.features().contains(wgpu::Features::TIMESTAMP_QUERY),
             max_binding_bytes: device.limits().max_storage_buffer_binding_size,
             device,
@@ -271,7 +290,7 @@ impl GpuContext {
             adapter: summary,
             lost,
             uncaptured,
-        })
+        }
     }
 
     /// Runs `work` under error scopes, so that what the API rejects comes back as an error that names `pass`.

@@ -40,7 +40,8 @@ impl<'a> Resources<'a> {
         self
     }
 
-    fn get(&self, name: &str) -> Option<wgpu::BindingResource<'a>> {
+    /// The resource of that name.
+    pub fn get(&self, name: &str) -> Option<wgpu::BindingResource<'a>> {
         self.entries
             .iter()
             .rev()

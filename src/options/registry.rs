@@ -339,7 +339,7 @@ pub static SETTINGS: &[Setting] = &[
             inclusive: true,
         },
         "",
-        "exposure factor of the tone-mapped PNG files; EXR files are never scaled",
+        "exposure factor of what is shown: PNG files and a headset's images; EXR files are never scaled",
     ),
     setting(
         "output.images",
@@ -385,6 +385,60 @@ pub static SETTINGS: &[Setting] = &[
         Kind::Choice(&["still", "yaw", "walk", "sway"]),
         "",
         "motion of the simulated headset",
+    ),
+    setting(
+        "openxr.space",
+        Kind::Choice(&["local", "stage"]),
+        "",
+        "space of the runtime that the scene stands in: around the head's place, or on the floor",
+    ),
+    setting(
+        "openxr.format",
+        Kind::Choice(&["auto", "srgb", "half"]),
+        "",
+        "colour format of the images for the runtime: the runtime's choice, 8-bit sRGB, half floats",
+    ),
+    setting(
+        "openxr.depth_layer",
+        Kind::Bool,
+        "",
+        "submit depth where the runtime takes it",
+    ),
+    setting(
+        "openxr.visibility_mask",
+        Kind::Bool,
+        "",
+        "spend no rays on pixels that the lens hides",
+    ),
+    setting(
+        "openxr.refresh_hz",
+        Kind::Real {
+            min: 0.0,
+            max: 1000.0,
+            inclusive: true,
+        },
+        "Hz",
+        "refresh rate to ask the runtime for; 0 leaves it to the runtime",
+    ),
+    setting(
+        "openxr.move_m_per_s",
+        Kind::Real {
+            min: 0.0,
+            max: 100.0,
+            inclusive: true,
+        },
+        "m/s",
+        "walking speed at full deflection of the stick",
+    ),
+    setting(
+        "openxr.snap_turn_deg",
+        Kind::Real {
+            min: 0.0,
+            max: 180.0,
+            inclusive: true,
+        },
+        "degrees",
+        "one snap turn",
     ),
     setting(
         "gpu.timestamps",

@@ -151,6 +151,8 @@ pub struct Settings {
     pub force: ForceSettings,
     /// Simulated headset.
     pub simulated: SimulatedSettings,
+    /// OpenXR sessions.
+    pub openxr: OpenXrSettings,
     /// GPU use.
     pub gpu: GpuSettings,
 }
@@ -173,6 +175,7 @@ impl Default for Settings {
             output: OutputSettings::default(),
             force: ForceSettings::default(),
             simulated: SimulatedSettings::default(),
+            openxr: OpenXrSettings::default(),
             gpu: GpuSettings::default(),
         }
     }
@@ -355,6 +358,64 @@ impl ForceSettings {
 pub struct SimulatedSettings {
     /// Its motion; default sway.
     pub motion: Motion,
+}
+
+/// The runtime's space that the scene stands in (`openxr.space`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Space {
+    /// Origin where the wearer's head was when the runtime recentred last
+    #[default]
+    Local,
+    /// Origin on the floor in the middle of the play area
+    Stage,
+}
+
+/// Colour format of the images for the runtime (`openxr.format`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ImageFormat {
+    /// The first of the two that the runtime names
+    #[default]
+    Auto,
+    /// 8 bits, sRGB
+    Srgb,
+    /// Half floats, linear
+    Half,
+}
+
+/// Settings of OpenXR sessions (`openxr.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpenXrSettings {
+    /// Space; default local.
+    pub space: Space,
+    /// Colour format; default auto.
+    pub format: ImageFormat,
+    /// Submit depth where the runtime takes it; default true.
+    pub depth_layer: bool,
+    /// Spend no rays on pixels that the lens hides; default true.
+    pub visibility_mask: bool,
+    /// Refresh rate to ask for, hertz, 0 to 1000; 0 leaves it to the runtime; default 0.
+    pub refresh_hz: f64,
+    /// Walking speed at full deflection of the stick, m/s, 0 to 100; default 1.5.
+    pub move_m_per_s: f64,
+    /// One snap turn, degrees, 0 to 180; default 30.
+    pub snap_turn_deg: f64,
+}
+
+impl Default for OpenXrSettings {
+    fn default() -> Self {
+        Self {
+            space: Space::default(),
+            format: ImageFormat::default(),
+            depth_layer: true,
+            visibility_mask: true,
+            refresh_hz: 0.0,
+            move_m_per_s: 1.5,
+            snap_turn_deg: 30.0,
+        }
+    }
 }
 
 /// Settings of GPU use (`gpu.*`).

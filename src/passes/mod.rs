@@ -12,6 +12,7 @@
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise
+//! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
 //! ```
 
 use std::fmt;
@@ -52,6 +53,8 @@ passes!(
     reuse_lookup,
     list_setup,
     fill_reasons,
+    xr_submit,
+    xr_submit_depth,
 );
 
 /// What a pass is dispatched over.
@@ -77,6 +80,8 @@ pub enum Over {
     Hits,
     /// The pixels whose primary ray meets a surface, indirectly.
     Seen,
+    /// All pixels, as fragments of one triangle: a render pass into a texture.
+    Fragments,
 }
 
 /// Declaration of one pass.
@@ -190,6 +195,9 @@ pub const STEREO_LOOKUP: &[&Pass] = &[
     &reuse_lookup::PASS,
     &list_setup::PASS,
 ];
+
+/// Hands an eye's image, and its depth where the runtime takes it, to an OpenXR runtime.
+pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];
 
 /// Diagnosis of the filled pixels.
 pub const FILL_REASONS: &[&Pass] = &[&fill_reasons::PASS];

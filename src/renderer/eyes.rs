@@ -51,6 +51,8 @@ pub struct EyeBuffers {
     caustic_light: wgpu::Buffer,
     sample_radiance: wgpu::Buffer,
     radiance_sum: wgpu::Buffer,
+    /// One bit per pixel: hidden by the headset's lens. Bound only where a session knows of hidden pixels.
+    hidden_pixels: wgpu::Buffer,
     /// Pixels that see a surface: list, length, and the workgroups of passes over it.
     hits: PixelList,
 }
@@ -100,6 +102,7 @@ impl EyeBuffers {
             caustic_light: buffer("caustic light", caustics)?,
             sample_radiance: image("sample radiance")?,
             radiance_sum: image("radiance sum")?,
+            hidden_pixels: buffer("hidden pixels", pixels.div_ceil(32) * 4)?,
             hits: PixelList::new(context, &format!("{} hit", eye.name()), pixels)?,
         })
     }
@@ -117,6 +120,7 @@ impl EyeBuffers {
             .with("caustic_light", &self.caustic_light)
             .with("sample_radiance", &self.sample_radiance)
             .with("radiance_sum", &self.radiance_sum)
+            .with("hidden_pixels", &self.hidden_pixels)
             .with("hit_list", &self.hits.pixels)
             .with("hit_count", &self.hits.count)
     }
@@ -195,6 +199,8 @@ pub struct Eyes {
     stereo: Option<StereoBuffers>,
     dispatch: wgpu::Buffer,
     gather_slices: u32,
+    /// The right eye reuses the left; only ever true where the plan says so.
+    reuse: bool,
     left_steps: Vec<Step>,
     right_steps: Vec<Step>,
 }
@@ -241,6 +247,7 @@ impl Eyes {
             stereo,
             dispatch: sample_table(context, 1),
             gather_slices: 1,
+            reuse: both && !plan.stereo.is_empty(),
             left_steps: Vec::new(),
             right_steps: Vec::new(),
         })
@@ -254,6 +261,53 @@ impl Eyes {
             self.dispatch = sample_table(context, slices);
         }
         changes
+    }
+
+    /// The stereo passes' buffers while the right eye reuses the left.
+    fn stereo(&self) -> Option<&StereoBuffers> {
+        self.stereo.as_ref().filter(|_| self.reuse)
+    }
+
+    /// Whether the right eye reuses the left.
+    pub fn reuse(&self) -> bool {
+        self.reuse
+    }
+
+    /// Whether reused pixels of the right eye have no ray of their own, but the left eye's.
+    pub fn carries_rays(&self) -> bool {
+        self.reuse && self.plan.stereo.contains(&&passes::scatter_winner::PASS)
+    }
+
+    /// Switches reuse, on only if the plan has it; true if passes must be bound again.
+    pub fn set_reuse(&mut self, on: bool) -> bool {
+        let on = on && self.stereo.is_some();
+        std::mem::replace(&mut self.reuse, on) != on
+    }
+
+    /// Sets which pixels of an eye are hidden, one bit each.
+    pub fn write_hidden(&self, context: &GpuContext, eye: Eye, bits: &[u32]) {
+        if let Some(buffers) = self.buffers(eye) {
+            context
+                .queue
+                .write_buffer(&buffers.hidden_pixels, 0, bytemuck::cast_slice(bits));
+        }
+    }
+
+    /// What the passes of [`passes::SUBMISSION`] read of an eye.
+    pub fn submitted(&self, eye: Eye) -> Option<Resources<'_>> {
+        let buffers = self.buffers(eye)?;
+        // Without reuse its buffers are not read, but the passes declare them.
+        let (winners, provenance) = match &self.stereo {
+            Some(stereo) => (&stereo.winners, &stereo.provenance),
+            None => (&buffers.hits.pixels, &buffers.hits.pixels),
+        };
+        Some(
+            buffers
+                .resources()
+                .with("left_hit_rays", &self.left.hit_rays)
+                .with("scatter_winners", winners)
+                .with("provenance", provenance),
+        )
     }
 
     /// Binds every pass anew; `shared` holds the scene, the frame uniform and the photon map. The pass that gathers
@@ -304,7 +358,7 @@ impl Eyes {
                 .collect::<Result<Vec<_>, _>>()
         };
         let left_steps = whole(&self.left, Extent::LeftHits)?;
-        let right_steps = match (&self.right, &self.stereo) {
+        let right_steps = match (&self.right, self.stereo()) {
             (None, _) => Vec::new(),
             (Some(right), None) => whole(right, Extent::RightHits)?,
             (Some(right), Some(stereo)) => {
@@ -366,7 +420,7 @@ impl Eyes {
         if let Some(right) = &self.right {
             recorder.clear(&right.radiance_sum);
         }
-        if let Some(stereo) = &self.stereo {
+        if let Some(stereo) = self.stereo() {
             recorder.clear(&stereo.counters);
         }
     }
@@ -386,7 +440,7 @@ impl Eyes {
             return Ok(());
         };
         recorder.clear(&buffers.hits.count);
-        if let (Eye::Right, Some(stereo)) = (eye, &self.stereo) {
+        if let (Eye::Right, Some(stereo)) = (eye, self.stereo()) {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
             recorder.clear(&stereo.irradiance);
@@ -522,8 +576,7 @@ impl Eyes {
     /// # Errors
     /// As [`read_buffer`].
     pub fn read_provenance(&self, context: &GpuContext) -> Result<Option<Vec<u32>>, GpuError> {
-        self.stereo
-            .as_ref()
+        self.stereo()
             .map(|stereo| read_buffer(context, "provenance", &stereo.provenance, self.pixels()))
             .transpose()
     }
@@ -533,7 +586,7 @@ impl Eyes {
     /// # Errors
     /// As [`read_buffer`].
     pub fn read_winners(&self, context: &GpuContext) -> Result<Option<Vec<u32>>, GpuError> {
-        let Some(stereo) = &self.stereo else {
+        let Some(stereo) = self.stereo() else {
             return Ok(None);
         };
         let complements: Vec<u32> =
@@ -549,7 +602,7 @@ impl Eyes {
         &self,
         context: &GpuContext,
     ) -> Result<Option<[u32; STEREO_COUNTERS]>, GpuError> {
-        let Some(stereo) = &self.stereo else {
+        let Some(stereo) = self.stereo() else {
             return Ok(None);
         };
         let values: Vec<u32> = read_buffer(

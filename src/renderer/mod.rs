@@ -8,6 +8,8 @@ pub mod eyes;
 pub mod kernels;
 pub mod photon_map;
 pub mod scene_buffers;
+mod session;
+pub mod submit;
 
 use std::time::Instant;
 
@@ -30,12 +32,13 @@ use crate::options::{
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
-use crate::xr::View;
+use crate::xr::{HiddenArea, View};
 
 pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
 pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
 pub use scene_buffers::SceneBuffers;
+pub use submit::Submitter;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -190,6 +193,8 @@ pub struct Renderer {
     timer: Option<Timer>,
     is_bound: bool,
     origin_in_world: DVec3,
+    hidden: Option<session::Hidden>,
+    submitter: Option<Submitter>,
 }
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -281,8 +286,25 @@ impl Renderer {
         eye_choice: EyeChoice,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
+        Self::with_hidden_area(context, library, scene, settings, eye_choice, size, None)
+    }
+
+    /// As [`Renderer::new`], with no rays for the pixels that lie in `hidden`, left and right.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with_hidden_area(
+        context: GpuContext,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        settings: &Settings,
+        eye_choice: EyeChoice,
+        size: [u32; 2],
+        hidden: Option<&[HiddenArea; 2]>,
+    ) -> Result<Self, RenderError> {
         let needs = Needs::of(scene);
-        let features = shader_features(&needs, settings);
+        let mut features = shader_features(&needs, settings);
+        features.insert("visibility_mask".to_owned(), hidden.is_some());
         let buffers = SceneBuffers::new(&context, scene, &features)?;
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
@@ -369,6 +391,8 @@ impl Renderer {
             eyes,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
+            hidden: hidden.map(session::Hidden::new),
+            submitter: None,
             context,
         };
         renderer.warm_up()?;
@@ -459,6 +483,7 @@ impl Renderer {
         let began = Instant::now();
         let origin = midpoint(views);
         self.origin_in_world = origin;
+        self.update_hidden(views);
         let replaced = self.scene.set_origin(&self.context, origin)?;
         if replaced || !self.is_bound {
             self.bind()?;

@@ -159,6 +159,7 @@ mod tests {
             predicted_display_time_ns: 7,
             period_ns: 1,
             should_render: true,
+            switch_reuse: false,
         };
         let mut order = FrameOrder::default();
         assert!(order.begin().is_err());

@@ -10,7 +10,7 @@
 //!     session.begin_frame()?;
 //!     let views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
 //!     match &views {
-//!         Some(views) => { session.acquire_targets()?; /* render both eyes */ }
+//!         Some(views) => { let targets = session.acquire_targets()?; /* render both eyes, hand them over */ }
 //!         None => {}                                       // nothing to draw, or no pose yet
 //!     }
 //!     session.end_frame(FrameSubmission::new(frame.predicted_display_time_ns, views.as_ref()))?;
@@ -23,11 +23,14 @@
 //!
 //! Modules: [`view`] (poses, fields of view, projection), [`headset`] (profiles), [`simulated`],
 //! [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
-//! motion), [`replay`], [`validation`].
+//! motion), [`replay`], [`openxr`], [`hidden_area`], [`validation`].
 
 mod error;
 mod frame_clock;
 pub mod headset;
+pub mod hidden_area;
+#[cfg(not(target_vendor = "apple"))]
+pub mod openxr;
 pub mod recorder;
 pub mod replay;
 pub mod simulated;
@@ -40,6 +43,7 @@ pub mod view;
 pub use error::{ArgumentError, InputError, XrError};
 pub use frame_clock::Pacing;
 pub use headset::Headset;
+pub use hidden_area::HiddenArea;
 pub use recorder::Recorder;
 pub use replay::{ReplayOptions, ReplaySession};
 pub use simulated::{Motion, SimulatedSession};
@@ -128,6 +132,8 @@ pub struct SessionInfo {
     pub refresh_hz: f64,
     /// Pixels per eye (width, height) that the source asks for; a native recording does not say.
     pub recommended_size: Option<[u32; 2]>,
+    /// What each eye's lens hides, left and right; `None`: nothing is known to be hidden.
+    pub hidden: Option<[HiddenArea; 2]>,
 }
 
 /// One frame's timing, from [`XrSession::wait_frame`].
@@ -139,6 +145,8 @@ pub struct FrameState {
     pub period_ns: i64,
     /// False: nobody will see this frame; end it without a layer.
     pub should_render: bool,
+    /// The wearer asks for stereo reuse to be switched, on or off, from this frame on.
+    pub switch_reuse: bool,
 }
 
 /// Which parts of a pose the tracker vouches for.
@@ -201,12 +209,25 @@ impl LocatedViews {
     }
 }
 
-/// Where a frame is rendered to. A runtime that owns its images adds a variant that carries them.
+/// Images that belong to a runtime, one per eye, left and right, for one frame.
+#[derive(Clone, Debug)]
+pub struct RuntimeTargets {
+    /// Colour; the texture's format says whether the hardware encodes sRGB. What is written is display light.
+    pub color: [wgpu::TextureView; 2],
+    /// Depth, where it is submitted: `near_m` / distance along the eye's axis, so 1 at `near_m` and 0 at infinity.
+    pub depth: Option<[wgpu::TextureView; 2]>,
+    /// Distance at which depth is 1, metres.
+    pub near_m: f32,
+}
+
+/// Where a frame is rendered to.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum RenderTargets {
     /// The source takes no images: the frame loop renders into textures of its own.
     FrameLoopOwned,
+    /// The frame loop renders as always, and the result goes into these before the frame ends.
+    Runtime(Box<RuntimeTargets>),
 }
 
 /// A finished frame, for [`XrSession::end_frame`].

@@ -18,6 +18,8 @@ pub struct Recorder<S> {
     path: PathBuf,
     file: File,
     frames: u64,
+    /// Reuse was switched since the last line.
+    switch_reuse: bool,
 }
 
 impl<S: XrSession> Recorder<S> {
@@ -30,6 +32,7 @@ impl<S: XrSession> Recorder<S> {
         let header = TraceHeader {
             headset: inner.info().headset.clone(),
             refresh_hz: inner.info().refresh_hz,
+            hidden: inner.info().hidden.clone(),
         };
         let written = File::create(path).and_then(|mut file| {
             file.write_all(trace::header_line(&header)?.as_bytes())?;
@@ -41,6 +44,7 @@ impl<S: XrSession> Recorder<S> {
                 path: path.to_owned(),
                 file,
                 frames: 0,
+                switch_reuse: false,
             }),
             Err(cause) => Err(XrError::RecordCreate {
                 path: path.to_owned(),
@@ -66,6 +70,7 @@ impl<S: XrSession> Recorder<S> {
         let frame = TraceFrame {
             t_ns,
             views: *views,
+            switch_reuse: std::mem::take(&mut self.switch_reuse),
         };
         self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
         self.frames += 1;
@@ -79,7 +84,10 @@ impl<S: XrSession> XrSession for Recorder<S> {
     }
 
     fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
-        self.inner.wait_frame()
+        let frame = self.inner.wait_frame()?;
+        // A frame that renders nothing has no line; the switch then shows in the next. Twice is not at all.
+        self.switch_reuse ^= frame.is_some_and(|frame| frame.switch_reuse);
+        Ok(frame)
     }
 
     fn begin_frame(&mut self) -> Result<(), XrError> {

@@ -111,6 +111,7 @@ impl ReplaySession {
             headset: trace.header.headset.clone(),
             refresh_hz: trace.header.refresh_hz,
             recommended_size: None,
+            hidden: trace.header.hidden.clone(),
         };
         let frames = trace.frames.len() as u64;
         let warnings = trace.warnings.clone();
@@ -137,6 +138,7 @@ impl ReplaySession {
             headset: headset.name.clone(),
             refresh_hz: headset.refresh_hz,
             recommended_size: Some(headset.size),
+            hidden: None,
         };
         let frames = frames_within(motion.duration_ns(), headset.refresh_hz);
         let recording = Recording::Head(motion, Box::new(headset));
@@ -173,6 +175,16 @@ impl ReplaySession {
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    fn switches_reuse(&self, frame: u64) -> bool {
+        match &self.recording {
+            Recording::Native(trace) => usize::try_from(frame)
+                .ok()
+                .and_then(|index| trace.frames.get(index))
+                .is_some_and(|frame| frame.switch_reuse),
+            Recording::Head(..) => false,
+        }
     }
 
     fn display_time_ns(&self, frame: u64) -> Option<i64> {
@@ -213,6 +225,7 @@ impl XrSession for ReplaySession {
             predicted_display_time_ns,
             period_ns: period_ns(self.info.refresh_hz),
             should_render: true,
+            switch_reuse: self.switches_reuse(self.next_frame),
         };
         self.pacer.wait_until(predicted_display_time_ns);
         self.next_frame += 1;

@@ -182,6 +182,7 @@ impl SimulatedSession {
                 headset: headset.name.clone(),
                 refresh_hz: headset.refresh_hz,
                 recommended_size: Some(headset.size),
+                hidden: None,
             },
             headset,
             motion,
@@ -266,6 +267,7 @@ impl XrSession for SimulatedSession {
             predicted_display_time_ns: display_time_ns(self.next_frame, refresh_hz),
             period_ns: period_ns(refresh_hz),
             should_render: true,
+            switch_reuse: false,
         };
         self.pacer.wait_until(frame.predicted_display_time_ns);
         self.next_frame += 1;

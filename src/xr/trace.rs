@@ -7,9 +7,12 @@
 //!
 //! Positions are metres in the world, orientations world from eye, angles radians. Numbers are written in
 //! the shortest decimal form that reads back as the same f64, so what is read and written again gives the
-//! same bytes. Unknown keys are errors: version 1 has no others. A last line that was cut short (the
+//! same bytes. A recording from a runtime may hold two keys more, without which its images could not be made again:
+//! `hidden` in the header, the area that each eye's lens hides as triangles of tangents (x right, y up), and
+//! `"switch_reuse":true` in a frame from which on stereo reuse was switched. Unknown keys are errors: version 1 has no others. A last line that was cut short (the
 //! run that wrote it was killed) is dropped with a warning.
 
+use super::hidden_area::HiddenArea;
 use super::text_lines::{self, Line, TextLines};
 use super::validation::{self, Fault};
 use super::view::{Fov, View};
@@ -32,6 +35,8 @@ pub struct TraceHeader {
     pub headset: String,
     /// Its refresh rate, hertz.
     pub refresh_hz: f64,
+    /// What each eye's lens hides, left and right.
+    pub hidden: Option<[HiddenArea; 2]>,
 }
 
 /// One frame of a native trace.
@@ -41,6 +46,8 @@ pub struct TraceFrame {
     pub t_ns: i64,
     /// Both eyes.
     pub views: LocatedViews,
+    /// Stereo reuse is switched from this frame on.
+    pub switch_reuse: bool,
 }
 
 /// A native trace, read and checked in full; at least one frame.
@@ -253,7 +260,11 @@ fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
             what: format!("a trace begins with a header line whose format is \"{FORMAT}\""),
         });
     }
-    let fields = Fields::new("", map, &["format", "version", "headset", "refresh_hz"])?;
+    let fields = Fields::new(
+        "",
+        map,
+        &["format", "version", "headset", "refresh_hz", "hidden"],
+    )?;
     let version = fields.value("version")?;
     if version.as_u64() != Some(VERSION) {
         let what = format!("{version} is not {VERSION}, the version that this program reads");
@@ -268,14 +279,45 @@ fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
         let what = format!("{refresh_hz} Hz is not between 1 and 1000 Hz");
         return Err(fields.fault("refresh_hz", what));
     }
+    let hidden = match map.get("hidden") {
+        None => None,
+        Some(Value::Array(eyes)) if eyes.len() == 2 => Some([
+            read_hidden("hidden[0]", &eyes[0])?,
+            read_hidden("hidden[1]", &eyes[1])?,
+        ]),
+        Some(other) => {
+            return Err(wrong_kind("hidden", other, "an array for two eyes"));
+        }
+    };
     Ok(TraceHeader {
         headset,
         refresh_hz,
+        hidden,
     })
 }
 
+fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
+    let wrong =
+        |found: &Value| wrong_kind(path, found, "an array of triangles [[x,y],[x,y],[x,y]]");
+    let pair = |value: &Value| match value.as_array().map(Vec::as_slice) {
+        Some([x, y]) => Ok([number(path, x)?, number(path, y)?]),
+        _ => Err(wrong(value)),
+    };
+    let Value::Array(triangles) = value else {
+        return Err(wrong(value));
+    };
+    triangles
+        .iter()
+        .map(|triangle| match triangle.as_array().map(Vec::as_slice) {
+            Some([a, b, c]) => Ok([pair(a)?, pair(b)?, pair(c)?]),
+            _ => Err(wrong(triangle)),
+        })
+        .collect::<Result<Vec<_>, _>>()
+        .map(HiddenArea::from_triangles)
+}
+
 fn read_frame(map: &Map<String, Value>) -> Result<TraceFrame, Fault> {
-    let fields = Fields::new("", map, &["t_ns", "views", "flags"])?;
+    let fields = Fields::new("", map, &["t_ns", "views", "flags", "switch_reuse"])?;
     let t_ns = fields.value("t_ns")?;
     let Some(t_ns) = t_ns.as_i64() else {
         return Err(wrong_kind("t_ns", t_ns, "a whole number of nanoseconds"));
@@ -304,6 +346,7 @@ fn read_frame(map: &Map<String, Value>) -> Result<TraceFrame, Fault> {
     Ok(TraceFrame {
         t_ns,
         views: validation::check_views(&located)?,
+        switch_reuse: map.contains_key("switch_reuse") && fields.boolean("switch_reuse")?,
     })
 }
 
@@ -334,6 +377,8 @@ struct HeaderJson<'a> {
     version: u64,
     headset: &'a str,
     refresh_hz: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hidden: Option<[&'a [[[f64; 2]; 3]]; 2]>,
 }
 
 #[derive(Serialize)]
@@ -341,6 +386,8 @@ struct FrameJson {
     t_ns: i64,
     views: [ViewJson; 2],
     flags: FlagsJson,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    switch_reuse: bool,
 }
 
 #[derive(Serialize)]
@@ -374,6 +421,10 @@ pub fn header_line(header: &TraceHeader) -> Result<String, serde_json::Error> {
         version: VERSION,
         headset: &header.headset,
         refresh_hz: header.refresh_hz,
+        hidden: header
+            .hidden
+            .as_ref()
+            .map(|eyes| eyes.each_ref().map(HiddenArea::triangles)),
     })?;
     Ok(line + "\n")
 }
@@ -400,6 +451,7 @@ pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
             position_valid: frame.views.flags.position_valid,
             orientation_valid: frame.views.flags.orientation_valid,
         },
+        switch_reuse: frame.switch_reuse,
     })?;
     Ok(line + "\n")
 }

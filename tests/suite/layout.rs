@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::shaders::ShaderFeatures;
-use stereolux::gpu::types::{bvh, frame, light, material};
+use stereolux::gpu::types::{bvh, frame, light, material, submit};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
@@ -67,6 +67,12 @@ fn host() -> BTreeMap<String, Layout> {
             normal_min_cos,
             reuse_max_view_dependence,
             follow_max_alpha,
+        }),
+        host_layout!(submit::Submit {
+            exposure,
+            near_m,
+            eye,
+            reuse,
         }),
         host_layout!(bvh::BvhNode {
             left_min,

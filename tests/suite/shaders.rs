@@ -25,6 +25,7 @@ const FEATURES: &[&str] = &[
     "sobol",
     "light_only",
     "bsdf_only",
+    "visibility_mask",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
@@ -45,6 +46,7 @@ const SCENE: &[&str] = &[
     "environment_cdf",
     "pixel_list",
     "pixel_count",
+    "hidden_pixels",
 ];
 
 fn with(on: &[&str]) -> ShaderFeatures {

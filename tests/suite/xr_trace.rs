@@ -8,8 +8,8 @@ use proptest::test_runner::RngSeed;
 use std::path::{Path, PathBuf};
 use stereolux::xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux::xr::{
-    Fov, FrameSubmission, Headset, InputError, LocatedViews, Motion, Pose, Recorder, ReplayOptions,
-    ReplaySession, SimulatedSession, View, XrError, XrSession,
+    Fov, FrameSubmission, Headset, HiddenArea, InputError, LocatedViews, Motion, Pose, Recorder,
+    ReplayOptions, ReplaySession, SimulatedSession, View, XrError, XrSession,
 };
 
 const HEADER: &str =
@@ -59,7 +59,8 @@ fn the_documented_lines_read_and_write_back() {
         trace.header,
         TraceHeader {
             headset: "quest3".into(),
-            refresh_hz: 90.0
+            refresh_hz: 90.0,
+            hidden: None,
         }
     );
     assert_eq!(trace.frames.len(), 2);
@@ -294,7 +295,11 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
         session
             .end_frame(FrameSubmission::new(t_ns, Some(&views)))
             .unwrap();
-        frames.push(TraceFrame { t_ns, views });
+        frames.push(TraceFrame {
+            t_ns,
+            views,
+            switch_reuse: frame.switch_reuse,
+        });
     }
     frames
 }
@@ -459,12 +464,20 @@ proptest! {
         step_ns in 1..i64::MAX / 8,
         headset in "\\PC{0,12}",
         refresh_hz in 1.0..1000.0_f64,
+        triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
     ) {
+        let hidden = (!triangles.is_empty()).then(|| {
+            let eye = |scale: f64| HiddenArea::from_triangles(
+                triangles.iter().map(|t| t.map(|corner| corner.map(|c| f64::from(c) * scale))).collect(),
+            );
+            [eye(1e-4), eye(0.3e-4)]
+        });
         let frames = views.into_iter().enumerate().map(|(k, views)| TraceFrame {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
+            switch_reuse: k % 3 == 1,
         });
-        let trace = Trace { header: TraceHeader { headset, refresh_hz }, frames: frames.collect(), warnings: vec![] };
+        let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
         let text = write(&trace);
         let back = read(&text).unwrap();
         prop_assert_eq!(&back, &trace);

@@ -123,6 +123,7 @@ impl Scripted {
                 headset: "none".into(),
                 refresh_hz: 90.0,
                 recommended_size: None,
+                hidden: None,
             },
             answers,
             at: 0,

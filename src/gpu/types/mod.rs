@@ -5,3 +5,4 @@ pub mod bvh;
 pub mod frame;
 pub mod light;
 pub mod material;
+pub mod submit;

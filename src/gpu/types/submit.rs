@@ -1,0 +1,17 @@
+//! What the passes that hand an image to a runtime know besides the frame: `shaders/shared/submit.wesl`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Uniform block of one eye's submission.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Submit {
+    /// Factor on radiance before the filmic curve.
+    pub exposure: f32,
+    /// Distance at which the depth image holds 1, metres.
+    pub near_m: f32,
+    /// 0 left, 1 right.
+    pub eye: u32,
+    /// 1 if pixels may have been carried over from the left eye.
+    pub reuse: u32,
+}

@@ -1,0 +1,78 @@
+//! What a session asks of the renderer besides frames: pixels that nobody sees, switching reuse, handing images over.
+
+use crate::gpu::ShaderLibrary;
+use crate::xr::view::Tangents;
+use crate::xr::{HiddenArea, RuntimeTargets, View};
+
+use super::{Eye, RenderError, Renderer, Submitter};
+
+/// What the lenses hide, and for which fields of view the device knows it.
+pub(super) struct Hidden {
+    areas: [HiddenArea; 2],
+    tangents: Option<[Tangents; 2]>,
+}
+
+impl Hidden {
+    pub(super) fn new(areas: &[HiddenArea; 2]) -> Self {
+        Self {
+            areas: areas.clone(),
+            tangents: None,
+        }
+    }
+}
+
+impl Renderer {
+    /// Says which pixels the lenses hide, if that or the fields of view are new.
+    pub(super) fn update_hidden(&mut self, views: &[View; 2]) {
+        let Some(hidden) = &mut self.hidden else {
+            return;
+        };
+        let tangents = views.map(|view| view.fov.tangents());
+        if hidden.tangents == Some(tangents) {
+            return;
+        }
+        for ((eye, area), tangents) in [Eye::Left, Eye::Right]
+            .into_iter()
+            .zip(&hidden.areas)
+            .zip(&tangents)
+        {
+            let bits = area.pixels(tangents, [self.width, self.height]);
+            self.eyes.write_hidden(&self.context, eye, &bits);
+        }
+        hidden.tangents = Some(tangents);
+    }
+
+    /// Switches stereo reuse for the frames to come; false if the settings have none to switch.
+    pub fn switch_reuse(&mut self) -> bool {
+        let changed = self.eyes.set_reuse(!self.eyes.reuse());
+        if changed {
+            self.is_bound = false;
+        }
+        changed
+    }
+
+    /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`], also if only one eye is rendered.
+    pub fn submit_to(
+        &mut self,
+        library: &ShaderLibrary,
+        targets: &RuntimeTargets,
+    ) -> Result<(), RenderError> {
+        let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
+            Some(submitter) => submitter,
+            None => Submitter::new(
+                &self.context,
+                library,
+                &self.eyes,
+                &self.frame_uniform,
+                targets,
+            )?,
+        };
+        let exposure = self.settings.output.exposure as f32;
+        submitter.submit(&self.context, targets, exposure, self.eyes.carries_rays())?;
+        self.submitter = Some(submitter);
+        Ok(())
+    }
+}

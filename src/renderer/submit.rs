@@ -1,0 +1,297 @@
+//! Hands both eyes' images to a runtime: one triangle per image, from the renderer's buffers straight into the
+//! runtime's texture.
+
+use wgpu::util::DeviceExt as _;
+
+use crate::gpu::kernel::{BindingKind, reflect_bindings};
+use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::types::submit::Submit;
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
+use crate::passes::{self, Pass};
+use crate::xr::RuntimeTargets;
+
+use super::eyes::{Eye, Eyes};
+use super::kernels::shader_name;
+
+/// A render pipeline over the fragments of one triangle, its bindings found by name.
+struct Raster {
+    pass: &'static Pass,
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+    bindings: Vec<(String, u32)>,
+}
+
+impl Raster {
+    fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        pass: &'static Pass,
+        format: wgpu::TextureFormat,
+    ) -> Result<Self, GpuError> {
+        let shader = library.compile(&shader_name(pass), &ShaderFeatures::new())?;
+        let bindings = reflect_bindings(&shader)?;
+        context.guarded(pass.name, || {
+            let device = &context.device;
+            let entries: Vec<_> = bindings
+                .iter()
+                .map(|binding| wgpu::BindGroupLayoutEntry {
+                    binding: binding.slot,
+                    visibility: wgpu::ShaderStages::FRAGMENT,
+                    ty: wgpu::BindingType::Buffer {
+                        ty: match binding.kind {
+                            BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
+                            BindingKind::Read => {
+                                wgpu::BufferBindingType::Storage { read_only: true }
+                            }
+                            BindingKind::ReadWrite => {
+                                wgpu::BufferBindingType::Storage { read_only: false }
+                            }
+                        },
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    count: None,
+                })
+                .collect();
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(pass.name),
+                entries: &entries,
+            });
+            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(pass.name),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(pass.name),
+                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
+            });
+            let is_depth = format.is_depth_stencil_format();
+            let color = [Some(wgpu::ColorTargetState::from(format))];
+            let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(pass.name),
+                layout: Some(&pipeline_layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("vertex_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: is_depth.then_some(wgpu::DepthStencilState {
+                    format,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::Always),
+                    stencil: wgpu::StencilState::default(),
+                    bias: wgpu::DepthBiasState::default(),
+                }),
+                multisample: wgpu::MultisampleState::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("fragment_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: if is_depth { &[] } else { &color },
+                }),
+                multiview_mask: None,
+                cache: None,
+            });
+            Ok(Self {
+                pass,
+                pipeline,
+                layout,
+                bindings: bindings
+                    .iter()
+                    .map(|binding| (binding.name.clone(), binding.slot))
+                    .collect(),
+            })
+        })
+    }
+
+    fn bind(
+        &self,
+        context: &GpuContext,
+        resources: &Resources<'_>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        let entries = self
+            .bindings
+            .iter()
+            .map(|(name, slot)| {
+                resources
+                    .get(name)
+                    .map(|resource| wgpu::BindGroupEntry {
+                        binding: *slot,
+                        resource,
+                    })
+                    .ok_or_else(|| GpuError::Unbound {
+                        pass: self.pass.name.to_owned(),
+                        binding: name.clone(),
+                    })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        context.guarded(self.pass.name, || {
+            Ok(context
+                .device
+                .create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some(self.pass.name),
+                    layout: &self.layout,
+                    entries: &entries,
+                }))
+        })
+    }
+}
+
+/// One eye's bound passes.
+struct BoundEye {
+    uniform: wgpu::Buffer,
+    color: wgpu::BindGroup,
+    depth: Option<wgpu::BindGroup>,
+}
+
+/// The passes that hand images over, for one kind of texture.
+pub struct Submitter {
+    color: Raster,
+    depth: Option<Raster>,
+    eyes: [BoundEye; 2],
+    formats: (wgpu::TextureFormat, Option<wgpu::TextureFormat>),
+}
+
+/// Formats of the textures in `targets`.
+fn formats_of(targets: &RuntimeTargets) -> (wgpu::TextureFormat, Option<wgpu::TextureFormat>) {
+    (
+        targets.color[0].texture().format(),
+        targets
+            .depth
+            .as_ref()
+            .map(|[left, _]| left.texture().format()),
+    )
+}
+
+impl Submitter {
+    /// Compiles the passes for the formats of `targets` and binds both eyes' buffers.
+    ///
+    /// # Errors
+    /// [`GpuError`], naming the pass.
+    pub fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        eyes: &Eyes,
+        frame_uniform: &wgpu::Buffer,
+        targets: &RuntimeTargets,
+    ) -> Result<Self, GpuError> {
+        let formats = formats_of(targets);
+        let color = Raster::new(context, library, &passes::xr_submit::PASS, formats.0)?;
+        let depth = formats
+            .1
+            .map(|format| Raster::new(context, library, &passes::xr_submit_depth::PASS, format))
+            .transpose()?;
+        let bound = |eye: Eye| {
+            let uniform = context
+                .device
+                .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some("submission"),
+                    contents: &[0; size_of::<Submit>()],
+                    usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                });
+            let resources = eyes
+                .submitted(eye)
+                .ok_or_else(|| GpuError::Unbound {
+                    pass: passes::xr_submit::PASS.name.to_owned(),
+                    binding: format!("{} eye", eye.name()),
+                })?
+                .with("frame", frame_uniform)
+                .with("submission", &uniform);
+            let color = color.bind(context, &resources)?;
+            let depth = depth
+                .as_ref()
+                .map(|depth| depth.bind(context, &resources))
+                .transpose()?;
+            Ok::<_, GpuError>(BoundEye {
+                color,
+                depth,
+                uniform: uniform.clone(),
+            })
+        };
+        Ok(Self {
+            eyes: [bound(Eye::Left)?, bound(Eye::Right)?],
+            color,
+            depth,
+            formats,
+        })
+    }
+
+    /// Whether textures like these can be written.
+    pub fn fits(&self, targets: &RuntimeTargets) -> bool {
+        formats_of(targets) == self.formats
+    }
+
+    /// Records and submits both eyes; does not wait for the device.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn submit(
+        &self,
+        context: &GpuContext,
+        targets: &RuntimeTargets,
+        exposure: f32,
+        reuse: bool,
+    ) -> Result<(), GpuError> {
+        context.guarded(passes::xr_submit::PASS.name, || {
+            let mut encoder =
+                context
+                    .device
+                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                        label: Some(passes::xr_submit::PASS.name),
+                    });
+            for (index, eye) in self.eyes.iter().enumerate() {
+                let uniform = Submit {
+                    exposure,
+                    near_m: targets.near_m,
+                    eye: index as u32,
+                    reuse: u32::from(reuse),
+                };
+                context
+                    .queue
+                    .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
+                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some(self.color.pass.name),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: &targets.color[index],
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    ..Default::default()
+                });
+                pass.set_pipeline(&self.color.pipeline);
+                pass.set_bind_group(0, &eye.color, &[]);
+                pass.draw(0..3, 0..1);
+                drop(pass);
+                let (Some(depth), Some(bound), Some(views)) =
+                    (&self.depth, &eye.depth, &targets.depth)
+                else {
+                    continue;
+                };
+                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some(depth.pass.name),
+                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                        view: &views[index],
+                        depth_ops: Some(wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(0.0),
+                            store: wgpu::StoreOp::Store,
+                        }),
+                        stencil_ops: None,
+                    }),
+                    ..Default::default()
+                });
+                pass.set_pipeline(&depth.pipeline);
+                pass.set_bind_group(0, bound, &[]);
+                pass.draw(0..3, 0..1);
+            }
+            context.queue.submit([encoder.finish()]);
+            Ok(())
+        })
+    }
+}

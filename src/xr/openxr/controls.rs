@@ -1,0 +1,159 @@
+//! The action set: move, turn, switch reuse, quit.
+
+use glam::DVec2;
+use openxr as xr;
+
+/// What the wearer does in one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Input {
+    /// Right and forward, -1 to 1.
+    pub(super) walk: DVec2,
+    /// Right, -1 to 1.
+    pub(super) turn: f64,
+    /// The button was pressed since the last frame.
+    pub(super) switch_reuse: bool,
+    /// The button was pressed since the last frame.
+    pub(super) quit: bool,
+}
+
+/// Which action a source drives.
+#[derive(Clone, Copy)]
+enum Drives {
+    Walk,
+    Turn,
+    Advance,
+    TurnRight,
+    SwitchReuse,
+    Quit,
+}
+
+/// Interaction profiles of the OpenXR 1.0 core, with what drives which action. A controller without sticks walks and
+/// turns by its buttons.
+const BINDINGS: &[(&str, &[(Drives, &str)])] = &[
+    (
+        "/interaction_profiles/khr/simple_controller",
+        &[
+            (Drives::Advance, "/user/hand/left/input/select/click"),
+            (Drives::TurnRight, "/user/hand/right/input/select/click"),
+            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
+            (Drives::Quit, "/user/hand/right/input/menu/click"),
+        ],
+    ),
+    (
+        "/interaction_profiles/oculus/touch_controller",
+        &[
+            (Drives::Walk, "/user/hand/left/input/thumbstick"),
+            (Drives::Turn, "/user/hand/right/input/thumbstick"),
+            (Drives::SwitchReuse, "/user/hand/left/input/x/click"),
+            (Drives::Quit, "/user/hand/left/input/menu/click"),
+        ],
+    ),
+    (
+        "/interaction_profiles/valve/index_controller",
+        &[
+            (Drives::Walk, "/user/hand/left/input/thumbstick"),
+            (Drives::Turn, "/user/hand/right/input/thumbstick"),
+            (Drives::SwitchReuse, "/user/hand/left/input/a/click"),
+            (Drives::Quit, "/user/hand/left/input/b/click"),
+        ],
+    ),
+    (
+        "/interaction_profiles/htc/vive_controller",
+        &[
+            (Drives::Walk, "/user/hand/left/input/trackpad"),
+            (Drives::Turn, "/user/hand/right/input/trackpad"),
+            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
+            (Drives::Quit, "/user/hand/right/input/menu/click"),
+        ],
+    ),
+    (
+        "/interaction_profiles/microsoft/motion_controller",
+        &[
+            (Drives::Walk, "/user/hand/left/input/thumbstick"),
+            (Drives::Turn, "/user/hand/right/input/thumbstick"),
+            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
+            (Drives::Quit, "/user/hand/right/input/menu/click"),
+        ],
+    ),
+];
+
+/// The actions, attached to a session.
+pub(super) struct Controls {
+    set: xr::ActionSet,
+    walk: xr::Action<xr::Vector2f>,
+    turn: xr::Action<xr::Vector2f>,
+    advance: xr::Action<bool>,
+    turn_right: xr::Action<bool>,
+    switch_reuse: xr::Action<bool>,
+    quit: xr::Action<bool>,
+}
+
+impl Controls {
+    /// Makes the actions, suggests bindings for the profiles that the runtime knows, and attaches them.
+    pub(super) fn new<G>(instance: &xr::Instance, session: &xr::Session<G>) -> xr::Result<Self> {
+        let set = instance.create_action_set("stereolux", "stereolux", 0)?;
+        let controls = Self {
+            walk: set.create_action("walk", "Walk", &[])?,
+            turn: set.create_action("turn", "Turn", &[])?,
+            advance: set.create_action("advance", "Walk ahead", &[])?,
+            turn_right: set.create_action("turn_right", "Turn right", &[])?,
+            switch_reuse: set.create_action("switch_reuse", "Switch stereo reuse", &[])?,
+            quit: set.create_action("quit", "Quit", &[])?,
+            set,
+        };
+        for (profile, sources) in BINDINGS {
+            let mut bindings = Vec::with_capacity(sources.len());
+            for (drives, source) in *sources {
+                let path = instance.string_to_path(source)?;
+                bindings.push(match drives {
+                    Drives::Walk => xr::Binding::new(&controls.walk, path),
+                    Drives::Turn => xr::Binding::new(&controls.turn, path),
+                    Drives::Advance => xr::Binding::new(&controls.advance, path),
+                    Drives::TurnRight => xr::Binding::new(&controls.turn_right, path),
+                    Drives::SwitchReuse => xr::Binding::new(&controls.switch_reuse, path),
+                    Drives::Quit => xr::Binding::new(&controls.quit, path),
+                });
+            }
+            let profile_path = instance.string_to_path(profile)?;
+            if let Err(error) =
+                instance.suggest_interaction_profile_bindings(profile_path, &bindings)
+            {
+                // A runtime need not know every controller.
+                log::debug!("{profile}: {error}");
+            }
+        }
+        session.attach_action_sets(&[&controls.set])?;
+        Ok(controls)
+    }
+
+    /// Reads the actions. Without focus the runtime reports rest.
+    pub(super) fn read<G>(&self, session: &xr::Session<G>) -> xr::Result<Input> {
+        session.sync_actions(&[xr::ActiveActionSet::new(&self.set)])?;
+        let stick = |action: &xr::Action<xr::Vector2f>| {
+            action.state(session, xr::Path::NULL).map(|state| {
+                if state.is_active {
+                    DVec2::new(
+                        f64::from(state.current_state.x),
+                        f64::from(state.current_state.y),
+                    )
+                } else {
+                    DVec2::ZERO
+                }
+            })
+        };
+        let button = |action: &xr::Action<bool>| action.state(session, xr::Path::NULL);
+        let held =
+            |action| button(action).map(|state| f64::from(state.is_active && state.current_state));
+        let pressed = |action| {
+            button(action).map(|state| {
+                state.is_active && state.current_state && state.changed_since_last_sync
+            })
+        };
+        Ok(Input {
+            walk: stick(&self.walk)? + DVec2::Y * held(&self.advance)?,
+            turn: stick(&self.turn)?.x + held(&self.turn_right)?,
+            switch_reuse: pressed(&self.switch_reuse)?,
+            quit: pressed(&self.quit)?,
+        })
+    }
+}

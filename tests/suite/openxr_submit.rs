@@ -1,0 +1,299 @@
+//! What a runtime's images hold: colour against the PNG path, depth against f64, pixels that the lens hides.
+
+use stereolux::gpu::{GpuContext, ShaderLibrary};
+use stereolux::images::{Image, aces_filmic, tone_map};
+use stereolux::options::{Method, Reuse};
+use stereolux::renderer::{Eye, Renderer};
+use stereolux::xr::view::Fov;
+use stereolux::xr::{HiddenArea, Pose, RuntimeTargets, View};
+
+use crate::suite::support::{
+    Triangles, bits, builtin, context, frame, method, parallel_views, radiance, renderer,
+    start_pose,
+};
+
+const SIZE: [u32; 2] = [64, 48];
+
+fn texture(context: &GpuContext, format: wgpu::TextureFormat) -> wgpu::TextureView {
+    context
+        .device
+        .create_texture(&wgpu::TextureDescriptor {
+            label: Some("stands in for a runtime's"),
+            size: wgpu::Extent3d {
+                width: SIZE[0],
+                height: SIZE[1],
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+        .create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+fn targets(context: &GpuContext, format: wgpu::TextureFormat, depth: bool) -> RuntimeTargets {
+    let pair = |format| [texture(context, format), texture(context, format)];
+    RuntimeTargets {
+        color: pair(format),
+        depth: depth.then(|| pair(wgpu::TextureFormat::Depth32Float)),
+        near_m: 0.05,
+    }
+}
+
+/// The texture's bytes, rows from the top without padding.
+fn bytes(context: &GpuContext, view: &wgpu::TextureView, texel: u32) -> Vec<u8> {
+    let row = SIZE[0] * texel;
+    let padded = row.next_multiple_of(256);
+    let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(padded * SIZE[1]),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = context
+        .device
+        .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_texture_to_buffer(
+        view.texture().as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded),
+                rows_per_image: None,
+            },
+        },
+        view.texture().size(),
+    );
+    context.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    context.wait("read-back").unwrap();
+    let mapped = buffer.slice(..).get_mapped_range().unwrap();
+    mapped
+        .chunks_exact(padded as usize)
+        .flat_map(|padded| padded[..row as usize].to_vec())
+        .collect()
+}
+
+/// IEEE 754 half to f64.
+fn half(bits: u16) -> f64 {
+    let (sign, exponent, fraction) = (bits >> 15, (bits >> 10) & 31, f64::from(bits & 1023));
+    let magnitude = match exponent {
+        0 => fraction * 2_f64.powi(-24),
+        31 => f64::INFINITY,
+        _ => (1.0 + fraction / 1024.0) * 2_f64.powi(i32::from(exponent) - 15),
+    };
+    if sign == 1 { -magnitude } else { magnitude }
+}
+
+/// Asymmetric and canted.
+fn views() -> [View; 2] {
+    let head = start_pose(&builtin("cornell"));
+    let mut views = parallel_views(head, 0.07, Fov::from_degrees(-32.0, 22.0, 25.0, -20.0));
+    views[1].orientation = (views[1].orientation * glam::DQuat::from_rotation_y(0.05)).normalize();
+    views[1].fov = Fov::from_degrees(-22.0, 32.0, 25.0, -20.0);
+    views
+}
+
+fn rendered(reuse: Reuse, exposure: f64) -> Renderer {
+    let mut settings = method(Method::Photon, reuse);
+    settings.output.exposure = exposure;
+    settings.spp = 2;
+    let mut renderer = renderer(&builtin("cornell"), &settings, SIZE);
+    frame(&mut renderer, &views());
+    renderer
+}
+
+#[test]
+fn images_hold_what_the_png_shows_encoded_once() {
+    let mut renderer = rendered(Reuse::Scatter, 1.5);
+    let library = ShaderLibrary::embedded();
+    for eye in [Eye::Left, Eye::Right] {
+        let image = Image::new(SIZE[0], SIZE[1], radiance(&renderer, eye)).unwrap();
+        let png = tone_map(&image, 1.5);
+        let index = usize::from(eye == Eye::Right);
+        for (format, order) in [
+            (wgpu::TextureFormat::Rgba8UnormSrgb, [0, 1, 2]),
+            (wgpu::TextureFormat::Bgra8UnormSrgb, [2, 1, 0]),
+        ] {
+            let targets = targets(renderer.context(), format, false);
+            renderer.submit_to(&library, &targets).unwrap();
+            let found = bytes(renderer.context(), &targets.color[index], 4);
+            let mut off = 0;
+            for (texel, expected) in found.chunks_exact(4).zip(&png.pixels) {
+                for (channel, value) in order.iter().zip(expected) {
+                    // Vulkan lets an 8-bit sRGB store be off by 0.6 of a step before rounding: one step after.
+                    let difference = texel[*channel].abs_diff(*value);
+                    assert!(difference <= 1, "{format:?}: {texel:?} for {expected:?}");
+                    off += u32::from(difference);
+                }
+                assert_eq!(texel[3], 255);
+            }
+            // 0.6 instead of 0.5: at most a fifth of the stores round to the neighbour.
+            assert!(
+                off < SIZE[0] * SIZE[1] * 3 / 5,
+                "{format:?}: {off} steps off"
+            );
+        }
+        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba16Float, false);
+        renderer.submit_to(&library, &targets).unwrap();
+        let found = bytes(renderer.context(), &targets.color[index], 8);
+        for (texel, pixel) in found.chunks_exact(8).zip(&image.pixels) {
+            for (half_bytes, linear) in texel.chunks_exact(2).zip(pixel) {
+                let value = half(u16::from_le_bytes([half_bytes[0], half_bytes[1]]));
+                let expected = f64::from(aces_filmic(linear * 1.5));
+                // Half floats have 11 bits: half a step is 2^-12 of the value, a whole one if rounded towards zero.
+                assert!(
+                    (value - expected).abs() <= expected * 2_f64.powi(-10) + 1e-6,
+                    "{value} for {expected}"
+                );
+            }
+        }
+    }
+    // The eyes differ, so an exchange would have shown.
+    assert_ne!(
+        bits(&radiance(&renderer, Eye::Left)),
+        bits(&radiance(&renderer, Eye::Right))
+    );
+}
+
+#[test]
+fn depth_is_the_distance_along_the_eye_s_axis_also_where_pixels_are_carried_over() {
+    let scene = builtin("cornell");
+    let triangles = Triangles::of(&scene);
+    for reuse in [Reuse::Off, Reuse::Scatter] {
+        let mut settings = method(Method::Photon, reuse);
+        settings.photon.count = 100;
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        let result = frame(&mut renderer, &views());
+        assert_eq!(result.stereo.reused > 0, reuse == Reuse::Scatter);
+        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba16Float, true);
+        renderer
+            .submit_to(&ShaderLibrary::embedded(), &targets)
+            .unwrap();
+        let depth = targets.depth.as_ref().unwrap();
+        for (index, view) in views().iter().enumerate() {
+            let found = bytes(renderer.context(), &depth[index], 4);
+            let (mut near, mut misses, mut total) = (0_usize, 0, 0_usize);
+            for (pixel, texel) in found.chunks_exact(4).enumerate() {
+                let (x, y) = (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
+                let ray = view.ray_through_pixel(
+                    f64::from(x) + 0.5,
+                    f64::from(y) + 0.5,
+                    SIZE[0],
+                    SIZE[1],
+                );
+                let value = f64::from(f32::from_le_bytes(texel.try_into().unwrap()));
+                total += 1;
+                let Some((distance, ..)) = triangles.closest(ray.origin, ray.direction, 1e-4)
+                else {
+                    near += usize::from(value == 0.0);
+                    misses += 1;
+                    continue;
+                };
+                let expected_m = -view.point_in_eye(ray.origin + ray.direction * distance).z;
+                let found_m = 0.05 / value;
+                // A carried-over sample lies anywhere in its pixel; without reuse it is the pixel's own ray in f32.
+                let tolerance = if reuse == Reuse::Off { 1e-5 } else { 0.06 };
+                near += usize::from((found_m - expected_m).abs() < tolerance * expected_m);
+            }
+            // Rays along silhouettes fall to one side in f32 and to the other in f64; a carried-over sample next to one
+            // may lie beyond it.
+            let least = if reuse == Reuse::Off {
+                total * 99 / 100
+            } else {
+                total * 9 / 10
+            };
+            assert!(misses > 10 && misses < total / 2, "{misses} see nothing");
+            assert!(near >= least, "{reuse:?}, eye {index}: {near} of {total}");
+        }
+    }
+}
+
+#[test]
+fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
+    let scene = builtin("cornell");
+    // The corner of each eye's image, cut off at a slant.
+    let corner = |side: f64| {
+        HiddenArea::from_triangles(vec![[[side, 1.0], [side, -0.6], [-0.5 * side, 1.0]]])
+    };
+    let hidden = [corner(-0.8), corner(0.8)];
+    for (light, reuse) in [
+        (Method::Path, Reuse::Off),
+        (Method::Photon, Reuse::Off),
+        (Method::Photon, Reuse::Scatter),
+    ] {
+        let settings = method(light, reuse);
+        let mut whole = renderer(&scene, &settings, SIZE);
+        frame(&mut whole, &views());
+        let mut masked = Renderer::with_hidden_area(
+            context(),
+            &ShaderLibrary::embedded(),
+            &scene,
+            &settings,
+            stereolux::options::Eyes::Both,
+            SIZE,
+            Some(&hidden),
+        )
+        .unwrap();
+        let result = frame(&mut masked, &views());
+        for (index, eye) in [Eye::Left, Eye::Right].into_iter().enumerate() {
+            let mask = hidden[index].pixels(&views()[index].fov.tangents(), SIZE);
+            let (without, with) = (radiance(&whole, eye), radiance(&masked, eye));
+            let mut count = 0;
+            for pixel in 0..with.len() {
+                let is_hidden = mask[pixel / 32] >> (pixel % 32) & 1 == 1;
+                count += usize::from(is_hidden);
+                if is_hidden {
+                    // What the left eye scatters there costs nothing and is left alone.
+                    if eye == Eye::Left || reuse == Reuse::Off {
+                        assert_eq!(with[pixel], [0.0; 3]);
+                    }
+                } else if reuse == Reuse::Off || eye == Eye::Left {
+                    assert_eq!(
+                        bits(&[with[pixel]]),
+                        bits(&[without[pixel]]),
+                        "{eye:?} {pixel}"
+                    );
+                }
+            }
+            assert!(count > 100 && count < with.len() / 2, "{count} hidden");
+            if reuse == Reuse::Scatter && eye == Eye::Right {
+                continue;
+            }
+            assert!(
+                without.iter().filter(|p| p[0] > 0.0).count()
+                    > with.iter().filter(|p| p[0] > 0.0).count()
+            );
+        }
+        if reuse == Reuse::Scatter {
+            assert!(result.stereo.reused > 0 && result.stereo.filled > 0);
+        }
+    }
+}
+
+#[test]
+fn reuse_can_be_switched_and_back() {
+    let scene = builtin("cornell");
+    let mut switched = renderer(&scene, &method(Method::Photon, Reuse::Scatter), SIZE);
+    let first = frame(&mut switched, &views());
+    let with_reuse = bits(&radiance(&switched, Eye::Right));
+    assert!(switched.switch_reuse());
+    let second = frame(&mut switched, &views());
+    assert!(first.stereo.reused > 0);
+    assert_eq!(second.stereo.reused, 0);
+    let mut off = renderer(&scene, &method(Method::Photon, Reuse::Off), SIZE);
+    frame(&mut off, &views());
+    assert_eq!(
+        bits(&radiance(&switched, Eye::Right)),
+        bits(&radiance(&off, Eye::Right))
+    );
+    assert!(switched.switch_reuse());
+    frame(&mut switched, &views());
+    assert_eq!(bits(&radiance(&switched, Eye::Right)), with_reuse);
+    assert!(!off.switch_reuse(), "nothing was compiled to switch to");
+    let _: Pose = start_pose(&scene);
+}

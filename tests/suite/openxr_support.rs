@@ -1,0 +1,198 @@
+//! What the OpenXR tests share: Monado through `scripts/monado.sh`, its remote driver, statistics of a run.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// The program under test.
+pub const PROGRAM: &str = env!("CARGO_BIN_EXE_stereolux");
+
+/// `scripts/monado.sh` with its own options; add the command to run.
+pub fn monado(options: &[&str]) -> Command {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/monado.sh");
+    let mut command = Command::new(script);
+    command.args(options);
+    command.stdin(Stdio::null());
+    command
+}
+
+/// Runs `stereolux` against Monado; `options` are the script's.
+pub fn stereolux_on_monado(options: &[&str], args: &[&str]) -> Output {
+    monado(options).arg(PROGRAM).args(args).output().unwrap()
+}
+
+/// Standard error as text.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Fails with what was printed unless the exit status is `status`.
+pub fn assert_status(output: &Output, status: i32) {
+    assert_eq!(
+        output.status.code(),
+        Some(status),
+        "stdout: {}\nstderr: {}",
+        String::from_utf8_lossy(&output.stdout),
+        stderr(output)
+    );
+}
+
+/// The lines of `stats.jsonl` in `out`.
+pub fn stats(out: &Path) -> Vec<Value> {
+    std::fs::read_to_string(out.join("stats.jsonl"))
+        .unwrap_or_default()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+/// Lines of `stats.jsonl` so far.
+pub fn frames_so_far(out: &Path) -> usize {
+    std::fs::read(out.join("stats.jsonl"))
+        .map_or(0, |text| text.iter().filter(|byte| **byte == b'\n').count())
+}
+
+/// Every `.exr` of two folders is there in both and equal byte for byte; the number of files.
+pub fn assert_same_images(a: &Path, b: &Path) -> usize {
+    let names = |folder: &Path| {
+        let mut names: Vec<PathBuf> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| PathBuf::from(entry.unwrap().file_name()))
+            .filter(|name| name.extension().is_some_and(|end| end == "exr"))
+            .collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(a), names(b));
+    for name in names(a) {
+        let (first, second) = (
+            std::fs::read(a.join(&name)).unwrap(),
+            std::fs::read(b.join(&name)).unwrap(),
+        );
+        assert!(first == second, "{} differs", name.display());
+    }
+    names(a).len()
+}
+
+/// Waits until `ready`; fails after two minutes with `what`, or when `child` has ended.
+pub fn wait_until(child: &mut Child, what: &str, mut ready: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !ready() {
+        if let Some(status) = child.try_wait().unwrap() {
+            let mut text = String::new();
+            if let Some(mut stderr) = child.stderr.take() {
+                let _ = stderr.read_to_string(&mut text);
+            }
+            panic!("ended ({status}) before {what}: {text}");
+        }
+        assert!(began.elapsed() < Duration::from_secs(120), "no {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// One eye as the remote driver takes it: pose relative to the head, f32 as sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RemoteEye {
+    /// Left, right, up, down, radians.
+    pub fov: [f32; 4],
+    /// x, y, z, w.
+    pub orientation: [f32; 4],
+    /// Metres.
+    pub position: [f32; 3],
+}
+
+/// What the remote driver is sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Remote {
+    /// Left, right.
+    pub eyes: [RemoteEye; 2],
+    /// Head: x, y, z, w.
+    pub head_orientation: [f32; 4],
+    /// Head, metres; the floor is at 0.
+    pub head_position: [f32; 3],
+    /// Left and right stick.
+    pub sticks: [[f32; 2]; 2],
+    /// A and B of the left controller.
+    pub a: bool,
+    /// See `a`.
+    pub b: bool,
+}
+
+impl Remote {
+    /// The packet of Monado's remote driver, protocol `mndrmt3` (its source: `drivers/remote/r_interface.h`).
+    pub fn packet(&self) -> Vec<u8> {
+        let mut bytes = b"mndrmt3\0".to_vec();
+        let floats = |bytes: &mut Vec<u8>, values: &[f32]| {
+            for value in values {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        };
+        for eye in &self.eyes {
+            floats(&mut bytes, &eye.fov);
+            floats(&mut bytes, &eye.orientation);
+            floats(&mut bytes, &eye.position);
+            bytes.extend_from_slice(&[0; 4]);
+        }
+        floats(&mut bytes, &self.head_orientation);
+        floats(&mut bytes, &self.head_position);
+        // Per-eye data are valid.
+        bytes.extend_from_slice(&[1, 0, 0, 0]);
+        for (hand, stick) in self.sticks.iter().enumerate() {
+            // Pose, velocities, five fingers, trigger, squeeze and its force.
+            floats(&mut bytes, &[0.0, 0.0, 0.0, 1.0, 0.0, 1.2, -0.3]);
+            floats(&mut bytes, &[0.0; 6 + 5 + 3]);
+            floats(&mut bytes, stick);
+            floats(&mut bytes, &[0.0; 3]);
+            let left = hand == 0;
+            let mut flags = [0_u8; 16];
+            flags[1] = 1; // active
+            flags[4] = u8::from(left && self.a);
+            flags[6] = u8::from(left && self.b);
+            bytes.extend_from_slice(&flags);
+        }
+        assert_eq!(bytes.len(), 376);
+        bytes
+    }
+}
+
+/// The remote driver's port is fixed: one test at a time.
+pub fn remote_port() -> MutexGuard<'static, ()> {
+    static PORT: Mutex<()> = Mutex::new(());
+    PORT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Sends what `script` says for each frame number (counted by `out`'s statistics) until the service goes away.
+pub fn drive(
+    out: &Path,
+    script: impl Fn(usize) -> Remote + Send + 'static,
+) -> Arc<Mutex<Vec<Remote>>> {
+    let sent = Arc::new(Mutex::new(Vec::new()));
+    let log = Arc::clone(&sent);
+    let out = out.to_owned();
+    std::thread::spawn(move || {
+        let began = Instant::now();
+        let mut stream = loop {
+            match TcpStream::connect(("127.0.0.1", 4242)) {
+                Ok(stream) => break stream,
+                Err(_) if began.elapsed() < Duration::from_secs(120) => {
+                    std::thread::sleep(Duration::from_millis(50));
+                }
+                Err(_) => return,
+            }
+        };
+        loop {
+            let remote = script(frames_so_far(&out));
+            if stream.write_all(&remote.packet()).is_err() {
+                return;
+            }
+            log.lock().unwrap().push(remote);
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    sent
+}
