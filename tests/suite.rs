@@ -10,6 +10,7 @@
 
 mod suite {
     pub mod bsdf_furnace;
+    pub mod bsdf_layer;
     pub mod bsdf_probe;
     pub mod bsdf_sampling;
     pub mod bsdf_specialised;

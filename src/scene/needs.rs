@@ -303,14 +303,15 @@ impl Needs {
     }
 }
 
-/// Whether the surface gathers light into a caustic: smooth metal, or glass.
+/// Whether the surface gathers light into a caustic: smooth metal or what reflects like it, or glass.
 fn focuses(material: &Material) -> bool {
     if material.user_bsdf != 0 {
         return false;
     }
     let is_smooth =
         material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
-    material.is_dielectric() || (material.metallic > 0.0 && is_smooth)
+    let is_metal_like = material.metallic > 0.0 || material.has_metal_like_layer();
+    material.is_dielectric() || (is_metal_like && is_smooth)
 }
 
 /// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.
