@@ -9,6 +9,11 @@
 )]
 
 mod suite {
+    /// The example's code, called as a user would.
+    #[allow(dead_code)]
+    #[path = "../../examples/user_bsdf/main.rs"]
+    pub mod user_bsdf_example;
+
     pub mod bsdf_furnace;
     pub mod bsdf_layer;
     pub mod bsdf_probe;

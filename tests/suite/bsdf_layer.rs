@@ -1,8 +1,8 @@
 //! The dielectric layer at the ends of its factors: index of refraction 1 and 0, and a black specular colour.
 //!
-//! KHR_materials_specular: F0 = min(((n - 1) / (n + 1))^2 colour, 1) strength and F90 = strength, so only strength 0 makes
-//! an ideal Lambert surface. KHR_materials_ior, "Specular-Glossiness Backwards Compatibility Mode": with n = 0 the index
-//! counts as infinite and the Fresnel term is 1 from everywhere.
+//! KHR_materials_specular: F0 = min(((n - 1) / (n + 1))^2 colour, 1) strength and F90 = strength, so only strength 0
+//! makes an ideal Lambert surface. KHR_materials_ior, "Specular-Glossiness Backwards Compatibility Mode": with n = 0 the
+//! index counts as infinite and the Fresnel term is 1 from everywhere.
 
 use std::f64::consts::PI;
 
@@ -28,7 +28,7 @@ fn plastic(ior: f32, specular: f32, specular_color: [f32; 3]) -> Material {
     }
 }
 
-/// A wall of the material, lit by the sun from behind the eye's left, at grazing incidence.
+/// A wall of the material under a white sky.
 fn wall(material: &Material) -> Scene {
     let mut scene = Scene::default();
     let square = quad(DVec3::new(-4.0, -4.0, -1.0), DVec3::X * 8.0, DVec3::Y * 8.0);
@@ -177,7 +177,7 @@ fn glass_of_infinite_index_is_a_mirror_from_both_sides() {
                     "{degrees} degrees: {sample:?}"
                 );
                 assert_eq!(sample.wi, [-wo[0], -wo[1], wo[2]]);
-                // The share that passes is 2 / (n cos) = 2e-7 at 85 degrees with the packed n of 1e8: 6000 draws see none.
+                // The share that passes is 2 / (n cos) = 2e-7 at 85 degrees with the packed n of 1e8: rarely drawn.
                 assert!(sample.value.iter().all(|w| (w - 1.0).abs() < 1e-6));
             }
         }
