@@ -79,6 +79,8 @@ pub fn render(
 
 /// Renders both boxes and writes `plain.exr`, `clay.exr` and, side by side for looking at, `plain_and_clay.png`.
 pub fn compare(out: &Path, adapter: Option<&str>, side: u32, samples: u32) -> Result<()> {
+    // First: rendering takes longer than being told that there is no place for it.
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let settings = Settings {
         method: Method::Path,
         spp: samples,
@@ -94,7 +96,6 @@ pub fn compare(out: &Path, adapter: Option<&str>, side: u32, samples: u32) -> Re
         images.push(render(context, &library, &scene, &settings, side)?);
     }
     let (plain, clay) = (&images[0], &images[1]);
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     write_exr(&out.join("plain.exr"), plain)?;
     write_exr(&out.join("clay.exr"), clay)?;
     let both = Image::side_by_side(plain, clay)?;
@@ -107,7 +108,7 @@ fn main() -> ExitCode {
     let out = std::env::args_os()
         .nth(1)
         .map_or_else(|| PathBuf::from("out/user_bsdf"), PathBuf::from);
-    match compare(&out, None, 256, 64) {
+    match compare(&out, None, 160, 32) {
         Ok(()) => {
             println!(
                 "plain_and_clay.png, plain.exr and clay.exr are in {}",
