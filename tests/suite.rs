@@ -25,12 +25,14 @@ mod suite {
     pub mod bvh_gpu;
     pub mod bvh_probe;
     pub mod caustics;
+    pub mod checks;
     pub mod chi_square;
     pub mod commands;
     pub mod convergence;
     pub mod cornell;
     pub mod determinism;
     pub mod hard_cases;
+    pub mod hard_extremes;
     pub mod hard_scales;
     pub mod hard_support;
     pub mod images_files;
@@ -43,6 +45,7 @@ mod suite {
     pub mod options_flags;
     pub mod options_settings;
     pub mod photon_map;
+    pub mod progressive;
     pub mod reference;
     pub mod scene_builtin;
     pub mod scene_faults;
