@@ -1,4 +1,5 @@
-//! Progressive photon mapping against paths, in a diffuse box and under a glass ball: its error keeps falling with the number of passes.
+//! Progressive photon mapping against paths, in a diffuse box and under a glass ball: its error keeps falling with the
+//! number of passes.
 
 use stereolux::options::{Method, Reuse, Sampler, Settings};
 use stereolux::renderer::Eye;
