@@ -9,7 +9,13 @@
 )]
 
 mod suite {
+    /// The example's code, called as a user would.
+    #[allow(dead_code)]
+    #[path = "../../examples/user_bsdf/main.rs"]
+    pub mod user_bsdf_example;
+
     pub mod bsdf_furnace;
+    pub mod bsdf_layer;
     pub mod bsdf_probe;
     pub mod bsdf_sampling;
     pub mod bsdf_specialised;
@@ -19,6 +25,7 @@ mod suite {
     pub mod bvh_gpu;
     pub mod bvh_probe;
     pub mod caustics;
+    pub mod checks;
     pub mod chi_square;
     pub mod closed_sphere;
     pub mod commands;
@@ -27,6 +34,7 @@ mod suite {
     pub mod determinism;
     pub mod forced_features;
     pub mod hard_cases;
+    pub mod hard_extremes;
     pub mod hard_scales;
     pub mod hard_support;
     pub mod images_files;
@@ -44,6 +52,7 @@ mod suite {
     pub mod options_flags;
     pub mod options_settings;
     pub mod photon_map;
+    pub mod progressive;
     pub mod reference;
     pub mod scene_builtin;
     pub mod scene_faults;

@@ -73,6 +73,11 @@ impl ShaderLibrary {
         self.sources.keys().map(String::as_str)
     }
 
+    fn is_as_embedded(&self, name: &str) -> bool {
+        let embedded = EMBEDDED.iter().find(|(module, _)| *module == name);
+        embedded.is_some_and(|(_, source)| self.sources.get(name).is_some_and(|s| s == source))
+    }
+
     /// Specialises module `name` and parses the result.
     ///
     /// # Errors
@@ -86,6 +91,15 @@ impl ShaderLibrary {
             shader: name.to_owned(),
             reason: one_line(&reason),
         };
+        let wants_user_bsdf = features.get("user_bsdf").copied().unwrap_or(false);
+        if wants_user_bsdf && self.is_as_embedded("shared/bsdf_user") {
+            // Without this its surfaces would silently be black.
+            return Err(fail(
+                "a material asks for a user's BSDF (Material::user_bsdf) and the shader library has none: add it with \
+                 install_user_bsdfs"
+                    .to_owned(),
+            ));
+        }
         let mut resolver = VirtualResolver::new();
         for (module, source) in &self.sources {
             resolver.add_module(module_path(module), Cow::Borrowed(source.as_ref()));

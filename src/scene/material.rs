@@ -126,11 +126,21 @@ impl Material {
 
     /// Whether the material scatters as an ideal Lambert surface and nothing else.
     /// A textured factor of 0 stays 0, because textures only multiply.
+    ///
+    /// Of a non-metal's factors the specular strength alone switches the layer off: an index of 1 and a black specular
+    /// colour leave F0 = 0 but F90 = strength, and the layer reflects at grazing angles (KHR_materials_specular,
+    /// "Implementation": `dielectric_f90 = specular`).
     pub fn is_lambert(&self) -> bool {
         self.user_bsdf == 0
             && self.metallic == 0.0
             && self.transmission == 0.0
-            && (self.specular == 0.0 || self.ior == 1.0 || self.specular_color == [0.0; 3])
+            && self.specular == 0.0
+    }
+
+    /// Whether the layer over the base can be a full mirror: KHR_materials_ior's special value 0, for materials that
+    /// come from the specular-glossiness model, where the specular colour is F0 itself.
+    pub fn has_metal_like_layer(&self) -> bool {
+        self.ior == 0.0 && self.specular > 0.0 && self.has_base_layer()
     }
 
     /// Whether any part of the light passes through the surface as through glass.

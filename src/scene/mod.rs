@@ -221,6 +221,23 @@ impl Scene {
         builtin::load(name)
     }
 
+    /// Gives all triangles of the meshes named `mesh` a material of their own, wherever they are placed. Returns how many
+    /// triangles that were; for 0 no such mesh exists and the scene is as it was.
+    pub fn paint(&mut self, mesh: &str, material: Material) -> usize {
+        let added = self.materials.len() as u32;
+        let mut painted = 0;
+        for mesh in self.meshes.iter_mut().filter(|found| found.name == mesh) {
+            painted += mesh.triangles.len();
+            for triangle in &mut mesh.triangles {
+                triangle.material = added;
+            }
+        }
+        if painted > 0 {
+            self.materials.push(material);
+        }
+        painted
+    }
+
     /// World placement of every node that the scene reaches, depth first: `(node, world_from_node)`.
     pub fn placed_nodes(&self) -> Vec<(usize, DAffine3)> {
         let mut placed = Vec::with_capacity(self.nodes.len());

@@ -92,7 +92,7 @@ pub struct Needs {
     pub environment: bool,
     /// A focusing surface, a diffuse one and a light.
     pub caustics: bool,
-    /// Any surface that is not ideal Lambert.
+    /// Any surface of the glTF model that is not ideal Lambert.
     pub glossy: bool,
     /// Any surface that lets light through as glass does.
     pub dielectric: bool,
@@ -209,7 +209,8 @@ impl Needs {
             .sum();
 
         let is_lit = needs.lights != LightCounts::default() || needs.environment;
-        let has_diffuse = in_use().any(Material::has_base_layer);
+        let has_diffuse =
+            in_use().any(|material| material.user_bsdf != 0 || material.has_base_layer());
         needs.caustics = is_lit && has_diffuse && in_use().any(focuses);
         needs.left_out = scene.source.left_out.clone();
         needs.note_unneeded();
@@ -237,7 +238,8 @@ impl Needs {
                 kind("dielectric");
             }
         }
-        self.glossy |= !material.is_lambert();
+        // A user's model brings code of its own and needs none of the layer's.
+        self.glossy |= !material.is_lambert() && material.user_bsdf == 0;
         self.dielectric |= material.is_dielectric() && material.user_bsdf == 0;
         if !material.is_lambert() {
             self.not_lambert.push(material.name.clone());
@@ -252,12 +254,14 @@ impl Needs {
 
     /// Features that the renderer has and this scene does without.
     fn note_unneeded(&mut self) {
+        let has_user = self.bsdfs.contains(&"user");
         let absent: Vec<(&str, &str)> = self
             .shader_features()
             .into_iter()
             .filter(|(_, needed)| !needed)
             .map(|(feature, _)| {
                 let why = match feature {
+                    "glossy" if has_user => "every surface is ideal Lambert or a user's",
                     "glossy" => "every surface is ideal Lambert",
                     "dielectric" => "no surface lets light through",
                     "textures" => "no material has a texture",
@@ -303,14 +307,15 @@ impl Needs {
     }
 }
 
-/// Whether the surface gathers light into a caustic: smooth metal, or glass.
+/// Whether the surface gathers light into a caustic: smooth metal or what reflects like it, or glass.
 fn focuses(material: &Material) -> bool {
     if material.user_bsdf != 0 {
         return false;
     }
     let is_smooth =
         material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
-    material.is_dielectric() || (material.metallic > 0.0 && is_smooth)
+    let is_metal_like = material.metallic > 0.0 || material.has_metal_like_layer();
+    material.is_dielectric() || (is_metal_like && is_smooth)
 }
 
 /// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.

@@ -251,7 +251,7 @@ impl Dice {
 /// Its first steps (the half vector, dot products) act like inputs that are off by a few u: 6 u per coordinate covers
 /// unit length, the sum, its normalisation and the dot products. How much that changes the value is asked of the twin,
 /// coordinate by coordinate. Some 40 later operations add u each.
-fn tolerance(value: &dyn Fn(DVec3, DVec3) -> f64, wo: DVec3, wi: DVec3) -> f64 {
+pub fn tolerance(value: &dyn Fn(DVec3, DVec3) -> f64, wo: DVec3, wi: DVec3) -> f64 {
     let u = 0.5f64.powi(24);
     let here = value(wo, wi);
     let mut change = 0.0;
