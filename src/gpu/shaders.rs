@@ -73,6 +73,13 @@ impl ShaderLibrary {
         self.sources.keys().map(String::as_str)
     }
 
+    /// Names and texts of all modules, sorted by name.
+    pub fn sources(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.sources
+            .iter()
+            .map(|(name, source)| (name.as_str(), source.as_ref()))
+    }
+
     /// Specialises module `name` and parses the result.
     ///
     /// # Errors
