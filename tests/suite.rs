@@ -9,6 +9,7 @@
 )]
 
 mod suite {
+    pub mod bench;
     pub mod bsdf_furnace;
     pub mod bsdf_probe;
     pub mod bsdf_sampling;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use glam::{DQuat, DVec3};
 use serde_json::Value;
 
 use super::fingerprint::{BENCH_CODE, Fingerprint};
@@ -48,7 +49,9 @@ pub struct Candidate {
 pub enum ViewPlan {
     /// The scene's starting pose, in every round.
     Start,
-    /// The same, moved by a micrometre per round, so that the host updates the scene as for a moving head.
+    /// This far ahead of it, metres, along its heading.
+    Ahead(f64),
+    /// The starting pose, moved by a micrometre per round, so that the host updates the scene as for a moving head.
     Jitter,
     /// One frame per round of a recorded sway that begins there.
     Trace,
@@ -205,6 +208,12 @@ impl<'a> Lab<'a> {
         let total = plan.warm_up + plan.rounds;
         Ok(match plan.views {
             ViewPlan::Start => vec![still(); total as usize],
+            ViewPlan::Ahead(metres) => {
+                let heading = DQuat::from_rotation_y(start.heading_rad());
+                let moved = start.position + heading * DVec3::NEG_Z * metres;
+                let head = Pose::new(moved, start.orientation);
+                vec![plan.headset.views_from_head(&head); total as usize]
+            }
             ViewPlan::Jitter => (0..total)
                 .map(|round| {
                     still().map(|mut view| {
@@ -486,5 +495,127 @@ fn load(scene: &Scene, renderer: &Renderer, tally: &Tally) -> Load {
         photons_stored: sum(|map| map.stored),
         photons_dropped: sum(|map| map.dropped),
         radius_m: renderer.photon_map().map(|_| renderer.radius_m()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::Reuse;
+
+    struct Silent;
+
+    impl BenchProgress for Silent {
+        fn planned(&mut self, _: &[GroupPlan]) {}
+        fn began(&mut self, _: &GroupPlan) {}
+        fn round(&mut self, _: &GroupPlan, _: Round) {}
+        fn reference(&mut self, _: &GroupPlan, _: u32, _: u32) {}
+        fn finished(&mut self, _: &GroupPlan) {}
+        fn skipped(&mut self, _: &GroupPlan) {}
+    }
+
+    fn plan() -> GroupPlan {
+        let candidate = |reuse| Candidate {
+            variant: format!("{reuse:?}"),
+            settings: Settings {
+                reuse,
+                ..Settings::default()
+            },
+            factors: BTreeMap::new(),
+        };
+        GroupPlan {
+            suite: "stereo",
+            name: "group".to_owned(),
+            scene: SceneSource::Named("builtin:plane".to_owned()),
+            headset: Headset::load("symmetric").unwrap(),
+            headset_label: "symmetric".to_owned(),
+            views: ViewPlan::Start,
+            size: [8, 8],
+            eyes: Eyes::Both,
+            filter: Some(PixelFilter::Center),
+            candidates: vec![candidate(Reuse::Off), candidate(Reuse::Scatter)],
+            rounds: 3,
+            warm_up: 1,
+        }
+    }
+
+    /// Works `with` a lab in an empty folder.
+    fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) -> T {
+        let out = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&out).unwrap();
+        let machine = Machine {
+            adapter: "a".to_owned(),
+            kind: "software".to_owned(),
+            backend: "b".to_owned(),
+            driver: "d".to_owned(),
+            software_adapter: true,
+        };
+        let settings = Settings::default();
+        let library = ShaderLibrary::embedded();
+        let mut silent = Silent;
+        let mut lab = Lab::new(
+            &out,
+            &settings,
+            machine.clone(),
+            library.clone(),
+            Journal::open(&out.join("journal.jsonl")).unwrap(),
+            References::open(&out, max_samples, library, machine),
+            &mut silent,
+        );
+        let result = with(&mut lab);
+        std::fs::remove_dir_all(&out).unwrap();
+        result
+    }
+
+    #[test]
+    fn keys_change_with_everything_that_is_measured() {
+        let keys = |plan: &GroupPlan| lab("keys", 64, |lab| lab.keys(plan).unwrap());
+        let known = keys(&plan());
+        assert_eq!(known, keys(&plan()));
+        assert_ne!(known[0], known[1]);
+        type Change = fn(&mut GroupPlan);
+        let changes: [Change; 8] = [
+            |plan| plan.rounds += 1,
+            |plan| plan.size = [8, 9],
+            |plan| plan.views = ViewPlan::Ahead(0.1),
+            |plan| plan.scene = SceneSource::Named("builtin:sphere".to_owned()),
+            |plan| plan.headset = plan.headset.clone().with_ipd(0.05).unwrap(),
+            |plan| plan.filter = Some(PixelFilter::Box),
+            // Another variant in the group changes all of its keys: they are measured against each other.
+            |plan| plan.candidates[1].settings.photon.count = 7,
+            |plan| plan.candidates[1].settings.seed = 1,
+        ];
+        for (index, change) in changes.into_iter().enumerate() {
+            let mut other = plan();
+            change(&mut other);
+            assert!(
+                keys(&other).iter().all(|key| !known.contains(key)),
+                "{index}"
+            );
+        }
+        let cap = lab("keys-cap", 128, |lab| lab.keys(&plan()).unwrap());
+        assert_ne!(cap, known);
+    }
+
+    #[test]
+    fn heads_move_as_planned() {
+        let scene = Scene::builtin("plane").unwrap();
+        let views = |views: ViewPlan| {
+            let plan = GroupPlan { views, ..plan() };
+            lab("views", 64, |lab| lab.views(&plan, &scene).unwrap())
+        };
+        let still = views(ViewPlan::Start);
+        assert_eq!(still.len(), 4);
+        assert!(still.iter().all(|view| *view == still[0]));
+        let ahead = views(ViewPlan::Ahead(0.25));
+        let moved = ahead[0][0].position_in_world - still[0][0].position_in_world;
+        assert!((moved - DVec3::new(0.0, 0.0, -0.25)).length() < 1e-12);
+        let jitter = views(ViewPlan::Jitter);
+        assert!(jitter[1][0].position_in_world != jitter[0][0].position_in_world);
+        let trace = views(ViewPlan::Trace);
+        // Warm-up looks from the last frame, where errors are taken; the first recorded frame is the starting pose.
+        assert_eq!((trace.len(), trace[0]), (4, trace[3]));
+        let start = trace[1][0].position_in_world - still[0][0].position_in_world;
+        assert!(start.length() < 1e-9 && trace[2] != trace[1]);
     }
 }

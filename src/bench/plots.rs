@@ -12,8 +12,12 @@ use plotters::style::register_font;
 use super::BenchError;
 use crate::images::{Image, write_atomically, write_png};
 
-/// Width and height in pixels.
-const SIZE: [u32; 2] = [960, 640];
+/// Width and height of a plot in pixels, its legend apart.
+const SIZE: [u32; 2] = [960, 620];
+/// Height of a line of the legend, pixels.
+const LEGEND_LINE: u32 = 22;
+/// Height of the heading, pixels.
+const HEADING: u32 = 40;
 /// Name under which the font is registered; SVG viewers substitute their own sans-serif.
 const FONT: &str = "sans-serif";
 
@@ -178,7 +182,7 @@ pub fn tick_text(value: f64) -> String {
             "M" => 1e6,
             _ => 1e3,
         };
-        return format!("{}{unit}", plain(value / scale));
+        return format!("{}{unit}", plain((value / scale * 100.0).round() / 100.0));
     }
     if size == 0.0 {
         "0".to_owned()
@@ -213,24 +217,29 @@ pub fn draw(chart: &Chart, stem: &Path) -> Result<[PathBuf; 2], BenchError> {
     if !has_font() {
         return Err(fail(&svg_path, "the embedded font is unusable".to_owned()));
     }
+    let legend = chart
+        .series
+        .iter()
+        .filter(|series| !series.label.is_empty());
+    let size = (SIZE[0], SIZE[1] + LEGEND_LINE * legend.count() as u32);
     let mut svg = String::new();
     render(
         chart,
-        SVGBackend::with_string(&mut svg, SIZE.into()).into_drawing_area(),
+        SVGBackend::with_string(&mut svg, size).into_drawing_area(),
     )
     .map_err(|reason| fail(&svg_path, reason))?;
     write_atomically(&svg_path, |out| {
         std::io::Write::write_all(out, svg.as_bytes())
     })?;
 
-    let mut bytes = vec![0; SIZE[0] as usize * SIZE[1] as usize * 3];
+    let mut bytes = vec![0; size.0 as usize * size.1 as usize * 3];
     render(
         chart,
-        BitMapBackend::with_buffer(&mut bytes, SIZE.into()).into_drawing_area(),
+        BitMapBackend::with_buffer(&mut bytes, size).into_drawing_area(),
     )
     .map_err(|reason| fail(&png_path, reason))?;
     let pixels = bytes.as_chunks::<3>().0.to_vec();
-    write_png(&png_path, &Image::new(SIZE[0], SIZE[1], pixels)?)?;
+    write_png(&png_path, &Image::new(size.0, size.1, pixels)?)?;
     Ok([svg_path, png_path])
 }
 
@@ -256,8 +265,33 @@ fn draw_on<DB: DrawingBackend>(
             && (!chart.x_log || point.0 > 0.0)
             && (!chart.y_log || point.1 > 0.0)
     };
-    let mut context = ChartBuilder::on(area)
-        .caption(&chart.title, (FONT, 20))
+    // The legend stands above the picture, where it hides nothing.
+    let labels: Vec<&Series> = chart
+        .series
+        .iter()
+        .filter(|series| !series.label.is_empty())
+        .collect();
+    let (head, body) = area.split_vertically(HEADING + LEGEND_LINE * labels.len() as u32);
+    head.draw(&Text::new(chart.title.as_str(), (20, 12), (FONT, 20)))?;
+    for (line, series) in labels.into_iter().enumerate() {
+        let y = (HEADING + LEGEND_LINE * line as u32 + LEGEND_LINE / 2) as i32;
+        let color = PALETTE[series.color % PALETTE.len()];
+        if matches!(series.mark, Mark::Line | Mark::LinePoints) {
+            head.draw(&PathElement::new(
+                [(84, y), (112, y)],
+                color.stroke_width(2),
+            ))?;
+        }
+        match series.mark {
+            Mark::Line => {}
+            Mark::Rings => head.draw(&Circle::new((98, y), 7, color.stroke_width(2)))?,
+            Mark::Points | Mark::LinePoints => {
+                head.draw(&Circle::new((98, y), 4, color.filled()))?;
+            }
+        }
+        head.draw(&Text::new(series.label.as_str(), (124, y - 7), (FONT, 15)))?;
+    }
+    let mut context = ChartBuilder::on(&body)
         .margin(14)
         .x_label_area_size(48)
         .y_label_area_size(72)
@@ -276,17 +310,11 @@ fn draw_on<DB: DrawingBackend>(
         let points: Vec<(f64, f64)> = series.points.iter().copied().filter(holds).collect();
         let line = matches!(series.mark, Mark::Line | Mark::LinePoints);
         let filled = matches!(series.mark, Mark::Points | Mark::LinePoints);
-        let mut label = Some(&series.label).filter(|label| !label.is_empty());
         if line {
-            let drawn = context.draw_series(LineSeries::new(
+            context.draw_series(LineSeries::new(
                 points.iter().copied(),
                 color.stroke_width(2),
             ))?;
-            if let Some(label) = label.take() {
-                drawn.label(label).legend(move |(x, y)| {
-                    PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2))
-                });
-            }
         }
         if filled || series.mark == Mark::Rings {
             let (radius, style) = if filled {
@@ -294,26 +322,12 @@ fn draw_on<DB: DrawingBackend>(
             } else {
                 (8, color.stroke_width(2))
             };
-            let drawn = context.draw_series(
+            context.draw_series(
                 points
                     .iter()
                     .map(|&point| Circle::new(point, radius, style)),
             )?;
-            if let Some(label) = label.take() {
-                drawn
-                    .label(label)
-                    .legend(move |(x, y)| Circle::new((x + 9, y), radius.min(6), style));
-            }
         }
-    }
-    if chart.series.iter().any(|series| !series.label.is_empty()) {
-        context
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(BLACK.mix(0.3))
-            .label_font((FONT, 14))
-            .draw()?;
     }
     Ok(())
 }
@@ -365,6 +379,7 @@ mod tests {
             (0.5, "0.5"),
             (1000.0, "1000"),
             (20_000.0, "20k"),
+            (16_384.0, "16.38k"),
             (2e6, "2M"),
             (0.0001, "1e-4"),
             (12.0, "12"),
@@ -402,7 +417,10 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         let picture = crate::images::read_image(&png).unwrap();
-        assert_eq!([picture.width, picture.height], SIZE);
+        assert_eq!(
+            [picture.width, picture.height],
+            [SIZE[0], SIZE[1] + LEGEND_LINE]
+        );
         // White paper, and letters on it: the title's rows hold dark pixels.
         let dark = |pixel: &[f32; 3]| pixel.iter().all(|channel| *channel < 0.2);
         let title = &picture.pixels[..(40 * SIZE[0]) as usize];

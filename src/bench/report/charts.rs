@@ -258,12 +258,7 @@ fn growth(analysis: &Analysis, machine: &Machine, all: &mut Vec<(String, Chart)>
         let lines = analysis.growth.iter().filter(|growth| {
             growth.series == kind
                 && growth.scene == scene
-                && matches!(
-                    growth.cost.as_str(),
-                    "left" | "photons" | "host_update"
-                )
-                // The host's work is the same whatever the device does.
-                && (growth.cost != "host_update" || growth.variant == "photon")
+                && matches!(growth.cost.as_str(), "left" | "photons" | "host_update")
         });
         for (color, growth) in lines.enumerate() {
             let cost = match growth.cost.as_str() {

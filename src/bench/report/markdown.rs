@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::super::fingerprint::BENCH_CODE;
-use super::super::plots::tick_text;
 use super::super::records::{Machine, REASONS, RegionErrors, Row};
 use super::super::reference::BOX_SAMPLES;
 use super::super::statistics::{Estimate, Spread};
@@ -483,7 +482,7 @@ fn scaling(text: &mut String, rows: &[Row], analysis: &Analysis) {
         };
         let end = |point: Option<&(f64, f64)>| {
             point.map_or("-".to_owned(), |(x, y)| {
-                format!("{}: {} {}", tick_text(*x), digits(*y), growth.unit)
+                format!("{x}: {} {}", digits(*y), growth.unit)
             })
         };
         table.row(&[

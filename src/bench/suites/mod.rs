@@ -151,6 +151,28 @@ fn headset(base: &SuiteBase) -> Result<Headset, BenchError> {
     Ok(Headset::load(&base.settings.headset)?)
 }
 
+/// The settings' headset with the opening of the scene's camera, where it has one, so that the scene fills the picture
+/// instead of a corner of a headset's wide view; and what that is in words.
+fn framing_headset(base: &SuiteBase, scene: &Scene) -> Result<(Headset, String), BenchError> {
+    let own = headset(base)?;
+    let camera = scene.cameras.first().and_then(|camera| camera.yfov_rad);
+    let Some(yfov_rad) = camera else {
+        let label = format!("{}, its own view", own.name);
+        return Ok((own, label));
+    };
+    let up = 0.5 * f64::from(yfov_rad);
+    let aspect = f64::from(base.size[0]) / f64::from(base.size[1]);
+    let right = (up.tan() * aspect).atan();
+    let [up, right] = [up, right].map(|angle| angle.to_degrees().min(89.0));
+    let label = format!(
+        "{}, parallel eyes, {:.1} x {:.1} degrees",
+        own.name,
+        2.0 * right,
+        2.0 * up
+    );
+    Ok((own.with_fov(-right, right, up, -up)?, label))
+}
+
 fn candidate(
     variant: impl Into<String>,
     settings: Settings,

@@ -7,7 +7,9 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, candidate, headset, scene_of, settings_for, three_digits, word};
+use super::{
+    Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for, three_digits, word,
+};
 use crate::options::{DirectLight, Eyes, Kernel, Method, Reuse, Settings};
 use crate::renderer::automatic_radius_m;
 
@@ -63,7 +65,6 @@ fn photon(settings: Settings, radius_m: f64) -> Candidate {
 }
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
-    let headset = headset(base)?;
     let axes = match base.extent {
         Extent::Full => FULL,
         Extent::Smoke => SMOKE,
@@ -71,6 +72,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let mut plans = Vec::new();
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
+        let (headset, headset_label) = framing_headset(base, &loaded)?;
         let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);
         let settings = Settings {
             reuse: Reuse::Off,
@@ -122,7 +124,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 name: format!("{scene}, group {}", index + 1),
                 scene: SceneSource::Named(scene.clone()),
                 headset: headset.clone(),
-                headset_label: headset.name.clone(),
+                headset_label: headset_label.clone(),
                 views: ViewPlan::Start,
                 size: base.size,
                 eyes: Eyes::Left,

@@ -6,7 +6,7 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
-use super::{Extent, SuiteBase, candidate, headset, settings_for};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
 use crate::options::{Eyes, Method, Reuse, Settings};
 use crate::xr::Headset;
 
@@ -41,7 +41,6 @@ const SMOKE_PHOTONS: u32 = 1 << 12;
 const LARGEST_HEADSET: &str = "quest3";
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
-    let headset = headset(base)?;
     let (axes, photons) = match base.extent {
         Extent::Full => (FULL, PHOTONS),
         Extent::Smoke => (SMOKE, SMOKE_PHOTONS),
@@ -55,12 +54,15 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         settings.photon.count = count;
         settings
     };
-    let group = |name: String, scene: SceneSource, candidates: Vec<Candidate>| GroupPlan {
+    let group = |name: String,
+                 scene: SceneSource,
+                 view: &(Headset, String),
+                 candidates: Vec<Candidate>| GroupPlan {
         suite: "scaling",
         name,
         scene,
-        headset: headset.clone(),
-        headset_label: headset.name.clone(),
+        headset: view.0.clone(),
+        headset_label: view.1.clone(),
         views: ViewPlan::Start,
         size: base.size,
         eyes: Eyes::Left,
@@ -79,13 +81,14 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             .collect()
     };
     let mut plans = Vec::new();
+    let room = framing_headset(base, &Generated::default().scene())?;
     let mut generated = |series: &'static str, values: &[u32], made: &dyn Fn(u32) -> Generated| {
         for &value in values {
             let scene = SceneSource::Generated(made(value));
             let candidates = both_methods(series, f64::from(value), &scene.name());
             plans.push(GroupPlan {
                 views: ViewPlan::Jitter,
-                ..group(format!("{series} {value}"), scene, candidates)
+                ..group(format!("{series} {value}"), scene, &room, candidates)
             });
         }
     };
@@ -104,6 +107,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     });
     for scene in &base.scenes {
         let source = SceneSource::Named(scene.clone());
+        let view = framing_headset(base, &scene_of(scene, base)?)?;
         let candidates = axes
             .photons
             .iter()
@@ -115,7 +119,12 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             .collect();
         plans.push(GroupPlan {
             filter: Some(PixelFilter::Center),
-            ..group(format!("photons, {scene}"), source.clone(), candidates)
+            ..group(
+                format!("photons, {scene}"),
+                source.clone(),
+                &view,
+                candidates,
+            )
         });
         let mut sizes: Vec<[u32; 2]> = axes.sides.iter().map(|&side| [side, side]).collect();
         if base.extent == Extent::Full {
@@ -130,7 +139,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
             plans.push(GroupPlan {
                 size,
-                ..group(name, source.clone(), candidates)
+                ..group(name, source.clone(), &view, candidates)
             });
         }
     }

@@ -8,13 +8,16 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, candidate, headset, settings_for, word};
+use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for, word};
 use crate::options::{Eyes, Reuse, Settings};
 use crate::xr::Headset;
 
 /// Distances between the eyes, millimetres: none, and the 5th, 50th and 95th percentile of adults, about (Dodgson 2004,
 /// "Variation and extrema of human interpupillary distance").
 const IPDS_MM: [f64; 4] = [0.0, 55.0, 63.0, 75.0];
+
+/// How far ahead of the scene's starting pose the head stands in the groups that vary the distance, metres.
+const AHEAD_M: [f64; 2] = [-0.3, 0.3];
 
 /// Reuse modes, each eye by itself first.
 pub(super) fn modes() -> Vec<Reuse> {
@@ -48,75 +51,72 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let own = headset(base)?;
     let mut plans = Vec::new();
     for scene in &base.scenes {
-        let group = |name: String, headset: Headset, label: String, views: ViewPlan| GroupPlan {
-            suite: "stereo",
-            name: format!("{scene}, {name}"),
-            scene: SceneSource::Named(scene.clone()),
-            candidates: candidates(
-                &Settings {
-                    headset: headset.name.clone(),
-                    ..settings_for(base, scene)
+        let (framing, framing_label) = framing_headset(base, &scene_of(scene, base)?)?;
+        let group = |name: String, headset: Headset, label: &str, views: ViewPlan| {
+            let motion = match views {
+                ViewPlan::Start | ViewPlan::Jitter => "still".to_owned(),
+                ViewPlan::Ahead(metres) => format!("still, {metres} m ahead"),
+                ViewPlan::Trace => "sway".to_owned(),
+            };
+            GroupPlan {
+                suite: "stereo",
+                name: format!("{scene}, {name}"),
+                scene: SceneSource::Named(scene.clone()),
+                candidates: candidates(
+                    &settings_for(base, scene),
+                    &[
+                        ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
+                        ("headset", json!(label)),
+                        ("motion", json!(motion)),
+                    ],
+                ),
+                headset,
+                headset_label: label.to_owned(),
+                rounds: if views == ViewPlan::Trace {
+                    base.frames
+                } else {
+                    base.rounds
                 },
-                &[
-                    ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
-                    ("headset", json!(label)),
-                    (
-                        "motion",
-                        json!(if views == ViewPlan::Trace {
-                            "sway"
-                        } else {
-                            "still"
-                        }),
-                    ),
-                ],
-            ),
-            headset,
-            headset_label: label,
-            rounds: if views == ViewPlan::Trace {
-                base.frames
-            } else {
-                base.rounds
-            },
-            views,
-            size: base.size,
-            eyes: Eyes::Both,
-            // A frame of one sample looks through the pixels' centres, and so does what it is judged by.
-            filter: Some(PixelFilter::Center),
-            warm_up: base.warm_up,
+                views,
+                size: base.size,
+                eyes: Eyes::Both,
+                // A frame of one sample looks through the pixels' centres, and so does what it is judged by.
+                filter: Some(PixelFilter::Center),
+                warm_up: base.warm_up,
+            }
         };
         let ipds: &[f64] = match base.extent {
             Extent::Full => &IPDS_MM,
             Extent::Smoke => &[0.0, 63.0],
         };
         for &ipd_mm in ipds {
-            let headset = own.clone().with_ipd(ipd_mm * 1e-3)?;
-            let label = format!("{}, parallel eyes", own.name);
-            plans.push(group(
-                format!("ipd {ipd_mm} mm"),
-                headset,
-                label,
-                ViewPlan::Start,
-            ));
+            let headset = framing.clone().with_ipd(ipd_mm * 1e-3)?;
+            let name = format!("ipd {ipd_mm} mm");
+            plans.push(group(name, headset, &framing_label, ViewPlan::Start));
         }
         if base.extent == Extent::Full {
+            for metres in AHEAD_M {
+                let name = format!("{metres} m ahead");
+                let views = ViewPlan::Ahead(metres);
+                plans.push(group(name, framing.clone(), &framing_label, views));
+            }
             for name in Headset::names() {
+                let label = format!("{name}, its own view");
                 let headset = Headset::load(name)?;
-                let label = format!("{name}, as its profile has it");
                 plans.push(group(
                     format!("headset {name}"),
                     headset,
-                    label,
+                    &label,
                     ViewPlan::Start,
                 ));
             }
         }
-        let label = format!("{}, as its profile has it", own.name);
-        plans.push(group(
-            "trace".to_owned(),
-            own.clone(),
-            label,
-            ViewPlan::Trace,
-        ));
+        let label = format!("{}, its own view", own.name);
+        let (headset, label) = match base.extent {
+            Extent::Full => (own.clone(), label),
+            Extent::Smoke => (framing, framing_label),
+        };
+        plans.push(group("trace".to_owned(), headset, &label, ViewPlan::Trace));
     }
     Ok(plans)
 }

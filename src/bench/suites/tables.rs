@@ -7,7 +7,7 @@ use super::super::BenchError;
 use super::super::measure::{GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, headset, scene_of, settings_for, stereo, three_digits};
+use super::{Extent, SuiteBase, framing_headset, scene_of, settings_for, stereo, three_digits};
 use crate::options::Eyes;
 
 /// Photons of the report: squares of 128, 256 and 512.
@@ -29,10 +29,10 @@ pub const NOT_MEASURED: [(u32, &str); 4] = [
 ];
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
-    let headset = headset(base)?;
     let mut plans = Vec::new();
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
+        let (headset, headset_label) = framing_headset(base, &loaded)?;
         let width_m = loaded
             .bounds_in_world()
             .map_or(BOX_WIDTH_IN_TABLE_UNITS, |bounds| bounds.size().x);
@@ -51,7 +51,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                     name: format!("{scene}, {count} photons, radius {radius}"),
                     scene: SceneSource::Named(scene.clone()),
                     headset: headset.clone(),
-                    headset_label: headset.name.clone(),
+                    headset_label: headset_label.clone(),
                     views: ViewPlan::Start,
                     size: base.size,
                     eyes: Eyes::Both,
