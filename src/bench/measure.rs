@@ -174,10 +174,11 @@ impl<'a> Lab<'a> {
             .with_value(&self.machine)
             .with_text(&scene)
             .with_text(&format!(
-                "{} {} {:?} {:?} {:?} {:?} {:?} {} {}",
+                "{} {} {:?} {} {:?} {:?} {:?} {:?} {} {}",
                 plan.suite,
                 plan.name,
                 plan.headset,
+                plan.headset_label,
                 plan.views,
                 plan.size,
                 plan.eyes,
@@ -192,7 +193,8 @@ impl<'a> Lab<'a> {
         for candidate in &plan.candidates {
             group = group
                 .with_text(&candidate.variant)
-                .with_value(&candidate.settings);
+                .with_value(&candidate.settings)
+                .with_value(&candidate.factors);
         }
         Ok(plan
             .candidates

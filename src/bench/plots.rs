@@ -116,18 +116,8 @@ impl Axis {
 
     fn ticks(&self, most: usize) -> Vec<f64> {
         let Range { start, end } = self.range;
-        let inside = |value: &f64| (start..=end).contains(value);
         if !self.log {
-            let rough = (end - start) / most.max(2) as f64;
-            let decade = 10.0_f64.powf(rough.log10().floor());
-            let step = [1.0, 2.0, 5.0, 10.0]
-                .map(|factor| factor * decade)
-                .into_iter()
-                .find(|step| *step >= rough)
-                .unwrap_or(rough);
-            let first = (start / step).ceil() as i64;
-            let last = (end / step).floor() as i64;
-            return (first..=last).map(|index| index as f64 * step).collect();
+            return even_ticks(&self.range, most);
         }
         let decades = start.log10().floor() as i32..=end.log10().ceil() as i32;
         let with = |factors: &[f64], stride: usize| -> Vec<f64> {
@@ -135,16 +125,37 @@ impl Axis {
                 .clone()
                 .step_by(stride)
                 .flat_map(|decade| factors.iter().map(move |f| f * 10.0_f64.powi(decade)))
-                .filter(inside)
+                .filter(|value| (start..=end).contains(value))
                 .collect()
         };
         // As many as fit: 1 2 5, else 1 3, else decades, else every other one.
-        [(&[1.0, 2.0, 5.0][..], 1), (&[1.0, 3.0], 1), (&[1.0], 1)]
+        let found = [(&[1.0, 2.0, 5.0][..], 1), (&[1.0, 3.0], 1), (&[1.0], 1)]
             .into_iter()
             .map(|(factors, stride)| with(factors, stride))
             .find(|ticks| ticks.len() <= most)
-            .unwrap_or_else(|| with(&[1.0], 2))
+            .unwrap_or_else(|| with(&[1.0], 2));
+        // Within less than a decade there may be none of these.
+        if found.len() < 3 {
+            even_ticks(&self.range, most.min(6))
+        } else {
+            found
+        }
     }
+}
+
+/// Multiples of a round step.
+fn even_ticks(range: &Range<f64>, most: usize) -> Vec<f64> {
+    let Range { start, end } = *range;
+    let rough = (end - start) / most.max(2) as f64;
+    let decade = 10.0_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .map(|factor| factor * decade)
+        .into_iter()
+        .find(|step| *step >= rough)
+        .unwrap_or(rough);
+    let first = (start / step).ceil() as i64;
+    let last = (end / step).floor() as i64;
+    (first..=last).map(|index| index as f64 * step).collect()
 }
 
 impl Ranged for Axis {

@@ -88,7 +88,13 @@ impl SceneSource {
     /// [`BenchError::Scene`].
     pub fn fingerprint(&self, settings: &Settings) -> Result<String, BenchError> {
         Ok(match self {
-            Self::Named(name) => of_scene(&open(name, settings)?).to_string(),
+            Self::Named(name) => {
+                let scene = open(name, settings)?;
+                // Where the head starts is no part of the picture's contents, but of what a plan looks at.
+                of_scene(&scene)
+                    .with_text(&format!("{:?} {:?}", scene.start_pose(), scene.cameras))
+                    .to_string()
+            }
             Self::Generated(made) => Fingerprint::default().with_value(made).to_string(),
         })
     }
@@ -459,8 +465,24 @@ mod tests {
             &|s| s.nodes[2].parent_from_node.translation.x += 1e-9
         ));
         assert!(changed(&|s| s.meshes[0].triangles[5].material = 1));
-        // Names and cameras do not show.
+        // Names do not show, and cameras are part of the view.
         assert!(!changed(&|s| s.name = "other".to_owned()));
         assert!(!changed(&|s| s.cameras.clear()));
+        // A plan looks from the camera of its scene: the same file with another camera is another source.
+        let folder = std::env::temp_dir().join(format!("stereolux-{}-cameras", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let keys = [0.5, 0.6].map(|yfov| {
+            use crate::scene::gltf_writer::{GlbWriter, Payload};
+            let mut glb = GlbWriter::new();
+            let camera = glb.camera("viewpoint", yfov);
+            glb.node("viewpoint", DAffine3::IDENTITY, Payload::Camera(camera));
+            let path = folder.join("scene.glb");
+            std::fs::write(&path, glb.finish("scene").unwrap()).unwrap();
+            SceneSource::Named(path.display().to_string())
+                .fingerprint(&Settings::default())
+                .unwrap()
+        });
+        assert_ne!(keys[0], keys[1]);
+        std::fs::remove_dir_all(folder).unwrap();
     }
 }

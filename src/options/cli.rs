@@ -368,7 +368,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub frames: Option<String>,
     /// Most samples per pixel of a path-traced reference, 16 to 16777216. Errors that need a better one are marked
-    /// [default: 16384; smoke 256]
+    /// [default: 4096; smoke 256]
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub reference_spp: Option<String>,
     /// Directory that keeps path-traced references between runs [default: DIR/references, DIR from --out]

@@ -59,7 +59,7 @@ pub const SIZE: [u32; 2] = [256, 256];
 /// The same in `smoke`.
 const SMOKE_SIZE: [u32; 2] = [48, 48];
 /// Most samples per pixel of a reference without `--reference-spp`.
-pub const REFERENCE_SAMPLES: u32 = 16_384;
+pub const REFERENCE_SAMPLES: u32 = 4096;
 /// The same in `smoke`.
 const SMOKE_REFERENCE_SAMPLES: u32 = 256;
 /// Photons in `smoke`, unless the settings name another number.
