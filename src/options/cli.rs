@@ -358,7 +358,7 @@ pub struct BenchArgs {
     /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
     #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
     pub scene: Vec<String>,
-    /// Pixels per eye, such as 256x256, each 1 to 16384 [default: 256x256; smoke 48x48]
+    /// Pixels per eye, such as 256x256, each 1 to 16384 [default: 256x256; smoke 32x32]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<String>,
     /// Rounds that are measured, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]

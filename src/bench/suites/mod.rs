@@ -57,7 +57,7 @@ const SMOKE_FRAMES: u32 = 4;
 /// Pixels per eye without `--size`.
 pub const SIZE: [u32; 2] = [256, 256];
 /// The same in `smoke`.
-const SMOKE_SIZE: [u32; 2] = [48, 48];
+const SMOKE_SIZE: [u32; 2] = [32, 32];
 /// Most samples per pixel of a reference without `--reference-spp`.
 pub const REFERENCE_SAMPLES: u32 = 4096;
 /// The same in `smoke`.
