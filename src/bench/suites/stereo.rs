@@ -12,8 +12,8 @@ use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, se
 use crate::options::{Eyes, Reuse, Settings};
 use crate::xr::Headset;
 
-/// Distances between the eyes, millimetres: none, and the 5th, 50th and 95th percentile of adults, about (Dodgson 2004,
-/// "Variation and extrema of human interpupillary distance").
+/// Distances between the eyes, millimetres: none, the adult mean of about 63, and one on either side of it; nearly all
+/// adults lie within 50 to 75 (Dodgson 2004, "Variation and extrema of human interpupillary distance").
 const IPDS_MM: [f64; 4] = [0.0, 55.0, 63.0, 75.0];
 
 /// How far ahead of the scene's starting pose the head stands in the groups that vary the distance, metres.
