@@ -1,11 +1,43 @@
-//! Lists every shader under `shaders/` as an embedded source, so that none can be forgotten.
+//! Lists every shader under `shaders/` as an embedded source, so that none can be forgotten, and fingerprints the code
+//! that decides what is rendered and how it is measured, so that no cached figure outlives it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 use std::{env, fs, io};
 
+/// What decides the pixels of an image.
+const RENDER_CODE: &[&str] = &[
+    "Cargo.lock",
+    "shaders",
+    "src/bvh",
+    "src/gpu",
+    "src/images.rs",
+    "src/options/settings.rs",
+    "src/passes",
+    "src/renderer",
+    "src/scene",
+    "src/xr/view.rs",
+];
+/// What decides how images are measured, beside that; not how figures are laid out.
+const BENCH_CODE: &[&str] = &[
+    "config/headsets",
+    "src/bench/measure.rs",
+    "src/bench/records.rs",
+    "src/bench/reference.rs",
+    "src/bench/scenes.rs",
+    "src/bench/statistics.rs",
+    "src/bench/tally.rs",
+    "src/bench/timing.rs",
+    "src/bench/views.rs",
+    "src/metrics",
+    "src/xr",
+];
+
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-changed=src");
+    println!("cargo:rerun-if-changed=config/headsets");
+    println!("cargo:rerun-if-changed=Cargo.lock");
     let manifest_dir = env::var("CARGO_MANIFEST_DIR").map_err(io::Error::other)?;
     let out_dir = env::var("OUT_DIR").map_err(io::Error::other)?;
     let root = Path::new(&manifest_dir).join("shaders");
@@ -21,7 +53,15 @@ fn main() -> io::Result<()> {
         let _ = writeln!(table, "    ({name:?}, include_str!({path:?})),");
     }
     table.push(']');
-    fs::write(Path::new(&out_dir).join("shader_table.rs"), table)
+    fs::write(Path::new(&out_dir).join("shader_table.rs"), table)?;
+
+    let manifest = Path::new(&manifest_dir);
+    let render = fingerprint(manifest, RENDER_CODE)?;
+    let all: Vec<&str> = RENDER_CODE.iter().chain(BENCH_CODE).copied().collect();
+    let bench = fingerprint(manifest, &all)?;
+    println!("cargo:rustc-env=STEREOLUX_RENDER_CODE={render:032x}");
+    println!("cargo:rustc-env=STEREOLUX_BENCH_CODE={bench:032x}");
+    Ok(())
 }
 
 fn collect(folder: &Path, prefix: &str, names: &mut Vec<String>) -> io::Result<()> {
@@ -33,6 +73,41 @@ fn collect(folder: &Path, prefix: &str, names: &mut Vec<String>) -> io::Result<(
         } else if let Some(stem) = name.strip_suffix(".wesl") {
             names.push(format!("{prefix}{stem}"));
         }
+    }
+    Ok(())
+}
+
+/// FNV-1a of 128 bits (Fowler, Noll and Vo) over the names and contents of files and of all files in folders.
+fn fingerprint(root: &Path, paths: &[&str]) -> io::Result<u128> {
+    let mut files = Vec::new();
+    for path in paths {
+        list(root, path, &mut files)?;
+    }
+    files.sort();
+    let mut hash: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+    let mut add = |bytes: &[u8]| {
+        for &byte in bytes {
+            hash = (hash ^ u128::from(byte)).wrapping_mul((1 << 88) + 0x13b);
+        }
+    };
+    for file in files {
+        let contents = fs::read(root.join(&file))?;
+        add(file.as_bytes());
+        add(&(contents.len() as u64).to_le_bytes());
+        add(&contents);
+    }
+    Ok(hash)
+}
+
+fn list(root: &Path, path: &str, files: &mut Vec<String>) -> io::Result<()> {
+    let full = root.join(path);
+    if !full.is_dir() {
+        files.push(path.to_owned());
+        return Ok(());
+    }
+    for entry in fs::read_dir(full)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        list(root, &format!("{path}/{name}"), files)?;
     }
     Ok(())
 }

@@ -18,10 +18,12 @@
 //! - [`frame_loop`], [`xr`], [`output`], [`interrupt`]: frames from a session to files and to a headset;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
-//! - [`metrics`], [`images`]: errors against a reference, image files.
+//! - [`metrics`], [`images`]: errors against a reference, image files;
+//! - [`bench`]: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
 
+pub mod bench;
 pub mod bvh;
 pub mod commands;
 pub mod frame_loop;

@@ -14,6 +14,7 @@ mod suite {
     #[path = "../../examples/user_bsdf/main.rs"]
     pub mod user_bsdf_example;
 
+    pub mod bench;
     pub mod bsdf_furnace;
     pub mod bsdf_layer;
     pub mod bsdf_probe;

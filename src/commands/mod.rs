@@ -1,5 +1,6 @@
 //! What each command does, once its options are known to be usable.
 
+mod bench;
 mod compare;
 mod info;
 mod report;
@@ -7,6 +8,7 @@ mod run;
 
 use std::path::Path;
 
+use crate::bench::BenchError;
 use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::images::ImageError;
@@ -128,6 +130,21 @@ impl From<LoopError> for Failure {
     }
 }
 
+impl From<BenchError> for Failure {
+    fn from(error: BenchError) -> Self {
+        match error {
+            BenchError::Scene(error) => error.into(),
+            BenchError::Xr(error) => error.into(),
+            BenchError::Render(error) => error.into(),
+            BenchError::Shaders(_) | BenchError::Out { .. } => Self::unusable(error),
+            BenchError::Metrics(_)
+            | BenchError::Image(_)
+            | BenchError::File { .. }
+            | BenchError::Plot { .. } => Self::failed(error),
+        }
+    }
+}
+
 /// Carries out a command; the exit status of success is 0, unless `compare` finds too large an error.
 ///
 /// # Errors
@@ -138,9 +155,7 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
         Options::Render(options) => run::render(&options).map(|()| 0),
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),
-        Options::Bench(_) => Err(Failure::failed(
-            "bench: this version has no benchmark suites yet; `run` writes timings per pass to stats.jsonl",
-        )),
+        Options::Bench(options) => bench::bench(&options).map(|()| 0),
         Options::View(_) => Err(Failure::failed(
             "view: this version has no desktop viewer yet; use `run` or `render`, which write pictures to --out",
         )),

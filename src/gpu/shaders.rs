@@ -78,6 +78,13 @@ impl ShaderLibrary {
         embedded.is_some_and(|(_, source)| self.sources.get(name).is_some_and(|s| s == source))
     }
 
+    /// Names and texts of all modules, sorted by name.
+    pub fn sources(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.sources
+            .iter()
+            .map(|(name, source)| (name.as_str(), source.as_ref()))
+    }
+
     /// Specialises module `name` and parses the result.
     ///
     /// # Errors

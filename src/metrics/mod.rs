@@ -1,6 +1,7 @@
 //! Error metrics of an image against a reference.
 //!
 //! - [`compare`]: relative MSE, RMSE, mean relative bias and FLIP with their standard errors, over all pixels or those of a [`Mask`];
+//! - [`RenderMoments`]: bias and variance apart, from independent renders;
 //! - [`binocular_error`]: how much the two eyes' errors disagree at points that both see;
 //! - [`BlockStatistics`] and [`z_test`]: whether two sets of independent renders have the same expectation.
 //!
@@ -12,12 +13,14 @@ mod binocular;
 mod blocks;
 mod comparison;
 mod flip;
+mod moments;
 mod normal;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use blocks::{BlockStatistics, ZTest, mean_image, z_test};
 pub use comparison::{CompareError, Comparison, compare, compare_files};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
+pub use moments::{BiasVariance, RenderMoments};
 pub use normal::{normal_quantile, sidak_z_limit};
 
 use crate::images::{Image, ImageRgb, srgb_decode};

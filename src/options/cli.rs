@@ -45,6 +45,18 @@ Examples:
   stereolux view --scene helmet.glb
   stereolux view --scene builtin:gallery --set environment.path=sky.hdr";
 
+const BENCH_EXAMPLES: &str = "\
+Every frame that is measured traces its photons anew. Variants of a group take turns, frame by frame, and ratios are
+formed within a turn. Errors are those of the frames that were timed, against a path-traced reference.
+Settings that a suite varies replace those given here; `spp` is 1 except where the suite varies it.
+
+Writes to --out: report.md, report.json, rows.csv, plots/*.svg and *.png, journal.jsonl, traces/, references/.
+
+Examples:
+  stereolux bench smoke --out out/smoke
+  stereolux bench stereo --scene builtin:cornell --size 128x128 --out out/stereo
+  stereolux bench pareto --scene helmet.glb --set environment.path=sky.hdr --rounds 16 --out out/pareto";
+
 const COMPARE_HELP: &str = "\
 Keys of the JSON object (x the image, r the reference, s the mean of r^2):
   rel_mse        mean over pixels and channels of (x - r)^2 / (r^2 + 0.01 s)
@@ -311,13 +323,30 @@ pub struct CompareArgs {
     pub pixels_per_degree: String,
 }
 
+/// What `bench` measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Suite {
+    /// The 2020 report's tables, so far the fifth: two eyes by themselves against stereo reuse
+    Tables,
+    /// Reuse modes side by side over scenes, eye distances, headsets and a recorded trace
+    Stereo,
+    /// Milliseconds against error over photons, radius, kernel, direct light and samples; the path tracer beside it
+    Pareto,
+    /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
+    Scaling,
+    /// A little of all of them, in about a minute
+    Smoke,
+}
+
 /// `stereolux bench`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
 pub struct BenchArgs {
     /// Suite to run
-    pub suite: String,
-    /// Directory for the report
+    #[arg(value_enum)]
+    pub suite: Suite,
+    /// Directory for the report, the journal of finished rows and, unless --references says otherwise, the
+    /// references; made if missing. A second run with the same settings goes on where the first one stopped
     #[arg(
         long,
         value_name = "DIR",
@@ -325,6 +354,26 @@ pub struct BenchArgs {
         allow_hyphen_values = true
     )]
     pub out: PathBuf,
+    /// Scene to measure, a glTF file or builtin:NAME; may be repeated
+    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
+    #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
+    pub scene: Vec<String>,
+    /// Pixels per eye, such as 256x256, each 1 to 16384 [default: 256x256; smoke 32x32]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
+    pub size: Option<String>,
+    /// Rounds that are measured, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub rounds: Option<String>,
+    /// Frames of the recorded trace in the stereo suite, 1 to 100000 [default: 24; smoke 4]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub frames: Option<String>,
+    /// Most samples per pixel of a path-traced reference, 16 to 16777216. Errors that need a better one are marked
+    /// [default: 4096; smoke 256]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub reference_spp: Option<String>,
+    /// Directory that keeps path-traced references between runs [default: DIR/references, DIR from --out]
+    #[arg(long, value_name = "DIR", allow_hyphen_values = true)]
+    pub references: Option<PathBuf>,
     /// Substring of a wgpu adapter's name [default: a discrete GPU, then integrated, then software]
     #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub adapter: Option<String>,
@@ -382,6 +431,7 @@ pub fn command() -> clap::Command {
     Cli::command()
         .mut_subcommand("run", |command| listed(command, RUN_EXAMPLES))
         .mut_subcommand("render", |command| listed(command, RENDER_EXAMPLES))
+        .mut_subcommand("bench", |command| listed(command, BENCH_EXAMPLES))
         .mut_subcommand("view", |command| listed(command, VIEW_EXAMPLES))
 }
 

@@ -12,7 +12,7 @@ pub mod registry;
 pub mod resolve;
 pub mod settings;
 
-pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, TraceUp, parse};
+pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, Suite, TraceUp, parse};
 pub use numbers::{FovAngles, HeadPose};
 pub use resolve::{
     BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,

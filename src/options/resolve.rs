@@ -7,7 +7,7 @@ use glam::DQuat;
 
 use super::cli::{
     BenchArgs, Cli, Command, CompareArgs, Eyes, InfoArgs, LayerArgs, RenderArgs, RunArgs,
-    SessionArgs, SessionChoice, SharedArgs, TraceUp, ViewArgs,
+    SessionArgs, SessionChoice, SharedArgs, Suite, TraceUp, ViewArgs,
 };
 use super::layers::Layers;
 use super::numbers::{self, FovAngles, HeadPose};
@@ -120,10 +120,20 @@ pub struct CompareOptions {
 pub struct BenchOptions {
     /// All settings, under those that the suite sets.
     pub settings: Settings,
-    /// Suite's name.
-    pub suite: String,
+    /// Suite.
+    pub suite: Suite,
     /// Report directory.
     pub out: PathBuf,
+    /// Scenes; empty: the suite's own.
+    pub scenes: Vec<String>,
+    /// Rounds, 1 or more; `None`: the suite's own number.
+    pub rounds: Option<u32>,
+    /// Frames of the recorded trace, 1 or more; `None`: the suite's own number.
+    pub frames: Option<u32>,
+    /// Most samples per pixel of a reference; `None`: the suite's own number.
+    pub reference_spp: Option<u32>,
+    /// Where references are kept; `None`: below `out`.
+    pub references: Option<PathBuf>,
 }
 
 /// Options of `info`.
@@ -429,13 +439,56 @@ fn resolve_compare(args: CompareArgs) -> Result<CompareOptions, OptionsError> {
 }
 
 fn resolve_bench(args: BenchArgs) -> Result<BenchOptions, OptionsError> {
+    const MOST_ROUNDS: u32 = 100_000;
+    const REFERENCE_SAMPLES: std::ops::RangeInclusive<u32> = 16..=1 << 24;
     let mut layers = base_layers(&args.layers)?;
+    put(&mut layers, "--size", "size", args.size.as_ref())?;
     put(&mut layers, "--adapter", "adapter", args.adapter.as_ref())?;
     require_path("--out", &args.out)?;
+    if let Some(references) = &args.references {
+        require_path("--references", references)?;
+    }
+    if args.scene.iter().any(String::is_empty) {
+        return Err(bad("--scene", "", "must be a glTF file or builtin:NAME"));
+    }
+    let within = |flag, text: Option<&String>, range: std::ops::RangeInclusive<u32>| {
+        let number = count(flag, text)?;
+        match (number, text) {
+            (Some(number), Some(text)) if !range.contains(&number) => Err(bad(
+                flag,
+                text,
+                format!(
+                    "must be a whole number from {} to {}",
+                    range.start(),
+                    range.end()
+                ),
+            )),
+            _ => Ok(number),
+        }
+    };
+    let rounds = within("--rounds", args.rounds.as_ref(), 1..=MOST_ROUNDS)?;
+    let frames = within("--frames", args.frames.as_ref(), 1..=MOST_ROUNDS)?;
+    let reference_spp = within(
+        "--reference-spp",
+        args.reference_spp.as_ref(),
+        REFERENCE_SAMPLES,
+    )?;
+    let named = layers.is_set("scene");
+    let settings = layers.finish()?;
+    let scenes = match args.scene {
+        // A scene from --set or the config file is the one to measure, too.
+        scenes if scenes.is_empty() && named => vec![settings.scene.clone()],
+        scenes => scenes,
+    };
     Ok(BenchOptions {
-        settings: layers.finish()?,
+        settings,
         suite: args.suite,
         out: args.out,
+        scenes,
+        rounds,
+        frames,
+        reference_spp,
+        references: args.references,
     })
 }
 

@@ -191,6 +191,14 @@ impl SceneBuffers {
         resources
     }
 
+    /// Bytes that a move of the origin uploads: instance hierarchy, instances and lights, no triangles.
+    pub fn upload_bytes(&self) -> u64 {
+        let bytes = size_of_val(self.top.nodes())
+            + size_of_val(self.top.instances())
+            + size_of_val(self.packed_lights.records.as_slice());
+        bytes as u64
+    }
+
     /// Total emitted power, W.
     pub fn total_power_w(&self) -> [f64; 3] {
         self.packed_lights.total_power

@@ -137,12 +137,37 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
         (vec!["compare", &missing, &missing], "missing.glb"),
         (vec!["compare", &picture, &picture], "picture.exr"),
         (vec!["info", "--scene", &missing], "missing.glb"),
+        (
+            vec!["bench", "nonsuch"],
+            "tables, stereo, pareto, scaling, smoke",
+        ),
+        (vec!["bench", "smoke", "--scene", &missing], "missing.glb"),
+        (
+            vec!["bench", "stereo", "--scene", "builtin:cornel"],
+            "cornell",
+        ),
+        (vec!["bench", "smoke", "--rounds", "0"], "--rounds"),
+        (
+            vec!["bench", "smoke", "--reference-spp", "4"],
+            "--reference-spp",
+        ),
+        (vec!["bench", "smoke", "--size", "0x4"], "--size"),
+        (
+            vec!["bench", "smoke", "--set", "photon.cout=3"],
+            "photon.count",
+        ),
+        (vec!["bench", "smoke", "--set", "headset=nonsuch"], "quest3"),
+        (
+            vec!["bench", "smoke", "--adapter", "no such adapter"],
+            "no such adapter",
+        ),
+        (vec!["bench", "smoke", "--out", &file], "--out"),
     ];
     let out = folder.join("out").display().to_string();
     let mut faults = Vec::new();
     for (args, says) in &cases {
         let mut all = args.clone();
-        if matches!(args[0], "run" | "render") && !args.contains(&"--out") {
+        if matches!(args[0], "run" | "render" | "bench") && !args.contains(&"--out") {
             all.extend(["--out", &out]);
         }
         let began = Instant::now();

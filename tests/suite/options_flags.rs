@@ -350,6 +350,61 @@ fn compare_and_info() {
 }
 
 #[test]
+fn bench_takes_a_suite_and_its_sizes() {
+    use stereolux::options::Suite;
+    let Ok(Options::Bench(options)) = outcome(&["bench", "pareto"]) else {
+        panic!("not accepted");
+    };
+    assert_eq!(options.suite, Suite::Pareto);
+    assert!(options.scenes.is_empty() && options.rounds.is_none());
+    let Ok(Options::Bench(options)) = outcome(&[
+        "bench",
+        "stereo",
+        "--scene",
+        "a.glb",
+        "--scene",
+        "builtin:plane",
+        "--size",
+        "32x24",
+        "--rounds",
+        "5",
+        "--frames",
+        "7",
+        "--reference-spp",
+        "64",
+        "--references",
+        "kept",
+        "--set",
+        "photon.count=9",
+    ]) else {
+        panic!("not accepted");
+    };
+    assert_eq!(options.scenes, ["a.glb", "builtin:plane"]);
+    assert_eq!(options.settings.size, Some([32, 24]));
+    assert_eq!(options.settings.photon.count, 9);
+    assert_eq!(
+        (options.rounds, options.frames, options.reference_spp),
+        (Some(5), Some(7), Some(64))
+    );
+    assert_eq!(options.references.unwrap().to_str(), Some("kept"));
+    // A scene from --set is the one to measure.
+    let Ok(Options::Bench(options)) = outcome(&["bench", "smoke", "--set", "scene=x.glb"]) else {
+        panic!("not accepted");
+    };
+    assert_eq!(options.scenes, ["x.glb"]);
+    for flags in [
+        ["--rounds", "0"],
+        ["--rounds", "1000000"],
+        ["--frames", "x"],
+        ["--reference-spp", "15"],
+        ["--references", ""],
+        ["--scene", ""],
+    ] {
+        refused(&[&["bench", "smoke"][..], &flags].concat());
+    }
+}
+
+#[test]
 fn help_is_there_for_every_command_and_lists_all_settings() {
     let help = |args: &[&str]| {
         let args = std::iter::once("stereolux")
@@ -366,7 +421,7 @@ fn help_is_there_for_every_command_and_lists_all_settings() {
             "{command}"
         );
     }
-    for command in ["run", "render", "view"] {
+    for command in ["run", "render", "bench", "view"] {
         let text = help(&[command, "--help"]);
         for setting in options::registry::SETTINGS {
             assert!(text.contains(setting.key), "{command}: {}", setting.key);

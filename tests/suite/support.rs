@@ -279,9 +279,11 @@ impl Drop for Folder {
 pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stereolux"));
     command.args(args).env_remove("RUST_LOG");
-    let renders = args
-        .first()
-        .is_some_and(|arg| arg.as_ref() == "run" || arg.as_ref() == "render");
+    let renders = args.first().is_some_and(|arg| {
+        ["run", "render", "bench"]
+            .iter()
+            .any(|name| arg.as_ref() == *name)
+    });
     if renders && !args.iter().any(|arg| arg.as_ref() == "--adapter") {
         command.args(["--adapter", adapter_name()]);
     }

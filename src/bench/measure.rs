@@ -1,0 +1,623 @@
+//! Measuring a group of variants: rounds in turn, errors of the very frames that were timed, one record per variant.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+use serde_json::Value;
+
+use super::fingerprint::{BENCH_CODE, Fingerprint};
+use super::journal::Journal;
+use super::records::{Load, Machine, Row, differing_settings};
+use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
+use super::scenes::SceneSource;
+use super::statistics::mean;
+use super::tally::{Frame, Tally, Truth, judge_part, region_masks};
+use super::timing::{Round, interleave};
+use super::views::{left_from_right, recorded_trace};
+use super::{BenchError, BenchProgress};
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::images::Image;
+use crate::options::{Eyes, Settings};
+use crate::renderer::{Eye, MapStats, RenderError, Renderer};
+use crate::scene::Scene;
+use crate::xr::{Headset, Pose, View};
+
+/// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
+pub(super) const REFERENCE_SHARE: f64 = 0.1;
+/// Times that a reference's target is set anew as it becomes better.
+const PILOTS: u32 = 6;
+/// Some of that share is kept back: the smallest error is known only after the rounds.
+const PILOT_MARGIN: f64 = 0.7;
+/// The head of [`ViewPlan::Jitter`] moves this far each round: the renderer moves the scene, the picture stays.
+const JITTER_M: f64 = 1e-6;
+
+/// One way to render, among those of a group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Name within the group.
+    pub variant: String,
+    /// All settings.
+    pub settings: Settings,
+    /// What the suite varies here.
+    pub factors: BTreeMap<String, Value>,
+}
+
+/// From where a group looks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewPlan {
+    /// The scene's starting pose, in every round.
+    Start,
+    /// This far ahead of it, metres, along its heading.
+    Ahead(f64),
+    /// The starting pose, moved by a micrometre per round, so that the host updates the scene as for a moving head.
+    Jitter,
+    /// One frame per round of a recorded sway that begins there.
+    Trace,
+}
+
+/// Variants measured in turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupPlan {
+    /// The suite.
+    pub suite: &'static str,
+    /// Name, unique in the suite.
+    pub name: String,
+    /// Scene.
+    pub scene: SceneSource,
+    /// Headset.
+    pub headset: Headset,
+    /// The headset in words.
+    pub headset_label: String,
+    /// Views.
+    pub views: ViewPlan,
+    /// Pixels per eye.
+    pub size: [u32; 2],
+    /// Both eyes, or the left one alone.
+    pub eyes: Eyes,
+    /// The reference's pixel filter; `None`: no reference, the noise between frames is reported alone.
+    pub filter: Option<PixelFilter>,
+    /// Variants; ratios refer to the first.
+    pub candidates: Vec<Candidate>,
+    /// Rounds that count.
+    pub rounds: u32,
+    /// Rounds before them.
+    pub warm_up: u32,
+}
+
+/// What all groups share.
+pub struct Lab<'a> {
+    /// Folder of the report.
+    pub out: &'a Path,
+    /// Settings under those of the suites.
+    pub settings: &'a Settings,
+    /// The adapter.
+    pub machine: Machine,
+    /// Shaders.
+    pub library: ShaderLibrary,
+    /// Finished rows.
+    pub journal: Journal,
+    /// References.
+    pub references: References,
+    /// Who is told.
+    pub progress: &'a mut dyn BenchProgress,
+    resumed: usize,
+    fingerprints: HashMap<String, String>,
+    scene: Option<(SceneSource, Scene)>,
+}
+
+impl<'a> Lab<'a> {
+    /// A lab with an open journal and cache.
+    pub fn new(
+        out: &'a Path,
+        settings: &'a Settings,
+        machine: Machine,
+        library: ShaderLibrary,
+        journal: Journal,
+        references: References,
+        progress: &'a mut dyn BenchProgress,
+    ) -> Self {
+        Self {
+            out,
+            settings,
+            machine,
+            library,
+            journal,
+            references,
+            progress,
+            resumed: 0,
+            fingerprints: HashMap::new(),
+            scene: None,
+        }
+    }
+
+    /// Measures a group, or takes its rows from the journal if all of them are there.
+    ///
+    /// # Errors
+    /// [`BenchError`].
+    pub fn measure(&mut self, plan: &GroupPlan) -> Result<Vec<Row>, BenchError> {
+        let keys = self.keys(plan)?;
+        if let Some(rows) = self.journal.all(&keys) {
+            self.progress.skipped(plan);
+            self.resumed += rows.len();
+            return Ok(rows);
+        }
+        self.progress.began(plan);
+        let rows = self.measure_anew(plan, &keys)?;
+        self.journal.append(&rows)?;
+        self.progress.finished(plan);
+        Ok(rows)
+    }
+
+    /// Rows that came from the journal.
+    #[must_use]
+    pub fn resumed(&self) -> usize {
+        self.resumed
+    }
+
+    fn fingerprint(&mut self, source: &SceneSource) -> Result<String, BenchError> {
+        let name = source.name();
+        if let Some(known) = self.fingerprints.get(&name) {
+            return Ok(known.clone());
+        }
+        let found = source.fingerprint(self.settings)?;
+        self.fingerprints.insert(name, found.clone());
+        Ok(found)
+    }
+
+    /// One key per variant. Each covers the whole group: a variant is measured against the others.
+    fn keys(&mut self, plan: &GroupPlan) -> Result<Vec<String>, BenchError> {
+        let scene = self.fingerprint(&plan.scene)?;
+        let mut group = Fingerprint::default()
+            .with_text(BENCH_CODE)
+            .with_value(&self.machine)
+            .with_text(&scene)
+            .with_text(&format!(
+                "{} {} {:?} {} {:?} {:?} {:?} {:?} {} {}",
+                plan.suite,
+                plan.name,
+                plan.headset,
+                plan.headset_label,
+                plan.views,
+                plan.size,
+                plan.eyes,
+                plan.filter,
+                plan.rounds,
+                plan.warm_up
+            ))
+            .with_value(&self.references.max_samples());
+        for (name, source) in self.library.sources() {
+            group = group.with_text(name).with_text(source);
+        }
+        for candidate in &plan.candidates {
+            group = group
+                .with_text(&candidate.variant)
+                .with_value(&candidate.settings)
+                .with_value(&candidate.factors);
+        }
+        Ok(plan
+            .candidates
+            .iter()
+            .map(|candidate| group.with_text(&candidate.variant).to_string())
+            .collect())
+    }
+
+    fn views(&self, plan: &GroupPlan, scene: &Scene) -> Result<Vec<[View; 2]>, BenchError> {
+        let start = scene.start_pose();
+        let start = Pose::new(start.position, start.orientation);
+        let still = || plan.headset.views_from_head(&start);
+        let total = plan.warm_up + plan.rounds;
+        Ok(match plan.views {
+            ViewPlan::Start => vec![still(); total as usize],
+            ViewPlan::Ahead(metres) => {
+                let heading = DQuat::from_rotation_y(start.heading_rad());
+                let moved = start.position + heading * DVec3::NEG_Z * metres;
+                let head = Pose::new(moved, start.orientation);
+                vec![plan.headset.views_from_head(&head); total as usize]
+            }
+            ViewPlan::Jitter => (0..total)
+                .map(|round| {
+                    still().map(|mut view| {
+                        view.position_in_world.x += JITTER_M * f64::from(round);
+                        view
+                    })
+                })
+                .collect(),
+            ViewPlan::Trace => {
+                let path = trace_path(self.out, plan)?;
+                let trace = recorded_trace(&path, &plan.headset, start, plan.rounds)?;
+                let last = trace.last().copied().unwrap_or_else(still);
+                // Warm-up looks from where errors are taken: from the last frame.
+                let mut views = vec![last; plan.warm_up as usize];
+                views.extend(trace);
+                views.resize(total as usize, last);
+                views
+            }
+        })
+    }
+
+    fn measure_anew(&mut self, plan: &GroupPlan, keys: &[String]) -> Result<Vec<Row>, BenchError> {
+        let scene = match self.scene.take() {
+            Some((source, scene)) if source == plan.scene => scene,
+            _ => plan.scene.load(self.settings)?,
+        };
+        let rows = self.measure_scene(plan, keys, &scene);
+        self.scene = Some((plan.scene.clone(), scene));
+        rows
+    }
+
+    fn measure_scene(
+        &mut self,
+        plan: &GroupPlan,
+        keys: &[String],
+        scene: &Scene,
+    ) -> Result<Vec<Row>, BenchError> {
+        let fingerprint = self.fingerprint(&plan.scene)?;
+        let views = self.views(plan, scene)?;
+        let Some(judged_view) = views.last().copied() else {
+            return Ok(Vec::new());
+        };
+        let mut renderers = Vec::new();
+        for candidate in &plan.candidates {
+            let context = GpuContext::open(Some(&candidate.settings.adapter))?;
+            renderers.push(Renderer::new(
+                context,
+                &self.library,
+                scene,
+                &candidate.settings,
+                plan.eyes,
+                plan.size,
+            )?);
+        }
+        let mut truth = Truth::default();
+        if plan.filter.is_some() && plan.eyes == Eyes::Both {
+            // The first variant renders each eye by itself, so both eyes' first hits are there.
+            if let Some(first) = renderers.first_mut() {
+                first.render_frame(&judged_view, 0, |_| {})?;
+                truth.correspondence = correspondence(first, &judged_view, plan.size)?;
+            }
+        }
+        let still = plan.views != ViewPlan::Trace;
+        let mut tallies: Vec<Tally> = plan.candidates.iter().map(|_| Tally::default()).collect();
+        let warm_up = plan.warm_up.max(1);
+        interleave(
+            plan.candidates.len(),
+            warm_up,
+            plan.rounds,
+            |variant, round| {
+                let place = (round.index as usize).min(views.len() - 1);
+                let reads = still || !round.counts || round.is_last;
+                run_frame(&mut renderers[variant], &views[place], round, plan, reads)
+            },
+            |round, frames: Vec<Frame>| {
+                self.progress.round(plan, round);
+                if !round.counts {
+                    if round.index + 1 == warm_up {
+                        let settled = self.settle(plan, scene, &fingerprint, &judged_view, &frames);
+                        truth.references = settled?;
+                    }
+                    return Ok(());
+                }
+                for (index, frame) in frames.iter().enumerate() {
+                    let tally = &mut tallies[index];
+                    tally.time(frame, &plan.candidates[index].settings);
+                    if still || round.is_last {
+                        tally.judge(frame, &frames[0], &truth, still)?;
+                    }
+                }
+                Ok::<_, BenchError>(())
+            },
+        )?;
+        let first = &tallies[0];
+        Ok(tallies
+            .iter()
+            .zip(&plan.candidates)
+            .zip(keys.iter().zip(&renderers))
+            .map(|((tally, candidate), (key, renderer))| Row {
+                key: key.clone(),
+                suite: plan.suite.to_owned(),
+                group: plan.name.clone(),
+                variant: candidate.variant.clone(),
+                scene: plan.scene.name(),
+                headset: plan.headset_label.clone(),
+                size: plan.size,
+                eyes: match plan.eyes {
+                    Eyes::Both => "both",
+                    Eyes::Left => "left",
+                    Eyes::Right => "right",
+                }
+                .to_owned(),
+                factors: candidate.factors.clone(),
+                settings: differing_settings(&candidate.settings),
+                timing: tally.timing(first, renderer, plan.rounds, warm_up),
+                errors: tally.errors(&truth),
+                frame_noise: mean(tally.noise()),
+                stereo: tally.stereo(first),
+                load: load(scene, renderer, tally),
+                machine: self.machine.clone(),
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                code: BENCH_CODE.to_owned(),
+            })
+            .collect())
+    }
+
+    /// References good enough for the errors of the last warm-up round's frames, or as good as the cap allows.
+    fn settle(
+        &mut self,
+        plan: &GroupPlan,
+        scene: &Scene,
+        fingerprint: &str,
+        views: &[View; 2],
+        frames: &[Frame],
+    ) -> Result<[Option<Reference>; 2], BenchError> {
+        let Some(filter) = plan.filter else {
+            return Ok([None, None]);
+        };
+        let mut found = [None, None];
+        for (eye, slot) in found.iter_mut().enumerate() {
+            if eye == 1 && plan.eyes != Eyes::Both {
+                continue;
+            }
+            let spec = ReferenceSpec {
+                scene,
+                scene_fingerprint: fingerprint,
+                settings: self.settings,
+                view: views[eye],
+                size: plan.size,
+                filter,
+            };
+            let mut target = f64::INFINITY;
+            let mut reference = self.reference(plan, &spec, target)?;
+            for _ in 0..PILOTS {
+                let smallest = smallest_error(frames, eye, &reference)?;
+                let wanted = (PILOT_MARGIN * REFERENCE_SHARE).powi(2) * smallest;
+                let settled = reference
+                    .moments
+                    .relative_variance_of_mean(None)
+                    .is_some_and(|variance| variance <= wanted);
+                // `>=`: a target that does not fall asks for nothing new.
+                if settled || reference.capped || wanted >= target {
+                    break;
+                }
+                target = wanted;
+                reference = self.reference(plan, &spec, target)?;
+            }
+            *slot = Some(reference);
+        }
+        Ok(found)
+    }
+
+    fn reference(
+        &mut self,
+        plan: &GroupPlan,
+        spec: &ReferenceSpec<'_>,
+        target: f64,
+    ) -> Result<Reference, BenchError> {
+        let progress = &mut *self.progress;
+        self.references.get(spec, target, &mut |done, most| {
+            progress.reference(plan, done, most)
+        })
+    }
+}
+
+/// The smallest relative MSE of this eye among the frames, the reference's own part taken out.
+fn smallest_error(frames: &[Frame], eye: usize, reference: &Reference) -> Result<f64, BenchError> {
+    let truth = reference.moments.mean_image();
+    let mut smallest = f64::INFINITY;
+    for frame in frames {
+        let Some(image) = &frame.images[eye] else {
+            continue;
+        };
+        let masks = region_masks(frame, eye, [truth.width, truth.height]);
+        for mask in std::iter::once(None).chain(masks.iter().map(|(_, mask)| Some(mask))) {
+            let own = reference
+                .moments
+                .relative_variance_of_mean(mask)
+                .unwrap_or(0.0);
+            if let Some(error) = judge_part(image, &truth, mask)?.and_then(|c| c.rel_mse) {
+                // What is left may be all noise; never less than a quarter of what was seen.
+                smallest = smallest.min((error - own).max(0.25 * error));
+            }
+        }
+    }
+    Ok(smallest)
+}
+
+/// Where a group's recorded trace lies; its folder is made.
+fn trace_path(out: &Path, plan: &GroupPlan) -> Result<PathBuf, BenchError> {
+    let folder = out.join("traces");
+    std::fs::create_dir_all(&folder).map_err(|error| BenchError::file(&folder, error))?;
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+    let name: String = plan.name.chars().map(plain).collect();
+    Ok(folder.join(format!("{name}.jsonl")))
+}
+
+fn correspondence(
+    renderer: &Renderer,
+    views: &[View; 2],
+    size: [u32; 2],
+) -> Result<Option<Image<Option<u32>>>, BenchError> {
+    let hits = |eye| {
+        renderer
+            .eyes()
+            .read_hit_rays(renderer.context(), eye)
+            .map_err(RenderError::from)
+    };
+    Ok(hits(Eye::Left)?
+        .zip(hits(Eye::Right)?)
+        .map(|(left, right)| left_from_right(views, size, &left, &right)))
+}
+
+/// Renders a frame and, if `reads`, its images; reading is not timed.
+fn run_frame(
+    renderer: &mut Renderer,
+    views: &[View; 2],
+    round: Round,
+    plan: &GroupPlan,
+    reads: bool,
+) -> Result<Frame, BenchError> {
+    let began = Instant::now();
+    let result = renderer.render_frame(views, round.index, |_| {})?;
+    let host_ms = began.elapsed().as_secs_f64() * 1e3;
+    let mut images = [None, None];
+    let mut provenance = None;
+    if reads {
+        for (eye, image) in [Eye::Left, Eye::Right].into_iter().zip(&mut images) {
+            *image = renderer
+                .read_radiance(eye)?
+                .map(|pixels| Image::new(plan.size[0], plan.size[1], pixels))
+                .transpose()?;
+        }
+        provenance = renderer
+            .eyes()
+            .read_provenance(renderer.context())
+            .map_err(RenderError::from)?;
+    }
+    Ok(Frame {
+        result,
+        host_ms,
+        images,
+        provenance,
+    })
+}
+
+fn load(scene: &Scene, renderer: &Renderer, tally: &Tally) -> Load {
+    let photons = tally.last().photons;
+    let maps = [Some(photons.map), photons.caustics];
+    let sum = |pick: fn(&MapStats) -> u32| -> u64 {
+        maps.iter().flatten().map(|map| u64::from(pick(map))).sum()
+    };
+    Load {
+        triangles: scene.triangle_count() as u64,
+        instances: scene.instances().len() as u64,
+        lights: renderer.scene().light_count() as u64,
+        upload_bytes: renderer.scene().upload_bytes(),
+        photon_paths: sum(|map| map.emitted),
+        photons_stored: sum(|map| map.stored),
+        photons_dropped: sum(|map| map.dropped),
+        radius_m: renderer.photon_map().map(|_| renderer.radius_m()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::Reuse;
+
+    struct Silent;
+
+    impl BenchProgress for Silent {
+        fn planned(&mut self, _: &[GroupPlan]) {}
+        fn began(&mut self, _: &GroupPlan) {}
+        fn round(&mut self, _: &GroupPlan, _: Round) {}
+        fn reference(&mut self, _: &GroupPlan, _: u32, _: u32) {}
+        fn finished(&mut self, _: &GroupPlan) {}
+        fn skipped(&mut self, _: &GroupPlan) {}
+    }
+
+    fn plan() -> GroupPlan {
+        let candidate = |reuse| Candidate {
+            variant: format!("{reuse:?}"),
+            settings: Settings {
+                reuse,
+                ..Settings::default()
+            },
+            factors: BTreeMap::new(),
+        };
+        GroupPlan {
+            suite: "stereo",
+            name: "group".to_owned(),
+            scene: SceneSource::Named("builtin:plane".to_owned()),
+            headset: Headset::load("symmetric").unwrap(),
+            headset_label: "symmetric".to_owned(),
+            views: ViewPlan::Start,
+            size: [8, 8],
+            eyes: Eyes::Both,
+            filter: Some(PixelFilter::Center),
+            candidates: vec![candidate(Reuse::Off), candidate(Reuse::Scatter)],
+            rounds: 3,
+            warm_up: 1,
+        }
+    }
+
+    /// Works `with` a lab in an empty folder.
+    fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) -> T {
+        let out = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&out).unwrap();
+        let machine = Machine {
+            adapter: "a".to_owned(),
+            kind: "software".to_owned(),
+            backend: "b".to_owned(),
+            driver: "d".to_owned(),
+            software_adapter: true,
+        };
+        let settings = Settings::default();
+        let library = ShaderLibrary::embedded();
+        let mut silent = Silent;
+        let mut lab = Lab::new(
+            &out,
+            &settings,
+            machine.clone(),
+            library.clone(),
+            Journal::open(&out.join("journal.jsonl")).unwrap(),
+            References::open(&out, max_samples, library, machine),
+            &mut silent,
+        );
+        let result = with(&mut lab);
+        std::fs::remove_dir_all(&out).unwrap();
+        result
+    }
+
+    #[test]
+    fn keys_change_with_everything_that_is_measured() {
+        let keys = |plan: &GroupPlan| lab("keys", 64, |lab| lab.keys(plan).unwrap());
+        let known = keys(&plan());
+        assert_eq!(known, keys(&plan()));
+        assert_ne!(known[0], known[1]);
+        type Change = fn(&mut GroupPlan);
+        let changes: [Change; 8] = [
+            |plan| plan.rounds += 1,
+            |plan| plan.size = [8, 9],
+            |plan| plan.views = ViewPlan::Ahead(0.1),
+            |plan| plan.scene = SceneSource::Named("builtin:sphere".to_owned()),
+            |plan| plan.headset = plan.headset.clone().with_ipd(0.05).unwrap(),
+            |plan| plan.filter = Some(PixelFilter::Box),
+            // Another variant in the group changes all of its keys: they are measured against each other.
+            |plan| plan.candidates[1].settings.photon.count = 7,
+            |plan| plan.candidates[1].settings.seed = 1,
+        ];
+        for (index, change) in changes.into_iter().enumerate() {
+            let mut other = plan();
+            change(&mut other);
+            assert!(
+                keys(&other).iter().all(|key| !known.contains(key)),
+                "{index}"
+            );
+        }
+        let cap = lab("keys-cap", 128, |lab| lab.keys(&plan()).unwrap());
+        assert_ne!(cap, known);
+    }
+
+    #[test]
+    fn heads_move_as_planned() {
+        let scene = Scene::builtin("plane").unwrap();
+        let views = |views: ViewPlan| {
+            let plan = GroupPlan { views, ..plan() };
+            lab("views", 64, |lab| lab.views(&plan, &scene).unwrap())
+        };
+        let still = views(ViewPlan::Start);
+        assert_eq!(still.len(), 4);
+        assert!(still.iter().all(|view| *view == still[0]));
+        let ahead = views(ViewPlan::Ahead(0.25));
+        let moved = ahead[0][0].position_in_world - still[0][0].position_in_world;
+        assert!((moved - DVec3::new(0.0, 0.0, -0.25)).length() < 1e-12);
+        let jitter = views(ViewPlan::Jitter);
+        assert!(jitter[1][0].position_in_world != jitter[0][0].position_in_world);
+        let trace = views(ViewPlan::Trace);
+        // Warm-up looks from the last frame, where errors are taken; the first recorded frame is the starting pose.
+        assert_eq!((trace.len(), trace[0]), (4, trace[3]));
+        let start = trace[1][0].position_in_world - still[0][0].position_in_world;
+        assert!(start.length() < 1e-9 && trace[2] != trace[1]);
+    }
+}

@@ -1,0 +1,279 @@
+//! One record per measured row: everything that a reader needs in order to judge or repeat it, and nothing that changes
+//! from one run to the next without the figures changing, so that reports can be compared.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::statistics::{Estimate, Spread};
+use crate::gpu::context::AdapterSummary;
+use crate::metrics::BiasVariance;
+use crate::options::Settings;
+use crate::renderer::FilledBecause;
+
+/// Where a row was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Adapter's name.
+    pub adapter: String,
+    /// `discrete`, `integrated`, `software`, ...
+    pub kind: String,
+    /// `Vulkan`, `Metal`, ...
+    pub backend: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// True where the adapter computes on the CPU: such times say nothing about a GPU.
+    pub software_adapter: bool,
+}
+
+impl Machine {
+    /// What wgpu says of an adapter.
+    #[must_use]
+    pub fn of(adapter: &AdapterSummary) -> Self {
+        Self {
+            adapter: adapter.name.clone(),
+            kind: adapter.kind.to_owned(),
+            backend: adapter.backend.clone(),
+            driver: format!("{} {}", adapter.driver, adapter.driver_info)
+                .trim()
+                .to_owned(),
+            software_adapter: adapter.is_software(),
+        }
+    }
+
+    /// Short label for tables: the adapter, and that it is software if it is.
+    #[must_use]
+    pub fn label(&self) -> String {
+        if self.software_adapter {
+            format!("{} (software adapter)", self.adapter)
+        } else {
+            self.adapter.clone()
+        }
+    }
+}
+
+/// Milliseconds of a row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// `device` (timestamp queries) or `host` (the adapter has none; then only `host_*` are measured).
+    pub clock: String,
+    /// Rounds measured; each is one frame of every variant of the group in turn.
+    pub rounds: u32,
+    /// Rounds run before and discarded.
+    pub warm_up: u32,
+    /// By group of passes: `photons`, `left`, `right`, `eyes` (both), `frame` (all passes), `fill` and `carry` (the two parts
+    /// of a reusing right eye), and on the host `host_update`, `host_frame`.
+    pub ms: BTreeMap<String, Spread>,
+    /// The same groups over those of the group's first variant, round by round.
+    pub ratio: BTreeMap<String, Spread>,
+    /// By pass.
+    pub pass_ms: BTreeMap<String, Spread>,
+}
+
+/// Errors of one part of the picture against the path-traced reference, over the rounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RegionErrors {
+    /// Pixels, mean over the rounds.
+    pub pixels: f64,
+    /// Relative MSE. Standard errors here are over the rounds, which are independent renders.
+    pub rel_mse: Option<Estimate>,
+    /// Root mean square error.
+    pub rmse: Option<Estimate>,
+    /// (mean - reference's mean) / reference's mean.
+    pub mean_rel_bias: Option<Estimate>,
+    /// FLIP; for whole eyes only.
+    pub flip: Option<Estimate>,
+    /// Squared bias and variance; for whole eyes only.
+    pub bias_variance: Option<BiasVariance>,
+    /// Relative MSE over that of the group's first variant on the same pixels of the same frames.
+    pub rel_mse_ratio: Option<Spread>,
+    /// The reference's own variance over these pixels, in units of relative MSE; its root over the root of `rel_mse` is to
+    /// be under a tenth.
+    pub reference_variance: Option<f64>,
+    /// Whether it is.
+    pub reference_settled: bool,
+}
+
+/// Stereo reuse of a row, medians over the rounds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StereoFigures {
+    /// Reused over all right-eye pixels that see a surface.
+    pub reuse_fraction: Spread,
+    /// Pixels taken over.
+    pub reused: f64,
+    /// Pixels filled.
+    pub filled: f64,
+    /// Why.
+    pub because: [f64; 5],
+    /// Binocular relative MSE: the disagreement of both eyes' errors where both see the same point.
+    pub binocular_rel_mse: Option<Estimate>,
+    /// The same over that of the group's first variant, round by round.
+    pub binocular_ratio: Option<Spread>,
+    /// Pairs of pixels that it is a mean over.
+    pub binocular_pairs: f64,
+}
+
+/// Names of [`StereoFigures::because`].
+pub const REASONS: [&str; 5] = [
+    "out_of_left_view",
+    "disoccluded",
+    "edge",
+    "view_dependent",
+    "gap",
+];
+
+/// Reasons in the order of [`REASONS`].
+#[must_use]
+pub fn reasons(because: &FilledBecause) -> [f64; 5] {
+    [
+        because.out_of_left_view,
+        because.disoccluded,
+        because.edge,
+        because.view_dependent,
+        because.gap,
+    ]
+    .map(f64::from)
+}
+
+/// What the device was asked to hold.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Load {
+    /// Triangles over all instances.
+    pub triangles: u64,
+    /// Placed meshes.
+    pub instances: u64,
+    /// Lights, every emissive triangle counted.
+    pub lights: u64,
+    /// Bytes uploaded when the head moves.
+    pub upload_bytes: u64,
+    /// Photon paths per frame, both maps.
+    pub photon_paths: u64,
+    /// Photons stored.
+    pub photons_stored: u64,
+    /// Photons that found no room; their paths do not count.
+    pub photons_dropped: u64,
+    /// Gather radius, metres.
+    pub radius_m: Option<f64>,
+}
+
+/// A measured row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Fingerprint of everything below that was decided before measuring, and of the code.
+    pub key: String,
+    /// Suite that defines the row.
+    pub suite: String,
+    /// Rows of one group were measured in turn, within one run.
+    pub group: String,
+    /// Name within the group; the group's first variant is what ratios refer to.
+    pub variant: String,
+    /// File, builtin or generated scene.
+    pub scene: String,
+    /// Headset profile and its changes.
+    pub headset: String,
+    /// Pixels per eye.
+    pub size: [u32; 2],
+    /// `both` or `left`.
+    pub eyes: String,
+    /// What the suite varies: numbers and words by name.
+    pub factors: BTreeMap<String, Value>,
+    /// All settings that differ from the defaults.
+    pub settings: BTreeMap<String, Value>,
+    /// Milliseconds.
+    pub timing: Timing,
+    /// By part of the picture: `left`, `right`, `right_reused`, `right_filled`.
+    pub errors: BTreeMap<String, RegionErrors>,
+    /// Variance between frames of a still view over the mean's square, without any reference: noise, not bias.
+    pub frame_noise: Option<Estimate>,
+    /// Reuse, in rows of both eyes.
+    pub stereo: Option<StereoFigures>,
+    /// Scene and photons.
+    pub load: Load,
+    /// Adapter and driver.
+    pub machine: Machine,
+    /// Crate version.
+    pub version: String,
+    /// Fingerprint of the measuring and rendering code.
+    pub code: String,
+}
+
+impl Row {
+    /// A factor that is a number.
+    #[must_use]
+    pub fn number(&self, factor: &str) -> Option<f64> {
+        self.factors.get(factor).and_then(Value::as_f64)
+    }
+
+    /// A factor as text; empty if the row has none of that name.
+    #[must_use]
+    pub fn text(&self, factor: &str) -> String {
+        match self.factors.get(factor) {
+            Some(Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
+            None => String::new(),
+        }
+    }
+
+    /// Median milliseconds of a group of passes.
+    #[must_use]
+    pub fn ms(&self, group: &str) -> Option<f64> {
+        self.timing.ms.get(group).map(|spread| spread.median)
+    }
+
+    /// Relative MSE of a part of the picture.
+    #[must_use]
+    pub fn rel_mse(&self, region: &str) -> Option<f64> {
+        Some(self.errors.get(region)?.rel_mse?.value)
+    }
+}
+
+/// Settings that differ from the defaults, by dotted key.
+#[must_use]
+pub fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
+    fn flatten(prefix: &str, value: &Value, into: &mut BTreeMap<String, Value>) {
+        match value {
+            Value::Object(fields) => {
+                for (key, field) in fields {
+                    let dotted = if prefix.is_empty() {
+                        key.clone()
+                    } else {
+                        format!("{prefix}.{key}")
+                    };
+                    flatten(&dotted, field, into);
+                }
+            }
+            other => {
+                into.insert(prefix.to_owned(), other.clone());
+            }
+        }
+    }
+    let flat = |settings: &Settings| {
+        let tree = serde_json::to_value(settings).unwrap_or(Value::Object(Map::new()));
+        let mut into = BTreeMap::new();
+        flatten("", &tree, &mut into);
+        into
+    };
+    let defaults = flat(&Settings::default());
+    flat(settings)
+        .into_iter()
+        .filter(|(key, value)| defaults.get(key) != Some(value))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_differs_is_listed() {
+        assert!(differing_settings(&Settings::default()).is_empty());
+        let mut settings = Settings::default();
+        settings.photon.count = 7;
+        settings.spp = 2;
+        let found = differing_settings(&settings);
+        assert_eq!(found.len(), 2);
+        assert_eq!(found["photon.count"], 7);
+        assert_eq!(found["spp"], 2);
+    }
+}

@@ -1,0 +1,420 @@
+//! Path-traced references, kept between runs.
+//!
+//! A reference is the mean of independent batches: one sample through each pixel's centre, or [`BOX_SAMPLES`] spread over
+//! the pixel. The spread of the batches gives its own standard error, per pixel. It is rendered until that is small
+//! enough for what is compared with it, or until a cap, and then says so.
+//!
+//! Its file carries the key that it was made under: scene, view, size, settings, adapter, and the fingerprint of the code.
+//! A file under another key, or damaged, is rendered anew. A reference that has to become better goes on from its file.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::BenchError;
+use super::fingerprint::{Fingerprint, RENDER_CODE};
+use super::records::Machine;
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::images::{Image, write_atomically};
+use crate::metrics::RenderMoments;
+use crate::options::{Eyes, Method, Reuse, Sampler, Settings};
+use crate::renderer::{Eye, Renderer};
+use crate::scene::Scene;
+use crate::xr::View;
+
+/// Samples of one batch over a pixel's area.
+pub const BOX_SAMPLES: u32 = 16;
+/// Fewest batches: under these the spread is not worth much.
+const FEWEST_BATCHES: u32 = 16;
+/// A reference in the making is written this often, so that a kill costs no more.
+const WRITE_EVERY: Duration = Duration::from_secs(60);
+/// First line of the file.
+const MAGIC: &str = "stereolux-reference 1";
+/// Added to the seed, so that a path-traced variant and its reference share no random numbers.
+const SEED_OFFSET: u32 = 0x9e37_79b9;
+
+/// What a reference's pixels are means over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PixelFilter {
+    /// The ray through the pixel's centre, as a frame of one sample has it.
+    Center,
+    /// The pixel's area, as several samples have it.
+    Box,
+}
+
+impl PixelFilter {
+    fn samples_per_batch(self) -> u32 {
+        match self {
+            Self::Center => 1,
+            Self::Box => BOX_SAMPLES,
+        }
+    }
+}
+
+/// What a reference is of.
+#[derive(Clone, Copy)]
+pub struct ReferenceSpec<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its fingerprint.
+    pub scene_fingerprint: &'a str,
+    /// The bench's settings: depth, forced features and adapter are taken from here.
+    pub settings: &'a Settings,
+    /// The eye.
+    pub view: View,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Pixel filter.
+    pub filter: PixelFilter,
+}
+
+/// A reference in hand.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// Mean and spread of its batches.
+    pub moments: RenderMoments,
+    /// Samples per pixel, all batches together.
+    pub samples: u32,
+    /// Whether it stopped at the cap, short of what was asked for.
+    pub capped: bool,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    key: String,
+    width: u32,
+    height: u32,
+    batches: u32,
+    checksum: String,
+}
+
+/// Makes and keeps references.
+pub struct References {
+    folder: PathBuf,
+    max_samples: u32,
+    library: ShaderLibrary,
+    machine: Machine,
+}
+
+impl References {
+    /// Keeps its files in `folder`, which exists, and renders at most `max_samples` samples per pixel of each.
+    #[must_use]
+    pub fn open(folder: &Path, max_samples: u32, library: ShaderLibrary, machine: Machine) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            max_samples,
+            library,
+            machine,
+        }
+    }
+
+    /// The cap, samples per pixel.
+    #[must_use]
+    pub fn max_samples(&self) -> u32 {
+        self.max_samples
+    }
+
+    /// Settings that the reference is rendered with: everything of `settings` that its picture depends on.
+    fn settings(spec: &ReferenceSpec<'_>) -> Settings {
+        let given = spec.settings;
+        let mut settings = Settings {
+            scene: String::new(),
+            method: Method::Path,
+            reuse: Reuse::Off,
+            spp: spec.filter.samples_per_batch(),
+            seed: given.seed.wrapping_add(SEED_OFFSET),
+            adapter: given.adapter.clone(),
+            force: given.force.clone(),
+            path: given.path.clone(),
+            environment: given.environment.clone(),
+            ..Settings::default()
+        };
+        settings.path.sampler = Sampler::Random;
+        settings.gpu.timestamps = false;
+        settings
+    }
+
+    /// Everything that the reference depends on.
+    fn key(&self, spec: &ReferenceSpec<'_>) -> String {
+        let mut hash = Fingerprint::default()
+            .with_text(RENDER_CODE)
+            .with_text(spec.scene_fingerprint)
+            .with_text(&format!("{:?} {:?}", spec.view, spec.size))
+            .with_value(&spec.filter)
+            .with_value(&Self::settings(spec))
+            .with_value(&self.machine);
+        for (name, source) in self.library.sources() {
+            hash = hash.with_text(name).with_text(source);
+        }
+        hash.to_string()
+    }
+
+    /// The reference of `spec`, rendered on until its variance (in units of relative MSE) is at most `target` or the cap is
+    /// reached. `progress` hears of samples done and the cap.
+    ///
+    /// # Errors
+    /// [`BenchError`]: rendering fails, or the file cannot be written.
+    pub fn get(
+        &self,
+        spec: &ReferenceSpec<'_>,
+        target: f64,
+        progress: &mut dyn FnMut(u32, u32),
+    ) -> Result<Reference, BenchError> {
+        let key = self.key(spec);
+        let path = self.folder.join(format!("{key}.reference"));
+        let per_batch = spec.filter.samples_per_batch();
+        let most = (self.max_samples / per_batch).max(FEWEST_BATCHES);
+        let mut moments = read(&path, &key, spec.size)
+            .unwrap_or_else(|| RenderMoments::new(spec.size[0], spec.size[1]));
+        let missing = |moments: &RenderMoments| {
+            moments.count < FEWEST_BATCHES
+                || moments
+                    .relative_variance_of_mean(None)
+                    .is_none_or(|variance| variance > target)
+        };
+        let before = moments.count;
+        if missing(&moments) && moments.count < most {
+            let settings = Self::settings(spec);
+            let context = GpuContext::open(Some(&settings.adapter))?;
+            let mut renderer = Renderer::new(
+                context,
+                &self.library,
+                spec.scene,
+                &settings,
+                Eyes::Left,
+                spec.size,
+            )?;
+            let views = [spec.view; 2];
+            let mut written = Instant::now();
+            while missing(&moments) && moments.count < most {
+                // The variance falls as 1 / n, so it need not be asked for after every batch.
+                let until = (moments.count + 4 + moments.count / 8).min(most);
+                while moments.count < until {
+                    renderer.render_frame(&views, moments.count, |_| {})?;
+                    let pixels = renderer.read_radiance(Eye::Left)?.unwrap_or_default();
+                    moments.add(&Image::new(spec.size[0], spec.size[1], pixels)?)?;
+                }
+                progress(moments.count * per_batch, most * per_batch);
+                if written.elapsed() > WRITE_EVERY {
+                    write(&path, &key, &moments)?;
+                    written = Instant::now();
+                }
+            }
+        }
+        if moments.count > before {
+            write(&path, &key, &moments)?;
+        }
+        Ok(Reference {
+            samples: moments.count * per_batch,
+            capped: missing(&moments),
+            moments,
+        })
+    }
+}
+
+fn payload(moments: &RenderMoments) -> Vec<u8> {
+    let values = moments.mean.pixels.iter().chain(&moments.squares.pixels);
+    values
+        .flatten()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
+}
+
+fn write(path: &Path, key: &str, moments: &RenderMoments) -> Result<(), BenchError> {
+    let payload = payload(moments);
+    let header = Header {
+        key: key.to_owned(),
+        width: moments.mean.width,
+        height: moments.mean.height,
+        batches: moments.count,
+        checksum: Fingerprint::default().with(&payload).to_string(),
+    };
+    let header = serde_json::to_string(&header).map_err(|error| BenchError::file(path, error))?;
+    write_atomically(path, |out| {
+        writeln!(out, "{MAGIC}\n{header}")?;
+        out.write_all(&payload)
+    })?;
+    Ok(())
+}
+
+/// A file's moments, if it is whole and was made under this very key.
+fn read(path: &Path, key: &str, size: [u32; 2]) -> Option<RenderMoments> {
+    let bytes = fs::read(path).ok()?;
+    let refuse = |why: &str| {
+        log::warn!("{}: {why}; it is rendered anew", path.display());
+        None
+    };
+    let mut parts = bytes.splitn(3, |&byte| byte == b'\n');
+    if parts.next() != Some(MAGIC.as_bytes()) {
+        return refuse("not a reference of this version");
+    }
+    let Some(header) = parts
+        .next()
+        .and_then(|line| serde_json::from_slice::<Header>(line).ok())
+    else {
+        return refuse("its header cannot be read");
+    };
+    if header.key != key || [header.width, header.height] != size {
+        return refuse("it was made for something else");
+    }
+    let pixels = size[0] as usize * size[1] as usize;
+    let payload = parts.next().unwrap_or_default();
+    if payload.len() != pixels * 48
+        || Fingerprint::default().with(payload).to_string() != header.checksum
+    {
+        return refuse("it is damaged");
+    }
+    let mut values = payload
+        .as_chunks::<8>()
+        .0
+        .iter()
+        .map(|b| f64::from_le_bytes(*b));
+    let mut moments = RenderMoments::new(size[0], size[1]);
+    moments.count = header.batches;
+    for pixel in moments
+        .mean
+        .pixels
+        .iter_mut()
+        .chain(&mut moments.squares.pixels)
+    {
+        for channel in pixel {
+            *channel = values.next()?;
+        }
+    }
+    Some(moments)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments() -> RenderMoments {
+        let mut moments = RenderMoments::new(4, 3);
+        for level in [0.5_f32, 0.75, 2.0] {
+            moments
+                .add(&Image::filled(4, 3, [level, 0.1, 3.0]).unwrap())
+                .unwrap();
+        }
+        moments
+    }
+
+    fn folder(name: &str) -> PathBuf {
+        let path = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        path
+    }
+
+    #[test]
+    fn files_come_back_bit_for_bit_and_only_under_their_key() {
+        let folder = folder("reference");
+        let path = folder.join("a.reference");
+        write(&path, "key", &moments()).unwrap();
+        assert_eq!(read(&path, "key", [4, 3]).unwrap(), moments());
+        // Stale: another key in the file than the one that is asked for.
+        assert_eq!(read(&path, "another", [4, 3]), None);
+        assert_eq!(read(&path, "key", [3, 4]), None);
+        assert_eq!(read(&folder.join("missing"), "key", [4, 3]), None);
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn damaged_files_are_refused() {
+        let folder = folder("reference-damaged");
+        let path = folder.join("a.reference");
+        write(&path, "key", &moments()).unwrap();
+        let good = fs::read(&path).unwrap();
+        let last = good.len() - 1;
+        let mut flipped = good.clone();
+        flipped[last - 5] ^= 1;
+        for bad in [&good[..last], &good[..20], &b""[..], &flipped] {
+            fs::write(&path, bad).unwrap();
+            assert_eq!(read(&path, "key", [4, 3]), None);
+        }
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn keys_tell_everything_apart_that_shows() {
+        let folder = folder("reference-keys");
+        let machine = Machine {
+            adapter: "a".to_owned(),
+            kind: "software".to_owned(),
+            backend: "b".to_owned(),
+            driver: "d".to_owned(),
+            software_adapter: true,
+        };
+        let open = |library: ShaderLibrary, machine: Machine| {
+            References::open(&folder, 64, library, machine)
+        };
+        let references = open(ShaderLibrary::embedded(), machine.clone());
+        let scene = Scene::default();
+        let settings = Settings::default();
+        let view = View {
+            position_in_world: glam::DVec3::ZERO,
+            orientation: glam::DQuat::IDENTITY,
+            fov: crate::xr::Fov::from_degrees(-40.0, 40.0, 40.0, -40.0),
+        };
+        let spec = ReferenceSpec {
+            scene: &scene,
+            scene_fingerprint: "scene",
+            settings: &settings,
+            view,
+            size: [8, 8],
+            filter: PixelFilter::Center,
+        };
+        let key = references.key(&spec);
+        assert_eq!(key, references.key(&spec));
+        let mut moved = view;
+        moved.position_in_world.x = 1e-12;
+        let mut deeper = settings.clone();
+        deeper.path.max_depth += 1;
+        for other in [
+            ReferenceSpec {
+                scene_fingerprint: "other",
+                ..spec
+            },
+            ReferenceSpec {
+                view: moved,
+                ..spec
+            },
+            ReferenceSpec {
+                settings: &deeper,
+                ..spec
+            },
+            ReferenceSpec {
+                size: [8, 9],
+                ..spec
+            },
+            ReferenceSpec {
+                filter: PixelFilter::Box,
+                ..spec
+            },
+        ] {
+            assert_ne!(references.key(&other), key);
+        }
+        // Photons have nothing to do with a path-traced picture.
+        let mut photons = settings.clone();
+        photons.photon.count = 1;
+        photons.method = Method::Photon;
+        let same = ReferenceSpec {
+            settings: &photons,
+            ..spec
+        };
+        assert_eq!(references.key(&same), key);
+        // Shaders and driver do.
+        let mut library = ShaderLibrary::embedded();
+        library.insert("passes/path_trace", "// another");
+        assert_ne!(open(library, machine.clone()).key(&spec), key);
+        let driver = Machine {
+            driver: "e".to_owned(),
+            ..machine
+        };
+        assert_ne!(open(ShaderLibrary::embedded(), driver).key(&spec), key);
+        fs::remove_dir_all(folder).unwrap();
+    }
+}

@@ -1,0 +1,488 @@
+//! What the suites render: scenes by name, and scenes generated to a size.
+//!
+//! The generated ones ([`Generated`]) are one room, seen from one place: a floor that is a height field of as many
+//! triangles as asked for, a wall behind it, boxes on it in as many instances as asked for, lights above it in any number
+//! with the same power together. So a figure can be followed over one size while the view stays as it is.
+
+use std::path::Path;
+
+use glam::{DAffine3, DVec3};
+use serde::Serialize;
+
+use super::BenchError;
+use super::fingerprint::Fingerprint;
+use crate::options::Settings;
+use crate::scene::{
+    Camera, Instance, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
+    SceneError, load_environment,
+};
+
+/// A scene to measure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SceneSource {
+    /// As `--scene` takes it.
+    Named(String),
+    /// Made to a size.
+    Generated(Generated),
+}
+
+/// Sizes of a generated room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Generated {
+    /// Triangles of the floor: the next number of the form 2 n^2, n even, not below this.
+    pub floor_triangles: u32,
+    /// Boxes on the floor, each an instance of one mesh of 12 triangles.
+    pub boxes: u32,
+    /// Point lights.
+    pub lights: u32,
+}
+
+impl Default for Generated {
+    fn default() -> Self {
+        Self {
+            floor_triangles: 1000,
+            boxes: 9,
+            lights: 1,
+        }
+    }
+}
+
+impl SceneSource {
+    /// Name for reports.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Named(name) => name.clone(),
+            Self::Generated(made) => format!(
+                "generated:{}-triangle floor, {} boxes, {} lights",
+                made.floor_triangles, made.boxes, made.lights
+            ),
+        }
+    }
+
+    /// Loads or makes it, with the environment that the settings name.
+    ///
+    /// # Errors
+    /// [`BenchError::Scene`].
+    pub fn load(&self, settings: &Settings) -> Result<Scene, BenchError> {
+        match self {
+            Self::Named(name) => Ok(open(name, settings)?),
+            Self::Generated(made) => Ok(made.scene()),
+        }
+    }
+
+    /// Reads a named scene, to find out early whether that works.
+    ///
+    /// # Errors
+    /// [`BenchError::Scene`].
+    pub fn check(&self, settings: &Settings) -> Result<(), BenchError> {
+        match self {
+            Self::Named(name) => Ok(open(name, settings).map(|_| ())?),
+            Self::Generated(_) => Ok(()),
+        }
+    }
+
+    /// What the scene is, for keys. A named file is read for it; the generator is part of the code's own fingerprint.
+    ///
+    /// # Errors
+    /// [`BenchError::Scene`].
+    pub fn fingerprint(&self, settings: &Settings) -> Result<String, BenchError> {
+        Ok(match self {
+            Self::Named(name) => {
+                let scene = open(name, settings)?;
+                // Where the head starts is no part of the picture's contents, but of what a plan looks at.
+                of_scene(&scene)
+                    .with_text(&format!("{:?} {:?}", scene.start_pose(), scene.cameras))
+                    .to_string()
+            }
+            Self::Generated(made) => Fingerprint::default().with_value(made).to_string(),
+        })
+    }
+}
+
+fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
+    let mut scene = match name.strip_prefix("builtin:") {
+        Some(builtin) => Scene::builtin(builtin)?,
+        None => Scene::load(Path::new(name))?,
+    };
+    if !settings.environment.path.is_empty() {
+        let (environment, _) = load_environment(
+            &settings.environment.path,
+            settings.environment.strength as f32,
+        )?;
+        scene.environment = Some(environment);
+    }
+    Ok(scene)
+}
+
+/// Fingerprint of everything in a scene that can change a picture. The pattern names every field, so that a new one cannot
+/// be forgotten here.
+#[must_use]
+pub fn of_scene(scene: &Scene) -> Fingerprint {
+    let Scene {
+        name: _,
+        nodes: _,
+        roots: _,
+        meshes,
+        materials,
+        textures,
+        images,
+        lights,
+        // The head's pose is part of the view, and so of the key beside this one.
+        cameras: _,
+        environment,
+        warnings: _,
+        source: _,
+    } = scene;
+    // The graph counts by what it places.
+    let mut hash = Fingerprint::default()
+        .with_text(&format!("{:?}", scene.instances()))
+        .with_text(&format!("{:?}", scene.light_instances()))
+        .with_text(&format!("{materials:?}{textures:?}{lights:?}"));
+    for image in images {
+        hash = hash
+            .with_text(&format!("{}x{}", image.width, image.height))
+            .with(&image.rgba8);
+    }
+    for mesh in meshes {
+        let Mesh {
+            name: _,
+            positions,
+            normals,
+            tangents,
+            uv0,
+            uv1,
+            colors,
+            triangles,
+            has_tangents,
+            has_uv1,
+            has_colors,
+        } = mesh;
+        let indices: Vec<[u32; 4]> = triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.vertices;
+                [a, b, c, triangle.material]
+            })
+            .collect();
+        hash = hash
+            .with(bytemuck::cast_slice(positions))
+            .with(bytemuck::cast_slice(normals))
+            .with(bytemuck::cast_slice(tangents))
+            .with(bytemuck::cast_slice(uv0))
+            .with(bytemuck::cast_slice(uv1))
+            .with(bytemuck::cast_slice(colors))
+            .with(bytemuck::cast_slice(&indices))
+            .with(&[*has_tangents, *has_uv1, *has_colors].map(u8::from));
+    }
+    match environment {
+        None => hash.with_text("no environment"),
+        Some(map) => hash
+            .with_text(&format!("{}x{}", map.width, map.height))
+            .with(bytemuck::cast_slice(&map.radiance)),
+    }
+}
+
+/// Half the edge of the room's floor, metres.
+const HALF_FLOOR_M: f64 = 2.0;
+/// Height of the floor's waves, metres.
+const WAVE_M: f64 = 0.05;
+/// Height of the room, metres.
+const HEIGHT_M: f64 = 3.0;
+/// Radiant intensity of all lights together, W/sr.
+const INTENSITY: f32 = 12.0;
+/// Height of the lights, metres.
+const LIGHT_HEIGHT_M: f64 = 2.6;
+
+impl Generated {
+    /// Quads along the floor's edge.
+    fn floor_quads(&self) -> u32 {
+        let quads = (f64::from(self.floor_triangles.max(8)) / 2.0).sqrt().ceil() as u32;
+        quads + quads % 2
+    }
+
+    /// Makes the scene. The head starts at its camera.
+    #[must_use]
+    pub fn scene(&self) -> Scene {
+        let mut scene = Scene {
+            name: "generated".to_owned(),
+            materials: vec![
+                Material::lambert("floor", [0.6, 0.55, 0.5]),
+                Material::lambert("wall", [0.5, 0.6, 0.7]),
+                Material::lambert("box", [0.7, 0.4, 0.3]),
+            ],
+            ..Scene::default()
+        };
+        scene.meshes.push(floor(self.floor_quads()));
+        scene.meshes.push(walls());
+        scene.meshes.push(cube());
+        let place = |scene: &mut Scene, name: &str, from: DAffine3, payload: Payload| {
+            scene.roots.push(scene.nodes.len());
+            let (mesh, light, camera) = match payload {
+                Payload::Mesh(mesh) => (Some(mesh), None, None),
+                Payload::Light(light) => (None, Some(light), None),
+                Payload::Camera => (None, None, Some(0)),
+            };
+            scene.nodes.push(Node {
+                name: name.to_owned(),
+                parent: None,
+                children: Vec::new(),
+                parent_from_node: from,
+                mesh,
+                light,
+                camera,
+            });
+        };
+        place(&mut scene, "floor", DAffine3::IDENTITY, Payload::Mesh(0));
+        place(&mut scene, "walls", DAffine3::IDENTITY, Payload::Mesh(1));
+        // A square grid of boxes over the middle of the floor; together they cover the same share of it, whatever their number.
+        let side = f64::from(self.boxes).sqrt().ceil().max(1.0);
+        let step = 2.4 / side;
+        for index in 0..self.boxes {
+            let column = f64::from(index) % side;
+            let row = (f64::from(index) / side).floor();
+            let at = DVec3::new(
+                (column + 0.5) * step - 1.2,
+                WAVE_M,
+                (row + 0.5) * step - 1.6,
+            );
+            let edge = 0.5 * step;
+            let from = DAffine3::from_translation(at) * DAffine3::from_scale(DVec3::splat(edge));
+            place(&mut scene, "box", from, Payload::Mesh(2));
+        }
+        let columns = f64::from(self.lights).sqrt().ceil().max(1.0);
+        for index in 0..self.lights {
+            let column = (f64::from(index) % columns + 0.5) / columns - 0.5;
+            let row = ((f64::from(index) / columns).floor() + 0.5) / columns - 0.5;
+            let at = DVec3::new(2.0 * column, LIGHT_HEIGHT_M, 2.0 * row);
+            scene.lights.push(PunctualLight {
+                name: format!("light {index}"),
+                kind: LightKind::Point,
+                intensity: [INTENSITY / self.lights as f32; 3],
+            });
+            let from = DAffine3::from_translation(at);
+            place(&mut scene, "light", from, Payload::Light(index as usize));
+        }
+        scene.cameras.push(Camera {
+            name: "viewpoint".to_owned(),
+            yfov_rad: Some(1.2),
+        });
+        let eye = DVec3::new(0.0, 1.5, 1.9);
+        let from = DAffine3::from_translation(eye) * DAffine3::from_rotation_x(-0.45);
+        place(&mut scene, "viewpoint", from, Payload::Camera);
+        scene
+    }
+}
+
+enum Payload {
+    Mesh(usize),
+    Light(usize),
+    Camera,
+}
+
+/// A mesh from corners and quads (two triangles each), all of one material, with one normal per vertex.
+fn mesh(
+    name: &str,
+    vertices: Vec<([f32; 3], [f32; 3])>,
+    triangles: Vec<[u32; 3]>,
+    material: u32,
+) -> Mesh {
+    let count = vertices.len();
+    let (positions, normals): (Vec<_>, Vec<_>) = vertices.into_iter().unzip();
+    Mesh {
+        name: name.to_owned(),
+        tangents: normals
+            .iter()
+            .map(|normal: &[f32; 3]| {
+                let tangent = glam::Vec3::from_array(*normal).any_orthonormal_vector();
+                [tangent.x, tangent.y, tangent.z, 1.0]
+            })
+            .collect(),
+        positions,
+        normals,
+        uv0: vec![[0.0; 2]; count],
+        uv1: vec![[0.0; 2]; count],
+        colors: vec![[1.0; 4]; count],
+        triangles: triangles
+            .into_iter()
+            .map(|vertices| MeshTriangle { vertices, material })
+            .collect(),
+        ..Mesh::default()
+    }
+}
+
+/// A height field of `quads` x `quads` cells over the whole floor.
+fn floor(quads: u32) -> Mesh {
+    let across = quads + 1;
+    let point = |column: u32, row: u32| {
+        let along = |index: u32| HALF_FLOOR_M * (2.0 * f64::from(index) / f64::from(quads) - 1.0);
+        let (x, z) = (along(column), along(row));
+        let (a, b) = (3.0 * x + z, 2.0 * z - x);
+        let height = 0.5 * WAVE_M * (a.sin() + b.sin());
+        let slope_x = 0.5 * WAVE_M * (3.0 * a.cos() - b.cos());
+        let slope_z = 0.5 * WAVE_M * (a.cos() + 2.0 * b.cos());
+        let normal = DVec3::new(-slope_x, 1.0, -slope_z).normalize();
+        (
+            DVec3::new(x, height, z).as_vec3().to_array(),
+            normal.as_vec3().to_array(),
+        )
+    };
+    let vertices = (0..across * across)
+        .map(|index| point(index % across, index / across))
+        .collect();
+    let triangles = (0..quads * quads)
+        .flat_map(|index| {
+            let a = index / quads * across + index % quads;
+            let (b, c, d) = (a + 1, a + across, a + across + 1);
+            // Counter-clockwise seen from above, where z grows towards the viewer.
+            [[a, c, b], [b, c, d]]
+        })
+        .collect();
+    mesh("floor", vertices, triangles, 0)
+}
+
+fn push_quad(
+    vertices: &mut Vec<([f32; 3], [f32; 3])>,
+    triangles: &mut Vec<[u32; 3]>,
+    corner: DVec3,
+    u: DVec3,
+    v: DVec3,
+) {
+    let normal = u.cross(v).normalize().as_vec3().to_array();
+    let first = vertices.len() as u32;
+    for point in [corner, corner + u, corner + u + v, corner + v] {
+        vertices.push((point.as_vec3().to_array(), normal));
+    }
+    triangles.push([first, first + 1, first + 2]);
+    triangles.push([first, first + 2, first + 3]);
+}
+
+/// Back wall and both side walls.
+fn walls() -> Mesh {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    let (h, up) = (HALF_FLOOR_M, DVec3::Y * (HEIGHT_M + 1.0));
+    let low = -1.0;
+    let mut quad = |corner, u| push_quad(&mut vertices, &mut triangles, corner, u, up);
+    quad(DVec3::new(-h, low, -h), DVec3::X * 2.0 * h);
+    quad(DVec3::new(-h, low, h), DVec3::NEG_Z * 2.0 * h);
+    quad(DVec3::new(h, low, -h), DVec3::Z * 2.0 * h);
+    mesh("walls", vertices, triangles, 1)
+}
+
+/// The cube from (-1/2, 0, -1/2) to (1/2, 1, 1/2).
+fn cube() -> Mesh {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for (normal, u) in [
+        (DVec3::X, DVec3::Y),
+        (DVec3::NEG_X, DVec3::Y),
+        (DVec3::Y, DVec3::Z),
+        (DVec3::NEG_Y, DVec3::Z),
+        (DVec3::Z, DVec3::X),
+        (DVec3::NEG_Z, DVec3::X),
+    ] {
+        let v = normal.cross(u);
+        let corner = DVec3::new(0.0, 0.5, 0.0) + 0.5 * (normal - u - v);
+        push_quad(&mut vertices, &mut triangles, corner, u, v);
+    }
+    mesh("box", vertices, triangles, 2)
+}
+
+/// Instances in a scene, for tests and loads.
+#[must_use]
+pub fn instances_of(scene: &Scene, mesh: usize) -> Vec<Instance> {
+    scene
+        .instances()
+        .into_iter()
+        .filter(|instance| instance.mesh == mesh)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generated_scenes_have_the_sizes_asked_for() {
+        for (triangles, boxes, lights) in [(1000, 1, 1), (2000, 10, 7), (50_000, 100, 100)] {
+            let made = Generated {
+                floor_triangles: triangles,
+                boxes,
+                lights,
+            };
+            let scene = made.scene();
+            let floor = scene.meshes[0].triangles.len() as u32;
+            assert!(
+                floor >= triangles && floor < triangles + triangles / 5,
+                "{floor}"
+            );
+            assert_eq!(instances_of(&scene, 2).len() as u32, boxes);
+            assert_eq!(scene.light_instances().len() as u32, lights);
+            let power: f32 = scene.lights.iter().map(|light| light.intensity[0]).sum();
+            assert!((power / INTENSITY - 1.0).abs() < 1e-4);
+            assert_eq!(
+                scene.start_pose().position,
+                Generated::default().scene().start_pose().position
+            );
+        }
+    }
+
+    #[test]
+    fn faces_look_where_their_normals_point() {
+        let scene = Generated::default().scene();
+        for mesh in &scene.meshes {
+            for triangle in &mesh.triangles {
+                let [a, b, c] = mesh.corners(triangle);
+                let normal = (b - a).cross(c - a);
+                let shading = mesh.normals[triangle.vertices[0] as usize].map(f64::from);
+                assert!(
+                    normal.dot(DVec3::from_array(shading)) > 0.0,
+                    "{}",
+                    mesh.name
+                );
+            }
+        }
+        // The boxes stand inside of the room.
+        let bounds = scene.bounds_in_world().unwrap();
+        assert!(bounds.size().x <= 2.0 * HALF_FLOOR_M + 1e-9);
+    }
+
+    #[test]
+    fn whatever_changes_the_picture_changes_the_fingerprint() {
+        let made = Generated::default();
+        let scene = made.scene();
+        let hash = of_scene(&scene);
+        assert_eq!(hash, of_scene(&made.scene()));
+        let changed = |change: &dyn Fn(&mut Scene)| {
+            let mut other = scene.clone();
+            change(&mut other);
+            of_scene(&other) != hash
+        };
+        assert!(changed(&|s| s.meshes[0].positions[3][1] += 1e-6));
+        assert!(changed(&|s| s.meshes[1].normals[0][0] += 1e-6));
+        assert!(changed(&|s| s.materials[0].roughness = 0.5));
+        assert!(changed(&|s| s.lights[0].intensity[2] += 1e-6));
+        assert!(changed(
+            &|s| s.nodes[2].parent_from_node.translation.x += 1e-9
+        ));
+        assert!(changed(&|s| s.meshes[0].triangles[5].material = 1));
+        // Names do not show, and cameras are part of the view.
+        assert!(!changed(&|s| s.name = "other".to_owned()));
+        assert!(!changed(&|s| s.cameras.clear()));
+        // A plan looks from the camera of its scene: the same file with another camera is another source.
+        let folder = std::env::temp_dir().join(format!("stereolux-{}-cameras", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let keys = [0.5, 0.6].map(|yfov| {
+            use crate::scene::gltf_writer::{GlbWriter, Payload};
+            let mut glb = GlbWriter::new();
+            let camera = glb.camera("viewpoint", yfov);
+            glb.node("viewpoint", DAffine3::IDENTITY, Payload::Camera(camera));
+            let path = folder.join("scene.glb");
+            std::fs::write(&path, glb.finish("scene").unwrap()).unwrap();
+            SceneSource::Named(path.display().to_string())
+                .fingerprint(&Settings::default())
+                .unwrap()
+        });
+        assert_ne!(keys[0], keys[1]);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}

@@ -1,0 +1,142 @@
+//! `pareto`: photon mapping over photons, radius, kernel, source of direct light and samples, and the path tracer over
+//! samples: milliseconds against error, one eye.
+
+use serde_json::json;
+
+use super::super::BenchError;
+use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::reference::PixelFilter;
+use super::super::scenes::SceneSource;
+use super::{
+    Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for, three_digits, word,
+};
+use crate::options::{DirectLight, Eyes, Kernel, Method, Reuse, Settings};
+use crate::renderer::automatic_radius_m;
+
+/// Variants of a group beside the first: each holds a device of its own, so there cannot be many.
+const GROUP: usize = 5;
+
+/// What is varied.
+struct Axes {
+    photons: &'static [u32],
+    radius_factors: &'static [f64],
+    kernels: &'static [Kernel],
+    directs: &'static [DirectLight],
+    spps: &'static [u32],
+    path_spps: &'static [u32],
+}
+
+const FULL: Axes = Axes {
+    photons: &[1 << 14, 1 << 16, 1 << 18],
+    radius_factors: &[0.5, 1.0, 2.0],
+    kernels: &[Kernel::Constant, Kernel::Epanechnikov, Kernel::Cone],
+    directs: &[DirectLight::Nee, DirectLight::Map],
+    spps: &[1, 4],
+    path_spps: &[1, 4, 16, 64, 256],
+};
+const SMOKE: Axes = Axes {
+    photons: &[1 << 10, 1 << 13],
+    radius_factors: &[1.0],
+    kernels: &[Kernel::Constant, Kernel::Cone],
+    directs: &[DirectLight::Nee, DirectLight::Map],
+    spps: &[1],
+    path_spps: &[1, 4, 16],
+};
+/// Photons that the radii of the product are automatic for; fixed over the photon counts, so that the floor of the bias
+/// shows.
+const RADIUS_PHOTONS: u32 = 1 << 16;
+
+fn photon(settings: Settings, radius_m: f64) -> Candidate {
+    let photon = &settings.photon;
+    let (kernel, direct) = (word(photon.kernel), word(photon.direct));
+    let name = format!(
+        "photon {} r {radius_m} {kernel} {direct} {} spp",
+        photon.count, settings.spp
+    );
+    let factors = [
+        ("method", json!("photon")),
+        ("photons", json!(photon.count)),
+        ("radius_m", json!(radius_m)),
+        ("kernel", json!(kernel)),
+        ("direct", json!(direct)),
+        ("spp", json!(settings.spp)),
+    ];
+    candidate(name, settings.clone(), factors)
+}
+
+pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
+    let axes = match base.extent {
+        Extent::Full => FULL,
+        Extent::Smoke => SMOKE,
+    };
+    let mut plans = Vec::new();
+    for scene in &base.scenes {
+        let loaded = scene_of(scene, base)?;
+        let (headset, headset_label) = framing_headset(base, &loaded)?;
+        let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);
+        let settings = Settings {
+            reuse: Reuse::Off,
+            ..settings_for(base, scene)
+        };
+        let mut all = Vec::new();
+        for &count in axes.photons {
+            for &factor in axes.radius_factors {
+                let radius_m = three_digits(automatic * factor);
+                for &kernel in axes.kernels {
+                    for &direct in axes.directs {
+                        for &spp in axes.spps {
+                            let mut settings = Settings {
+                                method: Method::Photon,
+                                spp,
+                                ..settings.clone()
+                            };
+                            settings.photon.count = count;
+                            settings.photon.radius_m = radius_m;
+                            settings.photon.kernel = kernel;
+                            settings.photon.direct = direct;
+                            all.push(photon(settings, radius_m));
+                        }
+                    }
+                }
+            }
+        }
+        for &spp in axes.path_spps {
+            let settings = Settings {
+                method: Method::Path,
+                spp,
+                ..settings.clone()
+            };
+            let factors = [("method", json!("path")), ("spp", json!(spp))];
+            all.push(candidate(format!("path {spp} spp"), settings, factors));
+        }
+        // Measured in every group, it tells how far times of different groups may be compared.
+        let anchor = candidate(
+            "anchor: path 1 spp",
+            Settings {
+                method: Method::Path,
+                ..settings.clone()
+            },
+            [("method", json!("anchor")), ("spp", json!(1))],
+        );
+        for (index, chunk) in all.chunks(GROUP).enumerate() {
+            plans.push(GroupPlan {
+                suite: "pareto",
+                name: format!("{scene}, group {}", index + 1),
+                scene: SceneSource::Named(scene.clone()),
+                headset: headset.clone(),
+                headset_label: headset_label.clone(),
+                views: ViewPlan::Start,
+                size: base.size,
+                eyes: Eyes::Left,
+                // The picture that everyone wants is filtered, so a single sample's jagged edges count as error.
+                filter: Some(PixelFilter::Box),
+                candidates: std::iter::once(anchor.clone())
+                    .chain(chunk.iter().cloned())
+                    .collect(),
+                rounds: base.rounds,
+                warm_up: base.warm_up,
+            });
+        }
+    }
+    Ok(plans)
+}

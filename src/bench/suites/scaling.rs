@@ -1,0 +1,147 @@
+//! `scaling`: how the cost of a frame grows with triangles, instances, lights, photons and pixels.
+
+use serde_json::json;
+
+use super::super::BenchError;
+use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::reference::PixelFilter;
+use super::super::scenes::{Generated, SceneSource};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
+use crate::options::{Eyes, Method, Reuse, Settings};
+use crate::xr::Headset;
+
+/// What is varied.
+struct Axes {
+    triangles: &'static [u32],
+    instances: &'static [u32],
+    lights: &'static [u32],
+    photons: &'static [u32],
+    sides: &'static [u32],
+}
+
+const FULL: Axes = Axes {
+    triangles: &[1_000, 10_000, 100_000, 500_000, 2_000_000],
+    instances: &[1, 10, 100, 1_000, 10_000],
+    lights: &[1, 10, 100, 1_000, 10_000],
+    photons: &[1 << 14, 1 << 16, 1 << 18, 1 << 20, 1 << 22],
+    sides: &[64, 128, 256, 512, 1024],
+};
+const SMOKE: Axes = Axes {
+    triangles: &[1_000, 4_000, 16_000],
+    instances: &[1, 10, 100],
+    lights: &[1, 10, 100],
+    photons: &[1 << 10, 1 << 12, 1 << 14],
+    sides: &[16, 32, 64],
+};
+/// Photons in the series that vary something else: the cost of tracing them is to show, not to drown the rest.
+const PHOTONS: u32 = 1 << 16;
+/// The same in `smoke`.
+const SMOKE_PHOTONS: u32 = 1 << 12;
+/// The headset whose pixels end the series of pixels.
+const LARGEST_HEADSET: &str = "quest3";
+
+pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
+    let (axes, photons) = match base.extent {
+        Extent::Full => (FULL, PHOTONS),
+        Extent::Smoke => (SMOKE, SMOKE_PHOTONS),
+    };
+    let settings = |scene: &str, method: Method, count: u32| {
+        let mut settings = Settings {
+            method,
+            reuse: Reuse::Off,
+            ..settings_for(base, scene)
+        };
+        settings.photon.count = count;
+        settings
+    };
+    let group = |name: String,
+                 scene: SceneSource,
+                 view: &(Headset, String),
+                 candidates: Vec<Candidate>| GroupPlan {
+        suite: "scaling",
+        name,
+        scene,
+        headset: view.0.clone(),
+        headset_label: view.1.clone(),
+        views: ViewPlan::Start,
+        size: base.size,
+        eyes: Eyes::Left,
+        filter: None,
+        candidates,
+        rounds: base.rounds,
+        warm_up: base.warm_up,
+    };
+    let both_methods = |series: &'static str, value: f64, scene: &str| -> Vec<Candidate> {
+        [("photon", Method::Photon), ("path", Method::Path)]
+            .into_iter()
+            .map(|(name, method)| {
+                let factors = [("series", json!(series)), (series, json!(value))];
+                candidate(name, settings(scene, method, photons), factors)
+            })
+            .collect()
+    };
+    let mut plans = Vec::new();
+    let room = framing_headset(base, &Generated::default().scene())?;
+    let mut generated = |series: &'static str, values: &[u32], made: &dyn Fn(u32) -> Generated| {
+        for &value in values {
+            let scene = SceneSource::Generated(made(value));
+            let candidates = both_methods(series, f64::from(value), &scene.name());
+            plans.push(GroupPlan {
+                views: ViewPlan::Jitter,
+                ..group(format!("{series} {value}"), scene, &room, candidates)
+            });
+        }
+    };
+    let default = Generated::default();
+    generated("triangles", axes.triangles, &|floor_triangles| Generated {
+        floor_triangles,
+        ..default
+    });
+    generated("instances", axes.instances, &|boxes| Generated {
+        boxes,
+        ..default
+    });
+    generated("lights", axes.lights, &|lights| Generated {
+        lights,
+        ..default
+    });
+    for scene in &base.scenes {
+        let source = SceneSource::Named(scene.clone());
+        let view = framing_headset(base, &scene_of(scene, base)?)?;
+        let candidates = axes
+            .photons
+            .iter()
+            .map(|&count| {
+                let factors = [("series", json!("photons")), ("photons", json!(count))];
+                let settings = settings(scene, Method::Photon, count);
+                candidate(format!("photon {count}"), settings, factors)
+            })
+            .collect();
+        plans.push(GroupPlan {
+            filter: Some(PixelFilter::Center),
+            ..group(
+                format!("photons, {scene}"),
+                source.clone(),
+                &view,
+                candidates,
+            )
+        });
+        let mut sizes: Vec<[u32; 2]> = axes.sides.iter().map(|&side| [side, side]).collect();
+        if base.extent == Extent::Full {
+            sizes.push(Headset::load(LARGEST_HEADSET)?.size);
+        }
+        for size in sizes {
+            let pixels = f64::from(size[0]) * f64::from(size[1]);
+            let mut candidates = both_methods("pixels", pixels, scene);
+            for candidate in &mut candidates {
+                candidate.settings.size = Some(size);
+            }
+            let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
+            plans.push(GroupPlan {
+                size,
+                ..group(name, source.clone(), &view, candidates)
+            });
+        }
+    }
+    Ok(plans)
+}

@@ -1,0 +1,122 @@
+//! `stereo`: every reuse mode beside two eyes rendered by themselves, over scenes, distances between the eyes, headsets and
+//! a recorded trace.
+
+use clap::ValueEnum as _;
+use serde_json::json;
+
+use super::super::BenchError;
+use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::reference::PixelFilter;
+use super::super::scenes::SceneSource;
+use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for, word};
+use crate::options::{Eyes, Reuse, Settings};
+use crate::xr::Headset;
+
+/// Distances between the eyes, millimetres: none, the adult mean of about 63, and one on either side of it; nearly all
+/// adults lie within 50 to 75 (Dodgson 2004, "Variation and extrema of human interpupillary distance").
+const IPDS_MM: [f64; 4] = [0.0, 55.0, 63.0, 75.0];
+
+/// How far ahead of the scene's starting pose the head stands in the groups that vary the distance, metres.
+const AHEAD_M: [f64; 2] = [-0.3, 0.3];
+
+/// Reuse modes, each eye by itself first.
+pub(super) fn modes() -> Vec<Reuse> {
+    let others = Reuse::value_variants()
+        .iter()
+        .copied()
+        .filter(|mode| *mode != Reuse::Off);
+    std::iter::once(Reuse::Off).chain(others).collect()
+}
+
+/// One candidate per reuse mode.
+pub(super) fn candidates(
+    settings: &Settings,
+    factors: &[(&'static str, serde_json::Value)],
+) -> Vec<Candidate> {
+    modes()
+        .into_iter()
+        .map(|reuse| {
+            let settings = Settings {
+                reuse,
+                ..settings.clone()
+            };
+            let reuse = word(reuse);
+            let all = factors.iter().cloned().chain([("reuse", json!(reuse))]);
+            candidate(reuse.clone(), settings, all)
+        })
+        .collect()
+}
+
+pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
+    let own = headset(base)?;
+    let mut plans = Vec::new();
+    for scene in &base.scenes {
+        let (framing, framing_label) = framing_headset(base, &scene_of(scene, base)?)?;
+        let group = |name: String, headset: Headset, label: &str, views: ViewPlan| {
+            let motion = match views {
+                ViewPlan::Start | ViewPlan::Jitter => "still".to_owned(),
+                ViewPlan::Ahead(metres) => format!("still, {metres} m ahead"),
+                ViewPlan::Trace => "sway".to_owned(),
+            };
+            GroupPlan {
+                suite: "stereo",
+                name: format!("{scene}, {name}"),
+                scene: SceneSource::Named(scene.clone()),
+                candidates: candidates(
+                    &settings_for(base, scene),
+                    &[
+                        ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
+                        ("headset", json!(label)),
+                        ("motion", json!(motion)),
+                    ],
+                ),
+                headset,
+                headset_label: label.to_owned(),
+                rounds: if views == ViewPlan::Trace {
+                    base.frames
+                } else {
+                    base.rounds
+                },
+                views,
+                size: base.size,
+                eyes: Eyes::Both,
+                // A frame of one sample looks through the pixels' centres, and so does what it is judged by.
+                filter: Some(PixelFilter::Center),
+                warm_up: base.warm_up,
+            }
+        };
+        let ipds: &[f64] = match base.extent {
+            Extent::Full => &IPDS_MM,
+            Extent::Smoke => &[0.0, 63.0],
+        };
+        for &ipd_mm in ipds {
+            let headset = framing.clone().with_ipd(ipd_mm * 1e-3)?;
+            let name = format!("ipd {ipd_mm} mm");
+            plans.push(group(name, headset, &framing_label, ViewPlan::Start));
+        }
+        if base.extent == Extent::Full {
+            for metres in AHEAD_M {
+                let name = format!("{metres} m ahead");
+                let views = ViewPlan::Ahead(metres);
+                plans.push(group(name, framing.clone(), &framing_label, views));
+            }
+            for name in Headset::names() {
+                let label = format!("{name}, its own view");
+                let headset = Headset::load(name)?;
+                plans.push(group(
+                    format!("headset {name}"),
+                    headset,
+                    &label,
+                    ViewPlan::Start,
+                ));
+            }
+        }
+        let label = format!("{}, its own view", own.name);
+        let (headset, label) = match base.extent {
+            Extent::Full => (own.clone(), label),
+            Extent::Smoke => (framing, framing_label),
+        };
+        plans.push(group("trace".to_owned(), headset, &label, ViewPlan::Trace));
+    }
+    Ok(plans)
+}

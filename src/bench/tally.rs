@@ -1,0 +1,498 @@
+//! What the rounds add up to: times, errors by part of the picture, noise, reuse.
+
+use std::collections::BTreeMap;
+
+use super::BenchError;
+use super::measure::REFERENCE_SHARE;
+use super::records::{RegionErrors, StereoFigures, Timing, reasons};
+use super::reference::Reference;
+use super::statistics::{Spread, mean, median, paired_ratio, spread};
+use crate::images::{Image, ImageRgb};
+use crate::metrics::{
+    Comparison, FlipView, Mask, MetricsError, RenderMoments, binocular_error, compare, error_image,
+};
+use crate::options::{Method, Reuse, Settings};
+use crate::renderer::{FrameResult, Provenance, Renderer, sample_passes};
+
+/// One frame of one variant.
+pub struct Frame {
+    /// Times and counters.
+    pub result: FrameResult,
+    /// Host milliseconds of the whole frame, waiting for the device included.
+    pub host_ms: f64,
+    /// Left and right eye, where read.
+    pub images: [Option<ImageRgb>; 2],
+    /// Provenance of the right eye's pixels, where there is reuse.
+    pub provenance: Option<Vec<u32>>,
+}
+
+/// What frames are judged by.
+#[derive(Default)]
+pub struct Truth {
+    /// References of both eyes.
+    pub references: [Option<Reference>; 2],
+    /// Left pixel that sees what a right pixel sees.
+    pub correspondence: Option<Image<Option<u32>>>,
+}
+
+/// Names of the eyes as parts of the picture.
+const EYES: [&str; 2] = ["left", "right"];
+/// Pixels of the right eye that were taken over.
+const REUSED: &str = "right_reused";
+/// Pixels of the right eye that were filled.
+const FILLED: &str = "right_filled";
+
+/// Values of one part of the picture, one per judged round.
+#[derive(Default)]
+struct RegionTally {
+    pixels: Vec<f64>,
+    rel_mse: Vec<f64>,
+    rmse: Vec<f64>,
+    mean_rel_bias: Vec<f64>,
+    flip: Vec<f64>,
+    /// The group's first variant on the same pixels.
+    first_rel_mse: Vec<f64>,
+    /// The part, as of the last judged round; `None` is the whole eye.
+    mask: Option<Mask>,
+}
+
+/// Everything of one variant, round by round.
+#[derive(Default)]
+pub struct Tally {
+    ms: BTreeMap<String, Vec<f64>>,
+    pass_ms: BTreeMap<String, Vec<f64>>,
+    regions: BTreeMap<&'static str, RegionTally>,
+    moments: [Option<RenderMoments>; 2],
+    noise: Vec<f64>,
+    previous: Option<ImageRgb>,
+    reuses: bool,
+    reuse_fraction: Vec<f64>,
+    reused: Vec<f64>,
+    filled: Vec<f64>,
+    because: [Vec<f64>; 5],
+    binocular: Vec<f64>,
+    pairs: Vec<f64>,
+    last: FrameResult,
+}
+
+/// The parts of an eye beside the whole: for a right eye that reuses, what was taken over and what was filled.
+pub fn region_masks(frame: &Frame, eye: usize, size: [u32; 2]) -> Vec<(&'static str, Mask)> {
+    let Some(provenance) = frame.provenance.as_ref().filter(|_| eye == 1) else {
+        return Vec::new();
+    };
+    let mask = |wanted: fn(u32) -> bool| Mask {
+        width: size[0],
+        height: size[1],
+        pixels: provenance.iter().map(|&code| wanted(code)).collect(),
+    };
+    vec![
+        (REUSED, mask(|code| code == Provenance::Reused as u32)),
+        (
+            FILLED,
+            mask(|code| code != Provenance::Reused as u32 && code != Provenance::Background as u32),
+        ),
+    ]
+}
+
+/// Errors of a part of an image; `None` where it has no pixel.
+///
+/// # Errors
+/// [`MetricsError`] for sizes that differ.
+pub fn judge_part(
+    image: &ImageRgb,
+    truth: &ImageRgb,
+    mask: Option<&Mask>,
+) -> Result<Option<Comparison>, BenchError> {
+    match compare(image, truth, mask, FlipView::default()) {
+        Ok(comparison) => Ok(Some(comparison)),
+        Err(MetricsError::NothingCounted(_)) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+impl Tally {
+    /// Takes a frame's times and counters in.
+    pub fn time(&mut self, frame: &Frame, settings: &Settings) {
+        let times = &frame.result.times.passes;
+        let caustics = frame.result.photons.caustics.is_some();
+        let fills: Vec<String> = sample_passes(settings, caustics)
+            .iter()
+            .map(|pass| format!("right.{}", pass.name))
+            .collect();
+        self.reuses = settings.reuse != Reuse::Off;
+        let sum = |wanted: &dyn Fn(&str) -> bool| {
+            times
+                .iter()
+                .filter(|(name, _)| wanted(name))
+                .map(|(_, (ms, _))| ms)
+                // Not `sum`: the sum of no floats is -0.
+                .fold(0.0, |total, ms| total + ms)
+        };
+        let under = |prefix: &'static str| move |name: &str| name.starts_with(prefix);
+        let mut groups = vec![
+            ("host_update", frame.result.cpu_ms.update),
+            ("host_frame", frame.host_ms),
+        ];
+        if !times.is_empty() {
+            let (left, right) = (sum(&under("left.")), sum(&under("right.")));
+            groups.extend([
+                ("left", left),
+                ("eyes", left + right),
+                ("frame", sum(&|_| true)),
+            ]);
+            if settings.method == Method::Photon {
+                groups.push(("photons", sum(&under("photons."))));
+            }
+            if right > 0.0 {
+                groups.push(("right", right));
+            }
+            if right > 0.0 && self.reuses {
+                let filling = sum(&|name| fills.iter().any(|fill| fill == name));
+                groups.extend([("fill", filling), ("carry", right - filling)]);
+            }
+        }
+        for (name, ms) in groups {
+            self.ms.entry(name.to_owned()).or_default().push(ms);
+        }
+        for (name, (ms, _)) in times {
+            self.pass_ms.entry(name.clone()).or_default().push(*ms);
+        }
+        if self.reuses {
+            let stereo = &frame.result.stereo;
+            self.reuse_fraction.push(stereo.reuse_fraction);
+            self.reused.push(f64::from(stereo.reused));
+            self.filled.push(f64::from(stereo.filled));
+            for (values, count) in self.because.iter_mut().zip(reasons(&stereo.filled_because)) {
+                values.push(count);
+            }
+        }
+        self.last = frame.result.clone();
+    }
+
+    /// Judges a frame beside the first variant's frame of the same round. `still`: every round shows the same view, so that
+    /// rounds can be averaged.
+    ///
+    /// # Errors
+    /// [`BenchError::Metrics`].
+    pub fn judge(
+        &mut self,
+        frame: &Frame,
+        first: &Frame,
+        truth: &Truth,
+        still: bool,
+    ) -> Result<(), BenchError> {
+        if still {
+            self.add_noise(frame);
+        }
+        let mut signed_errors = [None, None];
+        for eye in 0..2 {
+            let (Some(image), Some(reference)) = (&frame.images[eye], &truth.references[eye])
+            else {
+                continue;
+            };
+            let truth = reference.moments.mean_image();
+            signed_errors[eye] = Some(error_image(image, &truth)?);
+            if still {
+                self.moments[eye]
+                    .get_or_insert_with(|| RenderMoments::new(image.width, image.height))
+                    .add(image)?;
+            }
+            let parts = region_masks(frame, eye, [truth.width, truth.height]);
+            let parts = parts.into_iter().map(|(name, mask)| (name, Some(mask)));
+            for (name, mask) in std::iter::once((EYES[eye], None)).chain(parts) {
+                let Some(found) = judge_part(image, &truth, mask.as_ref())? else {
+                    continue;
+                };
+                let beside = match &first.images[eye] {
+                    Some(beside) => judge_part(beside, &truth, mask.as_ref())?,
+                    None => None,
+                };
+                let region = self.regions.entry(name).or_default();
+                region.pixels.push(found.pixels as f64);
+                region.rmse.push(found.rmse);
+                region.rel_mse.extend(found.rel_mse);
+                region.mean_rel_bias.extend(found.mean_rel_bias);
+                if mask.is_none() {
+                    region.flip.push(found.flip);
+                }
+                region
+                    .first_rel_mse
+                    .extend(beside.and_then(|beside| beside.rel_mse));
+                region.mask = mask;
+            }
+        }
+        if let ([Some(left), Some(right)], Some(map), Some(reference)) =
+            (&signed_errors, &truth.correspondence, &truth.references[1])
+        {
+            match binocular_error(left, right, &reference.moments.mean_image(), map) {
+                Ok(found) => {
+                    self.binocular.extend(found.rel_mse);
+                    self.pairs.push(found.pairs as f64);
+                }
+                // Eyes that share no point have nothing to disagree about.
+                Err(MetricsError::NothingCounted(_)) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Noise from two successive frames x and y: half the mean of (x - y)^2 over the mean of ((x + y) / 2)^2.
+    fn add_noise(&mut self, frame: &Frame) {
+        let Some(image) = &frame.images[0] else {
+            return;
+        };
+        if let Some(previous) = self.previous.take() {
+            let (mut square, mut level) = (0.0, 0.0);
+            let channels = image.pixels.iter().flatten();
+            for (x, y) in channels.zip(previous.pixels.iter().flatten()) {
+                let (x, y) = (f64::from(*x), f64::from(*y));
+                square += 0.5 * (x - y).powi(2);
+                level += (0.5 * (x + y)).powi(2);
+            }
+            if level > 0.0 && square.is_finite() {
+                self.noise.push(square / level);
+            }
+        } else {
+            self.previous = Some(image.clone());
+        }
+    }
+
+    /// Noise of each pair of frames; pairs share no frame.
+    pub fn noise(&self) -> &[f64] {
+        &self.noise
+    }
+
+    /// The last frame.
+    pub fn last(&self) -> &FrameResult {
+        &self.last
+    }
+
+    /// Times, and their ratios to the first variant's.
+    pub fn timing(&self, first: &Self, renderer: &Renderer, rounds: u32, warm_up: u32) -> Timing {
+        let spreads = |all: &BTreeMap<String, Vec<f64>>| -> BTreeMap<String, Spread> {
+            all.iter()
+                .filter_map(|(name, values)| Some((name.clone(), spread(values)?)))
+                .collect()
+        };
+        let ratio = self.ms.iter().filter_map(|(name, values)| {
+            Some((name.clone(), paired_ratio(values, first.ms.get(name)?)?))
+        });
+        Timing {
+            clock: if renderer.context().has_timestamps {
+                "device"
+            } else {
+                "host"
+            }
+            .to_owned(),
+            rounds,
+            warm_up,
+            ms: spreads(&self.ms),
+            ratio: ratio.collect(),
+            pass_ms: spreads(&self.pass_ms),
+        }
+    }
+
+    /// Errors by part of the picture.
+    pub fn errors(&self, truth: &Truth) -> BTreeMap<String, RegionErrors> {
+        let errors = |name: &str, region: &RegionTally| {
+            let eye = usize::from(name != EYES[0]);
+            let reference = truth.references[eye].as_ref();
+            let reference_variance = reference.and_then(|found| {
+                found
+                    .moments
+                    .relative_variance_of_mean(region.mask.as_ref())
+            });
+            let rel_mse = mean(&region.rel_mse);
+            RegionErrors {
+                pixels: mean(&region.pixels).map_or(0.0, |found| found.value),
+                rel_mse,
+                rmse: mean(&region.rmse),
+                mean_rel_bias: mean(&region.mean_rel_bias),
+                flip: mean(&region.flip),
+                bias_variance: self.moments[eye]
+                    .as_ref()
+                    .zip(reference)
+                    .filter(|_| region.mask.is_none())
+                    .and_then(|(moments, found)| moments.bias_and_variance(&found.moments).ok()),
+                rel_mse_ratio: paired_ratio(&region.rel_mse, &region.first_rel_mse),
+                reference_variance,
+                reference_settled: rel_mse.zip(reference_variance).is_some_and(
+                    |(error, variance)| variance <= REFERENCE_SHARE.powi(2) * error.value,
+                ),
+            }
+        };
+        self.regions
+            .iter()
+            .map(|(name, region)| ((*name).to_owned(), errors(name, region)))
+            .collect()
+    }
+
+    /// Reuse and binocular error; `None` without a right eye.
+    pub fn stereo(&self, first: &Self) -> Option<StereoFigures> {
+        if !self.reuses && self.binocular.is_empty() {
+            return None;
+        }
+        let zero = Spread {
+            median: 0.0,
+            lower_quartile: 0.0,
+            upper_quartile: 0.0,
+            mad: 0.0,
+            count: 0,
+        };
+        let middle = |values: &[f64]| median(values).unwrap_or(0.0);
+        Some(StereoFigures {
+            reuse_fraction: spread(&self.reuse_fraction).unwrap_or(zero),
+            reused: middle(&self.reused),
+            filled: middle(&self.filled),
+            because: std::array::from_fn(|reason| middle(&self.because[reason])),
+            binocular_rel_mse: mean(&self.binocular),
+            binocular_ratio: paired_ratio(&self.binocular, &first.binocular),
+            binocular_pairs: middle(&self.pairs),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(right: f32, passes: &[(&str, f64)]) -> Frame {
+        let mut result = FrameResult::default();
+        for &(name, ms) in passes {
+            result.times.passes.insert(name.to_owned(), (ms, 1));
+        }
+        Frame {
+            result,
+            host_ms: 100.0,
+            images: [
+                Some(Image::filled(16, 16, [1.0; 3]).unwrap()),
+                Some(Image::filled(16, 16, [right; 3]).unwrap()),
+            ],
+            // First column background, the next seven reused, the rest filled.
+            provenance: Some(
+                (0..256)
+                    .map(|i| match i % 16 {
+                        0 => Provenance::Background as u32,
+                        1..8 => Provenance::Reused as u32,
+                        _ => Provenance::Gap as u32,
+                    })
+                    .collect(),
+            ),
+        }
+    }
+
+    fn reference(level: f32) -> Reference {
+        let mut moments = RenderMoments::new(16, 16);
+        for _ in 0..2 {
+            moments
+                .add(&Image::filled(16, 16, [level; 3]).unwrap())
+                .unwrap();
+        }
+        Reference {
+            moments,
+            samples: 2,
+            capped: false,
+        }
+    }
+
+    #[test]
+    fn passes_are_summed_into_their_groups() {
+        let mut tally = Tally::default();
+        let settings = Settings::default();
+        let passes = [
+            ("photons.photon_trace", 8.0),
+            ("left.photon_gather", 4.0),
+            ("right.scatter_depth", 0.5),
+            ("right.photon_gather", 1.0),
+        ];
+        tally.time(&frame(1.0, &passes), &settings);
+        let of = |name: &str| tally.ms[name][0];
+        assert_eq!((of("photons"), of("left"), of("right")), (8.0, 4.0, 1.5));
+        assert_eq!((of("eyes"), of("frame")), (5.5, 13.5));
+        assert_eq!((of("fill"), of("carry")), (1.0, 0.5));
+        assert_eq!(of("host_frame"), 100.0);
+        assert_eq!(tally.pass_ms.len(), 4);
+    }
+
+    #[test]
+    fn parts_are_judged_apart_and_against_the_first_variant_on_the_same_pixels() {
+        // The reference is 2; this variant's right eye shows 3, the first variant's 2.5: relative MSE 1 / 4.04 against
+        // 0.25 / 4.04, on every part alike, so the ratio is 4.
+        let truth = Truth {
+            references: [Some(reference(1.0)), Some(reference(2.0))],
+            correspondence: Some(
+                Image::new(16, 16, (0..256).map(Some).collect::<Vec<_>>()).unwrap(),
+            ),
+        };
+        let mut tally = Tally::default();
+        for _ in 0..3 {
+            tally
+                .judge(&frame(3.0, &[]), &frame(2.5, &[]), &truth, true)
+                .unwrap();
+        }
+        let errors = tally.errors(&truth);
+        assert_eq!(
+            errors.keys().collect::<Vec<_>>(),
+            ["left", "right", "right_filled", "right_reused"]
+        );
+        for (name, pixels) in [("right", 256.0), (REUSED, 112.0), (FILLED, 128.0)] {
+            let found = &errors[name];
+            assert_eq!(found.pixels, pixels, "{name}");
+            assert!((found.rel_mse.unwrap().value - 1.0 / 4.04).abs() < 1e-12);
+            assert!((found.rel_mse_ratio.unwrap().median - 4.0).abs() < 1e-12);
+            assert_eq!(found.flip.is_some(), name == "right");
+            assert!(
+                found.reference_settled,
+                "a reference without spread is exact"
+            );
+        }
+        assert_eq!(errors["left"].rel_mse.unwrap().value, 0.0);
+        // The eyes' errors are 0 and 1 everywhere: they disagree by 1.
+        assert!((mean(&tally.binocular).unwrap().value - 1.0 / 4.04).abs() < 1e-12);
+        // A bias of 1 without noise.
+        let split = errors["right"].bias_variance.unwrap();
+        assert!((split.bias_squared - 1.0 / 4.04).abs() < 1e-12 && split.variance == 0.0);
+    }
+
+    #[test]
+    fn a_noisy_reference_does_not_count_as_settled() {
+        let mut noisy = RenderMoments::new(16, 16);
+        for level in [1.5, 2.5] {
+            noisy
+                .add(&Image::filled(16, 16, [level; 3]).unwrap())
+                .unwrap();
+        }
+        // Variance of the mean 0.25 / 4.04, error 1 / 4.04: a share of 1/2, not 1/10.
+        let truth = Truth {
+            references: [
+                None,
+                Some(Reference {
+                    moments: noisy,
+                    samples: 2,
+                    capped: true,
+                }),
+            ],
+            correspondence: None,
+        };
+        let mut tally = Tally::default();
+        let shown = frame(3.0, &[]);
+        tally.judge(&shown, &shown, &truth, true).unwrap();
+        assert!(!tally.errors(&truth)["right"].reference_settled);
+    }
+
+    #[test]
+    fn noise_is_half_the_square_difference_of_pairs() {
+        let mut tally = Tally::default();
+        let level = |value| {
+            let mut shown = frame(0.0, &[]);
+            shown.images[0] = Some(Image::filled(16, 16, [value; 3]).unwrap());
+            shown
+        };
+        for value in [1.0, 3.0, 2.0] {
+            tally.add_noise(&level(value));
+        }
+        // (1, 3): half of 4 over 2^2; the third frame waits for a partner.
+        assert_eq!(tally.noise(), [0.5]);
+    }
+}

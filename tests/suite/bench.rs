@@ -1,0 +1,350 @@
+//! `bench` as a user meets it: killed, resumed, and a report whose files agree with each other.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use stereolux::images::read_image;
+
+use crate::suite::support::{Folder, adapter_name, stereolux};
+
+/// A suite small enough for the tests: what it measures means nothing, how it is written does.
+fn smoke(out: &Path) -> Vec<String> {
+    [
+        "bench",
+        "smoke",
+        "--size",
+        "16x16",
+        "--rounds",
+        "2",
+        "--frames",
+        "2",
+        "--reference-spp",
+        "16",
+        "--set",
+        "photon.count=512",
+        "--adapter",
+        adapter_name(),
+        "--out",
+    ]
+    .iter()
+    .map(|&arg| arg.to_owned())
+    .chain([out.display().to_string()])
+    .collect()
+}
+
+fn lines(path: &Path) -> usize {
+    std::fs::read(path).map_or(0, |bytes| bytes.iter().filter(|&&b| b == b'\n').count())
+}
+
+fn wait_for_rows(child: &mut Child, journal: &Path, rows: usize) {
+    let began = Instant::now();
+    while lines(journal) < rows {
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "the suite ended before it could be killed"
+        );
+        assert!(began.elapsed() < Duration::from_secs(300), "no rows");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Fields of a line of CSV (RFC 4180).
+fn fields(line: &str) -> Vec<String> {
+    let (mut all, mut field, mut inside) = (Vec::new(), String::new(), false);
+    let mut chars = line.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '"' if inside && chars.peek() == Some(&'"') => {
+                field.push('"');
+                chars.next();
+            }
+            '"' => inside = !inside,
+            ',' if !inside => all.push(std::mem::take(&mut field)),
+            other => field.push(other),
+        }
+    }
+    all.push(field);
+    all
+}
+
+struct Report {
+    json: Value,
+    header: Vec<String>,
+    csv: Vec<Vec<String>>,
+    markdown: String,
+}
+
+impl Report {
+    fn read(out: &Path) -> Self {
+        let text = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+        let csv = text("rows.csv");
+        let mut csv = csv.lines().map(fields);
+        Self {
+            json: serde_json::from_str(&text("report.json")).unwrap(),
+            header: csv.next().unwrap(),
+            csv: csv.collect(),
+            markdown: text("report.md"),
+        }
+    }
+
+    fn rows(&self) -> &Vec<Value> {
+        self.json["rows"].as_array().unwrap()
+    }
+
+    fn cell(&self, row: usize, column: &str) -> &str {
+        let place = self.header.iter().position(|name| name == column);
+        &self.csv[row][place.unwrap_or_else(|| panic!("no column {column}"))]
+    }
+
+    /// The row of a suite whose group ends in `group`.
+    fn find(&self, suite: &str, group: &str, variant: &str) -> &Value {
+        self.rows()
+            .iter()
+            .find(|row| {
+                row["suite"] == suite
+                    && row["group"].as_str().unwrap().ends_with(group)
+                    && row["variant"] == variant
+            })
+            .unwrap_or_else(|| panic!("no row {suite}, {group}, {variant}"))
+    }
+}
+
+/// Killed after its first rows, with a line cut off at that, the suite goes on where it stopped; its files are all there,
+/// whole, and say the same.
+#[test]
+fn a_killed_suite_is_resumed_and_its_files_agree() {
+    let folder = Folder::new("bench-smoke");
+    let out = folder.join("report");
+    let journal = out.join("journal.jsonl");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
+        .args(smoke(&out))
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_for_rows(&mut child, &journal, 4);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let kept = lines(&journal);
+    assert!(!out.join("report.json").exists());
+    let mut bytes = std::fs::read(&journal).unwrap();
+    let first: Value =
+        serde_json::from_slice(bytes.split(|&b| b == b'\n').next().unwrap()).unwrap();
+    bytes.extend_from_slice(br#"{"key":"cut o"#);
+    std::fs::write(&journal, bytes).unwrap();
+
+    let output = stereolux(&smoke(&out));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert!(
+        said.contains(&format!("{kept} of them from an earlier run")),
+        "{said}"
+    );
+    let report = Report::read(&out);
+    assert_eq!(
+        lines(&journal),
+        report.rows().len(),
+        "one line per row, the cut one gone"
+    );
+    assert_eq!(
+        report.find("tables", "radius 0.1", "off"),
+        &first,
+        "the very row that was kept"
+    );
+
+    files_agree(&out, &report);
+    figures_hold(&report);
+
+    // Everything is there now: nothing is measured, and the same report comes out.
+    let before: Vec<Vec<u8>> = ["report.json", "report.md", "rows.csv"]
+        .map(|name| std::fs::read(out.join(name)).unwrap())
+        .into();
+    let output = stereolux(&smoke(&out));
+    assert!(output.status.success());
+    for (name, bytes) in ["report.json", "report.md", "rows.csv"].iter().zip(before) {
+        assert!(
+            std::fs::read(out.join(name)).unwrap() == bytes,
+            "{name} changed"
+        );
+    }
+    assert_eq!(lines(&journal), report.rows().len());
+}
+
+fn files_agree(out: &Path, report: &Report) {
+    assert_eq!(report.csv.len(), report.rows().len());
+    let keys: BTreeSet<&str> = report
+        .rows()
+        .iter()
+        .map(|row| row["key"].as_str().unwrap())
+        .collect();
+    assert_eq!(keys.len(), report.rows().len(), "keys are unique");
+    let machine = &report.json["machine"];
+    for (index, row) in report.rows().iter().enumerate() {
+        assert_eq!(report.csv[index].len(), report.header.len());
+        for name in [
+            "key", "suite", "group", "variant", "scene", "code", "version",
+        ] {
+            assert_eq!(report.cell(index, name), row[name].as_str().unwrap());
+        }
+        assert_eq!(
+            &row["machine"], machine,
+            "every row says where it was measured"
+        );
+        assert_eq!(report.cell(index, "adapter"), machine["adapter"]);
+        assert_eq!(
+            report.cell(index, "software_adapter"),
+            machine["software_adapter"].to_string()
+        );
+        assert!(!report.cell(index, "driver").is_empty());
+        let settings: Value = serde_json::from_str(report.cell(index, "settings")).unwrap();
+        assert_eq!(settings, row["settings"]);
+        assert_eq!(settings["photon.every_frame"], true);
+        let same = |column: &str, value: &Value| {
+            let cell = report.cell(index, column);
+            match value.as_f64() {
+                Some(number) => assert_eq!(cell.parse::<f64>().unwrap(), number, "{column}"),
+                None => assert_eq!(cell, "", "{column}"),
+            }
+        };
+        same("ms.frame", &row["timing"]["ms"]["frame"]["median"]);
+        same("ratio.eyes", &row["timing"]["ratio"]["eyes"]["median"]);
+        same("left.rel_mse", &row["errors"]["left"]["rel_mse"]["value"]);
+        same(
+            "right_reused.rel_mse_ratio",
+            &row["errors"]["right_reused"]["rel_mse_ratio"]["median"],
+        );
+        same("reuse_fraction", &row["stereo"]["reuse_fraction"]["median"]);
+        let shown = match row["suite"].as_str().unwrap() {
+            "tables" => "scene",
+            "pareto" => "variant",
+            _ => "group",
+        };
+        if row["factors"]["method"] != "anchor" {
+            assert!(
+                report.markdown.contains(row[shown].as_str().unwrap()),
+                "{row}"
+            );
+        }
+    }
+    if machine["software_adapter"] == true {
+        assert!(report.markdown.contains("**Software adapter**"));
+        let marked = report
+            .markdown
+            .lines()
+            .filter(|line| line.contains("(software adapter)"));
+        assert!(
+            marked.count() >= report.rows().len() - 3,
+            "every row's line is marked"
+        );
+    }
+    for number in 1..=4 {
+        let line = format!("- table {number}, ");
+        let line = report
+            .markdown
+            .lines()
+            .find(|text| text.starts_with(&line))
+            .unwrap();
+        assert!(line.contains("not measured"), "{line}");
+    }
+    let plots = report.json["plots"].as_array().unwrap();
+    assert!(plots.len() >= 8, "{plots:?}");
+    for stem in plots {
+        let stem = stem.as_str().unwrap();
+        let svg = std::fs::read_to_string(out.join(format!("plots/{stem}.svg"))).unwrap();
+        assert!(
+            svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"),
+            "{stem}"
+        );
+        let picture = read_image(&out.join(format!("plots/{stem}.png"))).unwrap();
+        let dark = picture
+            .pixels
+            .iter()
+            .filter(|pixel| pixel[0] + pixel[1] + pixel[2] < 1.0);
+        assert!(dark.count() > 500, "{stem}.png is blank");
+        assert!(report.markdown.contains(&format!("plots/{stem}.png")));
+    }
+    let drawn = std::fs::read_dir(out.join("plots")).unwrap().count();
+    assert_eq!(
+        drawn,
+        2 * plots.len(),
+        "two files per plot and none half-written"
+    );
+    // The front's rows are rows, and none of them is beaten.
+    for scene in report.json["analysis"]["pareto"].as_array().unwrap() {
+        let front = scene["front"].as_array().unwrap();
+        assert!(!front.is_empty());
+        for point in front {
+            assert!(keys.contains(point["key"].as_str().unwrap()));
+            for row in report.rows() {
+                let figure = |value: &Value| value.as_f64().unwrap_or(f64::INFINITY);
+                let beaten = row["suite"] == "pareto"
+                    && row["factors"]["method"] != "anchor"
+                    && row["scene"] == scene["scene"]
+                    && figure(&row["timing"]["ms"]["frame"]["median"]) < figure(&point["ms"])
+                    && figure(&row["errors"]["left"]["rel_mse"]["value"])
+                        < figure(&point["rel_mse"]);
+                assert!(!beaten, "{} beats {point}", row["variant"]);
+            }
+        }
+    }
+}
+
+/// What must hold whatever the machine: exact figures, and those that follow from how the rows are made.
+fn figures_hold(report: &Report) {
+    // At IPD 0 everything is taken over, bit for bit, so the error is the same as without reuse.
+    let (off, scatter) = (
+        report.find("stereo", "ipd 0 mm", "off"),
+        report.find("stereo", "ipd 0 mm", "scatter"),
+    );
+    assert_eq!(scatter["stereo"]["reuse_fraction"]["median"], 1.0);
+    assert_eq!(scatter["stereo"]["filled"], 0.0);
+    assert_eq!(
+        scatter["errors"]["right"]["rel_mse"],
+        off["errors"]["right"]["rel_mse"]
+    );
+    assert_eq!(
+        scatter["errors"]["right_reused"]["rel_mse_ratio"]["median"],
+        1.0
+    );
+    assert_eq!(
+        off["errors"]["left"]["rel_mse"],
+        off["errors"]["right"]["rel_mse"]
+    );
+    // Both eyes' errors agree where the eyes are one.
+    assert_eq!(scatter["stereo"]["binocular_rel_mse"]["value"], 0.0);
+    // Apart, filled pixels are rendered as without reuse, and the scatter's offset shows on the reused ones.
+    let apart = report.find("stereo", "ipd 63 mm", "scatter");
+    assert_eq!(
+        apart["errors"]["right_filled"]["rel_mse_ratio"]["median"],
+        1.0
+    );
+    assert!(
+        apart["errors"]["right_reused"]["rel_mse_ratio"]["median"]
+            .as_f64()
+            .unwrap()
+            > 1.0
+    );
+    let figure = |value: &Value| value.as_f64().unwrap();
+    let stereo = &apart["stereo"];
+    let because: f64 = stereo["because"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(figure)
+        .sum();
+    assert_eq!(because, figure(&stereo["filled"]));
+    assert!(
+        figure(&stereo["binocular_pairs"]) > 100.0,
+        "most pixels have a partner"
+    );
+    // Sixteen samples a reference are too few, and it says so.
+    assert_eq!(apart["errors"]["right"]["reference_settled"], false);
+    assert!(report.markdown.contains("NO: stopped at the cap"));
+    // What a moving head uploads follows the instances and not the triangles.
+    let bytes =
+        |group: &str| figure(&report.find("scaling", group, "photon")["load"]["upload_bytes"]);
+    assert_eq!(bytes("triangles 1000"), bytes("triangles 16000"));
+    assert!(bytes("instances 100") > 5.0 * bytes("instances 10"));
+}
