@@ -235,7 +235,7 @@ pub static SETTINGS: &[Setting] = &[
             inclusive: true,
         },
         "metres",
-        "gather radius of caustics; 0 takes the photons' radius",
+        "gather radius of caustics; 0 takes half of photon.radius_m",
     ),
     setting(
         "photon.max_depth",

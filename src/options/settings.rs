@@ -216,7 +216,7 @@ pub struct PhotonSettings {
     pub radius_m: f64,
     /// Photons emitted for the map of caustics, 0 to 67108864, in scenes that can form them; 0 takes `count`; default 0.
     pub caustic_count: u32,
-    /// Gather radius of caustics in metres; 0 takes the photons' radius; default 0.
+    /// Gather radius of caustics in metres; 0 takes half of `radius_m`; default 0.
     pub caustic_radius_m: f64,
     /// Segments of the whole path from eye to light, 1 to 64; default 12.
     pub max_depth: u32,

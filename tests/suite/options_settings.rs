@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use serde_json::Value;
 use stereolux::options::layers::Layers;
 use stereolux::options::registry::{self, Kind, SETTINGS};
+use stereolux::options::settings::{ImageFormat, Space};
 use stereolux::options::{
     DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings, Technique,
 };
@@ -67,6 +68,8 @@ fn registry_words_are_the_enums_words() {
         ("photon.direct", words::<DirectLight>()),
         ("photon.kernel", words::<Kernel>()),
         ("simulated.motion", words::<Motion>()),
+        ("openxr.space", words::<Space>()),
+        ("openxr.format", words::<ImageFormat>()),
     ] {
         assert_eq!(
             registry::find(key).unwrap().kind.allowed(),
