@@ -133,6 +133,30 @@ pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuErro
     Ok(bindings)
 }
 
+/// What a bind group layout says of `bindings`, which `visibility`'s stages see.
+pub fn layout_entries(
+    bindings: &[Binding],
+    visibility: wgpu::ShaderStages,
+) -> Vec<wgpu::BindGroupLayoutEntry> {
+    bindings
+        .iter()
+        .map(|binding| wgpu::BindGroupLayoutEntry {
+            binding: binding.slot,
+            visibility,
+            ty: wgpu::BindingType::Buffer {
+                ty: match binding.kind {
+                    BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
+                    BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    BindingKind::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+                },
+                has_dynamic_offset: binding.name == DISPATCH_BINDING,
+                min_binding_size: None,
+            },
+            count: None,
+        })
+        .collect()
+}
+
 impl Kernel {
     /// Compiles shader `name` of `library` with `features` and builds its pipeline.
     ///
@@ -171,27 +195,7 @@ impl Kernel {
             })?;
         context.guarded(pass, || {
             let device = &context.device;
-            let entries: Vec<_> = bindings
-                .iter()
-                .map(|binding| wgpu::BindGroupLayoutEntry {
-                    binding: binding.slot,
-                    visibility: wgpu::ShaderStages::COMPUTE,
-                    ty: wgpu::BindingType::Buffer {
-                        ty: match binding.kind {
-                            BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
-                            BindingKind::Read => {
-                                wgpu::BufferBindingType::Storage { read_only: true }
-                            }
-                            BindingKind::ReadWrite => {
-                                wgpu::BufferBindingType::Storage { read_only: false }
-                            }
-                        },
-                        has_dynamic_offset: binding.name == DISPATCH_BINDING,
-                        min_binding_size: None,
-                    },
-                    count: None,
-                })
-                .collect();
+            let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);
             let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                 label: Some(pass),
                 entries: &entries,

@@ -9,12 +9,12 @@ pub mod kernels;
 pub mod photon_map;
 pub mod scene_buffers;
 mod session;
+pub mod stats;
 pub mod submit;
 
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use serde::Serialize;
 use thiserror::Error;
 
 use crate::bvh::BvhError;
@@ -38,6 +38,9 @@ pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
 pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
 pub use scene_buffers::SceneBuffers;
+pub use stats::{
+    CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
+};
 pub use submit::Submitter;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
@@ -70,110 +73,6 @@ pub enum RenderError {
     /// The scene's textures or materials.
     #[error(transparent)]
     Pack(#[from] PackError),
-}
-
-/// Where the right eye's pixels came from; the shaders hold the same numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Provenance {
-    /// No surface.
-    Background = 0,
-    /// Carried over.
-    Reused = 1,
-    /// Filled: outside the left image.
-    OutOfLeftView = 2,
-    /// Filled: hidden from the left eye.
-    Disoccluded = 3,
-    /// Filled: the left image shows another surface there.
-    Edge = 4,
-    /// Filled: what is seen depends on the viewing direction.
-    ViewDependent = 5,
-    /// Filled: the left eye sees the surface, but no sample landed in the pixel.
-    Gap = 6,
-}
-
-/// Photons of a frame, for `stats.jsonl`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct PhotonStats {
-    /// Whether this frame traced photons, or used those of an earlier one.
-    pub traced: bool,
-    /// The map of all photons but caustics.
-    #[serde(flatten)]
-    pub map: MapStats,
-    /// The map of caustics, where the scene can form them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub caustics: Option<MapStats>,
-}
-
-/// One photon map, for `stats.jsonl`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct MapStats {
-    /// Paths emitted for the map in use.
-    pub emitted: u32,
-    /// Photons in the map.
-    pub stored: u32,
-    /// Photons that found no room.
-    pub dropped: u32,
-    /// Paths whose photons are all in the map; the flux is divided by this.
-    pub paths_kept: u32,
-    /// Photons that the list holds at most.
-    pub capacity: u32,
-}
-
-/// Why pixels of the right eye were filled, summed over the frame's samples.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct FilledBecause {
-    /// Outside the left image.
-    pub out_of_left_view: u32,
-    /// Hidden from the left eye.
-    pub disoccluded: u32,
-    /// The left image shows another surface there.
-    pub edge: u32,
-    /// What is seen depends on the viewing direction.
-    pub view_dependent: u32,
-    /// The left eye sees the surface, but no sample landed in the pixel.
-    pub gap: u32,
-}
-
-/// Stereo reuse of a frame, summed over its samples.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct StereoStats {
-    /// Left samples that hit a surface.
-    pub left_hits: u32,
-    /// Those that the right eye sees and may take over.
-    pub scattered: u32,
-    /// Right pixels that took one over.
-    pub reused: u32,
-    /// Right pixels that see a surface and were filled.
-    pub filled: u32,
-    /// `reused` / (`reused` + `filled`); 0 if the right eye sees no surface.
-    pub reuse_fraction: f64,
-    /// Why not reused.
-    pub filled_because: FilledBecause,
-}
-
-/// Host milliseconds of a frame by stage.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct CpuTimes {
-    /// Instance hierarchy, lights and their upload.
-    pub update: f64,
-    /// Recording, submitting and waiting for the device.
-    pub render: f64,
-    /// Reading back counters.
-    pub read_back: f64,
-}
-
-/// What one frame did.
-#[derive(Debug, Clone, Default)]
-pub struct FrameResult {
-    /// Device milliseconds by pass.
-    pub times: PassTimes,
-    /// Host milliseconds by stage.
-    pub cpu_ms: CpuTimes,
-    /// Photons, with the photon method.
-    pub photons: PhotonStats,
-    /// Stereo reuse; zero without it.
-    pub stereo: StereoStats,
 }
 
 /// Everything that turns views into images for one scene and one set of settings.
@@ -540,7 +439,7 @@ impl Renderer {
 
         let began = Instant::now();
         if let Some(counters) = self.eyes.read_counters(&self.context)? {
-            result.stereo = stereo_stats(&counters);
+            result.stereo = StereoStats::from_counters(&counters);
         }
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
@@ -739,38 +638,6 @@ fn eye_uniform(view: &View, origin_in_world: DVec3) -> EyeUniform {
         tan_up: tangents.up as f32,
         axis_z: (orientation * DVec3::Z).as_vec3().to_array(),
         tan_down: tangents.down as f32,
-    }
-}
-
-fn stereo_stats(counters: &[u32; eyes::STEREO_COUNTERS]) -> StereoStats {
-    // Slots as `scatter_depth`, `reuse_resolve` and `fill_reasons` name them.
-    const REASONS: usize = 6;
-    let because = |provenance: Provenance| counters[REASONS + provenance as usize];
-    let filled_because = FilledBecause {
-        out_of_left_view: because(Provenance::OutOfLeftView),
-        disoccluded: because(Provenance::Disoccluded),
-        edge: because(Provenance::Edge),
-        view_dependent: because(Provenance::ViewDependent),
-        gap: because(Provenance::Gap),
-    };
-    let reused = counters[2];
-    let filled = filled_because.out_of_left_view
-        + filled_because.disoccluded
-        + filled_because.edge
-        + filled_because.view_dependent
-        + filled_because.gap;
-    let surfaces = f64::from(reused) + f64::from(filled);
-    StereoStats {
-        left_hits: counters[0],
-        scattered: counters[1],
-        reused,
-        filled,
-        reuse_fraction: if surfaces > 0.0 {
-            f64::from(reused) / surfaces
-        } else {
-            0.0
-        },
-        filled_because,
     }
 }
 

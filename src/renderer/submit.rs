@@ -3,7 +3,7 @@
 
 use wgpu::util::DeviceExt as _;
 
-use crate::gpu::kernel::{BindingKind, reflect_bindings};
+use crate::gpu::kernel::{layout_entries, reflect_bindings};
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::types::submit::Submit;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
@@ -32,27 +32,7 @@ impl Raster {
         let bindings = reflect_bindings(&shader)?;
         context.guarded(pass.name, || {
             let device = &context.device;
-            let entries: Vec<_> = bindings
-                .iter()
-                .map(|binding| wgpu::BindGroupLayoutEntry {
-                    binding: binding.slot,
-                    visibility: wgpu::ShaderStages::FRAGMENT,
-                    ty: wgpu::BindingType::Buffer {
-                        ty: match binding.kind {
-                            BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
-                            BindingKind::Read => {
-                                wgpu::BufferBindingType::Storage { read_only: true }
-                            }
-                            BindingKind::ReadWrite => {
-                                wgpu::BufferBindingType::Storage { read_only: false }
-                            }
-                        },
-                        has_dynamic_offset: false,
-                        min_binding_size: None,
-                    },
-                    count: None,
-                })
-                .collect();
+            let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
             let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                 label: Some(pass.name),
                 entries: &entries,
