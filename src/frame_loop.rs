@@ -258,20 +258,29 @@ pub fn read_images(
     size: [u32; 2],
     non_finite_pixels: &mut usize,
 ) -> Result<FrameImages, LoopError> {
-    let mut read = |eye| -> Result<Option<ImageRgb>, LoopError> {
-        let Some(mut pixels) = renderer.read_radiance(eye)? else {
-            return Ok(None);
-        };
+    let mut image = |mut pixels: Vec<[f32; 3]>| -> Result<ImageRgb, LoopError> {
         for pixel in &mut pixels {
             if !pixel.iter().all(|channel| channel.is_finite()) {
                 *pixel = [0.0; 3];
                 *non_finite_pixels += 1;
             }
         }
-        Ok(Some(Image::new(size[0], size[1], pixels)?))
+        Ok(Image::new(size[0], size[1], pixels)?)
     };
-    let left = read(Eye::Left)?;
-    let right = read(Eye::Right)?;
+    let mut radiance = |eye| renderer.read_radiance(eye)?.map(&mut image).transpose();
+    let (left, right) = (radiance(Eye::Left)?, radiance(Eye::Right)?);
+    let mut parts = Vec::new();
+    for eye in [Eye::Left, Eye::Right] {
+        if let Some(read) = renderer.read_parts(eye)? {
+            for (part, pixels) in [
+                ("direct", read.direct),
+                ("indirect", read.indirect),
+                ("albedo", read.albedo),
+            ] {
+                parts.push((format!("{}_{part}", eye.name()), image(pixels)?));
+            }
+        }
+    }
     if *non_finite_pixels > 0 {
         log::error!(
             "{non_finite_pixels} pixels were not finite and are written as 0; please report the scene"
@@ -289,5 +298,6 @@ pub fn read_images(
         left,
         right,
         provenance,
+        parts,
     })
 }

@@ -44,6 +44,8 @@ pub struct FrameImages {
     pub right: Option<ImageRgb>,
     /// Provenance of the right eye's pixels, row-major; `None` without reuse.
     pub provenance: Option<Vec<u32>>,
+    /// Further images as (eye and part as in the file's name, such as `left_direct`; pixels).
+    pub parts: Vec<(String, ImageRgb)>,
 }
 
 /// The folder that a run writes to.
@@ -127,7 +129,7 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Writes a frame's images: EXR per eye, both tone mapped side by side, provenance in false colour.
+    /// Writes a frame's images: EXR per eye and per part, both tone mapped side by side, provenance in false colour.
     ///
     /// # Errors
     /// [`OutputError`].
@@ -144,6 +146,12 @@ impl OutputFolder {
                     image,
                 )?;
             }
+        }
+        for (part, image) in &images.parts {
+            write_exr(
+                &self.path.join(format!("frame_{index:04}_{part}.exr")),
+                image,
+            )?;
         }
         let picture = match (&images.left, &images.right) {
             (Some(left), Some(right)) => Some(Image::side_by_side(

@@ -52,6 +52,7 @@ mod suite {
     pub mod openxr_support;
     pub mod options_flags;
     pub mod options_settings;
+    pub mod parts;
     pub mod photon_map;
     pub mod progressive;
     pub mod reference;

@@ -348,6 +348,12 @@ pub static SETTINGS: &[Setting] = &[
         "write images; stats.jsonl and run.json are written in any case",
     ),
     setting(
+        "output.parts",
+        Kind::Bool,
+        "",
+        "also write each eye's direct light, indirect light and albedo, frame_NNNN_EYE_{direct,indirect,albedo}.exr",
+    ),
+    setting(
         "force.glossy",
         FORCE,
         "",

@@ -302,6 +302,8 @@ pub struct OutputSettings {
     pub exposure: f64,
     /// Write images; default true.
     pub images: bool,
+    /// Split radiance into direct and indirect light, and write those and the albedo; default false.
+    pub parts: bool,
 }
 
 impl Default for OutputSettings {
@@ -309,6 +311,7 @@ impl Default for OutputSettings {
         Self {
             exposure: 1.0,
             images: true,
+            parts: false,
         }
     }
 }

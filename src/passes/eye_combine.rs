@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Adds up a sample's light and accumulates samples.",
     over: Over::Pixels,
     traces: true,
-    reads: &["hit_rays", "emitted_light", "direct_light", "indirect_light", "caustic_light"],
-    writes: &["sample_radiance", "radiance_sum"],
+    reads: &["hit_rays", "emitted_light", "direct_light", "indirect_light", "caustic_light", "first_albedo"],
+    writes: &["sample_radiance", "radiance_sum", "sample_parts", "parts_sum"],
 };

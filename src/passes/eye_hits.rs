@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: true,
     reads: &[],
-    writes: &["hit_list", "hit_count", "hit_rays", "end_rays", "hit_surfaces", "hit_paths", "first_surfaces", "emitted_light"],
+    writes: &["hit_list", "hit_count", "hit_rays", "end_rays", "hit_surfaces", "hit_paths", "first_surfaces", "emitted_light", "first_albedo"],
 };

@@ -94,7 +94,7 @@ pub struct Pass {
     /// Domain.
     pub over: Over,
     /// Whether it is specialised by what the scene needs: it sees hierarchies, materials and lights, or handles parts
-    /// of the light that only some scenes have.
+    /// of the light that only some scenes or settings have.
     pub traces: bool,
     /// Buffers that it only reads, besides the scene's.
     pub reads: &'static [&'static str],

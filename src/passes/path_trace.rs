@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: true,
     reads: &[],
-    writes: &["hit_list", "hit_count", "hit_rays", "first_surfaces", "hit_paths", "sample_radiance", "radiance_sum"],
+    writes: &["hit_list", "hit_count", "hit_rays", "first_surfaces", "hit_paths", "sample_radiance", "radiance_sum", "sample_parts", "parts_sum"],
 };

@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: true,
     reads: &["left_sample_radiance"],
-    writes: &["hit_rays", "first_surfaces", "hit_paths", "sample_radiance", "radiance_sum", "provenance", "seen_list", "seen_count"],
+    writes: &["hit_rays", "first_surfaces", "hit_paths", "sample_radiance", "radiance_sum", "sample_parts", "parts_sum", "provenance", "seen_list", "seen_count"],
 };

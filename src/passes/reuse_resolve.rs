@@ -7,7 +7,7 @@ pub const PASS: Pass = Pass {
     name: "reuse_resolve",
     what: "Copies the winners' radiance and lists the pixels that are still empty.",
     over: Over::Pixels,
-    traces: false,
-    reads: &["scatter_winners", "left_sample_radiance"],
-    writes: &["sample_radiance", "radiance_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
+    traces: true,
+    reads: &["scatter_winners", "left_sample_radiance", "left_sample_parts"],
+    writes: &["sample_radiance", "radiance_sum", "sample_parts", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
 };

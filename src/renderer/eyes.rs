@@ -6,6 +6,7 @@ use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage
 use crate::passes::{self, Over, Pass};
 
 use super::kernels::KernelSet;
+use super::parts::{PartBuffers, RadianceParts};
 
 /// Samples that one submission holds; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
@@ -53,6 +54,8 @@ pub struct EyeBuffers {
     radiance_sum: wgpu::Buffer,
     /// One bit per pixel: hidden by the headset's lens. Bound only where a session knows of hidden pixels.
     hidden_pixels: wgpu::Buffer,
+    /// Only where they are asked for.
+    parts: Option<PartBuffers>,
     /// Pixels that see a surface: list, length, and the workgroups of passes over it.
     hits: PixelList,
 }
@@ -90,6 +93,11 @@ impl EyeBuffers {
         // The path method shades as it goes and keeps no parts.
         let part = |name| buffer(name, if plan.photon { pixels * 16 } else { 16 });
         let caustics = if plan.caustics { pixels * 16 } else { 16 };
+        let parts = if plan.parts {
+            Some(PartBuffers::new(context, eye.name(), pixels, plan)?)
+        } else {
+            None
+        };
         Ok(Self {
             hit_rays: image("hit rays")?,
             hit_paths: image("hit paths")?,
@@ -103,12 +111,17 @@ impl EyeBuffers {
             sample_radiance: image("sample radiance")?,
             radiance_sum: image("radiance sum")?,
             hidden_pixels: buffer("hidden pixels", pixels.div_ceil(32) * 4)?,
+            parts,
             hits: PixelList::new(context, &format!("{} hit", eye.name()), pixels)?,
         })
     }
 
     fn resources(&self) -> Resources<'_> {
-        Resources::new()
+        let parts = match &self.parts {
+            Some(parts) => parts.resources(),
+            None => Resources::new(),
+        };
+        parts
             .with("hit_rays", &self.hit_rays)
             .with("end_rays", &self.end_rays)
             .with("hit_surfaces", &self.hit_surfaces)
@@ -174,6 +187,8 @@ pub struct EyePlan {
     pub caustics: bool,
     /// Passes by which the right eye takes over what it can; none where it is rendered by itself.
     pub stereo: &'static [&'static Pass],
+    /// Whether radiance is split into parts.
+    pub parts: bool,
 }
 
 /// The dispatch table of a submission: sample, eye, gathering slice.
@@ -379,6 +394,12 @@ impl Eyes {
                     .with("seen_count", &stereo.seen.count)
                     .with("fill_list", &stereo.fill.pixels)
                     .with("fill_count", &stereo.fill.count);
+                let resources = match &self.left.parts {
+                    Some(parts) => resources
+                        .with("left_sample_parts", &parts.sample)
+                        .with("left_direct_irradiance", &parts.irradiance),
+                    None => resources,
+                };
                 let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
                 let over_seen = resources.clone().and(&stereo.seen.to_run_over());
@@ -416,9 +437,14 @@ impl Eyes {
 
     /// Records the zeroing that precedes a frame's first sample.
     pub fn record_clear(&self, recorder: &mut FrameRecorder<'_>) {
-        recorder.clear(&self.left.radiance_sum);
-        if let Some(right) = &self.right {
-            recorder.clear(&right.radiance_sum);
+        for eye in [Some(&self.left), self.right.as_ref()]
+            .into_iter()
+            .flatten()
+        {
+            recorder.clear(&eye.radiance_sum);
+            if let Some(parts) = &eye.parts {
+                recorder.clear(&parts.sum);
+            }
         }
         if let Some(stereo) = self.stereo() {
             recorder.clear(&stereo.counters);
@@ -555,6 +581,25 @@ impl Eyes {
                 .map(|sum| [sum[0] * scale, sum[1] * scale, sum[2] * scale])
                 .collect(),
         ))
+    }
+
+    /// The parts of every pixel's mean radiance; `None` for an eye that is not rendered, or if none were asked for.
+    ///
+    /// # Errors
+    /// As [`read_buffer`].
+    pub fn read_parts(
+        &self,
+        context: &GpuContext,
+        eye: Eye,
+        samples: u32,
+    ) -> Result<Option<RadianceParts>, GpuError> {
+        let Some(parts) = self.buffers(eye).and_then(|buffers| buffers.parts.as_ref()) else {
+            return Ok(None);
+        };
+        let Some(radiance) = self.read_radiance(context, eye, samples)? else {
+            return Ok(None);
+        };
+        parts.read(context, &radiance, samples).map(Some)
     }
 
     /// Ray direction (unit, render space) and distance of every pixel's first hit in the last sample; 0 is a miss.

@@ -6,6 +6,7 @@
 
 pub mod eyes;
 pub mod kernels;
+pub mod parts;
 pub mod photon_map;
 pub mod scene_buffers;
 mod session;
@@ -36,6 +37,7 @@ use crate::xr::{HiddenArea, View};
 
 pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
 pub use kernels::KernelSet;
+pub use parts::RadianceParts;
 pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
 pub use scene_buffers::SceneBuffers;
 pub use stats::{
@@ -111,6 +113,7 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
     let technique = settings.path.technique;
     features.insert("light_only".to_owned(), technique == Technique::Light);
     features.insert("bsdf_only".to_owned(), technique == Technique::Bsdf);
+    features.insert("parts".to_owned(), settings.output.parts);
     // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
     features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
     for (name, force) in settings.force.by_feature() {
@@ -221,6 +224,7 @@ impl Renderer {
             } else {
                 &[]
             },
+            parts: settings.output.parts,
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
         if photon {
@@ -603,17 +607,35 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Gpu`].
     pub fn read_radiance(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
-        let (eye, wanted) = match (self.eye_choice, eye) {
-            (EyeChoice::Both, eye) => (eye, true),
-            (EyeChoice::Left, eye) => (Eye::Left, eye == Eye::Left),
-            (EyeChoice::Right, eye) => (Eye::Left, eye == Eye::Right),
-        };
-        if !wanted {
+        let Some(eye) = self.buffers_of(eye) else {
             return Ok(None);
-        }
+        };
         Ok(self
             .eyes
             .read_radiance(&self.context, eye, self.settings.spp)?)
+    }
+
+    /// Mean radiance of an eye split into direct and indirect light, and the albedo; `None` for an eye that is not
+    /// rendered, or without `output.parts`.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`].
+    pub fn read_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
+        let Some(eye) = self.buffers_of(eye) else {
+            return Ok(None);
+        };
+        Ok(self
+            .eyes
+            .read_parts(&self.context, eye, self.settings.spp)?)
+    }
+
+    /// Whose buffers hold an eye's image: a single eye is rendered into the left ones.
+    fn buffers_of(&self, eye: Eye) -> Option<Eye> {
+        match (self.eye_choice, eye) {
+            (EyeChoice::Both, eye) => Some(eye),
+            (EyeChoice::Left, Eye::Left) | (EyeChoice::Right, Eye::Right) => Some(Eye::Left),
+            _ => None,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use stereolux::gpu::ShaderLibrary;
-use stereolux::gpu::kernel::{BindingKind, ROW_GROUPS, reflect_bindings};
+use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
 use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
@@ -26,6 +26,7 @@ const FEATURES: &[&str] = &[
     "light_only",
     "bsdf_only",
     "visibility_mask",
+    "parts",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
@@ -48,6 +49,9 @@ const SCENE: &[&str] = &[
     "pixel_count",
     "hidden_pixels",
 ];
+
+/// Storage buffers per stage that the README asks of an adapter.
+const STORAGE_BUFFERS: usize = 24;
 
 fn with(on: &[&str]) -> ShaderFeatures {
     FEATURES
@@ -86,6 +90,14 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                 shader
                     .validate()
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
+                let bindings = reflect_bindings(&shader).unwrap();
+                let is_storage = |binding: &&Binding| binding.kind != BindingKind::Uniform;
+                let storage = bindings.iter().filter(is_storage).count();
+                assert!(
+                    storage <= STORAGE_BUFFERS,
+                    "{} binds {storage} storage buffers (features {features:?})",
+                    pass.name
+                );
             }
         }
     }
