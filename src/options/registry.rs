@@ -361,7 +361,12 @@ pub static SETTINGS: &[Setting] = &[
     ),
     setting("force.dielectric", FORCE, "", "glass in the shaders"),
     setting("force.textures", FORCE, "", "textures in the shaders"),
-    setting("force.normal_maps", FORCE, "", "normal maps in the shaders"),
+    setting(
+        "force.normal_maps",
+        FORCE,
+        "",
+        "normal maps in the shaders; on brings textures, which off takes them away with",
+    ),
     setting(
         "force.alpha",
         FORCE,

@@ -19,7 +19,7 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use crate::bvh::BvhError;
-use crate::gpu::scene::PackError;
+use crate::gpu::scene::{PackError, check_user_bsdfs};
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::timing::Timer;
 use crate::gpu::types::frame::{
@@ -28,8 +28,8 @@ use crate::gpu::types::frame::{
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, Reuse, Sampler, Settings,
-    Technique,
+    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Method, Reuse, Sampler,
+    Settings, Technique,
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
@@ -120,6 +120,15 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
         let needed = features.get(name).copied().unwrap_or(false);
         features.insert(name.to_owned(), force.apply(needed));
     }
+    // Normal maps and second coordinates are read through textures: forced in they bring them, forced out they go.
+    let is_on = |features: &ShaderFeatures, name: &str| features.get(name) == Some(&true);
+    if is_on(&features, "normal_maps") && settings.force.textures != Force::Off {
+        features.insert("textures".to_owned(), true);
+    }
+    if !is_on(&features, "textures") {
+        features.insert("normal_maps".to_owned(), false);
+        features.insert("uv1".to_owned(), false);
+    }
     features
 }
 
@@ -208,6 +217,7 @@ impl Renderer {
         size: [u32; 2],
         hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<Self, RenderError> {
+        check_user_bsdfs(library, scene)?;
         let needs = Needs::of(scene);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());

@@ -281,6 +281,25 @@ fn a_users_bsdf_brings_its_own_code_alone() {
     let error = compiled.err().unwrap().to_string();
     assert!(error.contains("install_user_bsdfs"), "{error}");
     library().compile("passes/path_trace", &features).unwrap();
+    // Nor may a number lie beyond the entries.
+    let beyond = Material {
+        user_bsdf: 2,
+        ..clay(0.6)
+    };
+    let scene = example::cornell_with(&PAINTED, &beyond).unwrap();
+    let made = Renderer::new(
+        context(),
+        &library(),
+        &scene,
+        &settings(|_| {}),
+        Eyes::Both,
+        [8, 8],
+    );
+    let error = made.err().unwrap().to_string();
+    assert!(
+        error.contains("number 2") && error.contains("holds 1"),
+        "{error}"
+    );
     // A mesh that is not there is named.
     let error = example::cornell_with(&["sofa"], &clay(0.6)).unwrap_err();
     assert!(error.to_string().contains("sofa"), "{error}");

@@ -14,11 +14,7 @@ const SWITCHES: [(&str, fn(&mut ForceSettings)); 8] = [
     ("glossy", |f| f.glossy = Force::On),
     ("dielectric", |f| f.dielectric = Force::On),
     ("textures", |f| f.textures = Force::On),
-    ("normal_maps", |f| {
-        // Normal maps are textures.
-        f.textures = Force::On;
-        f.normal_maps = Force::On;
-    }),
+    ("normal_maps", |f| f.normal_maps = Force::On),
     ("alpha", |f| f.alpha = Force::On),
     ("vertex_colors", |f| f.vertex_colors = Force::On),
     ("environment", |f| f.environment = Force::On),
@@ -94,4 +90,24 @@ fn all_features_together_leave_the_images_of_both_methods() {
             assert_eq!(strays(&plain, &forced), 0, "{name} by {method:?}");
         }
     }
+}
+
+#[test]
+fn normal_maps_bring_textures_and_go_with_them() {
+    let textured = builtin("gallery");
+    let (_, plain) = image(&textured, Method::Path, 40.0, ForceSettings::default());
+    assert!(plain.features()["textures"], "the gallery is textured");
+    let alone = ForceSettings {
+        normal_maps: Force::On,
+        ..ForceSettings::default()
+    };
+    let (_, brought) = image(&builtin("cornell"), Method::Path, 19.0, alone.clone());
+    assert!(brought.features()["textures"]);
+    let without = ForceSettings {
+        textures: Force::Off,
+        ..alone
+    };
+    let (pixels, gone) = image(&textured, Method::Path, 40.0, without);
+    assert!(!gone.features()["normal_maps"] && !gone.features()["uv1"]);
+    assert!(pixels.iter().flatten().any(|&channel| channel > 0.0));
 }

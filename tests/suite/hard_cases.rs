@@ -11,7 +11,7 @@ use stereolux::xr::{Pose, View};
 
 use crate::suite::hard_support::*;
 use crate::suite::support::{
-    assert_clean, bits, builtin, frame, mean, method, parallel_views, radiance, renderer,
+    assert_clean, bits, builtin, frame, mean, method, parallel_views, radiance, renderer, settings,
     square_fov, start_pose,
 };
 
@@ -276,6 +276,77 @@ fn an_empty_scene_is_black_or_its_environment() {
             // Symmetric about the horizon, so the mean is that of the halves; f32 sums of 256 pixels.
             let expected = (0.5 * 3.0 + 0.5 * 0.25) / 3.0;
             assert!(relative(mean(&image), expected) < 1e-5);
+        }
+    }
+}
+
+/// A white wall inside a block of absorbing glass that does not bend light, lit from inside it.
+///
+/// Eye at the origin, block from z = -1 to -5, wall at z = -3 facing the eye, lamp at z = -2: light of radiance
+/// albedo / pi times I cos / d^2, times exp(-absorption (d + way from the block's front to the wall)).
+#[test]
+fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
+    const INTENSITY: f32 = 7.0;
+    const ALBEDO: f64 = 0.8;
+    let survives_per_m = [0.5_f64, 0.8, 0.2];
+    let block: Vec<Triangle> = cube()
+        .into_iter()
+        .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
+        .collect();
+    let wall = quad(DVec3::new(-1.9, -1.9, -3.0), DVec3::X * 3.8, DVec3::Y * 3.8);
+    let lit = |absorbs: bool| {
+        let mut scene = Scene::default();
+        let glass = Material {
+            metallic: 0.0,
+            transmission: 1.0,
+            ior: 1.0,
+            roughness: 0.0,
+            attenuation_distance_m: if absorbs { 1.0 } else { f32::INFINITY },
+            attenuation_color: survives_per_m.map(|c| c as f32),
+            ..Material::default()
+        };
+        add(&mut scene, &block, glass);
+        add(
+            &mut scene,
+            &wall,
+            Material::lambert("wall", [ALBEDO as f32; 3]),
+        );
+        add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
+        scene
+    };
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 15.0);
+    let expected = |absorbs: bool| -> Vec<[f32; 3]> {
+        (0..24 * 24)
+            .map(|pixel| {
+                let (x, y) = (f64::from(pixel % 24) + 0.5, f64::from(pixel / 24) + 0.5);
+                let ray = views[0].ray_through_pixel(x, y, 24, 24);
+                let point = ray.origin + ray.direction * (3.0 / -ray.direction.z);
+                let to_lamp = DVec3::new(0.2, 0.1, -2.0) - point;
+                let d = to_lamp.length();
+                let light = ALBEDO / PI * f64::from(INTENSITY) * (to_lamp.z / d) / (d * d);
+                let inside = d + 2.0 / -ray.direction.z;
+                survives_per_m.map(|share| {
+                    let left = if absorbs { share.powf(inside) } else { 1.0 };
+                    (light * left) as f32
+                })
+            })
+            .collect()
+    };
+    for kind in [Method::Photon, Method::Path] {
+        // Eye, glass, wall, lamp: three segments, so nothing but this light.
+        let settings = settings(|s| {
+            s.method = kind;
+            s.reuse = Reuse::Off;
+            s.path.max_depth = 3;
+            s.photon.max_depth = 3;
+        });
+        for absorbs in [true, false] {
+            let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
+            // Some 50 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
+            let off = worst(found, &expected(absorbs));
+            assert!(off < 1e-4, "{kind:?}, absorbing {absorbs}: {off:e}");
+            // Negative control.
+            assert!(worst(found, &expected(!absorbs)) > 0.5);
         }
     }
 }

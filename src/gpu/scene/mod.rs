@@ -23,7 +23,7 @@ pub use lights::{
 };
 pub use materials::pack_materials;
 pub use textures::{PackedTextures, linear_from_srgb, pack_textures, sample_image};
-pub use user_bsdf::{UserBsdf, install_user_bsdfs, user_bsdf_dispatch};
+pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
 pub use vertices::{PackedVertices, pack_vertices};
 
 /// A scene that cannot be packed.
@@ -43,6 +43,19 @@ pub enum PackError {
         budget: u64,
         /// Name and size of the largest image.
         largest: String,
+    },
+    /// A material asks for a user's BSDF that was not added.
+    #[error(
+        "material {material:?} uses user BSDF number {number}, but the shader library holds {installed}: \
+         add them all, in the order of their numbers, with install_user_bsdfs"
+    )]
+    UserBsdfMissing {
+        /// The material's name.
+        material: String,
+        /// The number that it asks for, from 1.
+        number: u32,
+        /// How many the library holds.
+        installed: u32,
     },
     /// A user's BSDF cannot be named in a shader.
     #[error("user BSDF {name:?}: {reason}")]

@@ -9,8 +9,12 @@
 use std::fmt::Write as _;
 
 use crate::gpu::shaders::ShaderLibrary;
+use crate::scene::{Material, Scene};
 
 use super::PackError;
+
+/// Modules of users' BSDFs.
+const FOLDER: &str = "user/";
 
 /// A scattering model that a user adds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +39,7 @@ impl UserBsdf {
     }
 
     fn module(&self) -> String {
-        format!("user/{}", self.name)
+        format!("{FOLDER}{}", self.name)
     }
 
     fn check(&self) -> Result<(), PackError> {
@@ -89,6 +93,27 @@ pub fn install_user_bsdfs(
     }
     library.insert("shared/bsdf_user", user_bsdf_dispatch(bsdfs));
     Ok(())
+}
+
+/// Checks that `library` holds the BSDFs of all materials in `scene`: the shaders' switch has no other answer to a number
+/// without a model than black.
+///
+/// # Errors
+/// [`PackError::UserBsdfMissing`] names the first material whose BSDF is not there.
+pub fn check_user_bsdfs(library: &ShaderLibrary, scene: &Scene) -> Result<(), PackError> {
+    let installed = library
+        .names()
+        .filter(|name| name.starts_with(FOLDER))
+        .count() as u32;
+    let beyond = |material: &&Material| material.user_bsdf > installed;
+    match scene.materials.iter().find(beyond) {
+        Some(material) => Err(PackError::UserBsdfMissing {
+            material: material.name.clone(),
+            number: material.user_bsdf,
+            installed,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// The module `shared/bsdf_user` for these BSDFs: imports and three switches over `b.user`.
