@@ -43,8 +43,8 @@ fn file(name: &str) -> PathBuf {
     root().join("tests/reference").join(name)
 }
 
-/// Independent renders of what the record tells, by settings that `change` may alter.
-fn renders(record: &Value, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> {
+/// `count` independent renders of what the record tells, by settings that `change` may alter.
+fn renders(record: &Value, count: u32, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> {
     let mut scene = Scene::load(root().join(record["scene"].as_str().unwrap())).unwrap();
     if let Some(path) = record["environment"].as_str() {
         let path = root().join(path);
@@ -73,7 +73,7 @@ fn renders(record: &Value, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> 
     let library = ShaderLibrary::embedded();
     let mut renderer =
         Renderer::new(context(), &library, &scene, &settings, Eyes::Left, size).unwrap();
-    (0..RENDERS)
+    (0..count)
         .map(|index| {
             renderer.render_frame(&views, index, |_| {}).unwrap();
             Image::new(size[0], size[1], radiance(&renderer, Eye::Left)).unwrap()
@@ -150,7 +150,7 @@ fn read(name: &str) -> (Value, (ImageRgb, ImageRgb)) {
 
 fn agrees(name: &str) {
     let (record, reference) = read(name);
-    let ours = mean_and_error(&renders(&record, |_| {}));
+    let ours = mean_and_error(&renders(&record, RENDERS, |_| {}));
     let (blocks, image) = (test(&ours, &reference), whole(&ours, &reference));
     eprintln!("{name}: blocks {blocks:?}; image {image:?}");
     assert!(blocks.rejected <= STRAYS, "{name}: {blocks:?}");
@@ -178,7 +178,7 @@ fn photons_agree(name: &str, radius_m: f64) {
     /// a block, half of whose light is indirect, make 2.4 %.
     const BIAS: f64 = 0.024;
     let (record, (mean, error)) = read(name);
-    let ours = renders(&record, |s| {
+    let ours = renders(&record, RENDERS, |s| {
         s.method = Method::Photon;
         s.spp = 2;
         s.photon.count = 12_000;
@@ -234,6 +234,51 @@ fn photons_from_lamps_of_all_kinds() {
 #[test]
 fn photons_on_normal_maps() {
     photons_agree("normal_map", 0.03);
+}
+
+/// Progressive photons among glass, mirrors and gloss: the error keeps falling with the passes.
+#[test]
+fn progressive_photons_converge_in_the_gallery() {
+    let (record, (mean, error)) = read("gallery");
+    let wide = |pixels: &ImageRgb| -> Vec<f64> {
+        pixels
+            .pixels
+            .iter()
+            .flatten()
+            .map(|&channel| f64::from(channel))
+            .collect()
+    };
+    let (truth, noise) = (wide(&mean), wide(&error));
+    let floor = 0.01 * truth.iter().map(|r| r * r).sum::<f64>() / truth.len() as f64;
+    // Relative MSE (DESIGN section 9) less what the reference's own noise adds, by its standard errors.
+    let rel_mse = |found: &ImageRgb| -> f64 {
+        let terms = wide(found)
+            .into_iter()
+            .zip(truth.iter().zip(&noise))
+            .map(|(x, (r, se))| ((x - r).powi(2) - se * se) / (r * r + floor));
+        terms.sum::<f64>() / truth.len() as f64
+    };
+    let passes = [2, 8, 32];
+    let errors = passes.map(|spp| {
+        let image = renders(&record, 1, |s| {
+            s.method = Method::Photon;
+            s.spp = spp;
+            s.photon.count = 16_384;
+            s.photon.progressive = true;
+        });
+        rel_mse(&image[0])
+    });
+    let slope = (errors[2] / errors[0]).log2() / 4.0;
+    eprintln!("gallery: relMSE {errors:.5?} after {passes:?} passes, slope {slope:.2}");
+    assert!(errors[1] < errors[0] && errors[2] < errors[1], "{errors:?}");
+    // Half of the slope of -2/3 that theory has for photons alone (Knaus and Zwicker 2011): one run scatters.
+    assert!(slope < -0.33, "slope {slope}");
+    // Negative control: half again as much light is farther off than 32 passes are.
+    let mut bright = mean.clone();
+    for channel in bright.pixels.iter_mut().flatten() {
+        *channel *= 1.5;
+    }
+    assert!(rel_mse(&bright) > errors[2], "{}", rel_mse(&bright));
 }
 
 macro_rules! cases {
