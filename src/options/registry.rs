@@ -316,6 +316,16 @@ pub static SETTINGS: &[Setting] = &[
         "view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction",
     ),
     setting(
+        "stereo.max_lobe_shift",
+        Kind::Real {
+            min: 0.0,
+            max: 1e9,
+            inclusive: true,
+        },
+        "lobe widths",
+        "lookup: glossy surfaces take indirect light over where their lobe moves by no more between the eyes; 0 never",
+    ),
+    setting(
         "environment.path",
         Kind::Text { empty: true },
         "",

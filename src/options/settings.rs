@@ -265,12 +265,16 @@ pub struct StereoSettings {
     /// View-dependence limit of what may be carried over, 0 to 1; at 0 only what does not depend on the viewing
     /// direction; default 0.
     pub max_view_dependence: f64,
+    /// Of surfaces beyond that limit, `--reuse lookup` takes the indirect light over where their lobe moves by at most
+    /// this share of its width between the eyes, 0 or more; 0 never; default 0.25.
+    pub max_lobe_shift: f64,
 }
 
 impl Default for StereoSettings {
     fn default() -> Self {
         Self {
             max_view_dependence: 0.0,
+            max_lobe_shift: 0.25,
         }
     }
 }

@@ -49,6 +49,7 @@ passes!(
     scatter_winner,
     reuse_resolve,
     left_irradiance,
+    indirect_lookup,
     primary_hits,
     reuse_lookup,
     list_setup,
@@ -195,6 +196,9 @@ pub const STEREO_LOOKUP: &[&Pass] = &[
     &reuse_lookup::PASS,
     &list_setup::PASS,
 ];
+
+/// Before photons are gathered for the right eye's filled pixels: takes over what it can and lists the rest.
+pub const FILL_INDIRECT: &[&Pass] = &[&indirect_lookup::PASS, &list_setup::PASS];
 
 /// Hands an eye's image, and its depth where the runtime takes it, to an OpenXR runtime.
 pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];

@@ -149,6 +149,8 @@ struct StereoBuffers {
     irradiance: wgpu::Buffer,
     /// Pixels whose primary ray meets a surface.
     seen: PixelList,
+    /// Filled pixels that gather photons.
+    gathers: PixelList,
     fill: PixelList,
 }
 
@@ -160,6 +162,8 @@ enum Extent {
     LeftHits,
     RightHits,
     RightSeen,
+    /// Filled pixels of the right eye whose indirect light was not taken over.
+    RightGathers,
     Fill,
 }
 
@@ -189,6 +193,8 @@ pub struct EyePlan {
     pub stereo: &'static [&'static Pass],
     /// Whether radiance is split into parts.
     pub parts: bool,
+    /// Whether the right eye's glossy surfaces take indirect light over.
+    pub carries_indirect: bool,
 }
 
 /// The dispatch table of a submission: sample, eye, gathering slice.
@@ -243,6 +249,11 @@ impl Eyes {
                 nearest: buffer("scatter nearest", used("scatter_nearest", pixels * 4))?,
                 winners: buffer("scatter winners", used("scatter_winners", pixels * 4))?,
                 irradiance: buffer("left irradiance", used("left_irradiance", pixels * 16))?,
+                gathers: PixelList::new(
+                    context,
+                    "gather",
+                    if plan.carries_indirect { pixels } else { 4 },
+                )?,
                 seen: PixelList::new(context, "seen", used("seen_list", pixels * 4) / 4)?,
                 counters: buffer("stereo counters", STEREO_COUNTERS as u64 * 4)?,
                 provenance: buffer("provenance", pixels * 4)?,
@@ -390,6 +401,9 @@ impl Eyes {
                     .with("stereo_counters", &stereo.counters)
                     .with("provenance", &stereo.provenance)
                     .with("left_irradiance", &stereo.irradiance)
+                    .with("left_indirect_light", &self.left.indirect_light)
+                    .with("gather_list", &stereo.gathers.pixels)
+                    .with("gather_count", &stereo.gathers.count)
                     .with("seen_list", &stereo.seen.pixels)
                     .with("seen_count", &stereo.seen.count)
                     .with("fill_list", &stereo.fill.pixels)
@@ -403,6 +417,7 @@ impl Eyes {
                 let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
                 let over_seen = resources.clone().and(&stereo.seen.to_run_over());
+                let over_gathers = resources.clone().and(&stereo.gathers.to_run_over());
                 let over_right_hits = resources.and(&right.hits.to_run_over());
                 let mut steps = Vec::new();
                 // A list is sized right after the pass that writes it.
@@ -421,6 +436,16 @@ impl Eyes {
                     };
                 }
                 for pass in self.plan.sample.iter().chain(passes::FILL_REASONS) {
+                    if self.plan.carries_indirect && **pass == passes::photon_gather::PASS {
+                        for pass in passes::FILL_INDIRECT {
+                            steps.push(match pass.over {
+                                Over::Hits => bind(pass, Extent::RightHits, &over_right_hits)?,
+                                _ => bind(pass, Extent::Once, &over_gathers)?,
+                            });
+                        }
+                        steps.push(bind(pass, Extent::RightGathers, &over_gathers)?);
+                        continue;
+                    }
                     steps.push(match pass.over {
                         Over::Hits => bind(pass, Extent::RightHits, &over_right_hits)?,
                         Over::Pixels => bind(pass, Extent::Fill, &over_fill)?,
@@ -471,6 +496,7 @@ impl Eyes {
             recorder.clear(&stereo.winners);
             recorder.clear(&stereo.irradiance);
             recorder.clear(&stereo.seen.count);
+            recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
         let first = (sample * 2 + eye.index()) * self.gather_slices;
@@ -544,6 +570,7 @@ impl Eyes {
             }
             Extent::LeftHits => Some(&self.left.hits),
             Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
+            Extent::RightGathers => self.stereo.as_ref().map(|stereo| &stereo.gathers),
             Extent::RightSeen => self.stereo.as_ref().map(|stereo| &stereo.seen),
             Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),
         };

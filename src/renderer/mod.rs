@@ -158,6 +158,18 @@ pub fn stereo_passes(reuse: Reuse) -> &'static [&'static Pass] {
     }
 }
 
+/// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
+pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool {
+    let depends_on_view = ["glossy", "dielectric"]
+        .into_iter()
+        .any(|name| features.get(name) == Some(&true));
+    depends_on_view
+        && settings.method == Method::Photon
+        && settings.photon.direct == DirectLight::Nee
+        && settings.reuse == Reuse::Lookup
+        && settings.stereo.max_lobe_shift > 0.0
+}
+
 /// Paths emitted for the map of caustics.
 pub fn caustic_paths(settings: &Settings) -> u32 {
     match settings.photon.caustic_count {
@@ -235,6 +247,7 @@ impl Renderer {
                 &[]
             },
             parts: settings.output.parts,
+            carries_indirect: both && carries_indirect(settings, &features),
         };
         let mut wanted: Vec<&Pass> = plan.sample.to_vec();
         if photon {
@@ -255,7 +268,11 @@ impl Renderer {
         if !plan.stereo.is_empty() {
             wanted.extend(plan.stereo.iter().chain(passes::FILL_REASONS));
             filling.extend(plan.sample);
+            if plan.carries_indirect {
+                wanted.extend(passes::FILL_INDIRECT);
+            }
         }
+        features.insert("carry_indirect".to_owned(), plan.carries_indirect);
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let has_lights = buffers.light_count() > 0;
         let map = |kind, paths| {
@@ -606,6 +623,8 @@ impl Renderer {
             normal_min_cos: settings.photon.normal_min_cos as f32,
             reuse_max_view_dependence: settings.stereo.max_view_dependence as f32,
             follow_max_alpha: FOLLOW_MAX_ALPHA,
+            reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
+            padding: [0; 3],
         };
         self.context
             .queue

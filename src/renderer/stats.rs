@@ -78,6 +78,8 @@ pub struct StereoStats {
     pub reused: u32,
     /// Right pixels that see a surface and were filled.
     pub filled: u32,
+    /// Of the filled, those whose indirect light was taken over (`--reuse lookup`).
+    pub indirect_reused: u32,
     /// `reused` / (`reused` + `filled`); 0 if the right eye sees no surface.
     pub reuse_fraction: f64,
     /// Why not reused.
@@ -133,6 +135,7 @@ impl StereoStats {
             scattered: counters[1],
             reused,
             filled,
+            indirect_reused: counters[3],
             reuse_fraction: if surfaces > 0.0 {
                 f64::from(reused) / surfaces
             } else {

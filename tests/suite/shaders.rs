@@ -27,6 +27,7 @@ const FEATURES: &[&str] = &[
     "bsdf_only",
     "visibility_mask",
     "parts",
+    "carry_indirect",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[

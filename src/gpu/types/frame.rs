@@ -64,6 +64,10 @@ pub struct Frame {
     pub reuse_max_view_dependence: f32,
     /// GGX alpha below which eye paths follow a reflection instead of gathering.
     pub follow_max_alpha: f32,
+    /// Share of its width by which a lobe may move between the eyes for its indirect light to be reused.
+    pub reuse_max_lobe_shift: f32,
+    /// Rounds the size up to a multiple of 16 bytes, as WGSL does.
+    pub padding: [u32; 3],
 }
 
 /// The eyes have one pose and one field of view.
