@@ -21,7 +21,7 @@ folder="${STEREOLUX_MONADO:-${XDG_CACHE_HOME:-${HOME:-/root}/.cache}/stereolux/m
 suite=trixie
 architecture=x86_64-linux-gnu
 packages=(monado-service libopenxr1-monado mesa-vulkan-drivers libopenxr-loader1 openxr-layer-corevalidation
-    vulkan-validationlayers libopenxr-utils libvulkan1)
+    vulkan-validationlayers libopenxr-utils libvulkan1 libxkbcommon-x11-0)
 
 fail() {
     echo "monado.sh: $*" >&2
