@@ -257,7 +257,7 @@ impl Mirror {
             return Ok(());
         };
         let current = context.guarded("mirror", || Ok(surface.get_current_texture()))?;
-        let waited = began.elapsed() > PATIENCE;
+        let wait = began.elapsed();
         match current {
             wgpu::CurrentSurfaceTexture::Success(image) => {
                 self.present(renderer, library, image)?;
@@ -273,7 +273,11 @@ impl Mirror {
                 self.end("the window was lost");
             }
         }
-        if waited {
+        log::trace!(
+            "mirror: waited {wait:?} for an image, handed it over after {:?}",
+            began.elapsed() - wait
+        );
+        if wait > PATIENCE {
             self.not_before = Instant::now() + PAUSE;
         } else if self.present_mode == wgpu::PresentMode::Fifo {
             self.not_before = began + FIFO_PERIOD;
