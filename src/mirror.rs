@@ -1,8 +1,8 @@
 //! A window of the desktop that shows what the eyes see, side by side.
 //!
 //! Never needed, and never in the way: everything happens on the frame loop's thread and between frames, images go from
-//! the renderer's buffers into the window's texture on the device, and where the display has no room for another image
-//! the frame is skipped. Closing the window, or losing it, ends the mirror and not the run.
+//! the renderer's buffers into the window's texture on the device, and frames for which there is no time are not shown.
+//! Closing the window, or losing it, ends the mirror and not the run.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -23,10 +23,9 @@ const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 /// Images that wait for the display's refresh (FIFO) are presented at most this often: a queue that never fills never
 /// blocks, on displays of 30 Hz and more.
 const FIFO_PERIOD: Duration = Duration::from_millis(50);
-/// A display that lets the loop wait longer than this (a window that is covered, say) is left alone for a while.
-const PATIENCE: Duration = Duration::from_millis(50);
-/// How long it is left alone.
-const PAUSE: Duration = Duration::from_secs(1);
+/// The mirror rests this many times as long as showing the last frame took, so it costs the loop at most a fifth of its time:
+/// with a software adapter, which draws the window while the loop waits, or a display that hands out no images.
+const REST: u32 = 4;
 
 /// Why there is no mirror; one line each.
 #[derive(Debug, thiserror::Error)]
@@ -92,6 +91,11 @@ impl MirrorWindow {
     /// [`MirrorError::NoWindow`].
     pub fn open() -> Result<Self, MirrorError> {
         let no_window = |reason: String| MirrorError::NoWindow(plain(&reason));
+        // winit would name Wayland too, which this program reaches through XWayland alone.
+        #[cfg(all(unix, not(target_vendor = "apple")))]
+        if std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
+            return Err(no_window("DISPLAY names no X server".to_owned()));
+        }
         // winit panics where the display lacks an extension or the machine a library.
         let mut event_loop = caught(|| EventLoop::new().map_err(|error| error.to_string()))
             .and_then(|opened| opened)
@@ -113,11 +117,14 @@ impl MirrorWindow {
     }
 }
 
-/// One line without a full stop, for brackets.
+/// One line without a full stop, for brackets. winit's errors begin with the place in its sources.
 fn plain(reason: &str) -> String {
-    crate::gpu::context::one_line(reason)
-        .trim_end_matches('.')
-        .to_owned()
+    let line = crate::gpu::context::one_line(reason);
+    let words = line
+        .strip_prefix("os error at ")
+        .and_then(|rest| rest.split_once(".rs:")?.1.split_once(": "))
+        .map_or(line.as_str(), |(_, words)| words);
+    words.trim_end_matches('.').to_owned()
 }
 
 /// The window with a surface that the run's device draws on.
@@ -273,15 +280,13 @@ impl Mirror {
                 self.end("the window was lost");
             }
         }
-        log::trace!(
-            "mirror: waited {wait:?} for an image, handed it over after {:?}",
-            began.elapsed() - wait
-        );
-        if wait > PATIENCE {
-            self.not_before = Instant::now() + PAUSE;
-        } else if self.present_mode == wgpu::PresentMode::Fifo {
-            self.not_before = began + FIFO_PERIOD;
+        let took = began.elapsed();
+        log::trace!("mirror: waited {wait:?} for an image, took {took:?} in all");
+        let mut rest = took * REST;
+        if self.present_mode == wgpu::PresentMode::Fifo {
+            rest = rest.max(FIFO_PERIOD);
         }
+        self.not_before = Instant::now() + rest;
         Ok(())
     }
 
@@ -332,6 +337,13 @@ impl Mirror {
 mod tests {
     use super::*;
     use wgpu::{PresentMode as P, TextureFormat as F};
+
+    #[test]
+    fn reasons_are_plain() {
+        let said = "os error at /home/x/winit/src/mod.rs:788: Failed: no server.";
+        assert_eq!(plain(said), "Failed: no server");
+        assert_eq!(plain("two\nlines."), "two lines");
+    }
 
     #[test]
     fn a_mode_that_does_not_wait_and_a_format_that_encodes_come_first() {
