@@ -82,7 +82,9 @@ pub enum GpuError {
         mend: &'static str,
     },
     /// The device is gone.
-    #[error("the device was lost in {pass}: {reason}")]
+    #[error(
+        "the device was lost in {pass} ({reason}); what was written until then is whole; if it happens again, give a frame less work (--size, --spp, --photons)"
+    )]
     Lost {
         /// The stage of the frame in which it was noticed.
         pass: String,
@@ -282,7 +284,7 @@ impl GpuContext {
         let lost_in_callback = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                set_once(&lost_in_callback, format!("{reason:?}: {message}"));
+                set_once(&lost_in_callback, one_line(&message));
             }
         });
         let uncaptured_in_callback = Arc::clone(&uncaptured);

@@ -17,6 +17,7 @@ use x11rb::protocol::xproto::{
 use x11rb::wrapper::ConnectionExt as _;
 
 use crate::suite::openxr_picture::{Screen, block_scene, fault};
+use crate::suite::openxr_runtime::{VALIDATION, all_output, complaints};
 use crate::suite::openxr_submit::bytes;
 use crate::suite::openxr_support::{
     PROGRAM, assert_status, frames_so_far, monado, stderr, wait_until,
@@ -316,8 +317,9 @@ fn the_window_shows_what_an_openxr_session_renders() {
         .env("DISPLAY", &xvfb.display)
         .env("WINIT_X11_SCALE_FACTOR", "1")
         .env_remove("WAYLAND_DISPLAY")
+        .envs(VALIDATION)
         .stderr(Stdio::piped())
-        .stdout(Stdio::null())
+        .stdout(Stdio::piped())
         .spawn()
         .unwrap();
     wait_until(&mut child, "five frames", || frames_so_far(&out) >= 5);
@@ -328,6 +330,8 @@ fn the_window_shows_what_an_openxr_session_renders() {
     assert_eq!(screen, Ok(()), "{}", stderr(&output));
     assert_status(&output, 1);
     assert!(stderr(&output).contains("error: interrupted after "));
+    // The window's images too are used as Vulkan wants it.
+    assert_eq!(complaints(&all_output(&output)), Vec::<&str>::new());
 }
 
 #[test]
