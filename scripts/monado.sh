@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Gets Monado, the open OpenXR runtime, and runs a command against it; no headset, GPU or root needed.
+# Gets Monado, the open OpenXR runtime, and runs a command against it; no headset and no GPU needed.
 #   scripts/monado.sh [--xvfb | --remote] [--no-service] [--log FILE] COMMAND [ARGUMENTS...]
 #   scripts/monado.sh --fetch        only fetch
 #   scripts/monado.sh --folder       fetch if need be and print the folder
@@ -11,8 +11,11 @@
 #   --no-service  the runtime is set up, but its service is not started
 #   --log FILE    what the service prints
 #
-# Monado and all that it loads come from Debian 13 and are unpacked into a folder of their own, so that nothing on the
-# machine changes: ${STEREOLUX_MONADO:-${XDG_CACHE_HOME:-$HOME/.cache}/stereolux/monado} (180 MB to fetch, 650 MB there).
+# Where this system's apt offers monado-service (Debian 13 and later), that is installed, with what it needs, and used.
+#
+# Elsewhere, and if STEREOLUX_MONADO names a folder, Monado and all that it loads come from Debian 13 and are unpacked into
+# a folder of their own, so that nothing on the machine changes:
+# ${STEREOLUX_MONADO:-${XDG_CACHE_HOME:-$HOME/.cache}/stereolux/monado} (180 MB to fetch, 650 MB there).
 # Everything, the command too, starts through that folder's own dynamic linker: Debian 13's drivers and runtime need a
 # newer C library than older systems have, and one process can hold only one.
 set -euo pipefail
@@ -21,7 +24,7 @@ folder="${STEREOLUX_MONADO:-${XDG_CACHE_HOME:-${HOME:-/root}/.cache}/stereolux/m
 suite=trixie
 architecture=x86_64-linux-gnu
 packages=(monado-service libopenxr1-monado mesa-vulkan-drivers libopenxr-loader1 openxr-layer-corevalidation
-    vulkan-validationlayers libopenxr-utils libvulkan1)
+    vulkan-validationlayers libopenxr-utils libvulkan1 libxkbcommon-x11-0)
 
 fail() {
     echo "monado.sh: $*" >&2
@@ -96,7 +99,33 @@ place_manifests() {
     done
 }
 
+# Whether this system's own Monado is used: it is a Debian whose apt has the packages.
+from_apt() {
+    [ -z "${STEREOLUX_MONADO:-}" ] && grep -qs '^ID=debian' /etc/os-release && command -v apt-cache >/dev/null || return 1
+    local policy
+    policy=$(LC_ALL=C apt-cache policy monado-service 2>/dev/null)
+    grep -q '^  Candidate: [^(]' <<<"$policy"
+}
+
+# Installs what is missing of the packages.
+ensure_installed() {
+    local package missing=()
+    for package in "${packages[@]}"; do
+        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] && return 0
+    local sudo=()
+    [ "$(id -u)" -eq 0 ] || sudo=(sudo)
+    echo "monado.sh: installing ${missing[*]}" >&2
+    "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2 ||
+        fail "cannot install ${missing[*]}; name a folder in STEREOLUX_MONADO to unpack Monado there instead"
+}
+
 ensure_fetched() {
+    if [ "$route" = apt ]; then
+        ensure_installed
+        return 0
+    fi
     [ -f "$folder/complete" ] && return 0
     mkdir -p "$(dirname "$folder")"
     # One at a time; whoever waits finds it done.
@@ -113,11 +142,18 @@ ensure_fetched() {
     exec 9>&-
 }
 
+route=folder
+if from_apt; then route=apt; fi
 mode=null service=yes log=/dev/null
 while [ $# -gt 0 ]; do
     case "$1" in
     --fetch) ensure_fetched; exit 0 ;;
-    --folder) ensure_fetched; echo "$folder"; exit 0 ;;
+    --folder)
+        [ "$route" = folder ] || fail "this system's own Monado is used, there is no folder; name one in STEREOLUX_MONADO"
+        ensure_fetched
+        echo "$folder"
+        exit 0
+        ;;
     --xvfb) mode=xvfb ;;
     --remote) mode=remote ;;
     --no-service) service=no ;;
@@ -132,11 +168,18 @@ done
 [ $# -gt 0 ] || { echo "monado.sh: no command given; see --help" >&2; exit 2; }
 
 ensure_fetched
-lib="$folder/root/usr/lib/$architecture"
-loader=$(find "$folder/root" -name 'ld-linux-x86-64.so.2' | head -n 1)
-[ -n "$loader" ] || fail "$folder is damaged; remove it and run this again"
-path="$lib:$lib/blas:$lib/lapack:$lib/pulseaudio:$folder/root/usr/lib"
-in_folder() { "$loader" --library-path "$path" "$@"; }
+# What starts a program where Monado's libraries are found, and where Monado's files are.
+if [ "$route" = apt ]; then
+    linker=() root=""
+    runtimes=/usr/share/openxr/1/openxr_monado drivers=/usr/share/vulkan/icd.d/lvp_icd
+else
+    root="$folder/root" lib="$folder/root/usr/lib/$architecture"
+    loader=$(find "$root" -name 'ld-linux-x86-64.so.2' | head -n 1)
+    [ -n "$loader" ] || fail "$folder is damaged; remove it and run this again"
+    linker=("$loader" --library-path "$lib:$lib/blas:$lib/lapack:$lib/pulseaudio:$root/usr/lib")
+    runtimes="$folder/manifests/openxr/" drivers="$folder/manifests/vulkan/"
+fi
+first() { ls "$1"*.json 2>/dev/null | head -n 1; }
 
 work=$(mktemp -d)
 children=()
@@ -154,9 +197,11 @@ trap 'exit 143' TERM
 
 chmod 700 "$work"
 export XDG_RUNTIME_DIR="$work"
-export XR_RUNTIME_JSON="$(ls "$folder"/manifests/openxr/*.json | head -n 1)"
-export VK_DRIVER_FILES="$(ls "$folder"/manifests/vulkan/*.json | head -n 1)"
-export VK_LAYER_PATH="$folder/manifests/vulkan/layers" XR_API_LAYER_PATH="$folder/manifests/openxr/layers"
+export XR_RUNTIME_JSON="$(first "$runtimes")" VK_DRIVER_FILES="$(first "$drivers")"
+[ -n "$XR_RUNTIME_JSON" ] && [ -n "$VK_DRIVER_FILES" ] || fail "Monado's or lavapipe's manifest is missing ($runtimes*, $drivers*)"
+# An installed system's loaders find their layers by themselves.
+[ "$route" = apt ] ||
+    export VK_LAYER_PATH="$folder/manifests/vulkan/layers" XR_API_LAYER_PATH="$folder/manifests/openxr/layers"
 unset VK_ICD_FILENAMES
 
 # Waits up to 20 s for a file that process $2 makes.
@@ -189,7 +234,7 @@ if [ "$service" = yes ]; then
     esac
     # Settings of the caller come last and win. No validation layer in the service: it would report the runtime's own.
     env -u VK_INSTANCE_LAYERS -u XR_ENABLE_API_LAYERS "${settings[@]}" \
-        "$loader" --library-path "$path" "$folder/root/usr/bin/monado-service" >>"$log" 2>&1 </dev/null &
+        "${linker[@]}" "$root/usr/bin/monado-service" >>"$log" 2>&1 </dev/null &
     children+=($!)
     export MONADO_PID=$!
     wait_for "$work/monado_comp_ipc" "$MONADO_PID" ||
@@ -198,12 +243,12 @@ fi
 
 program=$1
 shift
-[ -x "$program" ] || program=$(command -v "$program" || { [ -x "$folder/root/usr/bin/$program" ] && echo "$folder/root/usr/bin/$program"; } || true)
+[ -x "$program" ] || program=$(command -v "$program" || { [ -x "$root/usr/bin/$program" ] && echo "$root/usr/bin/$program"; } || true)
 [ -n "$program" ] || fail "no such command"
 # For a command that starts programs itself: what to put before their names.
-export MONADO_RUN="$loader --library-path $path"
+export MONADO_RUN="${linker[*]}"
 if [ "$(head -c 4 "$program" | tail -c 3)" = ELF ]; then
-    in_folder "$program" "$@"
+    "${linker[@]}" "$program" "$@"
 else
     "$program" "$@"
 fi

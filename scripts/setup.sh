@@ -2,6 +2,16 @@
 # Makes sure that a Vulkan adapter answers; on Debian and Ubuntu it installs the software driver if none does.
 # Sourced by demo.sh and test.sh.
 
+# Whether the dynamic linker knows all these libraries.
+has_libraries() {
+    local known library
+    # ldconfig lies outside a plain user's PATH.
+    known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null) || return 1
+    for library; do
+        [[ "$known" == *"$library "* ]] || return 1
+    done
+}
+
 # Whether the Vulkan loader and at least one driver manifest are there. A driver that is there but broken is reported
 # by the program itself.
 has_vulkan() {

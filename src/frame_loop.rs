@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::gpu::{PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
+use crate::mirror::Mirror;
 use crate::output::{FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
@@ -116,6 +117,8 @@ pub struct CpuMs {
     pub session: f64,
     /// Recording what hands the images to a runtime; 0 where nobody takes them.
     pub submit: f64,
+    /// Drawing and presenting the desktop mirror; 0 without one.
+    pub mirror: f64,
     /// Reading images back and writing files.
     pub write: f64,
     /// The loop's own: the frame without all of the above.
@@ -145,7 +148,7 @@ pub trait LoopProgress {
     fn frame(&mut self, stats: &FrameStats);
 }
 
-/// Runs until the session ends or the user interrupts.
+/// Runs until the session ends or the user interrupts. A `mirror` shows the frames as they come.
 ///
 /// # Errors
 /// [`LoopError`]; files and statistics of the frames before it are on disk.
@@ -156,6 +159,7 @@ pub fn run(
     output: &mut OutputFolder,
     options: LoopOptions,
     progress: &mut dyn LoopProgress,
+    mut mirror: Option<&mut Mirror>,
 ) -> Result<Outcome, LoopError> {
     let mut outcome = Outcome::default();
     let mut index = 0;
@@ -173,6 +177,10 @@ pub fn run(
         };
         if state.switch_reuse && !renderer.switch_reuse() {
             log::info!("reuse is off in this run's settings; there is nothing to switch");
+        }
+        if let Some(mirror) = &mut mirror {
+            // Also while the session shows nothing.
+            mirror.serve();
         }
         let called = Instant::now();
         session.begin_frame()?;
@@ -202,6 +210,13 @@ pub fn run(
         ))?;
         cpu_ms.session += milliseconds_since(called);
 
+        // After the runtime has got its frame: the window must not delay it.
+        if let Some(mirror) = &mut mirror {
+            let shown = Instant::now();
+            mirror.show(renderer, library)?;
+            cpu_ms.mirror = milliseconds_since(shown);
+        }
+
         let written = Instant::now();
         let mut non_finite_pixels = 0;
         if options.images && index % options.every.max(1) == 0 {
@@ -211,7 +226,7 @@ pub fn run(
         cpu_ms.renderer = result.cpu_ms;
         cpu_ms.write = milliseconds_since(written);
         cpu_ms.frame = milliseconds_since(began);
-        let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.write;
+        let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
         let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
         cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
         let stats = FrameStats {

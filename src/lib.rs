@@ -15,7 +15,7 @@
 //! # Modules
 //!
 //! - [`commands`], [`options`]: the program's commands and their checked options;
-//! - [`frame_loop`], [`xr`], [`output`], [`interrupt`]: frames from a session to files and to a headset;
+//! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
 //! - [`metrics`], [`images`]: errors against a reference, image files;
@@ -25,12 +25,14 @@
 
 pub mod bench;
 pub mod bvh;
+mod caught;
 pub mod commands;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;
 pub mod interrupt;
 pub mod metrics;
+pub mod mirror;
 pub mod options;
 pub mod output;
 pub mod passes;

@@ -45,6 +45,8 @@ mod suite {
     pub mod lights_sampling;
     pub mod lookup;
     pub mod metrics_files;
+    pub mod mirror;
+    pub mod openxr_failures;
     pub mod openxr_picture;
     pub mod openxr_remote;
     pub mod openxr_runtime;

@@ -13,6 +13,7 @@ use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::images::ImageError;
 use crate::metrics::CompareError;
+use crate::mirror::MirrorError;
 use crate::options::{Options, OptionsError, Settings};
 use crate::output::OutputError;
 use crate::renderer::RenderError;
@@ -95,6 +96,12 @@ impl From<crate::xr::openxr::RuntimeError> for Failure {
             error if error.is_unusable_input() => Self::unusable(error),
             error => Self::failed(error),
         }
+    }
+}
+
+impl From<MirrorError> for Failure {
+    fn from(error: MirrorError) -> Self {
+        Self::unusable(error)
     }
 }
 

@@ -9,6 +9,7 @@ use super::{Failure, load_scene, report};
 use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::interrupt;
+use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{
     Eyes, Motion as MotionSetting, RenderOptions, RunOptions, SessionChoice, Settings,
     TraceBody as TraceBodyOption, TraceUp as TraceUpOption,
@@ -42,6 +43,8 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let scene = load_scene(settings)?;
     let start = start_pose(&scene);
     OutputFolder::check(&options.out)?;
+    // Before a session is opened: without a display there is nothing to close again.
+    let window = options.mirror.then(MirrorWindow::open).transpose()?;
     let source = source(options, &headset, start)?;
     interrupt::catch();
     render_session(
@@ -55,6 +58,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
             out: &options.out,
             record: options.record.as_deref(),
         },
+        window,
     )
 }
 
@@ -97,6 +101,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             out: &options.out,
             record: None,
         },
+        None,
     )
 }
 
@@ -242,7 +247,11 @@ fn session(
     }
 }
 
-fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
+fn render_session(
+    source: Source,
+    job: &Job<'_>,
+    window: Option<MirrorWindow>,
+) -> Result<(), Failure> {
     let settings = job.settings;
     let Source {
         session,
@@ -256,6 +265,9 @@ fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
         Some(context) => context,
         None => GpuContext::open(Some(&settings.adapter))?,
     };
+    let mut mirror = window
+        .map(|window| Mirror::new(window, &context))
+        .transpose()?;
     if context.adapter.is_software() {
         log::info!(
             "{} computes on the CPU: timings are not a GPU's",
@@ -300,7 +312,10 @@ fn render_session(source: Source, job: &Job<'_>) -> Result<(), Failure> {
             size,
         },
         &mut bar,
+        mirror.as_mut(),
     );
+    // The window goes at once, also while files are still written.
+    drop(mirror);
     bar.finish();
     let outcome = outcome?;
     let run = report::RunReport::new(

@@ -4,6 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
+use crate::caught::caught;
+
 /// Storage buffers that the largest kernel binds; the device is asked for no more.
 const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
 /// Threads of the largest workgroup that a shader declares.
@@ -80,7 +82,9 @@ pub enum GpuError {
         mend: &'static str,
     },
     /// The device is gone.
-    #[error("the device was lost in {pass}: {reason}")]
+    #[error(
+        "the device was lost in {pass} ({reason}); what was written until then is whole; if it happens again, give a frame less work (--size, --spp, --photons)"
+    )]
     Lost {
         /// The stage of the frame in which it was noticed.
         pass: String,
@@ -155,6 +159,8 @@ pub struct GpuContext {
     pub has_timestamps: bool,
     /// Largest storage buffer binding in bytes.
     pub max_binding_bytes: u64,
+    instance: wgpu::Instance,
+    opened: wgpu::Adapter,
     lost: Arc<Mutex<Option<String>>>,
     uncaptured: Arc<Mutex<Option<String>>>,
 }
@@ -209,20 +215,19 @@ impl GpuContext {
                     })?
             }
         };
-        Self::from_adapter(&adapter)
+        Self::from_adapter(instance, adapter)
     }
 
-    fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
-        let info = adapter.get_info();
-        let descriptor = Self::device_descriptor(adapter)?;
+    fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
+        let descriptor = Self::device_descriptor(&adapter)?;
         let (device, queue) =
             pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
                 GpuError::Device {
-                    adapter: info.name.clone(),
+                    adapter: adapter.get_info().name,
                     reason: error.to_string(),
                 }
             })?;
-        Ok(Self::from_device(&info, device, queue))
+        Ok(Self::from_device(instance, adapter, device, queue))
     }
 
     /// Features and limits that the renderer asks of every device, however it is opened.
@@ -267,14 +272,19 @@ impl GpuContext {
 
     /// A context around a device that is open already, with the features and limits of
     /// [`GpuContext::device_descriptor`].
-    pub fn from_device(info: &wgpu::AdapterInfo, device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        let summary = AdapterSummary::of(info);
+    pub fn from_device(
+        instance: wgpu::Instance,
+        adapter: wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Self {
+        let summary = AdapterSummary::of(&adapter.get_info());
         let lost = Arc::new(Mutex::new(None));
         let uncaptured = Arc::new(Mutex::new(None));
         let lost_in_callback = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                set_once(&lost_in_callback, format!("{reason:?}: {message}"));
+                set_once(&lost_in_callback, one_line(&message));
             }
         });
         let uncaptured_in_callback = Arc::clone(&uncaptured);
@@ -288,9 +298,27 @@ impl GpuContext {
             device,
             queue,
             adapter: summary,
+            instance,
+            opened: adapter,
             lost,
             uncaptured,
         }
+    }
+
+    /// A surface of a window for this device, and what the adapter can show on it: no formats if it cannot.
+    ///
+    /// # Errors
+    /// One line: the instance knows no way to such windows.
+    pub fn surface(
+        &self,
+        window: impl Into<wgpu::SurfaceTarget<'static>>,
+    ) -> Result<(wgpu::Surface<'static>, wgpu::SurfaceCapabilities), String> {
+        let surface = self
+            .instance
+            .create_surface(window)
+            .map_err(|error| one_line(&error.to_string()))?;
+        let capabilities = surface.get_capabilities(&self.opened);
+        Ok((surface, capabilities))
     }
 
     /// Runs `work` under error scopes, so that what the API rejects comes back as an error that names `pass`.
@@ -322,11 +350,11 @@ impl GpuContext {
     /// # Errors
     /// [`GpuError::Lost`] if the device went away, [`GpuError::Validation`] for an error outside every scope.
     pub fn wait(&self, pass: &str) -> Result<(), GpuError> {
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        let polled = finish(&self.device);
         self.check(pass)?;
-        polled.map(|_| ()).map_err(|error| GpuError::Lost {
+        polled.map_err(|reason| GpuError::Lost {
             pass: pass.to_owned(),
-            reason: error.to_string(),
+            reason,
         })
     }
 
@@ -346,6 +374,18 @@ impl GpuContext {
             });
         }
         Ok(())
+    }
+}
+
+/// Waits until the device has finished all that was submitted. wgpu panics if the device is lost meanwhile.
+///
+/// # Errors
+/// One line.
+pub(crate) fn finish(device: &wgpu::Device) -> Result<(), String> {
+    match caught(|| device.poll(wgpu::PollType::wait_indefinitely())) {
+        Ok(Ok(_)) => Ok(()),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(panicked) => Err(panicked),
     }
 }
 

@@ -221,6 +221,9 @@ pub struct SessionArgs {
     /// Replay and simulate at the headset's refresh rate instead of as fast as the machine allows
     #[arg(long)]
     pub realtime: bool,
+    /// Show what the eyes see, side by side, in a window of the desktop. Closing it ends the mirror, not the run
+    #[arg(long)]
+    pub mirror: bool,
     /// Motion of the simulated headset [default: sway]
     #[arg(long, value_enum)]
     pub motion: Option<Motion>,

@@ -79,6 +79,8 @@ pub struct RunOptions {
     pub every: u32,
     /// Pace replay and simulation at the refresh rate.
     pub realtime: bool,
+    /// Show the images in a window.
+    pub mirror: bool,
 }
 
 /// Options of `render`.
@@ -299,6 +301,7 @@ fn resolve_run(args: RunArgs) -> Result<RunOptions, OptionsError> {
         frames,
         every,
         realtime: flags.realtime,
+        mirror: flags.mirror,
     })
 }
 

@@ -13,6 +13,7 @@
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise
 //! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
+//! window       MIRROR, where a desktop window shows them                (likewise)
 //! ```
 
 use std::fmt;
@@ -56,6 +57,7 @@ passes!(
     fill_reasons,
     xr_submit,
     xr_submit_depth,
+    mirror,
 );
 
 /// What a pass is dispatched over.
@@ -202,6 +204,9 @@ pub const FILL_INDIRECT: &[&Pass] = &[&indirect_lookup::PASS, &list_setup::PASS]
 
 /// Hands an eye's image, and its depth where the runtime takes it, to an OpenXR runtime.
 pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];
+
+/// Draws an eye's image into its half of a desktop window.
+pub const MIRROR: &[&Pass] = &[&mirror::PASS];
 
 /// Diagnosis of the filled pixels.
 pub const FILL_REASONS: &[&Pass] = &[&fill_reasons::PASS];

@@ -6,8 +6,10 @@
 
 pub mod eyes;
 pub mod kernels;
+pub mod mirror;
 pub mod parts;
 pub mod photon_map;
+mod raster;
 pub mod scene_buffers;
 mod session;
 pub mod stats;
@@ -100,6 +102,7 @@ pub struct Renderer {
     origin_in_world: DVec3,
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
+    mirror: Option<mirror::MirrorPass>,
 }
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -325,6 +328,7 @@ impl Renderer {
             origin_in_world: DVec3::ZERO,
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
+            mirror: None,
             context,
         };
         renderer.warm_up()?;

@@ -4,6 +4,7 @@ use crate::gpu::ShaderLibrary;
 use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
+use super::mirror::MirrorPass;
 use super::{Eye, RenderError, Renderer, Submitter};
 
 /// What the lenses hide, and for which fields of view the device knows it.
@@ -73,6 +74,32 @@ impl Renderer {
         let exposure = self.settings.output.exposure as f32;
         submitter.submit(&self.context, targets, exposure, self.eyes.carries_rays())?;
         self.submitter = Some(submitter);
+        Ok(())
+    }
+
+    /// Draws the last frame's images side by side into a window's texture, on the device; does not wait for it.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`], also if only one eye is rendered.
+    pub fn mirror_to(
+        &mut self,
+        library: &ShaderLibrary,
+        view: &wgpu::TextureView,
+    ) -> Result<(), RenderError> {
+        let format = view.texture().format();
+        let pass = match self.mirror.take().filter(|known| known.format() == format) {
+            Some(pass) => pass,
+            None => MirrorPass::new(
+                &self.context,
+                library,
+                &self.eyes,
+                &self.frame_uniform,
+                format,
+            )?,
+        };
+        let exposure = self.settings.output.exposure as f32;
+        pass.draw(&self.context, view, [self.width, self.height], exposure)?;
+        self.mirror = Some(pass);
         Ok(())
     }
 }

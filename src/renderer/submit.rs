@@ -3,122 +3,13 @@
 
 use wgpu::util::DeviceExt as _;
 
-use crate::gpu::kernel::{layout_entries, reflect_bindings};
-use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::types::submit::Submit;
-use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
-use crate::passes::{self, Pass};
+use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+use crate::passes;
 use crate::xr::RuntimeTargets;
 
 use super::eyes::{Eye, Eyes};
-use super::kernels::shader_name;
-
-/// A render pipeline over the fragments of one triangle, its bindings found by name.
-struct Raster {
-    pass: &'static Pass,
-    pipeline: wgpu::RenderPipeline,
-    layout: wgpu::BindGroupLayout,
-    bindings: Vec<(String, u32)>,
-}
-
-impl Raster {
-    fn new(
-        context: &GpuContext,
-        library: &ShaderLibrary,
-        pass: &'static Pass,
-        format: wgpu::TextureFormat,
-    ) -> Result<Self, GpuError> {
-        let shader = library.compile(&shader_name(pass), &ShaderFeatures::new())?;
-        let bindings = reflect_bindings(&shader)?;
-        context.guarded(pass.name, || {
-            let device = &context.device;
-            let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(pass.name),
-                entries: &entries,
-            });
-            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(pass.name),
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(pass.name),
-                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-            });
-            let is_depth = format.is_depth_stencil_format();
-            let color = [Some(wgpu::ColorTargetState::from(format))];
-            let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(pass.name),
-                layout: Some(&pipeline_layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("vertex_main"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[],
-                },
-                primitive: wgpu::PrimitiveState::default(),
-                depth_stencil: is_depth.then_some(wgpu::DepthStencilState {
-                    format,
-                    depth_write_enabled: Some(true),
-                    depth_compare: Some(wgpu::CompareFunction::Always),
-                    stencil: wgpu::StencilState::default(),
-                    bias: wgpu::DepthBiasState::default(),
-                }),
-                multisample: wgpu::MultisampleState::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some("fragment_main"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    targets: if is_depth { &[] } else { &color },
-                }),
-                multiview_mask: None,
-                cache: None,
-            });
-            Ok(Self {
-                pass,
-                pipeline,
-                layout,
-                bindings: bindings
-                    .iter()
-                    .map(|binding| (binding.name.clone(), binding.slot))
-                    .collect(),
-            })
-        })
-    }
-
-    fn bind(
-        &self,
-        context: &GpuContext,
-        resources: &Resources<'_>,
-    ) -> Result<wgpu::BindGroup, GpuError> {
-        let entries = self
-            .bindings
-            .iter()
-            .map(|(name, slot)| {
-                resources
-                    .get(name)
-                    .map(|resource| wgpu::BindGroupEntry {
-                        binding: *slot,
-                        resource,
-                    })
-                    .ok_or_else(|| GpuError::Unbound {
-                        pass: self.pass.name.to_owned(),
-                        binding: name.clone(),
-                    })
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        context.guarded(self.pass.name, || {
-            Ok(context
-                .device
-                .create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: Some(self.pass.name),
-                    layout: &self.layout,
-                    entries: &entries,
-                }))
-        })
-    }
-}
+use super::raster::Raster;
 
 /// One eye's bound passes.
 struct BoundEye {
@@ -233,7 +124,7 @@ impl Submitter {
                     .queue
                     .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some(self.color.pass.name),
+                    label: Some(passes::xr_submit::PASS.name),
                     color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                         view: &targets.color[index],
                         depth_slice: None,
@@ -245,9 +136,7 @@ impl Submitter {
                     })],
                     ..Default::default()
                 });
-                pass.set_pipeline(&self.color.pipeline);
-                pass.set_bind_group(0, &eye.color, &[]);
-                pass.draw(0..3, 0..1);
+                self.color.draw(&mut pass, &eye.color);
                 drop(pass);
                 let (Some(depth), Some(bound), Some(views)) =
                     (&self.depth, &eye.depth, &targets.depth)
@@ -255,7 +144,7 @@ impl Submitter {
                     continue;
                 };
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some(depth.pass.name),
+                    label: Some(passes::xr_submit_depth::PASS.name),
                     depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                         view: &views[index],
                         depth_ops: Some(wgpu::Operations {
@@ -266,9 +155,7 @@ impl Submitter {
                     }),
                     ..Default::default()
                 });
-                pass.set_pipeline(&depth.pipeline);
-                pass.set_bind_group(0, bound, &[]);
-                pass.draw(0..3, 0..1);
+                depth.draw(&mut pass, bound);
             }
             context.queue.submit([encoder.finish()]);
             Ok(())

@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::shaders::ShaderFeatures;
-use stereolux::gpu::types::{bvh, frame, light, material, submit};
+use stereolux::gpu::types::{bvh, frame, light, material, mirror, submit};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
@@ -69,6 +69,15 @@ fn host() -> BTreeMap<String, Layout> {
             follow_max_alpha,
             reuse_max_lobe_shift,
             padding,
+        }),
+        host_layout!(mirror::Mirror {
+            corner,
+            scale,
+            exposure,
+            encode,
+            unused_0,
+            unused_1,
+            unused_2,
         }),
         host_layout!(submit::Submit {
             exposure,

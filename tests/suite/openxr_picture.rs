@@ -10,7 +10,7 @@ use crate::suite::support::Folder;
 
 /// Glowing squares 2 m ahead (upper left red, upper right green, lower left blue, lower right yellow) and a magenta bar
 /// 0.5 m ahead.
-fn block_scene(folder: &Folder) -> String {
+pub fn block_scene(folder: &Folder) -> String {
     let corners: [[f32; 3]; 4] = [
         [-0.5, -0.5, 0.0],
         [0.5, -0.5, 0.0],
@@ -69,14 +69,15 @@ fn block_scene(folder: &Folder) -> String {
 }
 
 /// Red, green, blue of a screen dump in XWD format, 32 bits per pixel.
-struct Screen {
+pub struct Screen {
     pixels: Vec<u8>,
     row_bytes: usize,
     is_little_endian: bool,
 }
 
 impl Screen {
-    fn read(path: &Path) -> Self {
+    /// Reads the file that `Xvfb -fbdir` keeps.
+    pub fn read(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap();
         // XWDFileHeader: 25 big-endian words.
         let word =
@@ -101,10 +102,15 @@ impl Screen {
     }
 }
 
-/// Mean place of the pixels of a colour in columns `from..to` of the compositor's window, and their number.
-fn centre(screen: &Screen, columns: std::ops::Range<usize>, color: [bool; 3]) -> (f64, f64, usize) {
+/// Mean place of the pixels of a colour in `columns` of the upper `rows`, and their number.
+fn centre(
+    screen: &Screen,
+    columns: std::ops::Range<usize>,
+    rows: usize,
+    color: [bool; 3],
+) -> (f64, f64, usize) {
     let (mut x_sum, mut y_sum, mut count) = (0.0, 0.0, 0);
-    for y in 0..WINDOW[1] {
+    for y in 0..rows {
         for x in columns.clone() {
             let found = screen.at(x, y).map(|channel| channel > 128);
             if found == color {
@@ -129,11 +135,11 @@ const BLUE: [bool; 3] = [false, false, true];
 const YELLOW: [bool; 3] = [true, true, false];
 const MAGENTA: [bool; 3] = [true, false, true];
 
-/// What is wrong with the picture, if anything.
-fn fault(screen: &Screen, halves: [std::ops::Range<usize>; 2]) -> Option<String> {
+/// What is wrong with the picture in the upper `rows`, if anything; the columns are the left and the right eye's.
+pub fn fault(screen: &Screen, halves: [std::ops::Range<usize>; 2], rows: usize) -> Option<String> {
     let mut bars = Vec::new();
     for half in halves {
-        let place = |color| centre(screen, half.clone(), color);
+        let place = |color| centre(screen, half.clone(), rows, color);
         let [red, green, blue, yellow, bar] = [RED, GREEN, BLUE, YELLOW, MAGENTA].map(place);
         let all = [red, green, blue, yellow, bar];
         if all.iter().any(|(.., count)| *count < 20) {
@@ -178,7 +184,7 @@ fn the_compositor_shows_the_scene_upright_and_each_eye_its_own() {
     let whole = [0..WINDOW[0] / 2, WINDOW[0] / 2..WINDOW[0]];
     let screen = loop {
         let screen = Screen::read(Path::new(screen_file.trim()));
-        match fault(&screen, whole.clone()) {
+        match fault(&screen, whole.clone(), WINDOW[1]) {
             None => break Some(screen),
             Some(what) => last = what,
         }
@@ -200,7 +206,7 @@ fn the_compositor_shows_the_scene_upright_and_each_eye_its_own() {
     // The judge would notice an exchange.
     let exchanged = [whole[1].clone(), whole[0].clone()];
     assert!(
-        fault(&screen, exchanged)
+        fault(&screen, exchanged, WINDOW[1])
             .unwrap()
             .starts_with("eyes exchanged")
     );

@@ -13,14 +13,14 @@ use crate::suite::openxr_support::{
 use crate::suite::support::{Folder, stereolux};
 
 /// Both validation layers, their words as text.
-const VALIDATION: [(&str, &str); 3] = [
+pub const VALIDATION: [(&str, &str); 3] = [
     ("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation"),
     ("XR_CORE_VALIDATION_EXPORT_TYPE", "text"),
     ("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation"),
 ];
 
 /// Lines in which a validation layer complains.
-fn complaints(text: &str) -> Vec<&str> {
+pub fn complaints(text: &str) -> Vec<&str> {
     text.lines()
         .filter(|line| {
             let speaks = line.contains("VUID")
@@ -34,7 +34,8 @@ fn complaints(text: &str) -> Vec<&str> {
         .collect()
 }
 
-fn all_output(output: &std::process::Output) -> String {
+/// What a program printed, on either stream.
+pub fn all_output(output: &std::process::Output) -> String {
     format!(
         "{}\n{}",
         String::from_utf8_lossy(&output.stdout),

@@ -44,12 +44,13 @@ fn targets(context: &GpuContext, format: wgpu::TextureFormat, depth: bool) -> Ru
 }
 
 /// The texture's bytes, rows from the top without padding.
-fn bytes(context: &GpuContext, view: &wgpu::TextureView, texel: u32) -> Vec<u8> {
-    let row = SIZE[0] * texel;
+pub fn bytes(context: &GpuContext, view: &wgpu::TextureView, texel: u32) -> Vec<u8> {
+    let size = view.texture().size();
+    let row = size.width * texel;
     let padded = row.next_multiple_of(256);
     let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: u64::from(padded * SIZE[1]),
+        size: u64::from(padded * size.height),
         usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         mapped_at_creation: false,
     });

@@ -5,4 +5,5 @@ pub mod bvh;
 pub mod frame;
 pub mod light;
 pub mod material;
+pub mod mirror;
 pub mod submit;

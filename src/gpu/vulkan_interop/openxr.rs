@@ -47,14 +47,16 @@ fn instance_proc_addr(entry: &ash::Entry) -> xr::sys::platform::VkGetInstancePro
     }
 }
 
-/// The adapter that the runtime dictates, on a Vulkan instance made through the runtime.
+/// The adapter that the runtime dictates, on a Vulkan instance made through the runtime. The instance has wgpu's usual
+/// extensions, those for windows among them, and wgpu asks for swapchains of every device: a window can show what the
+/// device renders.
 ///
 /// # Errors
 /// One line: no Vulkan loader, or what the runtime or the driver says.
 pub fn adapter_of_runtime(
     runtime: &xr::Instance,
     system: xr::SystemId,
-) -> Result<wgpu::Adapter, String> {
+) -> Result<(wgpu::Instance, wgpu::Adapter), String> {
     let flags = wgpu::InstanceFlags::from_env_or_default();
     // SAFETY: as for the OpenXR loader; wgpu loads the same library.
     let entry = unsafe { ash::Entry::load() }.map_err(|error| format!("no Vulkan: {error}"))?;
@@ -121,7 +123,8 @@ pub fn adapter_of_runtime(
     // SAFETY: the instance is a valid one, and nobody else uses it.
     let instance = unsafe { wgpu::Instance::from_hal::<Vulkan>(instance) };
     // SAFETY: the adapter was exposed by that very instance.
-    Ok(unsafe { instance.create_adapter_from_hal(exposed) })
+    let adapter = unsafe { instance.create_adapter_from_hal(exposed) };
+    Ok((instance, adapter))
 }
 
 /// Opens the adapter of [`adapter_of_runtime`] through the runtime, which may add what it needs itself.

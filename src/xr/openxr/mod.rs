@@ -215,12 +215,18 @@ impl OpenXrSession {
                         }
                         Step::Quit => self.is_over = true,
                         Step::Lost => {
-                            return Err(self.lost("event", xr::sys::Result::ERROR_SESSION_LOST));
+                            return Err(self.lost(
+                                "the runtime announces the loss of the session",
+                                xr::sys::Result::ERROR_SESSION_LOST,
+                            ));
                         }
                     }
                 }
                 xr::Event::InstanceLossPending(_) => {
-                    return Err(self.lost("event", xr::sys::Result::ERROR_INSTANCE_LOST));
+                    return Err(self.lost(
+                        "the runtime announces the loss of the instance",
+                        xr::sys::Result::ERROR_INSTANCE_LOST,
+                    ));
                 }
                 xr::Event::VisibilityMaskChangedKHR(_) => {
                     // The mask is part of a recording's header and so fixed for a run.
@@ -472,7 +478,7 @@ impl Drop for OpenXrSession {
                 eye.forget_images();
             }
         }
-        if let Err(error) = self.device.poll(wgpu::PollType::wait_indefinitely()) {
+        if let Err(error) = crate::gpu::context::finish(&self.device) {
             log::debug!("at the session's end: {error}");
         }
         self.eyes = None;

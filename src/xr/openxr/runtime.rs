@@ -272,7 +272,7 @@ impl Runtime {
         self.instance
             .graphics_requirements::<xr::Vulkan>(self.system)
             .map_err(failed("xrGetVulkanGraphicsRequirements2KHR"))?;
-        let adapter = interop::adapter_of_runtime(&self.instance, self.system)
+        let (instance, adapter) = interop::adapter_of_runtime(&self.instance, self.system)
             .map_err(RuntimeError::Vulkan)?;
         let info = adapter.get_info();
         if let Some(wanted) = wanted
@@ -287,7 +287,7 @@ impl Runtime {
         let (device, queue) =
             interop::open_device(&self.instance, self.system, &adapter, &descriptor)
                 .map_err(RuntimeError::Vulkan)?;
-        Ok(GpuContext::from_device(&info, device, queue))
+        Ok(GpuContext::from_device(instance, adapter, device, queue))
     }
 
     /// For `info`.

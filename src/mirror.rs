@@ -1,0 +1,363 @@
+//! A window of the desktop that shows what the eyes see, side by side.
+//!
+//! Never needed, and never in the way: everything happens on the frame loop's thread and between frames, images go from
+//! the renderer's buffers into the window's texture on the device, and frames for which there is no time are not shown.
+//! Closing the window, or losing it, ends the mirror and not the run.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use winit::application::ApplicationHandler;
+use winit::dpi::LogicalSize;
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, EventLoop};
+use winit::platform::pump_events::EventLoopExtPumpEvents as _;
+use winit::window::{Window, WindowId};
+
+use crate::caught::caught;
+use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+use crate::renderer::{RenderError, Renderer};
+
+/// The window's size at the start, logical pixels.
+const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
+/// Images that wait for the display's refresh (FIFO) are presented at most this often: a queue that never fills never
+/// blocks, on displays of 30 Hz and more.
+const FIFO_PERIOD: Duration = Duration::from_millis(50);
+/// The mirror rests this many times as long as showing the last frame took, so it costs the loop at most a fifth of its time:
+/// with a software adapter, which draws the window while the loop waits, or a display that hands out no images.
+const REST: u32 = 4;
+
+/// Why there is no mirror; one line each.
+#[derive(Debug, thiserror::Error)]
+pub enum MirrorError {
+    /// No display, or none that takes a window.
+    #[error(
+        "--mirror: no window can be opened ({0}); start from a desktop, or leave --mirror out: the run works without it"
+    )]
+    NoWindow(String),
+    /// The adapter of this run cannot show images in the window.
+    #[error(
+        "--mirror: adapter {adapter:?} cannot show images on this display ({reason}); leave --mirror out: the run works without it"
+    )]
+    CannotShow {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words, or ours.
+        reason: String,
+    },
+}
+
+/// What the window system tells.
+#[derive(Default)]
+struct Events {
+    window: Option<Arc<Window>>,
+    refused: Option<String>,
+    is_closed: bool,
+}
+
+impl ApplicationHandler for Events {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.window.is_some() {
+            return;
+        }
+        let attributes = Window::default_attributes()
+            .with_title("stereolux: left and right eye")
+            .with_inner_size(SIZE);
+        match event_loop.create_window(attributes) {
+            Ok(window) => self.window = Some(Arc::new(window)),
+            Err(error) => self.refused = Some(error.to_string()),
+        }
+    }
+
+    fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        // The size is asked for with every frame.
+        if matches!(event, WindowEvent::CloseRequested | WindowEvent::Destroyed) {
+            self.is_closed = true;
+        }
+    }
+}
+
+/// A window that shows nothing yet.
+pub struct MirrorWindow {
+    events: Events,
+    event_loop: EventLoop<()>,
+    window: Arc<Window>,
+}
+
+impl MirrorWindow {
+    /// Opens the window. Call on the main thread, at most once in a program.
+    ///
+    /// # Errors
+    /// [`MirrorError::NoWindow`].
+    pub fn open() -> Result<Self, MirrorError> {
+        let no_window = |reason: String| MirrorError::NoWindow(plain(&reason));
+        // winit would name Wayland too, which this program reaches through XWayland alone.
+        #[cfg(all(unix, not(target_vendor = "apple")))]
+        if std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
+            return Err(no_window("DISPLAY names no X server".to_owned()));
+        }
+        // winit panics where the display lacks an extension or the machine a library.
+        let mut event_loop = caught(|| EventLoop::new().map_err(|error| error.to_string()))
+            .and_then(|opened| opened)
+            .map_err(no_window)?;
+        let mut events = Events::default();
+        caught(|| event_loop.pump_app_events(Some(Duration::ZERO), &mut events))
+            .map_err(no_window)?;
+        let Some(window) = events.window.clone() else {
+            let reason = events.refused.take();
+            return Err(no_window(
+                reason.unwrap_or_else(|| "the window system does not answer".to_owned()),
+            ));
+        };
+        Ok(Self {
+            events,
+            event_loop,
+            window,
+        })
+    }
+}
+
+/// One line without a full stop, for brackets. winit's errors begin with the place in its sources.
+fn plain(reason: &str) -> String {
+    let line = crate::gpu::context::one_line(reason);
+    let words = line
+        .strip_prefix("os error at ")
+        .and_then(|rest| rest.split_once(".rs:")?.1.split_once(": "))
+        .map_or(line.as_str(), |(_, words)| words);
+    words.trim_end_matches('.').to_owned()
+}
+
+/// The window with a surface that the run's device draws on.
+pub struct Mirror {
+    /// `None` once the mirror has ended. Dropped before its window.
+    surface: Option<wgpu::Surface<'static>>,
+    format: wgpu::TextureFormat,
+    present_mode: wgpu::PresentMode,
+    alpha_mode: wgpu::CompositeAlphaMode,
+    /// Size for which the surface is configured.
+    configured: Option<[u32; 2]>,
+    /// Nothing is presented before.
+    not_before: Instant,
+    window: MirrorWindow,
+}
+
+/// Which of `offered` is presented in: one that never waits for the display, if there is one.
+fn choose_mode(offered: &[wgpu::PresentMode]) -> wgpu::PresentMode {
+    [wgpu::PresentMode::Mailbox, wgpu::PresentMode::Immediate]
+        .into_iter()
+        .find(|mode| offered.contains(mode))
+        .unwrap_or(wgpu::PresentMode::Fifo)
+}
+
+/// The first format of `offered` that encodes sRGB itself, else the first with 8 bits, which the pass encodes.
+fn choose_format(offered: &[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat> {
+    use wgpu::TextureFormat as F;
+    let known = |wanted: [F; 2]| {
+        offered
+            .iter()
+            .copied()
+            .find(|format| wanted.contains(format))
+    };
+    known([F::Bgra8UnormSrgb, F::Rgba8UnormSrgb]).or(known([F::Bgra8Unorm, F::Rgba8Unorm]))
+}
+
+impl Mirror {
+    /// Prepares the window for images of `context`'s device.
+    ///
+    /// # Errors
+    /// [`MirrorError::CannotShow`].
+    pub fn new(window: MirrorWindow, context: &GpuContext) -> Result<Self, MirrorError> {
+        let cannot = |reason: String| MirrorError::CannotShow {
+            adapter: context.adapter.name.clone(),
+            reason: plain(&reason),
+        };
+        let (surface, capabilities) = context
+            .surface(Arc::clone(&window.window))
+            .map_err(cannot)?;
+        let format = choose_format(&capabilities.formats).ok_or_else(|| {
+            cannot(match capabilities.formats.as_slice() {
+                [] => "it does not drive the display".to_owned(),
+                others => format!("the display takes only {others:?}"),
+            })
+        })?;
+        let present_mode = choose_mode(&capabilities.present_modes);
+        log::debug!("mirror: {format:?}, {present_mode:?}");
+        Ok(Self {
+            surface: Some(surface),
+            format,
+            present_mode,
+            alpha_mode: capabilities
+                .alpha_modes
+                .first()
+                .copied()
+                .unwrap_or_default(),
+            configured: None,
+            not_before: Instant::now(),
+            window,
+        })
+    }
+
+    /// Answers the window system; call between frames.
+    pub fn serve(&mut self) {
+        if self.surface.is_none() {
+            return;
+        }
+        let MirrorWindow {
+            events, event_loop, ..
+        } = &mut self.window;
+        if let Err(panicked) = caught(|| event_loop.pump_app_events(Some(Duration::ZERO), events)) {
+            return self.end(&panicked);
+        }
+        if events.is_closed {
+            log::warn!("the mirror was closed; the run goes on (Ctrl-C ends it)");
+            self.surface = None;
+            let window = &self.window.window;
+            if let Err(panicked) = caught(|| window.set_visible(false)) {
+                log::debug!("hiding the mirror: {panicked}");
+            }
+        }
+    }
+
+    /// Ends the mirror and says why.
+    fn end(&mut self, reason: &str) {
+        log::warn!("the mirror ends ({}); the run goes on", plain(reason));
+        self.surface = None;
+    }
+
+    /// Shows the last frame, if the window is there and ready for another image.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] if the device is lost; what concerns the window alone ends the mirror instead.
+    pub fn show(
+        &mut self,
+        renderer: &mut Renderer,
+        library: &ShaderLibrary,
+    ) -> Result<(), RenderError> {
+        match self.try_show(renderer, library) {
+            Err(lost @ RenderError::Gpu(GpuError::Lost { .. })) => Err(lost),
+            Err(error) => {
+                self.end(&error.to_string());
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
+    }
+
+    fn try_show(
+        &mut self,
+        renderer: &mut Renderer,
+        library: &ShaderLibrary,
+    ) -> Result<(), RenderError> {
+        let began = Instant::now();
+        if self.surface.is_none() || began < self.not_before {
+            return Ok(());
+        }
+        let size = <[u32; 2]>::from(self.window.window.inner_size());
+        if size.contains(&0) {
+            return Ok(());
+        }
+        let context = renderer.context();
+        if self.configured != Some(size) {
+            self.configure(context, size)?;
+        }
+        let Some(surface) = &self.surface else {
+            return Ok(());
+        };
+        let current = context.guarded("mirror", || Ok(surface.get_current_texture()))?;
+        let wait = began.elapsed();
+        match current {
+            wgpu::CurrentSurfaceTexture::Success(image) => {
+                self.present(renderer, library, image)?;
+            }
+            wgpu::CurrentSurfaceTexture::Suboptimal(image) => {
+                self.present(renderer, library, image)?;
+                self.configured = None;
+            }
+            // The next frame finds the window in its new state.
+            wgpu::CurrentSurfaceTexture::Outdated => self.configured = None,
+            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {}
+            wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => {
+                self.end("the window was lost");
+            }
+        }
+        let took = began.elapsed();
+        log::trace!("mirror: waited {wait:?} for an image, took {took:?} in all");
+        let mut rest = took * REST;
+        if self.present_mode == wgpu::PresentMode::Fifo {
+            rest = rest.max(FIFO_PERIOD);
+        }
+        self.not_before = Instant::now() + rest;
+        Ok(())
+    }
+
+    fn present(
+        &self,
+        renderer: &mut Renderer,
+        library: &ShaderLibrary,
+        image: wgpu::SurfaceTexture,
+    ) -> Result<(), RenderError> {
+        let view = image
+            .texture
+            .create_view(&wgpu::TextureViewDescriptor::default());
+        renderer.mirror_to(library, &view)?;
+        drop(view);
+        let context = renderer.context();
+        context.guarded("mirror", || {
+            context.queue.present(image);
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    fn configure(&mut self, context: &GpuContext, size: [u32; 2]) -> Result<(), GpuError> {
+        let Some(surface) = &self.surface else {
+            return Ok(());
+        };
+        let configuration = wgpu::SurfaceConfiguration {
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            format: self.format,
+            color_space: wgpu::SurfaceColorSpace::Auto,
+            width: size[0],
+            height: size[1],
+            present_mode: self.present_mode,
+            desired_maximum_frame_latency: 2,
+            alpha_mode: self.alpha_mode,
+            view_formats: Vec::new(),
+        };
+        context.guarded("mirror", || {
+            surface.configure(&context.device, &configuration);
+            Ok(())
+        })?;
+        self.configured = Some(size);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wgpu::{PresentMode as P, TextureFormat as F};
+
+    #[test]
+    fn reasons_are_plain() {
+        let said = "os error at /home/x/winit/src/mod.rs:788: Failed: no server.";
+        assert_eq!(plain(said), "Failed: no server");
+        assert_eq!(plain("two\nlines."), "two lines");
+    }
+
+    #[test]
+    fn a_mode_that_does_not_wait_and_a_format_that_encodes_come_first() {
+        assert_eq!(
+            choose_mode(&[P::Fifo, P::Immediate, P::Mailbox]),
+            P::Mailbox
+        );
+        assert_eq!(choose_mode(&[P::Fifo, P::Immediate]), P::Immediate);
+        assert_eq!(choose_mode(&[P::FifoRelaxed, P::Fifo]), P::Fifo);
+        assert_eq!(
+            choose_format(&[F::Rgba16Float, F::Bgra8Unorm, F::Rgba8UnormSrgb]),
+            Some(F::Rgba8UnormSrgb)
+        );
+        assert_eq!(choose_format(&[F::Bgra8Unorm]), Some(F::Bgra8Unorm));
+        assert_eq!(choose_format(&[F::Rgba16Float]), None);
+    }
+}

@@ -1,0 +1,130 @@
+//! Passes over the fragments of one triangle, which write textures of others: a runtime's, a window's.
+
+use crate::gpu::kernel::{layout_entries, reflect_bindings};
+use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
+use crate::passes::Pass;
+
+use super::kernels::shader_name;
+
+/// A render pipeline over the fragments of one triangle, its bindings found by name.
+pub(super) struct Raster {
+    pass: &'static Pass,
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+    bindings: Vec<(String, u32)>,
+}
+
+impl Raster {
+    /// Compiles `pass` for images of `format`.
+    ///
+    /// # Errors
+    /// [`GpuError`], naming the pass.
+    pub(super) fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        pass: &'static Pass,
+        format: wgpu::TextureFormat,
+    ) -> Result<Self, GpuError> {
+        let shader = library.compile(&shader_name(pass), &ShaderFeatures::new())?;
+        let bindings = reflect_bindings(&shader)?;
+        context.guarded(pass.name, || {
+            let device = &context.device;
+            let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(pass.name),
+                entries: &entries,
+            });
+            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(pass.name),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(pass.name),
+                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
+            });
+            let is_depth = format.is_depth_stencil_format();
+            let color = [Some(wgpu::ColorTargetState::from(format))];
+            let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(pass.name),
+                layout: Some(&pipeline_layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("vertex_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: is_depth.then_some(wgpu::DepthStencilState {
+                    format,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::Always),
+                    stencil: wgpu::StencilState::default(),
+                    bias: wgpu::DepthBiasState::default(),
+                }),
+                multisample: wgpu::MultisampleState::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("fragment_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: if is_depth { &[] } else { &color },
+                }),
+                multiview_mask: None,
+                cache: None,
+            });
+            Ok(Self {
+                pass,
+                pipeline,
+                layout,
+                bindings: bindings
+                    .iter()
+                    .map(|binding| (binding.name.clone(), binding.slot))
+                    .collect(),
+            })
+        })
+    }
+
+    /// Binds what the pass reads.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`], [`GpuError::Validation`].
+    pub(super) fn bind(
+        &self,
+        context: &GpuContext,
+        resources: &Resources<'_>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        let entries = self
+            .bindings
+            .iter()
+            .map(|(name, slot)| {
+                resources
+                    .get(name)
+                    .map(|resource| wgpu::BindGroupEntry {
+                        binding: *slot,
+                        resource,
+                    })
+                    .ok_or_else(|| GpuError::Unbound {
+                        pass: self.pass.name.to_owned(),
+                        binding: name.clone(),
+                    })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        context.guarded(self.pass.name, || {
+            Ok(context
+                .device
+                .create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some(self.pass.name),
+                    layout: &self.layout,
+                    entries: &entries,
+                }))
+        })
+    }
+
+    /// Records the triangle.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, bound: &wgpu::BindGroup) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, bound, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}

@@ -1,0 +1,555 @@
+//! An OpenXR runtime without a headset behind it, which fails in the ways that tests ask for, and (in
+//! [`device_lost_layer`]) a Vulkan layer that loses the device.
+//!
+//! The OpenXR loader opens this shared object through a manifest. `FAKE_RUNTIME` in the environment says what it does:
+//!
+//! | value | before a session |
+//! |---|---|
+//! | `no_headset` | `xrGetSystem` finds none |
+//! | `no_vulkan` | `XR_KHR_vulkan_enable2` is not offered |
+//! | `no_stereo` | the one view configuration is mono |
+//! | `no_device` | `vkCreateDevice` fails |
+//! | `no_format` | no colour format that the program knows |
+//!
+//! | value | once [`SHOWN_BEFORE`] frames were shown |
+//! |---|---|
+//! | `loss_pending` | the session goes to LOSS_PENDING |
+//! | `instance_loss_pending` | the event of that name |
+//! | `session_lost` | `xrWaitFrame` says ERROR_SESSION_LOST |
+//! | `end_frame_lost` | `xrEndFrame` says ERROR_SESSION_LOST |
+//! | `exiting` | STOPPING, IDLE, EXITING, as if the wearer had quit in the runtime's menu |
+//! | `pause` | STOPPING, IDLE, then READY again |
+//! | `unseen` | every second frame has `shouldRender` false, and a layer for it is an error |
+//!
+//! Anything else: frames without end. Only what stereolux calls is there, and calls are trusted to be valid: that they
+//! are is checked against Monado under the validation layers.
+//!
+//! `unsafe`: everything here is a C interface that is handed pointers by a loader; each is valid for the call by
+//! OpenXR's and Vulkan's rules of valid usage.
+#![allow(unsafe_op_in_unsafe_fn, clippy::missing_safety_doc)]
+
+pub mod device_lost_layer;
+mod vulkan;
+
+use std::collections::VecDeque;
+use std::ffi::{CStr, c_char};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use openxr_sys as xr;
+use xr::{Handle as _, Result as R, SessionState as S, pfn};
+
+/// Frames with a layer before the failure.
+pub const SHOWN_BEFORE: u64 = 5;
+
+const INSTANCE: u64 = 1;
+const SYSTEM: u64 = 2;
+const SESSION: u64 = 3;
+const PERIOD_NS: i64 = 11_111_111;
+/// Pixels per eye.
+const SIZE: u32 = 32;
+
+pub(crate) struct State {
+    events: VecDeque<Event>,
+    next_handle: u64,
+    shown: u64,
+    waited: u64,
+    is_running: bool,
+    has_failed: bool,
+    pub(crate) vulkan: Option<vulkan::Device>,
+    pub(crate) swapchains: Vec<vulkan::Swapchain>,
+}
+
+enum Event {
+    State(S),
+    InstanceLossPending,
+}
+
+static STATE: Mutex<State> = Mutex::new(State {
+    events: VecDeque::new(),
+    next_handle: 100,
+    shown: 0,
+    waited: 0,
+    is_running: false,
+    has_failed: false,
+    vulkan: None,
+    swapchains: Vec::new(),
+});
+
+pub(crate) fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl State {
+    pub(crate) fn handle(&mut self) -> u64 {
+        self.next_handle += 1;
+        self.next_handle
+    }
+
+    fn enter(&mut self, states: &[S]) {
+        self.events
+            .extend(states.iter().map(|state| Event::State(*state)));
+    }
+
+    /// True once, when enough frames were shown.
+    fn fails_now(&mut self) -> bool {
+        self.shown >= SHOWN_BEFORE && !std::mem::replace(&mut self.has_failed, true)
+    }
+}
+
+fn asked_for(what: &str) -> bool {
+    std::env::var("FAKE_RUNTIME").is_ok_and(|asked| asked == what)
+}
+
+/// Fills `out` by OpenXR's two-call idiom.
+pub(crate) unsafe fn fill<T>(
+    items: &[T],
+    capacity: u32,
+    count: *mut u32,
+    mut write: impl FnMut(usize, &T),
+) -> R {
+    count.write(items.len() as u32);
+    if capacity == 0 {
+        return R::SUCCESS;
+    }
+    if (capacity as usize) < items.len() {
+        return R::ERROR_SIZE_INSUFFICIENT;
+    }
+    for (index, item) in items.iter().enumerate() {
+        write(index, item);
+    }
+    R::SUCCESS
+}
+
+fn put_text(out: &mut [c_char], text: &str) {
+    for (to, from) in out.iter_mut().zip(text.bytes().chain([0])) {
+        *to = from as c_char;
+    }
+}
+
+/// The loader's entry point.
+#[unsafe(no_mangle)]
+pub unsafe extern "system" fn xrNegotiateLoaderRuntimeInterface(
+    _: *const xr::NegotiateLoaderInfo,
+    request: *mut xr::NegotiateRuntimeRequest,
+) -> R {
+    (*request).runtime_interface_version = 1;
+    (*request).runtime_api_version = xr::Version::new(1, 0, 34);
+    (*request).get_instance_proc_addr = Some(get_instance_proc_addr);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn get_instance_proc_addr(
+    _: xr::Instance,
+    name: *const c_char,
+    out: *mut Option<pfn::VoidFunction>,
+) -> R {
+    macro_rules! table {
+        ($name:expr, $($kind:ident = $function:expr),* $(,)?) => {
+            match $name {
+                $(concat!("xr", stringify!($kind)) => {
+                    let typed: pfn::$kind = $function;
+                    // SAFETY: one function pointer under another type; the caller casts it back.
+                    Some(std::mem::transmute::<pfn::$kind, pfn::VoidFunction>(typed))
+                })*
+                // The other functions of the core do nothing, with success: the ABI lets a C function ignore what it
+                // is passed.
+                "xrDestroyInstance" | "xrDestroySession" | "xrDestroySpace" | "xrDestroyActionSet"
+                | "xrDestroyAction" | "xrSuggestInteractionProfileBindings"
+                | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
+                | "xrReleaseSwapchainImage" | "xrResultToString" | "xrStructureTypeToString" => {
+                    Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
+                }
+                // Bindings want every function of the core to be there.
+                _ => Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(refuse)),
+            }
+        };
+    }
+    let name = CStr::from_ptr(name).to_str().unwrap_or_default();
+    let function = table!(
+        name,
+        GetInstanceProcAddr = get_instance_proc_addr,
+        EnumerateInstanceExtensionProperties = enumerate_extensions,
+        CreateInstance = create_instance,
+        GetInstanceProperties = instance_properties,
+        GetSystem = get_system,
+        GetSystemProperties = system_properties,
+        EnumerateViewConfigurations = view_configurations,
+        EnumerateViewConfigurationViews = view_configuration_views,
+        EnumerateEnvironmentBlendModes = blend_modes,
+        PollEvent = poll_event,
+        StringToPath = string_to_path,
+        CreateActionSet = create_action_set,
+        CreateAction = create_action,
+        GetActionStateBoolean = boolean_state,
+        GetActionStateVector2f = vector_state,
+        CreateSession = create_session,
+        BeginSession = begin_session,
+        EndSession = end_session,
+        RequestExitSession = request_exit,
+        CreateReferenceSpace = create_space,
+        WaitFrame = wait_frame,
+        BeginFrame = begin_frame,
+        EndFrame = end_frame,
+        LocateViews = locate_views,
+        EnumerateSwapchainFormats = swapchain_formats,
+        CreateSwapchain = vulkan::create_swapchain,
+        DestroySwapchain = vulkan::destroy_swapchain,
+        EnumerateSwapchainImages = vulkan::swapchain_images,
+        AcquireSwapchainImage = vulkan::acquire_image,
+        GetVulkanGraphicsRequirements2KHR = vulkan::requirements,
+        CreateVulkanInstanceKHR = vulkan::create_instance,
+        GetVulkanGraphicsDevice2KHR = vulkan::graphics_device,
+        CreateVulkanDeviceKHR = vulkan::create_device,
+    );
+    out.write(function);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn succeed() -> R {
+    R::SUCCESS
+}
+
+unsafe extern "system" fn refuse() -> R {
+    R::ERROR_FUNCTION_UNSUPPORTED
+}
+
+unsafe extern "system" fn enumerate_extensions(
+    _: *const c_char,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut xr::ExtensionProperties,
+) -> R {
+    let offered: &[&str] = if asked_for("no_vulkan") {
+        &["XR_KHR_opengl_enable"]
+    } else {
+        &["XR_KHR_vulkan_enable2"]
+    };
+    fill(offered, capacity, count, |index, name| {
+        put_text(&mut (*out.add(index)).extension_name, name);
+        (*out.add(index)).extension_version = 1;
+    })
+}
+
+unsafe extern "system" fn create_instance(
+    _: *const xr::InstanceCreateInfo,
+    out: *mut xr::Instance,
+) -> R {
+    out.write(xr::Instance::from_raw(INSTANCE));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn instance_properties(
+    _: xr::Instance,
+    out: *mut xr::InstanceProperties,
+) -> R {
+    (*out).runtime_version = xr::Version::new(0, 1, 0);
+    put_text(&mut (*out).runtime_name, "Fake runtime");
+    R::SUCCESS
+}
+
+unsafe extern "system" fn get_system(
+    _: xr::Instance,
+    _: *const xr::SystemGetInfo,
+    out: *mut xr::SystemId,
+) -> R {
+    if asked_for("no_headset") {
+        return R::ERROR_FORM_FACTOR_UNAVAILABLE;
+    }
+    out.write(xr::SystemId::from_raw(SYSTEM));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn system_properties(
+    _: xr::Instance,
+    _: xr::SystemId,
+    out: *mut xr::SystemProperties,
+) -> R {
+    (*out).system_id = xr::SystemId::from_raw(SYSTEM);
+    (*out).vendor_id = 0;
+    put_text(&mut (*out).system_name, "Fake headset");
+    (*out).graphics_properties = xr::SystemGraphicsProperties {
+        max_swapchain_image_height: 4096,
+        max_swapchain_image_width: 4096,
+        max_layer_count: 16,
+    };
+    (*out).tracking_properties = xr::SystemTrackingProperties {
+        orientation_tracking: xr::TRUE,
+        position_tracking: xr::TRUE,
+    };
+    R::SUCCESS
+}
+
+unsafe extern "system" fn view_configurations(
+    _: xr::Instance,
+    _: xr::SystemId,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut xr::ViewConfigurationType,
+) -> R {
+    let kind = if asked_for("no_stereo") {
+        xr::ViewConfigurationType::PRIMARY_MONO
+    } else {
+        xr::ViewConfigurationType::PRIMARY_STEREO
+    };
+    fill(&[kind], capacity, count, |_, kind| out.write(*kind))
+}
+
+unsafe extern "system" fn view_configuration_views(
+    _: xr::Instance,
+    _: xr::SystemId,
+    _: xr::ViewConfigurationType,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut xr::ViewConfigurationView,
+) -> R {
+    fill(&[(); 2], capacity, count, |index, ()| {
+        let view = &mut *out.add(index);
+        view.recommended_image_rect_width = SIZE;
+        view.recommended_image_rect_height = SIZE;
+        view.max_image_rect_width = 4096;
+        view.max_image_rect_height = 4096;
+        view.recommended_swapchain_sample_count = 1;
+        view.max_swapchain_sample_count = 1;
+    })
+}
+
+unsafe extern "system" fn blend_modes(
+    _: xr::Instance,
+    _: xr::SystemId,
+    _: xr::ViewConfigurationType,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut xr::EnvironmentBlendMode,
+) -> R {
+    fill(
+        &[xr::EnvironmentBlendMode::OPAQUE],
+        capacity,
+        count,
+        |_, mode| out.write(*mode),
+    )
+}
+
+unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuffer) -> R {
+    match state().events.pop_front() {
+        None => return R::EVENT_UNAVAILABLE,
+        Some(Event::State(entered)) => {
+            out.cast::<xr::EventDataSessionStateChanged>().write(
+                xr::EventDataSessionStateChanged {
+                    ty: xr::EventDataSessionStateChanged::TYPE,
+                    next: std::ptr::null(),
+                    session: xr::Session::from_raw(SESSION),
+                    state: entered,
+                    time: xr::Time::from_nanos(1),
+                },
+            );
+        }
+        Some(Event::InstanceLossPending) => {
+            out.cast::<xr::EventDataInstanceLossPending>().write(
+                xr::EventDataInstanceLossPending {
+                    ty: xr::EventDataInstanceLossPending::TYPE,
+                    next: std::ptr::null(),
+                    loss_time: xr::Time::from_nanos(1),
+                },
+            );
+        }
+    }
+    R::SUCCESS
+}
+
+unsafe extern "system" fn string_to_path(
+    _: xr::Instance,
+    _: *const c_char,
+    out: *mut xr::Path,
+) -> R {
+    out.write(xr::Path::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_action_set(
+    _: xr::Instance,
+    _: *const xr::ActionSetCreateInfo,
+    out: *mut xr::ActionSet,
+) -> R {
+    out.write(xr::ActionSet::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_action(
+    _: xr::ActionSet,
+    _: *const xr::ActionCreateInfo,
+    out: *mut xr::Action,
+) -> R {
+    out.write(xr::Action::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn boolean_state(
+    _: xr::Session,
+    _: *const xr::ActionStateGetInfo,
+    out: *mut xr::ActionStateBoolean,
+) -> R {
+    (*out).current_state = xr::FALSE;
+    (*out).changed_since_last_sync = xr::FALSE;
+    (*out).last_change_time = xr::Time::from_nanos(0);
+    (*out).is_active = xr::FALSE;
+    R::SUCCESS
+}
+
+unsafe extern "system" fn vector_state(
+    _: xr::Session,
+    _: *const xr::ActionStateGetInfo,
+    out: *mut xr::ActionStateVector2f,
+) -> R {
+    (*out).current_state = xr::Vector2f { x: 0.0, y: 0.0 };
+    (*out).changed_since_last_sync = xr::FALSE;
+    (*out).last_change_time = xr::Time::from_nanos(0);
+    (*out).is_active = xr::FALSE;
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_session(
+    _: xr::Instance,
+    _: *const xr::SessionCreateInfo,
+    out: *mut xr::Session,
+) -> R {
+    out.write(xr::Session::from_raw(SESSION));
+    state().enter(&[S::IDLE, S::READY]);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn begin_session(_: xr::Session, _: *const xr::SessionBeginInfo) -> R {
+    let mut state = state();
+    if std::mem::replace(&mut state.is_running, true) {
+        return R::ERROR_SESSION_RUNNING;
+    }
+    state.enter(&[S::SYNCHRONIZED, S::VISIBLE, S::FOCUSED]);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn end_session(_: xr::Session) -> R {
+    let mut state = state();
+    if !std::mem::replace(&mut state.is_running, false) {
+        return R::ERROR_SESSION_NOT_RUNNING;
+    }
+    // The end of the pause, or of everything.
+    let next = if asked_for("pause") && state.shown == SHOWN_BEFORE {
+        S::READY
+    } else {
+        S::EXITING
+    };
+    state.enter(&[S::IDLE, next]);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn request_exit(_: xr::Session) -> R {
+    let mut state = state();
+    if !state.is_running {
+        return R::ERROR_SESSION_NOT_RUNNING;
+    }
+    state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_space(
+    _: xr::Session,
+    _: *const xr::ReferenceSpaceCreateInfo,
+    out: *mut xr::Space,
+) -> R {
+    out.write(xr::Space::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn wait_frame(
+    _: xr::Session,
+    _: *const xr::FrameWaitInfo,
+    out: *mut xr::FrameState,
+) -> R {
+    let mut state = state();
+    if !state.is_running {
+        return R::ERROR_SESSION_NOT_RUNNING;
+    }
+    if state.shown >= SHOWN_BEFORE && asked_for("session_lost") {
+        return R::ERROR_SESSION_LOST;
+    }
+    state.waited += 1;
+    (*out).predicted_display_time =
+        xr::Time::from_nanos(1_000_000_000 + state.waited as i64 * PERIOD_NS);
+    (*out).predicted_display_period = xr::Duration::from_nanos(PERIOD_NS);
+    (*out).should_render = xr::Bool32::from_raw(u32::from(is_seen(&state)));
+    R::SUCCESS
+}
+
+fn is_seen(state: &State) -> bool {
+    !asked_for("unseen") || state.waited.is_multiple_of(2)
+}
+
+unsafe extern "system" fn begin_frame(_: xr::Session, _: *const xr::FrameBeginInfo) -> R {
+    R::SUCCESS
+}
+
+unsafe extern "system" fn end_frame(_: xr::Session, info: *const xr::FrameEndInfo) -> R {
+    let mut state = state();
+    if (*info).layer_count > 0 {
+        if !is_seen(&state) {
+            return R::ERROR_VALIDATION_FAILURE;
+        }
+        if state.shown >= SHOWN_BEFORE && asked_for("end_frame_lost") {
+            return R::ERROR_SESSION_LOST;
+        }
+        state.shown += 1;
+    }
+    if state.fails_now() {
+        if asked_for("loss_pending") {
+            state.enter(&[S::LOSS_PENDING]);
+        } else if asked_for("instance_loss_pending") {
+            state.events.push_back(Event::InstanceLossPending);
+        } else if asked_for("exiting") || asked_for("pause") {
+            state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
+        }
+    }
+    R::SUCCESS
+}
+
+unsafe extern "system" fn locate_views(
+    _: xr::Session,
+    _: *const xr::ViewLocateInfo,
+    located: *mut xr::ViewState,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut xr::View,
+) -> R {
+    (*located).view_state_flags =
+        xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID;
+    fill(&[-0.032, 0.032], capacity, count, |index, x| {
+        (*out.add(index)).pose = xr::Posef {
+            orientation: xr::Quaternionf {
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+                w: 1.0,
+            },
+            position: xr::Vector3f {
+                x: *x,
+                y: 0.0,
+                z: 0.0,
+            },
+        };
+        (*out.add(index)).fov = xr::Fovf {
+            angle_left: -0.7,
+            angle_right: 0.7,
+            angle_up: 0.7,
+            angle_down: -0.7,
+        };
+    })
+}
+
+unsafe extern "system" fn swapchain_formats(
+    _: xr::Session,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut i64,
+) -> R {
+    // VK_FORMAT_R8G8B8A8_SRGB; or only VK_FORMAT_R8G8B8A8_UNORM.
+    let format = if asked_for("no_format") { 37 } else { 43 };
+    fill(&[format], capacity, count, |_, format| out.write(*format))
+}
