@@ -115,6 +115,7 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(error) => Self::unusable(error),
             RenderError::Pack(error) => Self::unusable(error),
+            RenderError::Settings(_) => Self::unusable(error),
         }
     }
 }

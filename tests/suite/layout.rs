@@ -67,6 +67,8 @@ fn host() -> BTreeMap<String, Layout> {
             normal_min_cos,
             reuse_max_view_dependence,
             follow_max_alpha,
+            nearest_photons,
+            padding,
         }),
         host_layout!(submit::Submit {
             exposure,

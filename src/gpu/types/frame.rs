@@ -64,6 +64,10 @@ pub struct Frame {
     pub reuse_max_view_dependence: f32,
     /// GGX alpha below which eye paths follow a reflection instead of gathering.
     pub follow_max_alpha: f32,
+    /// Photons that the estimate from the nearest takes.
+    pub nearest_photons: u32,
+    /// Unused.
+    pub padding: [u32; 3],
 }
 
 /// The eyes have one pose and one field of view.
