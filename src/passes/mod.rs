@@ -42,6 +42,7 @@ passes!(
     radix_count,
     radix_scatter,
     photon_reorder,
+    kd_setup,
     kd_keys,
     kd_orders,
     kd_axis,
@@ -90,7 +91,7 @@ pub enum Over {
     Blocks,
     /// Nodes of one level of the kd-tree.
     Level,
-    /// Places of the three orders of photons, by the list's capacity.
+    /// Places of the three orders of photons, indirectly.
     Orders,
     /// All pixels in 8x8 tiles, or the pixels of the fill list, indirectly.
     Pixels,
@@ -159,7 +160,7 @@ pub const RADIX_DIGIT: &[&Pass] = &[&radix_count::PASS, &radix_scatter::PASS];
 pub const PHOTON_FINISH: &[&Pass] = &[&photon_reorder::PASS];
 
 /// What stands for [`PHOTON_GRID`] where photons are searched by a kd-tree: the map's extent, radius and dispatch sizes.
-pub const PHOTON_EXTENT: &[&Pass] = &[&photon_bounds::PASS, &grid_setup::PASS];
+pub const PHOTON_EXTENT: &[&Pass] = &[&photon_bounds::PASS, &grid_setup::PASS, &kd_setup::PASS];
 
 /// Sorts the photons along one axis for the kd-tree: [`RADIX_DIGIT`] four times in between.
 pub const KD_ORDER: &[&Pass] = &[&kd_keys::PASS, &kd_orders::PASS];

@@ -20,6 +20,8 @@ pub const KD_DIGITS: u32 = 4;
 pub const KD_TURNS_PER_SLICE: u64 = 60_000;
 /// Bytes of a node.
 const NODE_BYTES: u64 = 16;
+/// Bytes of the arguments of an indirect dispatch, as the shaders lay them out.
+const GROUPS_BYTES: u64 = 16;
 /// Threads of a workgroup of the tree's passes.
 const GROUP: u32 = 256;
 
@@ -36,11 +38,13 @@ pub fn walk_slices(stored: u32) -> u32 {
 /// Buffers and bind groups of the tree.
 pub struct KdTree {
     capacity: u32,
-    /// Photon numbers in the orders of x, y and z, `capacity` places each; levels read one and write the other.
+    /// Photon numbers in the orders of x, y and z; levels read one and write the other.
     orders: [wgpu::Buffer; 2],
     axes: wgpu::Buffer,
     marks: wgpu::Buffer,
     mark_sums: wgpu::Buffer,
+    /// Workgroups: see `kd_setup`.
+    groups: wgpu::Buffer,
     nodes: wgpu::Buffer,
     keys: Option<Bound>,
     sorted: Option<Bound>,
@@ -79,6 +83,7 @@ impl KdTree {
                 "kd-tree mark block sums",
                 (places + 4).div_ceil(super::photon_map::SCAN_BLOCK) * 4,
             )?,
+            groups: buffer("kd-tree groups", 3 * GROUPS_BYTES)?,
             nodes: buffer("kd-tree nodes", u64::from(capacity) * NODE_BYTES)?,
             keys: None,
             sorted: None,
@@ -100,6 +105,11 @@ impl KdTree {
             .chain(0..Self::parted_levels(capacity))
             .map(entry)
             .collect()
+    }
+
+    /// Workgroups of the tree's passes, which a pass of the map writes.
+    pub fn groups(&self) -> &wgpu::Buffer {
+        &self.groups
     }
 
     /// What gathering passes read, beside the photons in heap order.
@@ -175,24 +185,31 @@ impl KdTree {
             sort(recorder)?;
             over_photons(recorder, &passes::kd_orders::PASS, &self.sorted, entry)?;
         }
-        let values = (self.marks.size() / 4) as u32;
         for level in 0..Self::parted_levels(self.capacity) {
             let entry = entry + 3 + level;
             let bound = &self.levels[(level % 2) as usize];
             for (pass, bound) in passes::KD_LEVEL.iter().zip(bound) {
-                let threads = match pass.over {
-                    Over::Level => 1 << level,
-                    _ => 3 * self.capacity,
-                };
                 let kernel = kernels.get(pass)?;
-                let groups = linear_groups(threads, GROUP);
-                recorder.dispatch(&label(pass), kernel, bound, entry, groups);
+                if pass.over == Over::Level {
+                    let groups = linear_groups(1 << level, GROUP);
+                    recorder.dispatch(&label(pass), kernel, bound, entry, groups);
+                    continue;
+                }
+                recorder.dispatch_indirect(&label(pass), kernel, bound, entry, &self.groups, 0);
                 if pass.name != passes::kd_flag::PASS.name {
                     continue;
                 }
                 for (pass, bound) in passes::SCAN.iter().zip(&self.scan) {
-                    let groups = super::photon_map::scan_groups(pass, values);
-                    recorder.dispatch(&label(pass), kernels.get(pass)?, bound, 0, groups);
+                    let (kernel, label) = (kernels.get(pass)?, label(pass));
+                    let at = match pass.over {
+                        Over::ScanBlocks => GROUPS_BYTES,
+                        Over::ScanValues => 2 * GROUPS_BYTES,
+                        _ => {
+                            recorder.dispatch(&label, kernel, bound, 0, [1, 1, 1]);
+                            continue;
+                        }
+                    };
+                    recorder.dispatch_indirect(&label, kernel, bound, 0, &self.groups, at);
                 }
             }
         }

@@ -303,7 +303,10 @@ impl PhotonMap {
             .with("radix_from", &b.radix[1])
             .with("longest_cell", &b.longest_cell)
             .with("sorted_photons", &b.sorted);
-        let all = scene.clone().and(&own);
+        let mut all = scene.clone().and(&own);
+        if let Some(tree) = &self.tree {
+            all = all.with("kd_groups", tree.groups());
+        }
         let mut bound = BTreeMap::new();
         for pass in self.config.bound_passes() {
             bound.insert(pass.name, kernels.get(pass)?.bind(context, &all)?);
@@ -363,8 +366,13 @@ impl PhotonMap {
         values: &wgpu::Buffer,
     ) -> Result<(), GpuError> {
         let count = (values.size() / 4) as u32;
+        let blocks = count.div_ceil(SCAN_BLOCK as u32);
         for (pass, bound) in passes::SCAN.iter().zip(bound) {
-            let groups = scan_groups(pass, count);
+            let groups = match pass.over {
+                passes::Over::ScanBlocks => linear_groups(blocks, 1),
+                passes::Over::ScanValues => linear_groups(count, 256),
+                _ => [1, 1, 1],
+            };
             recorder.dispatch(
                 &self.config.kind.label(pass),
                 kernels.get(pass)?,
@@ -512,7 +520,8 @@ impl PhotonMap {
         }
         if self.config.loads == Loads::Cooperative {
             let most = SHARED_BATCH * SHARED_BATCHES_PER_SLICE;
-            return u64::from(self.last.stored).div_ceil(most).max(1) as u32;
+            // The last batch may begin at the list's end.
+            return (u64::from(self.last.stored) + 1).div_ceil(most).max(1) as u32;
         }
         let most = (27 * u64::from(self.longest_cell)).min(u64::from(self.last.stored));
         most.div_ceil(PHOTONS_PER_SLICE).max(1) as u32
@@ -623,14 +632,5 @@ impl PhotonMap {
             grid.cell_count as usize + 1,
         )?;
         Ok((grid, starts))
-    }
-}
-
-/// Workgroups of one pass of a prefix sum over `values` values.
-pub(super) fn scan_groups(pass: &Pass, values: u32) -> [u32; 3] {
-    match pass.over {
-        passes::Over::ScanBlocks => linear_groups(values.div_ceil(SCAN_BLOCK as u32), 1),
-        passes::Over::ScanValues => linear_groups(values, 256),
-        _ => [1, 1, 1],
     }
 }
