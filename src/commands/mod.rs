@@ -103,7 +103,8 @@ impl From<GpuError> for Failure {
         match error {
             GpuError::NoMatchingAdapter { .. }
             | GpuError::Missing { .. }
-            | GpuError::TooLarge { .. } => Self::unusable(error),
+            | GpuError::TooLarge { .. }
+            | GpuError::TooManyBuffers { .. } => Self::unusable(error),
             _ => Self::failed(error),
         }
     }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
 
 /// Storage buffers that the largest kernel binds; the device is asked for no more.
-const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
+pub(super) const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
 /// Threads of the largest workgroup that a shader declares.
 const WORKGROUP_INVOCATIONS: u32 = 256;
 
@@ -78,6 +78,19 @@ pub enum GpuError {
         limit: u64,
         /// What the user can do.
         mend: &'static str,
+    },
+    /// A pass, specialised for a scene, has more buffers than a stage may.
+    #[error(
+        "pass {pass} has {count} buffers in this scene, and {limit} are possible; set photon.schedule = \"split\" if \
+         it is \"fused\", or leave something out with force.KEY = \"off\""
+    )]
+    TooManyBuffers {
+        /// Pass name.
+        pass: String,
+        /// Storage buffers that its shader declares.
+        count: usize,
+        /// Storage buffers that devices are opened for.
+        limit: u32,
     },
     /// The device is gone.
     #[error("the device was lost in {pass}: {reason}")]

@@ -26,6 +26,7 @@ const FEATURES: &[&str] = &[
     "light_only",
     "bsdf_only",
     "visibility_mask",
+    "keeps_ends",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
@@ -76,7 +77,9 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                let fills = [passes::EYE_PHOTON, passes::EYE_PATH, passes::FILL_REASONS].concat();
+                let mut fills =
+                    [passes::EYE_PHOTON, passes::EYE_PATH, passes::FILL_REASONS].concat();
+                fills.push(&passes::eye_fused::PASS);
                 if from_list && !fills.contains(pass) {
                     continue;
                 }
