@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
 
 /// Storage buffers that the largest kernel binds; the device is asked for no more.
-pub(super) const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
+const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
 /// Threads of the largest workgroup that a shader declares.
 const WORKGROUP_INVOCATIONS: u32 = 256;
 
@@ -87,9 +87,9 @@ pub enum GpuError {
     TooManyBuffers {
         /// Pass name.
         pass: String,
-        /// Storage buffers that its shader declares.
+        /// Buffers that its shader declares.
         count: usize,
-        /// Storage buffers that devices are opened for.
+        /// Buffers that the device allows.
         limit: u32,
     },
     /// The device is gone.

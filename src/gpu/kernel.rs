@@ -6,7 +6,7 @@
 
 use wgpu::util::DeviceExt as _;
 
-use super::context::{GpuContext, GpuError, STORAGE_BUFFERS_PER_STAGE};
+use super::context::{GpuContext, GpuError};
 use super::shaders::{CompiledShader, ShaderFeatures, ShaderLibrary};
 
 /// Name of the uniform that is bound with a dynamic offset: it tells the dispatches of one pass apart.
@@ -193,15 +193,13 @@ impl Kernel {
                 shader: shader.name.clone(),
                 reason: "no entry point called main".to_owned(),
             })?;
-        let count = bindings
-            .iter()
-            .filter(|binding| binding.kind != BindingKind::Uniform)
-            .count();
-        if count > STORAGE_BUFFERS_PER_STAGE as usize {
+        let limits = context.device.limits();
+        let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
+        if bindings.len() > limit as usize {
             return Err(GpuError::TooManyBuffers {
                 pass: pass.to_owned(),
-                count,
-                limit: STORAGE_BUFFERS_PER_STAGE,
+                count: bindings.len(),
+                limit,
             });
         }
         context.guarded(pass, || {

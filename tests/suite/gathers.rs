@@ -261,21 +261,57 @@ fn slices_go_on_where_they_stopped() {
             );
         }
     }
-    // The heap is kept from slice to slice: both searches end with the same photons, and so does a single slice, whose
-    // radius holds them just as well.
-    let nearest = |radius_m: f64, way: Change| {
+    // The heap is kept from slice to slice.
+    let mut images = Vec::new();
+    for (name, way) in [
+        ("nearest_gather", NEAREST),
+        ("kd_nearest_gather", KD_NEAREST),
+    ] {
         let mut base = base.clone();
-        base.photon.radius_m = radius_m;
-        base.photon.nearest = 64;
+        base.photon.nearest = 16;
         let (found, renderer) = image(&scene, &base, way, 8);
-        (found, renderer.photon_map().unwrap().gather_slices())
+        let map = renderer.photon_map().unwrap();
+        let (photons, paths) = (photons(&renderer), map.counters().paths_kept);
+        assert!(map.gather_slices() > 1, "{name}: one slice");
+        for pixel in [12, 27, 36, 60] {
+            let (point, normal, albedo) = seen(&scene, &triangles, pixel, 8).unwrap();
+            let point = point - renderer.origin_in_world();
+            let (expected, held) = nearest_twin(&photons, point, normal, albedo, 10.0, 16, paths);
+            let found = f64::from(found[pixel][0]);
+            // As in the test of the nearest photons.
+            assert!(
+                held == 16 && (found / expected - 1.0).abs() < 2e-3,
+                "{name}, pixel {pixel}: {found} for {expected}"
+            );
+        }
+        images.push(found);
+    }
+    assert_eq!(strays(&images[0], &images[1], rounding(16)), 0);
+}
+
+/// What a pixel of `size` across sees, for twins: place (world), normal towards the eye, reflectance. None where
+/// `photon_map::brute_force` has none: the red wall's normals are interpolated.
+fn seen(
+    scene: &Scene,
+    triangles: &Triangles,
+    pixel: usize,
+    size: usize,
+) -> Option<(DVec3, DVec3, f64)> {
+    let view = views(scene, 19.0)[0];
+    let [x, y] = [pixel % size, pixel / size].map(|at| at as f64 + 0.5);
+    let ray = view.ray_through_pixel(x, y, size as u32, size as u32);
+    let (t, normal, material) = triangles.closest(ray.origin, ray.direction, 0.0)?;
+    let material = &scene.materials[material as usize];
+    if material.name == "red" || material.emission[0] > 0.0 {
+        return None;
+    }
+    let normal = if normal.dot(ray.direction) < 0.0 {
+        normal
+    } else {
+        -normal
     };
-    let (grid, grid_slices) = nearest(10.0, NEAREST);
-    let (tree, tree_slices) = nearest(10.0, KD_NEAREST);
-    let (single, single_slices) = nearest(0.05, NEAREST);
-    assert!(grid_slices > 1 && tree_slices > 1 && single_slices == 1);
-    assert_eq!(strays(&grid, &tree, rounding(64)), 0);
-    assert_eq!(strays(&grid, &single, rounding(64)), 0);
+    let point = ray.origin + ray.direction * t;
+    Some((point, normal, f64::from(material.base_color[0])))
 }
 
 /// Radiance of a Lambert pixel from its `nearest` photons, in f64; red channel; and how many they are.
@@ -318,7 +354,6 @@ fn nearest_twin(
 fn the_nearest_photons_are_those_of_an_exhaustive_search() {
     let scene = builtin("cornell");
     let triangles = Triangles::of(&scene);
-    let view = views(&scene, 19.0)[0];
     for (count, radius_m) in [(20, 0.1), (1, 0.1), (64, 0.03)] {
         let base = map_only(20_000, |s| {
             s.photon.radius_m = radius_m;
@@ -335,29 +370,15 @@ fn the_nearest_photons_are_those_of_an_exhaustive_search() {
             );
             let (mut compared, mut full, mut other) = (0, 0, 0);
             for pixel in (0..24 * 24).step_by(7) {
-                let (x, y) = (f64::from(pixel % 24) + 0.5, f64::from(pixel / 24) + 0.5);
-                let ray = view.ray_through_pixel(x, y, 24, 24);
-                let Some((t, normal, material)) = triangles.closest(ray.origin, ray.direction, 0.0)
-                else {
+                let Some((point, normal, albedo)) = seen(&scene, &triangles, pixel, 24) else {
                     continue;
                 };
-                let material = &scene.materials[material as usize];
-                // As in `photon_map::brute_force`: the red wall's normals are interpolated.
-                if material.name == "red" || material.emission[0] > 0.0 {
-                    continue;
-                }
-                let normal = if normal.dot(ray.direction) < 0.0 {
-                    normal
-                } else {
-                    -normal
-                };
-                let point = ray.origin + ray.direction * t - renderer.origin_in_world();
-                let albedo = f64::from(material.base_color[0]);
+                let point = point - renderer.origin_in_world();
                 let twin = |nearest| {
                     nearest_twin(&photons, point, normal, albedo, radius_m, nearest, paths)
                 };
                 let (expected, held) = twin(count as usize);
-                let found = f64::from(found[pixel as usize][0]);
+                let found = f64::from(found[pixel][0]);
                 if count == 1 && held == 1 {
                     // Its own distance is the radius: weight 0.
                     assert_eq!(found, 0.0, "pixel {pixel}");
@@ -403,6 +424,7 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         ("cornell", DirectLight::Map, Reuse::Off),
         ("cornell", DirectLight::Nee, Reuse::Scatter),
         ("caustic", DirectLight::Map, Reuse::Lookup),
+        ("gallery", DirectLight::Nee, Reuse::Off),
     ] {
         let scene = builtin(name);
         let base = settings(|s| {
@@ -420,13 +442,14 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         });
         assert!(split == fused, "{name}, {direct:?}, {reuse:?}");
     }
-    // A scene that needs everything has more buffers than one kernel may; that is said, and what to do.
+    // With the list of pixels that reuse leaves, a scene that needs everything has more buffers than a kernel may: that is
+    // said, and what to do.
     let refused = Renderer::new(
         context(),
         &ShaderLibrary::embedded(),
         &builtin("gallery"),
         &settings(FUSED),
-        Eyes::Left,
+        Eyes::Both,
         [8, 8],
     );
     let line = refused.err().expect("too many buffers").to_string();
