@@ -114,24 +114,25 @@ pub fn judge_part(
 /// What finding photons costs: `build` is what follows their tracing (prefix sums over paths, the same for every search,
 /// included, caustics not), `gather` the pass that finds them for the eyes, `build_gather` both. A fused kernel has no
 /// such pass.
-fn search_groups<'a>(
-    sum: &dyn Fn(&dyn Fn(&str) -> bool) -> f64,
-    mut names: impl Iterator<Item = &'a String>,
-) -> Vec<(&'static str, f64)> {
+fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64)> {
     let is_one_of = |name: &str, list: &[&passes::Pass]| list.iter().any(|pass| pass.name == name);
-    let builds = |name: &str| {
-        name.strip_prefix("photons.").is_some_and(|rest| {
-            !rest.starts_with("caustics.") && !is_one_of(rest, MapKind::Photons.batch())
-        })
-    };
-    let gathers = |name: &str| {
-        name.split_once('.')
-            .is_some_and(|(eye, pass)| EYES.contains(&eye) && is_one_of(pass, passes::GATHERS))
-    };
-    let build = sum(&builds);
+    let (mut build, mut gather) = (0.0, None);
+    for (name, (ms, _)) in times {
+        match name.split_once('.') {
+            Some(("photons", pass)) => {
+                let traces = is_one_of(pass, MapKind::Photons.batch());
+                if !traces && !pass.starts_with("caustics.") {
+                    build += ms;
+                }
+            }
+            Some((eye, pass)) if EYES.contains(&eye) && is_one_of(pass, passes::GATHERS) => {
+                *gather.get_or_insert(0.0) += ms;
+            }
+            _ => (),
+        }
+    }
     let mut groups = vec![("build", build)];
-    if names.any(|name| gathers(name)) {
-        let gather = sum(&gathers);
+    if let Some(gather) = gather {
         groups.extend([("gather", gather), ("build_gather", build + gather)]);
     }
     groups
@@ -169,7 +170,7 @@ impl Tally {
             ]);
             if settings.method == Method::Photon {
                 groups.push(("photons", sum(&under("photons."))));
-                groups.extend(search_groups(&sum, times.keys()));
+                groups.extend(search_groups(times));
             }
             if right > 0.0 {
                 groups.push(("right", right));

@@ -551,7 +551,7 @@ fn shaders_and_host_count_the_same_turns() {
         SHARED_BATCHES_PER_SLICE,
     );
     // 66 turns a batch, and what the shader's comment adds, within llvmpipe's limit.
-    assert!(SHARED_BATCHES_PER_SLICE * (SHARED_BATCH + 2) + 144 < 65_535);
+    const { assert!(SHARED_BATCHES_PER_SLICE * (SHARED_BATCH + 2) + 144 < 65_535) };
     let Kind::Whole { max, .. } = registry::find("photon.nearest").unwrap().kind else {
         panic!("photon.nearest is a whole number");
     };
