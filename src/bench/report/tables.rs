@@ -30,20 +30,27 @@ fn ways_table(text: &mut String, rows: &[Row], which: &WaysTable) {
         })
     };
     let _ = writeln!(text, "### Table {}: {}\n", which.number, which.what);
-    // Ratios are over the default's times.
-    let ratios: Vec<f64> = members()
-        .filter(|row| row.variant != DEFAULT_WAY)
-        .filter_map(|row| Some(row.timing.ratio.get(which.time)?.median))
-        .collect();
-    let _ = writeln!(
-        text,
-        "The ratio is of the times of {}. The default is no slower in {} of {} rows.\n",
-        which.time_in_words,
-        ratios.iter().filter(|ratio| **ratio >= 1.0).count(),
-        ratios.len()
-    );
-    let ratio_head = format!("{}, over default", which.time_in_words);
-    let mut table = Table::new(&[
+    // A static scene is built for once, and gathered in every frame.
+    let mut times = vec![(which.time, which.time_in_words)];
+    if which.time == "build_gather" {
+        times.push(("gather", "gathering alone"));
+    }
+    let mut heads = Vec::new();
+    for (time, words) in &times {
+        // Ratios are over the default's times.
+        let ratios: Vec<f64> = members()
+            .filter(|row| row.variant != DEFAULT_WAY)
+            .filter_map(|row| Some(row.timing.ratio.get(*time)?.median))
+            .collect();
+        let _ = writeln!(
+            text,
+            "By {words} the default is no slower in {} of {} rows.\n",
+            ratios.iter().filter(|ratio| **ratio >= 1.0).count(),
+            ratios.len()
+        );
+        heads.push(format!("{words}, over default"));
+    }
+    let mut columns = vec![
         "scene",
         "size",
         "photons",
@@ -53,15 +60,14 @@ fn ways_table(text: &mut String, rows: &[Row], which: &WaysTable) {
         "gathering, ms",
         "eye, ms",
         "frame, ms",
-        &ratio_head,
-        "relMSE",
-        "relMSE / default",
-        "on",
-    ]);
+    ];
+    columns.extend(heads.iter().map(String::as_str));
+    columns.extend(["relMSE", "relMSE / default", "on"]);
+    let mut table = Table::new(&columns);
     for row in members() {
         let errors = row.errors.get("left");
         let ms = |group: &str| quartiles(row.timing.ms.get(group));
-        table.row(&[
+        let mut cells = vec![
             row.scene.clone(),
             size(row),
             row.text("photons"),
@@ -71,11 +77,15 @@ fn ways_table(text: &mut String, rows: &[Row], which: &WaysTable) {
             ms("gather"),
             ms("left"),
             ms("frame"),
-            quartiles(row.timing.ratio.get(which.time)),
+        ];
+        let ratio = |(time, _): &(&str, &str)| quartiles(row.timing.ratio.get(*time));
+        cells.extend(times.iter().map(ratio));
+        cells.extend([
             marked(errors),
             quartiles(errors.and_then(|errors| errors.rel_mse_ratio.as_ref())),
             row.machine.label(),
         ]);
+        table.row(&cells);
     }
     text.push_str(&table.text);
     text.push('\n');
