@@ -34,6 +34,7 @@ mod suite {
     pub mod cornell;
     pub mod determinism;
     pub mod forced_features;
+    pub mod gathers;
     pub mod hard_cases;
     pub mod hard_extremes;
     pub mod hard_scales;

@@ -62,7 +62,7 @@ pub struct Timing {
     pub rounds: u32,
     /// Rounds run before and discarded.
     pub warm_up: u32,
-    /// By group of passes: `photons`, `left`, `right`, `eyes` (both), `frame` (all passes), `fill` and `carry` (the two parts
+    /// By group of passes: `photons`, `build` (of these, what follows tracing), `gather`, `build_gather` (both), `left`, `right`, `eyes` (both), `frame` (all passes), `fill` and `carry` (the two parts
     /// of a reusing right eye), and on the host `host_update`, `host_frame`.
     pub ms: BTreeMap<String, Spread>,
     /// The same groups over those of the group's first variant, round by round.

@@ -12,7 +12,8 @@ use crate::metrics::{
     Comparison, FlipView, Mask, MetricsError, RenderMoments, binocular_error, compare, error_image,
 };
 use crate::options::{Method, Reuse, Settings};
-use crate::renderer::{FrameResult, Provenance, Renderer, sample_passes};
+use crate::passes;
+use crate::renderer::{FrameResult, MapKind, Provenance, Renderer, sample_passes};
 
 /// One frame of one variant.
 pub struct Frame {
@@ -110,6 +111,33 @@ pub fn judge_part(
     }
 }
 
+/// What finding photons costs: `build` is what follows their tracing (prefix sums over paths, the same for every search,
+/// included, caustics not), `gather` the pass that finds them for the eyes, `build_gather` both. A fused kernel has no
+/// such pass.
+fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64)> {
+    let is_one_of = |name: &str, list: &[&passes::Pass]| list.iter().any(|pass| pass.name == name);
+    let (mut build, mut gather) = (0.0, None);
+    for (name, (ms, _)) in times {
+        match name.split_once('.') {
+            Some(("photons", pass)) => {
+                let traces = is_one_of(pass, MapKind::Photons.batch());
+                if !traces && !pass.starts_with("caustics.") {
+                    build += ms;
+                }
+            }
+            Some((eye, pass)) if EYES.contains(&eye) && is_one_of(pass, passes::GATHERS) => {
+                *gather.get_or_insert(0.0) += ms;
+            }
+            _ => (),
+        }
+    }
+    let mut groups = vec![("build", build)];
+    if let Some(gather) = gather {
+        groups.extend([("gather", gather), ("build_gather", build + gather)]);
+    }
+    groups
+}
+
 impl Tally {
     /// Takes a frame's times and counters in.
     pub fn time(&mut self, frame: &Frame, settings: &Settings) {
@@ -142,6 +170,7 @@ impl Tally {
             ]);
             if settings.method == Method::Photon {
                 groups.push(("photons", sum(&under("photons."))));
+                groups.extend(search_groups(times));
             }
             if right > 0.0 {
                 groups.push(("right", right));
@@ -401,7 +430,9 @@ mod tests {
         let mut tally = Tally::default();
         let settings = Settings::default();
         let passes = [
-            ("photons.photon_trace", 8.0),
+            ("photons.photon_trace", 7.0),
+            ("photons.kd_move", 0.75),
+            ("photons.caustics.cell_count", 0.25),
             ("left.photon_gather", 4.0),
             ("right.scatter_depth", 0.5),
             ("right.photon_gather", 1.0),
@@ -411,8 +442,14 @@ mod tests {
         assert_eq!((of("photons"), of("left"), of("right")), (8.0, 4.0, 1.5));
         assert_eq!((of("eyes"), of("frame")), (5.5, 13.5));
         assert_eq!((of("fill"), of("carry")), (1.0, 0.5));
+        assert_eq!((of("build"), of("gather")), (0.75, 5.0));
+        assert_eq!(of("build_gather"), 5.75);
         assert_eq!(of("host_frame"), 100.0);
-        assert_eq!(tally.pass_ms.len(), 4);
+        assert_eq!(tally.pass_ms.len(), 6);
+        // One kernel for tracing and gathering: what it spends on which is not known.
+        let mut fused = Tally::default();
+        fused.time(&frame(1.0, &[("left.eye_fused", 4.0)]), &settings);
+        assert!(!fused.ms.contains_key("gather") && fused.ms["build"] == [0.0]);
     }
 
     #[test]

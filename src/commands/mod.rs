@@ -110,7 +110,8 @@ impl From<GpuError> for Failure {
         match error {
             GpuError::NoMatchingAdapter { .. }
             | GpuError::Missing { .. }
-            | GpuError::TooLarge { .. } => Self::unusable(error),
+            | GpuError::TooLarge { .. }
+            | GpuError::TooManyBuffers { .. } => Self::unusable(error),
             _ => Self::failed(error),
         }
     }
@@ -122,6 +123,7 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(error) => Self::unusable(error),
             RenderError::Pack(error) => Self::unusable(error),
+            RenderError::Settings(_) => Self::unusable(error),
         }
     }
 }

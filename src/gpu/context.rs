@@ -81,6 +81,19 @@ pub enum GpuError {
         /// What the user can do.
         mend: &'static str,
     },
+    /// A pass, specialised for a scene, has more buffers than a stage may.
+    #[error(
+        "pass {pass} has {count} buffers in this scene, and {limit} are possible; set photon.schedule = \"split\" if \
+         it is \"fused\", or leave something out with force.KEY = \"off\""
+    )]
+    TooManyBuffers {
+        /// Pass name.
+        pass: String,
+        /// Buffers that its shader declares.
+        count: usize,
+        /// Buffers that the device allows.
+        limit: u32,
+    },
     /// The device is gone.
     #[error(
         "the device was lost in {pass} ({reason}); what was written until then is whole; if it happens again, give a frame less work (--size, --spp, --photons)"

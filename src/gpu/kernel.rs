@@ -193,6 +193,15 @@ impl Kernel {
                 shader: shader.name.clone(),
                 reason: "no entry point called main".to_owned(),
             })?;
+        let limits = context.device.limits();
+        let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
+        if bindings.len() > limit as usize {
+            return Err(GpuError::TooManyBuffers {
+                pass: pass.to_owned(),
+                count: bindings.len(),
+                limit,
+            });
+        }
         context.guarded(pass, || {
             let device = &context.device;
             let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);

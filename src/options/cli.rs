@@ -329,7 +329,7 @@ pub struct CompareArgs {
 /// What `bench` measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Suite {
-    /// The 2020 report's tables, so far the fifth: two eyes by themselves against stereo reuse
+    /// The 2020 report's five tables: ways to gather, and two eyes by themselves against stereo reuse
     Tables,
     /// Reuse modes side by side over scenes, eye distances, headsets and a recorded trace
     Stereo,

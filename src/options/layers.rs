@@ -231,8 +231,13 @@ impl Layers {
     /// # Errors
     /// Only if the registry and [`Settings`] disagree, which a test rules out.
     pub fn finish(self) -> Result<Settings, OptionsError> {
-        serde_json::from_value(self.tree)
-            .map_err(|error| OptionsError::Conflict(format!("settings: {error}")))
+        let settings: Settings = serde_json::from_value(self.tree)
+            .map_err(|error| OptionsError::Conflict(format!("settings: {error}")))?;
+        settings
+            .photon
+            .check_gather()
+            .map_err(OptionsError::Conflict)?;
+        Ok(settings)
     }
 }
 

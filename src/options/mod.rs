@@ -19,7 +19,8 @@ pub use resolve::{
     TraceOptions, ViewOptions, resolve,
 };
 pub use settings::{
-    DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings, Technique,
+    DirectLight, Force, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
+    Search, Settings, Technique,
 };
 
 /// Unusable flags or settings; each message is one line. Exit status 2.
@@ -75,7 +76,7 @@ pub enum OptionsError {
         /// What is wrong and what is allowed.
         reason: String,
     },
-    /// Flags that do not go together.
+    /// Flags or settings that do not go together.
     #[error("{0}")]
     Conflict(String),
 }

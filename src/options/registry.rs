@@ -306,6 +306,36 @@ pub static SETTINGS: &[Setting] = &[
         "a photon counts where its surface normal and the gather point's agree this well",
     ),
     setting(
+        "photon.search",
+        Kind::Choice(&["grid", "kd-tree"]),
+        "",
+        "how photons around a point are found; kd-tree is for comparison, and caustics keep the grid",
+    ),
+    setting(
+        "photon.estimate",
+        Kind::Choice(&["radius", "nearest"]),
+        "",
+        "estimate from all photons within the radius, or from the nearest of them; caustics keep the radius",
+    ),
+    setting(
+        "photon.nearest",
+        Kind::Whole { min: 1, max: 64 },
+        "photons",
+        "how many the estimate from the nearest takes, within photon.radius_m",
+    ),
+    setting(
+        "photon.schedule",
+        Kind::Choice(&["split", "fused"]),
+        "",
+        "trace and gather in two kernels or in one; fused is for comparison",
+    ),
+    setting(
+        "photon.loads",
+        Kind::Choice(&["direct", "cooperative"]),
+        "",
+        "each thread loads its photons, or a workgroup together; cooperative is for comparison",
+    ),
+    setting(
         "stereo.max_view_dependence",
         Kind::Real {
             min: 0.0,

@@ -77,6 +77,50 @@ pub enum Kernel {
     Cone,
 }
 
+/// How photons around a point are found (`photon.search`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Search {
+    /// A hash grid whose cells are as wide as the radius
+    #[default]
+    Grid,
+    /// A left-balanced kd-tree
+    KdTree,
+}
+
+/// Which photons make an estimate (`photon.estimate`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PhotonEstimate {
+    /// All within the radius
+    #[default]
+    Radius,
+    /// The nearest ones within the radius, `photon.nearest` of them at most
+    Nearest,
+}
+
+/// Kernels of one sample of an eye (`photon.schedule`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Schedule {
+    /// One that traces, one that gathers
+    #[default]
+    Split,
+    /// One that traces and gathers
+    Fused,
+}
+
+/// How a gather loads photons (`photon.loads`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Loads {
+    /// Every thread its own
+    #[default]
+    Direct,
+    /// A workgroup together, through its shared memory
+    Cooperative,
+}
+
 /// Motion of the simulated headset (`simulated.motion`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -236,6 +280,41 @@ pub struct PhotonSettings {
     pub progressive_alpha: f64,
     /// Smallest cosine between a photon's surface normal and the gather point's, -1 to 1; default 0.5.
     pub normal_min_cos: f64,
+    /// How photons are found, caustics aside; default the grid.
+    pub search: Search,
+    /// Which photons make an estimate, caustics aside; default all within the radius.
+    pub estimate: PhotonEstimate,
+    /// Photons of [`PhotonEstimate::Nearest`], 1 to 64; default 50.
+    pub nearest: u32,
+    /// Kernels of a sample; default split.
+    pub schedule: Schedule,
+    /// How a gather loads photons, caustics aside; default each thread by itself.
+    pub loads: Loads,
+}
+
+impl PhotonSettings {
+    /// Whether these ways to gather go together; if not, in one line, why and what to do.
+    ///
+    /// # Errors
+    /// The line.
+    pub fn check_gather(&self) -> Result<(), String> {
+        let plain = self.search == Search::Grid && self.estimate == PhotonEstimate::Radius;
+        let fused = self.schedule == Schedule::Fused;
+        let cooperative = self.loads == Loads::Cooperative;
+        let (set, needs) = match (fused, cooperative) {
+            (true, true) => ("photon.schedule = \"fused\"", "photon.loads = \"direct\""),
+            (true, false) if !plain => (
+                "photon.schedule = \"fused\"",
+                "photon.search = \"grid\" and photon.estimate = \"radius\"",
+            ),
+            (false, true) if !plain => (
+                "photon.loads = \"cooperative\"",
+                "photon.search = \"grid\" and photon.estimate = \"radius\"",
+            ),
+            _ => return Ok(()),
+        };
+        Err(format!("{set} goes with {needs} only; change one of them"))
+    }
 }
 
 impl Default for PhotonSettings {
@@ -254,6 +333,11 @@ impl Default for PhotonSettings {
             progressive: false,
             progressive_alpha: 0.7,
             normal_min_cos: 0.5,
+            search: Search::default(),
+            estimate: PhotonEstimate::default(),
+            nearest: 50,
+            schedule: Schedule::default(),
+            loads: Loads::default(),
         }
     }
 }

@@ -7,8 +7,11 @@
 //! ```text
 //! photon map   PHOTON_BATCH per batch of paths, PHOTON_GRID, RADIX_DIGIT three times, PHOTON_FINISH
 //!              (once for a static scene)
-//! caustic map  the same with CAUSTIC_BATCH, only where the scene can form caustics
-//! left eye     EYE_PHOTON... or EYE_PATH over all pixels                 (per sample)
+//! kd-tree      instead of the grid and its sort, where `photon.search` asks for it: PHOTON_EXTENT, KD_ORDER with
+//!              RADIX_DIGIT for each axis, KD_LEVEL per level, KD_FINISH
+//! caustic map  the same with CAUSTIC_BATCH, only where the scene can form caustics; always in a grid
+//! left eye     EYE_PHOTON... or EYE_PATH over all pixels                 (per sample); another of GATHERS may stand for
+//!              photon_gather, and eye_fused for eye_hits and photon_gather
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise
@@ -40,9 +43,21 @@ passes!(
     radix_count,
     radix_scatter,
     photon_reorder,
+    kd_setup,
+    kd_keys,
+    kd_orders,
+    kd_axis,
+    kd_flag,
+    kd_move,
+    kd_place,
     eye_hits,
+    eye_fused,
     direct_light,
     photon_gather,
+    kd_gather,
+    nearest_gather,
+    kd_nearest_gather,
+    shared_gather,
     caustic_gather,
     eye_combine,
     path_trace,
@@ -77,6 +92,10 @@ pub enum Over {
     Photons,
     /// Blocks of the radix sort.
     Blocks,
+    /// Nodes of one level of the kd-tree.
+    Level,
+    /// Places of the three orders of photons, indirectly.
+    Orders,
     /// All pixels in 8x8 tiles, or the pixels of the fill list, indirectly.
     Pixels,
     /// The pixels of an eye that see a surface, indirectly.
@@ -142,6 +161,28 @@ pub const RADIX_DIGIT: &[&Pass] = &[&radix_count::PASS, &radix_scatter::PASS];
 
 /// Puts the sorted photons where gathering reads them.
 pub const PHOTON_FINISH: &[&Pass] = &[&photon_reorder::PASS];
+
+/// What stands for [`PHOTON_GRID`] where photons are searched by a kd-tree: the map's extent, radius and dispatch sizes.
+pub const PHOTON_EXTENT: &[&Pass] = &[&photon_bounds::PASS, &grid_setup::PASS, &kd_setup::PASS];
+
+/// Sorts the photons along one axis for the kd-tree: [`RADIX_DIGIT`] four times in between.
+pub const KD_ORDER: &[&Pass] = &[&kd_keys::PASS, &kd_orders::PASS];
+
+/// One level of the kd-tree; [`SCAN`] over the marks runs after the second.
+pub const KD_LEVEL: &[&Pass] = &[&kd_axis::PASS, &kd_flag::PASS, &kd_move::PASS];
+
+/// Puts the photons where gathering reads them, where photons are searched by a kd-tree.
+pub const KD_FINISH: &[&Pass] = &[&kd_place::PASS];
+
+/// Passes that estimate radiance from the map of photons; one of them runs, [`photon_gather`] unless a setting asks for
+/// another.
+pub const GATHERS: &[&Pass] = &[
+    &photon_gather::PASS,
+    &kd_gather::PASS,
+    &nearest_gather::PASS,
+    &kd_nearest_gather::PASS,
+    &shared_gather::PASS,
+];
 
 /// One sample of an eye by photon mapping.
 pub const EYE_PHOTON: &[&Pass] = &[

@@ -181,10 +181,10 @@ struct Step {
 }
 
 /// What an eye's passes are for one method.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct EyePlan {
     /// Passes of one sample, in order.
-    pub sample: &'static [&'static Pass],
+    pub sample: Vec<&'static Pass>,
     /// Whether the photon method's buffers are needed.
     pub photon: bool,
     /// Whether caustics have a map of their own.
@@ -195,6 +195,35 @@ pub struct EyePlan {
     pub parts: bool,
     /// Whether the right eye's glossy surfaces take indirect light over.
     pub carries_indirect: bool,
+    /// Photons of the estimate from the nearest.
+    pub nearest: u32,
+}
+
+impl EyePlan {
+    fn writes(&self, name: &str) -> bool {
+        self.sample.iter().any(|pass| pass.writes.contains(&name))
+    }
+
+    /// Bytes for what one pixel keeps of its nearest photons from slice to slice.
+    fn heap_bytes(&self) -> u64 {
+        (u64::from(self.nearest) + 1) * 8
+    }
+}
+
+/// Slices in which photons are gathered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GatherSlices {
+    /// From the map of photons.
+    pub photons: u32,
+    /// From the map of caustics.
+    pub caustics: u32,
+}
+
+impl GatherSlices {
+    const ONE: Self = Self {
+        photons: 1,
+        caustics: 1,
+    };
 }
 
 /// The dispatch table of a submission: sample, eye, gathering slice.
@@ -219,7 +248,11 @@ pub struct Eyes {
     right: Option<EyeBuffers>,
     stereo: Option<StereoBuffers>,
     dispatch: wgpu::Buffer,
-    gather_slices: u32,
+    /// The same with the slices of caustics.
+    caustic_dispatch: wgpu::Buffer,
+    /// What pixels keep of their nearest photons between slices.
+    nearest_heaps: wgpu::Buffer,
+    gather_slices: GatherSlices,
     /// The right eye reuses the left; only ever true where the plan says so.
     reuse: bool,
     left_steps: Vec<Step>,
@@ -265,28 +298,45 @@ impl Eyes {
         Ok(Self {
             width,
             height,
-            plan,
             left: EyeBuffers::new(context, Eye::Left, pixels, &plan)?,
             right: both
                 .then(|| EyeBuffers::new(context, Eye::Right, pixels, &plan))
                 .transpose()?,
             stereo,
             dispatch: sample_table(context, 1),
-            gather_slices: 1,
+            caustic_dispatch: sample_table(context, 1),
+            nearest_heaps: buffer("nearest photons", 16)?,
+            gather_slices: GatherSlices::ONE,
             reuse: both && !plan.stereo.is_empty(),
+            plan,
             left_steps: Vec::new(),
             right_steps: Vec::new(),
         })
     }
 
     /// Sets in how many slices photons are gathered; true if passes must be bound again.
-    pub fn set_gather_slices(&mut self, context: &GpuContext, slices: u32) -> bool {
-        let changes = slices != self.gather_slices;
-        if changes {
-            self.gather_slices = slices;
-            self.dispatch = sample_table(context, slices);
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] if what is kept between slices does not fit.
+    pub fn set_gather_slices(
+        &mut self,
+        context: &GpuContext,
+        slices: GatherSlices,
+    ) -> Result<bool, GpuError> {
+        if slices == self.gather_slices {
+            return Ok(false);
         }
-        changes
+        if slices.photons > 1 && self.plan.writes("nearest_heaps") {
+            // Both eyes take turns with it.
+            let bytes = self.pixels() as u64 * self.plan.heap_bytes();
+            if self.nearest_heaps.size() < bytes {
+                self.nearest_heaps = storage_buffer(context, "nearest photons", bytes)?;
+            }
+        }
+        self.gather_slices = slices;
+        self.dispatch = sample_table(context, slices.photons);
+        self.caustic_dispatch = sample_table(context, slices.caustics);
+        Ok(true)
     }
 
     /// The stereo passes' buffers while the right eye reuses the left.
@@ -348,7 +398,11 @@ impl Eyes {
         shared: &Resources<'_>,
         caustics: &Resources<'_>,
     ) -> Result<(), GpuError> {
-        let base = shared.clone().with("dispatch", &self.dispatch);
+        let base = shared
+            .clone()
+            .with("dispatch", &self.dispatch)
+            .with("nearest_heaps", &self.nearest_heaps);
+        let caustics = caustics.clone().with("dispatch", &self.caustic_dispatch);
         let bind = |pass: &'static Pass, extent: Extent, resources: &Resources<'_>| {
             let kernel = if extent == Extent::Fill {
                 kernels.get_from_list(pass)?
@@ -356,7 +410,7 @@ impl Eyes {
                 kernels.get(pass)?
             };
             let bound = if pass.name == passes::caustic_gather::PASS.name {
-                kernel.bind(context, &resources.clone().and(caustics))?
+                kernel.bind(context, &resources.clone().and(&caustics))?
             } else {
                 kernel.bind(context, resources)?
             };
@@ -436,7 +490,7 @@ impl Eyes {
                     };
                 }
                 for pass in self.plan.sample.iter().chain(passes::FILL_REASONS) {
-                    if self.plan.carries_indirect && **pass == passes::photon_gather::PASS {
+                    if self.plan.carries_indirect && passes::GATHERS.contains(pass) {
                         for pass in passes::FILL_INDIRECT {
                             steps.push(match pass.over {
                                 Over::Hits => bind(pass, Extent::RightHits, &over_right_hits)?,
@@ -499,18 +553,19 @@ impl Eyes {
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
-        let first = (sample * 2 + eye.index()) * self.gather_slices;
+        let turn = sample * 2 + eye.index();
         for step in self.steps(eye) {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;
-            let gathers = [
-                passes::photon_gather::PASS.name,
-                passes::caustic_gather::PASS.name,
-            ];
-            let slices = if gathers.contains(&step.pass.name) {
-                self.gather_slices
+            let is = |pass: &Pass| pass.name == step.pass.name;
+            let GatherSlices { photons, caustics } = self.gather_slices;
+            let gathers = passes::GATHERS.iter().any(|pass| is(pass));
+            let (first, slices) = if is(&passes::caustic_gather::PASS) {
+                (turn * caustics, caustics)
+            } else if gathers || is(&passes::eye_fused::PASS) {
+                (turn * photons, photons)
             } else {
-                1
+                (turn * photons, 1)
             };
             for index in first..first + slices {
                 match self.groups(step.extent) {

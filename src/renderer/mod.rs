@@ -5,7 +5,9 @@
 //! left, and reads back counters. Images stay on the device until they are asked for.
 
 pub mod eyes;
+pub mod kd_tree;
 pub mod kernels;
+mod map_config;
 pub mod mirror;
 pub mod parts;
 pub mod photon_map;
@@ -30,14 +32,15 @@ use crate::gpu::types::frame::{
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Method, Reuse, Sampler,
-    Settings, Technique,
+    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
+    Reuse, Sampler, Schedule, Search, Settings, Technique,
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
 use crate::xr::{HiddenArea, View};
 
-pub use eyes::{Eye, EyePlan, Eyes, SAMPLES_PER_SUBMISSION};
+pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
+pub use kd_tree::KdTree;
 pub use kernels::KernelSet;
 pub use parts::RadianceParts;
 pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
@@ -77,6 +80,9 @@ pub enum RenderError {
     /// The scene's textures or materials.
     #[error(transparent)]
     Pack(#[from] PackError),
+    /// Settings that do not go together.
+    #[error("{0}")]
+    Settings(String),
 }
 
 /// Everything that turns views into images for one scene and one set of settings.
@@ -119,6 +125,7 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
     features.insert("parts".to_owned(), settings.output.parts);
     // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
     features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
+    let fused = settings.photon.schedule == Schedule::Fused;
     for (name, force) in settings.force.by_feature() {
         let needed = features.get(name).copied().unwrap_or(false);
         features.insert(name.to_owned(), force.apply(needed));
@@ -131,6 +138,11 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
     if !is_on(&features, "textures") {
         features.insert("normal_maps".to_owned(), false);
         features.insert("uv1".to_owned(), false);
+    }
+    if fused {
+        // Passes after the fused one shade the surface that it gathered at.
+        let later = settings.photon.direct == DirectLight::Nee || forms_caustics(&features);
+        features.insert("keeps_ends".to_owned(), later);
     }
     features
 }
@@ -169,6 +181,7 @@ pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool 
     depends_on_view
         && settings.method == Method::Photon
         && settings.photon.direct == DirectLight::Nee
+        && settings.photon.schedule == Schedule::Split
         && settings.reuse == Reuse::Lookup
         && settings.stereo.max_lobe_shift > 0.0
 }
@@ -193,7 +206,27 @@ pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
 }
 
 /// The passes of one sample of an eye, in a scene that can form `caustics` or not.
-pub fn sample_passes(settings: &Settings, caustics: bool) -> &'static [&'static Pass] {
+pub fn sample_passes(settings: &Settings, caustics: bool) -> Vec<&'static Pass> {
+    let photon = &settings.photon;
+    let gather: &Pass = match (photon.search, photon.estimate, photon.loads) {
+        (Search::Grid, PhotonEstimate::Radius, Loads::Direct) => &passes::photon_gather::PASS,
+        (Search::Grid, PhotonEstimate::Radius, Loads::Cooperative) => &passes::shared_gather::PASS,
+        (Search::Grid, PhotonEstimate::Nearest, _) => &passes::nearest_gather::PASS,
+        (Search::KdTree, PhotonEstimate::Radius, _) => &passes::kd_gather::PASS,
+        (Search::KdTree, PhotonEstimate::Nearest, _) => &passes::kd_nearest_gather::PASS,
+    };
+    let fused = photon.schedule == Schedule::Fused;
+    plain_sample_passes(settings, caustics)
+        .iter()
+        .filter_map(|&pass| match pass.name {
+            name if name == passes::photon_gather::PASS.name => (!fused).then_some(gather),
+            name if fused && name == passes::eye_hits::PASS.name => Some(&passes::eye_fused::PASS),
+            _ => Some(pass),
+        })
+        .collect()
+}
+
+fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'static Pass] {
     match (settings.method, settings.photon.direct, caustics) {
         (Method::Path, ..) => passes::EYE_PATH,
         (Method::Photon, DirectLight::Nee, false) => passes::EYE_PHOTON,
@@ -233,6 +266,10 @@ impl Renderer {
         hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<Self, RenderError> {
         check_user_bsdfs(library, scene)?;
+        settings
+            .photon
+            .check_gather()
+            .map_err(RenderError::Settings)?;
         let needs = Needs::of(scene);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
@@ -251,52 +288,45 @@ impl Renderer {
             },
             parts: settings.output.parts,
             carries_indirect: both && carries_indirect(settings, &features),
+            nearest: settings.photon.nearest,
         };
-        let mut wanted: Vec<&Pass> = plan.sample.to_vec();
-        if photon {
-            for list in [
-                passes::PHOTON_BATCH,
-                passes::SCAN,
-                passes::PHOTON_GRID,
-                passes::RADIX_DIGIT,
-                passes::PHOTON_FINISH,
-            ] {
-                wanted.extend(list);
-            }
-        }
-        if caustics {
-            wanted.extend(passes::CAUSTIC_BATCH);
+        let has_lights = buffers.light_count() > 0;
+        let map_config = |kind, paths| PhotonMapConfig {
+            kind,
+            // Without lights there is nothing to emit, and no path may be traced for it.
+            paths: if has_lights { paths } else { 0 },
+            max_depth: settings.photon.max_depth,
+            capacity: settings.photon.capacity,
+            cells: settings.photon.grid_cells_max,
+            search: match kind {
+                MapKind::Photons => settings.photon.search,
+                MapKind::Caustics => Search::Grid,
+            },
+            loads: match kind {
+                MapKind::Photons => settings.photon.loads,
+                MapKind::Caustics => Loads::Direct,
+            },
+        };
+        let photon_config = photon.then(|| map_config(MapKind::Photons, settings.photon.count));
+        let caustic_config =
+            caustics.then(|| map_config(MapKind::Caustics, caustic_paths(settings)));
+        let mut wanted: Vec<&Pass> = plan.sample.clone();
+        for config in photon_config.iter().chain(&caustic_config) {
+            wanted.extend(config.passes());
         }
         let mut filling: Vec<&Pass> = Vec::new();
         if !plan.stereo.is_empty() {
             wanted.extend(plan.stereo.iter().chain(passes::FILL_REASONS));
-            filling.extend(plan.sample);
+            filling.extend(&plan.sample);
             if plan.carries_indirect {
                 wanted.extend(passes::FILL_INDIRECT);
             }
         }
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
-        let has_lights = buffers.light_count() > 0;
-        let map = |kind, paths| {
-            PhotonMap::new(
-                &context,
-                PhotonMapConfig {
-                    kind,
-                    // Without lights there is nothing to emit, and no path may be traced for it.
-                    paths: if has_lights { paths } else { 0 },
-                    max_depth: settings.photon.max_depth,
-                    capacity: settings.photon.capacity,
-                    cells: settings.photon.grid_cells_max,
-                },
-            )
-        };
-        let photon_map = photon
-            .then(|| map(MapKind::Photons, settings.photon.count))
-            .transpose()?;
-        let caustic_map = caustics
-            .then(|| map(MapKind::Caustics, caustic_paths(settings)))
-            .transpose()?;
+        let map = |config| PhotonMap::new(&context, config);
+        let photon_map = photon_config.map(map).transpose()?;
+        let caustic_map = caustic_config.map(map).transpose()?;
         let radius_m = if settings.photon.radius_m > 0.0 {
             settings.photon.radius_m.max(LEAST_RADIUS_M)
         } else {
@@ -444,9 +474,8 @@ impl Renderer {
                     .wrapping_mul(PHOTON_KEY_STRIDE)
                     .wrapping_add(first);
                 self.trace_photons(views, frame_index, photon_key, progressive, &mut result)?;
-                let slices = self.maps().map(PhotonMap::gather_slices).max();
-                let slices = slices.unwrap_or(1);
-                if self.eyes.set_gather_slices(&self.context, slices) {
+                let slices = self.gather_slices();
+                if self.eyes.set_gather_slices(&self.context, slices)? {
                     self.bind()?;
                 }
             }
@@ -478,6 +507,21 @@ impl Renderer {
         }
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
+    }
+
+    fn gather_slices(&self) -> GatherSlices {
+        let of = |map: &Option<PhotonMap>| map.as_ref().map_or(1, PhotonMap::gather_slices);
+        let (photons, caustics) = (of(&self.photon_map), of(&self.caustic_map));
+        let photon = &self.settings.photon;
+        if photon.search == Search::Grid && photon.loads == Loads::Direct {
+            // Slices share out cells, and both maps' gathers count them alike.
+            let most = photons.max(caustics);
+            return GatherSlices {
+                photons: most,
+                caustics: most,
+            };
+        }
+        GatherSlices { photons, caustics }
     }
 
     fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
@@ -628,7 +672,8 @@ impl Renderer {
             reuse_max_view_dependence: settings.stereo.max_view_dependence as f32,
             follow_max_alpha: FOLLOW_MAX_ALPHA,
             reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
-            padding: [0; 3],
+            nearest_photons: settings.photon.nearest,
+            padding: [0; 2],
         };
         self.context
             .queue

@@ -5,26 +5,34 @@ use std::collections::BTreeMap;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
+use super::kd_tree::{KdTree, walk_slices};
 use super::kernels::KernelSet;
+use super::map_config::largest_capacity;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
+use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
+
+pub use super::map_config::{MapKind, PhotonMapConfig};
 
 /// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
 const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
 /// Bytes of one photon.
 pub const PHOTON_BYTES: u64 = 32;
 /// Values that three scan passes cover: 2,048 blocks of 2,048.
-const SCAN_LIMIT: u64 = 2048 * 2048;
+pub(super) const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
-const SCAN_BLOCK: u64 = 2048;
+pub(super) const SCAN_BLOCK: u64 = 2048;
 /// Photons that one thread of the radix sort handles; `shared/photon.wesl` holds the same number.
 pub const RADIX_BLOCK: u32 = 256;
-/// Digits of the sort by cell.
-const RADIX_DIGITS: u32 = 3;
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;
+/// Photons of one batch of the gather by workgroups, and batches of one of its slices; `passes/shared_gather.wesl` holds
+/// the same numbers.
+pub const SHARED_BATCH: u64 = 64;
+/// See [`SHARED_BATCH`].
+pub const SHARED_BATCHES_PER_SLICE: u64 = 850;
 
 /// Twin of `PhotonCounters` in `shaders/shared/photon.wesl`.
 #[repr(C)]
@@ -85,64 +93,6 @@ pub struct PhotonGrid {
 /// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
 
-/// Which photons a map holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MapKind {
-    /// All that scattered, or all where no map of caustics exists.
-    Photons,
-    /// Photons that came over narrow lobes alone.
-    Caustics,
-}
-
-impl MapKind {
-    /// Passes of one batch of paths.
-    pub fn batch(self) -> &'static [&'static Pass] {
-        match self {
-            Self::Photons => passes::PHOTON_BATCH,
-            Self::Caustics => passes::CAUSTIC_BATCH,
-        }
-    }
-
-    /// Name of a pass in timings; every photon pass begins with `photons.`.
-    fn label(self, pass: &Pass) -> String {
-        match self {
-            Self::Photons => format!("photons.{}", pass.name),
-            Self::Caustics => format!("photons.caustics.{}", pass.name),
-        }
-    }
-
-    /// All passes of the map but scans and the sort, which are bound by themselves.
-    fn passes(self) -> impl Iterator<Item = &'static &'static Pass> {
-        self.batch()
-            .iter()
-            .chain(passes::PHOTON_GRID)
-            .chain(passes::PHOTON_FINISH)
-    }
-
-    /// `Dispatch.eye` of the map's passes.
-    fn index(self) -> u32 {
-        match self {
-            Self::Photons => 0,
-            Self::Caustics => 1,
-        }
-    }
-}
-
-/// What the photon map of a scene is made for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PhotonMapConfig {
-    /// Which photons.
-    pub kind: MapKind,
-    /// Paths per frame.
-    pub paths: u32,
-    /// Longest light path from eye to light, in segments.
-    pub max_depth: u32,
-    /// Photons that the list holds; 0 lets it grow by demand.
-    pub capacity: u32,
-    /// Cells of the table.
-    pub cells: u32,
-}
-
 struct Buffers {
     path_photons: wgpu::Buffer,
     path_counts: wgpu::Buffer,
@@ -169,6 +119,7 @@ pub struct PhotonMap {
     batch_paths: u32,
     slots_per_path: u32,
     buffers: Buffers,
+    tree: Option<KdTree>,
     bound: BTreeMap<&'static str, Bound>,
     bound_cell_scan: Vec<Bound>,
     bound_path_scan: Vec<Bound>,
@@ -196,7 +147,7 @@ impl PhotonMap {
             MapKind::Photons => 3,
             MapKind::Caustics => 1,
         };
-        let largest = largest_capacity(context, config.cells);
+        let largest = largest_capacity(context, &config);
         let capacity = match config.capacity {
             0 => config
                 .paths
@@ -216,7 +167,7 @@ impl PhotonMap {
     ) -> Result<Self, GpuError> {
         let buffer = |label, bytes| storage_buffer(context, label, bytes);
         // One more entry marks the last run's end; together they fill whole 16-byte units, as buffers do.
-        let cells = u64::from(config.cells).clamp(64, SCAN_LIMIT - 4) / 4 * 4 - 1;
+        let cells = u64::from(config.table_cells()).clamp(64, SCAN_LIMIT - 4) / 4 * 4 - 1;
         let photon_bytes = u64::from(capacity) * PHOTON_BYTES;
         let kind = config.kind.index();
         let mut batches = Vec::new();
@@ -229,7 +180,7 @@ impl PhotonMap {
         // One empty batch, for warming up; then one entry per digit of the sort.
         batches.push([0, kind, 0, slots_per_path]);
         let sums = |values: u64| (values + 1).div_ceil(SCAN_BLOCK) * 4;
-        let digit_bits = digit_bits(config.cells);
+        let (digits, digit_bits) = config.digits();
         let blocks = capacity.div_ceil(RADIX_BLOCK);
         let table = u64::from(blocks) << digit_bits;
         if table > SCAN_LIMIT {
@@ -240,9 +191,16 @@ impl PhotonMap {
                 mend: "use fewer photons or a smaller photon.grid_cells_max",
             });
         }
-        for digit in 0..RADIX_DIGITS {
+        for digit in 0..digits {
             batches.push([digit * digit_bits, 0, blocks, (1 << digit_bits) - 1]);
         }
+        let tree = match config.search {
+            Search::Grid => None,
+            Search::KdTree => {
+                batches.extend(KdTree::dispatches(capacity, kind));
+                Some(KdTree::new(context, capacity)?)
+            }
+        };
         let buffers = Buffers {
             path_photons: buffer(
                 "photon path slots",
@@ -273,6 +231,7 @@ impl PhotonMap {
             batch_paths,
             slots_per_path,
             buffers,
+            tree,
             bound: BTreeMap::new(),
             bound_cell_scan: Vec::new(),
             bound_path_scan: Vec::new(),
@@ -306,11 +265,15 @@ impl PhotonMap {
 
     /// What gathering passes read.
     pub fn resources(&self) -> Resources<'_> {
-        Resources::new()
+        let resources = Resources::new()
             .with("photon_grid", &self.buffers.grid)
             .with("cell_starts", &self.buffers.cell_starts)
             .with("sorted_photons", &self.buffers.sorted)
-            .with("photon_counters", &self.buffers.counters)
+            .with("photon_counters", &self.buffers.counters);
+        match &self.tree {
+            None => resources,
+            Some(tree) => resources.with("kd_nodes", tree.nodes()),
+        }
     }
 
     /// Binds every pass anew: at the start, after growing, and when scene buffers were replaced.
@@ -340,10 +303,17 @@ impl PhotonMap {
             .with("radix_from", &b.radix[1])
             .with("longest_cell", &b.longest_cell)
             .with("sorted_photons", &b.sorted);
-        let all = scene.clone().and(&own);
+        let mut all = scene.clone().and(&own);
+        if let Some(tree) = &self.tree {
+            all = all.with("kd_groups", tree.groups());
+        }
         let mut bound = BTreeMap::new();
-        for pass in self.config.kind.passes() {
+        for pass in self.config.bound_passes() {
             bound.insert(pass.name, kernels.get(pass)?.bind(context, &all)?);
+        }
+        if let Some(tree) = &mut self.tree {
+            // An even number of digits ends where it began.
+            tree.bind(context, kernels, &own, &b.radix[0])?;
         }
         let scan = |values, sums| {
             passes::SCAN
@@ -459,12 +429,42 @@ impl PhotonMap {
                 }
             }
         }
-        for pass in passes::PHOTON_GRID {
+        for pass in self.config.layout() {
             self.record_over_photons(recorder, kernels, pass)?;
         }
-        self.scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
+        let sort =
+            |recorder: &mut FrameRecorder<'_>| self.record_sort(recorder, kernels, batches + 1);
+        match &self.tree {
+            None => {
+                self.scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
+                sort(recorder)?;
+            }
+            Some(tree) => tree.record(
+                recorder,
+                kernels,
+                batches + 1 + self.config.digits().0,
+                &|pass| self.config.kind.label(pass),
+                (&b.grid, PHOTON_GROUPS_OFFSET),
+                &sort,
+            )?,
+        }
+        for pass in self.config.finish() {
+            self.record_over_photons(recorder, kernels, pass)?;
+        }
+        self.traced_at = Some((origin_in_world, frame_index));
+        Ok(())
+    }
+
+    /// Sorts by key; `first_entry` is that of the lowest digit in the dispatch table.
+    fn record_sort(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+        first_entry: u32,
+    ) -> Result<(), GpuError> {
+        let b = &self.buffers;
         let blocks = self.capacity.div_ceil(RADIX_BLOCK);
-        for digit in 0..RADIX_DIGITS {
+        for digit in 0..self.config.digits().0 {
             recorder.clear(&b.radix_table);
             let bound = &self.bound_radix[(digit % 2) as usize];
             for (step, (pass, bound)) in passes::RADIX_DIGIT.iter().zip(bound).enumerate() {
@@ -473,7 +473,7 @@ impl PhotonMap {
                     &self.config.kind.label(pass),
                     kernel,
                     bound,
-                    batches + 1 + digit,
+                    first_entry + digit,
                     kernel.groups_for(blocks),
                 );
                 if step == 0 {
@@ -481,10 +481,6 @@ impl PhotonMap {
                 }
             }
         }
-        for pass in passes::PHOTON_FINISH {
-            self.record_over_photons(recorder, kernels, pass)?;
-        }
-        self.traced_at = Some((origin_in_world, frame_index));
         Ok(())
     }
 
@@ -515,9 +511,18 @@ impl PhotonMap {
         Ok(())
     }
 
-    /// Slices that the gather needs so that no thread walks too many photons: by the bound of 27 cells as full as the
-    /// fullest, or all photons.
+    /// Slices that the gather needs so that no thread walks too many photons. In a grid: by the bound of 27 cells as full
+    /// as the fullest, or all photons; where workgroups load them, or in a kd-tree, by all photons, as gathers there go
+    /// on where the slice before stopped and end at once if there is nothing left.
     pub fn gather_slices(&self) -> u32 {
+        if self.tree.is_some() {
+            return walk_slices(self.last.stored);
+        }
+        if self.config.loads == Loads::Cooperative {
+            let most = SHARED_BATCH * SHARED_BATCHES_PER_SLICE;
+            // The last batch may begin at the list's end.
+            return (u64::from(self.last.stored) + 1).div_ceil(most).max(1) as u32;
+        }
         let most = (27 * u64::from(self.longest_cell)).min(u64::from(self.last.stored));
         most.div_ceil(PHOTONS_PER_SLICE).max(1) as u32
     }
@@ -532,7 +537,7 @@ impl PhotonMap {
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
         let empty_batch = self.config.paths.div_ceil(self.batch_paths);
-        for pass in self.config.kind.passes() {
+        for pass in self.config.bound_passes() {
             recorder.dispatch(
                 pass.name,
                 kernels.get(pass)?,
@@ -540,6 +545,9 @@ impl PhotonMap {
                 empty_batch,
                 [1, 1, 1],
             );
+        }
+        if let Some(tree) = &self.tree {
+            tree.record_warm_up(recorder, kernels, empty_batch)?;
         }
         let radix = passes::RADIX_DIGIT.iter().zip(&self.bound_radix[0]);
         for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan).chain(radix) {
@@ -575,7 +583,7 @@ impl PhotonMap {
         if self.last.dropped == 0 || self.config.capacity != 0 {
             return Ok(false);
         }
-        let largest = largest_capacity(context, self.config.cells);
+        let largest = largest_capacity(context, &self.config);
         let wanted = (u64::from(self.last.demanded) * 5 / 4).min(u64::from(largest)) as u32;
         if wanted <= self.capacity {
             return Ok(false);
@@ -592,7 +600,12 @@ impl PhotonMap {
         Ok(true)
     }
 
-    /// Reads back the photons in cell order: for tests and diagnostics.
+    /// The kd-tree, where photons are searched by one.
+    pub fn tree(&self) -> Option<&KdTree> {
+        self.tree.as_ref()
+    }
+
+    /// Reads back the photons in cell order, or in the kd-tree's: for tests and diagnostics.
     ///
     /// # Errors
     /// As [`read_buffer`].
@@ -620,17 +633,4 @@ impl PhotonMap {
         )?;
         Ok((grid, starts))
     }
-}
-
-/// Bits of one digit of the sort, for a table of `cells` cells.
-fn digit_bits(cells: u32) -> u32 {
-    let cell_bits = (u64::from(cells) + 4).next_power_of_two().trailing_zeros();
-    cell_bits.div_ceil(RADIX_DIGITS)
-}
-
-/// Photons that a list which grows by itself may reach: what the adapter binds and the sort's table can count.
-fn largest_capacity(context: &GpuContext, cells: u32) -> u32 {
-    let bound = context.max_binding_bytes / PHOTON_BYTES;
-    let sorted = (SCAN_LIMIT >> digit_bits(cells)) * u64::from(RADIX_BLOCK);
-    bound.min(sorted).min(u64::from(u32::MAX)) as u32
 }

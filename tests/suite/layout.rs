@@ -68,6 +68,7 @@ fn host() -> BTreeMap<String, Layout> {
             reuse_max_view_dependence,
             follow_max_alpha,
             reuse_max_lobe_shift,
+            nearest_photons,
             padding,
         }),
         host_layout!(mirror::Mirror {

@@ -8,7 +8,8 @@ use stereolux::options::layers::Layers;
 use stereolux::options::registry::{self, Kind, SETTINGS};
 use stereolux::options::settings::{ImageFormat, Space};
 use stereolux::options::{
-    DirectLight, Force, Kernel, Method, Motion, Reuse, Sampler, Settings, Technique,
+    DirectLight, Force, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
+    Search, Settings, Technique,
 };
 
 fn from_toml(text: &str) -> Result<Settings, String> {
@@ -67,6 +68,10 @@ fn registry_words_are_the_enums_words() {
         ("path.technique", words::<Technique>()),
         ("photon.direct", words::<DirectLight>()),
         ("photon.kernel", words::<Kernel>()),
+        ("photon.search", words::<Search>()),
+        ("photon.estimate", words::<PhotonEstimate>()),
+        ("photon.schedule", words::<Schedule>()),
+        ("photon.loads", words::<Loads>()),
         ("simulated.motion", words::<Motion>()),
         ("openxr.space", words::<Space>()),
         ("openxr.format", words::<ImageFormat>()),
@@ -191,6 +196,50 @@ fn later_layers_win() {
     assert_eq!(
         settings.photon.max_depth,
         Settings::default().photon.max_depth
+    );
+}
+
+#[test]
+fn ways_to_gather_that_do_not_go_together_are_one_clear_error() {
+    let all = |search, estimate, schedule, loads| {
+        from_set(&[
+            &format!("photon.search={search}"),
+            &format!("photon.estimate={estimate}"),
+            &format!("photon.schedule={schedule}"),
+            &format!("photon.loads={loads}"),
+        ])
+    };
+    let mut taken = 0;
+    for search in ["grid", "kd-tree"] {
+        for estimate in ["radius", "nearest"] {
+            for schedule in ["split", "fused"] {
+                for loads in ["direct", "cooperative"] {
+                    let plain = search == "grid" && estimate == "radius";
+                    let fits = match (schedule, loads) {
+                        ("split", "direct") => true,
+                        ("fused", "cooperative") => false,
+                        _ => plain,
+                    };
+                    match all(search, estimate, schedule, loads) {
+                        Ok(_) => taken += 1,
+                        Err(message) => {
+                            assert!(!fits, "{message}");
+                            assert!(!message.contains('\n') && message.contains("goes with"));
+                            let odd = if schedule == "fused" {
+                                "photon.schedule"
+                            } else {
+                                "photon.loads"
+                            };
+                            assert!(message.contains(odd), "{message}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(
+        taken, 6,
+        "four searches and estimates, and the two others alone"
     );
 }
 

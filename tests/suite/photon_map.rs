@@ -13,7 +13,7 @@ use crate::suite::support::{
 };
 
 /// Each eye by itself, direct light from the map: the picture shows photons and nothing else.
-fn map_only(count: u32, change: impl FnOnce(&mut Settings)) -> Settings {
+pub fn map_only(count: u32, change: impl FnOnce(&mut Settings)) -> Settings {
     settings(|s| {
         s.reuse = Reuse::Off;
         s.photon.count = count;
@@ -22,11 +22,11 @@ fn map_only(count: u32, change: impl FnOnce(&mut Settings)) -> Settings {
     })
 }
 
-fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
+pub fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
     parallel_views(start_pose(scene), 0.063, square_fov(half_degrees))
 }
 
-fn photons(renderer: &Renderer) -> Vec<Photon> {
+pub fn photons(renderer: &Renderer) -> Vec<Photon> {
     renderer
         .photon_map()
         .unwrap()
@@ -34,7 +34,7 @@ fn photons(renderer: &Renderer) -> Vec<Photon> {
         .unwrap()
 }
 
-fn grid(renderer: &Renderer) -> (PhotonGrid, Vec<u32>) {
+pub fn grid(renderer: &Renderer) -> (PhotonGrid, Vec<u32>) {
     renderer
         .photon_map()
         .unwrap()
@@ -186,7 +186,7 @@ fn every_photon_lies_in_the_run_of_its_cell() {
     }
 }
 
-fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
+pub fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
     // Octahedral encoding, Cigolle et al. 2014.
     let decode = |x: f64, y: f64| {
         let z = 1.0 - x.abs() - y.abs();
@@ -208,7 +208,7 @@ fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
 }
 
 /// Radiance of one Lambert pixel from every photon there is, in f64; red channel.
-fn brute_force(
+pub fn brute_force(
     renderer: &Renderer,
     scene: &Scene,
     triangles: &Triangles,

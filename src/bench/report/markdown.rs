@@ -7,13 +7,14 @@ use super::super::fingerprint::BENCH_CODE;
 use super::super::records::{Machine, REASONS, RegionErrors, Row};
 use super::super::reference::BOX_SAMPLES;
 use super::super::statistics::{Estimate, Spread};
-use super::super::suites::{BOX_WIDTH_IN_TABLE_UNITS, NOT_MEASURED, reference_samples};
+use super::super::suites::reference_samples;
 use super::analysis::{Analysis, FrontPoint, frame_ms};
 use super::suite_name;
+use super::tables::tables;
 use crate::options::BenchOptions;
 
 /// Three significant digits.
-fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
@@ -26,7 +27,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-fn optional(value: Option<f64>) -> String {
+pub(super) fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), digits)
 }
 
@@ -43,7 +44,7 @@ fn estimate(value: Option<Estimate>) -> String {
 }
 
 /// Median and quartiles.
-fn quartiles(value: Option<&Spread>) -> String {
+pub(super) fn quartiles(value: Option<&Spread>) -> String {
     value.map_or_else(
         || "-".to_owned(),
         |spread| {
@@ -58,7 +59,7 @@ fn quartiles(value: Option<&Spread>) -> String {
 }
 
 /// How many times as fast as the first variant: the inverse of a ratio of times, quartiles swapped.
-fn speed_up(ratio: Option<&Spread>) -> String {
+pub(super) fn speed_up(ratio: Option<&Spread>) -> String {
     ratio.map_or_else(
         || "-".to_owned(),
         |spread| {
@@ -72,19 +73,19 @@ fn speed_up(ratio: Option<&Spread>) -> String {
     )
 }
 
-struct Table {
-    text: String,
+pub(super) struct Table {
+    pub(super) text: String,
 }
 
 impl Table {
-    fn new(columns: &[&str]) -> Self {
+    pub(super) fn new(columns: &[&str]) -> Self {
         let mut text = format!("| {} |\n|", columns.join(" | "));
         text.push_str(&"---|".repeat(columns.len()));
         text.push('\n');
         Self { text }
     }
 
-    fn row(&mut self, cells: &[String]) {
+    pub(super) fn row(&mut self, cells: &[String]) {
         let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "/")).collect();
         let _ = writeln!(self.text, "| {} |", cells.join(" | "));
     }
@@ -155,7 +156,7 @@ pub fn markdown(
 }
 
 /// A relative MSE with its mark.
-fn marked(errors: Option<&RegionErrors>) -> String {
+pub(super) fn marked(errors: Option<&RegionErrors>) -> String {
     let Some(errors) = errors else {
         return "-".to_owned();
     };
@@ -168,59 +169,8 @@ fn marked(errors: Option<&RegionErrors>) -> String {
     format!("{}{mark}", estimate(errors.rel_mse))
 }
 
-fn size(row: &Row) -> String {
+pub(super) fn size(row: &Row) -> String {
     format!("{}x{}", row.size[0], row.size[1])
-}
-
-fn tables(text: &mut String, rows: &[Row]) {
-    text.push_str("## Tables of the 2020 report\n\n");
-    text.push_str("### Table 5: two eyes by themselves against stereo reuse\n\n");
-    let _ = writeln!(
-        text,
-        "Radii are in units in which the scene is {BOX_WIDTH_IN_TABLE_UNITS} wide.\n"
-    );
-    let mut table = Table::new(&[
-        "scene",
-        "size",
-        "photons",
-        "radius",
-        "reuse",
-        "photons, ms",
-        "left, ms",
-        "right, ms",
-        "speed-up, both eyes",
-        "relMSE left",
-        "relMSE right",
-        "on reused pixels / native",
-        "on",
-    ]);
-    for row in rows.iter().filter(|row| row.suite == "tables") {
-        let reused = row.errors.get("right_reused");
-        table.row(&[
-            row.scene.clone(),
-            size(row),
-            row.text("photons"),
-            format!("{} = {} m", row.text("radius"), row.text("radius_m")),
-            row.text("reuse"),
-            quartiles(row.timing.ms.get("photons")),
-            quartiles(row.timing.ms.get("left")),
-            quartiles(row.timing.ms.get("right")),
-            speed_up(row.timing.ratio.get("eyes")),
-            marked(row.errors.get("left")),
-            marked(row.errors.get("right")),
-            quartiles(reused.and_then(|errors| errors.rel_mse_ratio.as_ref())),
-            row.machine.label(),
-        ]);
-    }
-    text.push_str(&table.text);
-    text.push_str("\n### Tables 1 to 4\n\n");
-    for (number, what) in NOT_MEASURED {
-        let _ = writeln!(
-            text,
-            "- table {number}, {what}: not measured: baseline kernels are not built yet."
-        );
-    }
-    text.push('\n');
 }
 
 fn stereo(text: &mut String, rows: &[Row], analysis: &Analysis) {

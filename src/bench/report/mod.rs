@@ -3,6 +3,7 @@
 pub mod analysis;
 mod charts;
 mod markdown;
+mod tables;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -66,11 +67,6 @@ pub fn write(
         "rows": rows,
         "analysis": analysis,
         "plots": charts.iter().map(|(stem, _)| stem).collect::<Vec<_>>(),
-        "not_measured": super::suites::NOT_MEASURED
-            .iter()
-            .filter(|_| rows.iter().any(|row| row.suite == "tables"))
-            .map(|(table, what)| json!({ "table": table, "what": what }))
-            .collect::<Vec<_>>(),
     });
     let path = out.join("report.json");
     let text =
@@ -111,8 +107,11 @@ fn quoted(text: &str) -> String {
 }
 
 /// Groups of passes that have columns.
-const MS_COLUMNS: [&str; 9] = [
+const MS_COLUMNS: [&str; 12] = [
     "photons",
+    "build",
+    "gather",
+    "build_gather",
     "left",
     "right",
     "fill",

@@ -16,7 +16,9 @@ use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
 use crate::xr::Headset;
 
-pub use tables::{BOX_WIDTH_IN_TABLE_UNITS, NOT_MEASURED, RADII_IN_TABLE_UNITS};
+pub use tables::{
+    BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, RADII_IN_TABLE_UNITS, WAYS_TABLES, WaysTable,
+};
 
 /// Sizes of a suite: the full ones, or those that fit into a minute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -337,10 +339,27 @@ mod tests {
     }
 
     #[test]
-    fn tables_hold_nine_pairs() {
+    fn tables_hold_nine_rows_of_each_table() {
         let plans = all_plans(Suite::Tables);
-        assert_eq!(plans.len(), 9);
-        assert!(plans.iter().all(|plan| plan.candidates.len() >= 2));
+        assert_eq!(plans.len(), 18);
+        for table in 1..=5 {
+            let of_table = |plan: &&GroupPlan| {
+                let last = plan.candidates.iter().filter(|candidate| {
+                    candidate.factors["table"] == table && candidate.variant != "off"
+                });
+                last.count() > 0
+            };
+            assert_eq!(plans.iter().filter(of_table).count(), 9, "table {table}");
+        }
+        for plan in plans {
+            for candidate in &plan.candidates {
+                assert_eq!(candidate.settings.photon.check_gather(), Ok(()));
+            }
+            let first = &plan.candidates[0];
+            let photon = Settings::default().photon;
+            assert_eq!(first.settings.photon.search, photon.search);
+            assert!(["off", DEFAULT_WAY].contains(&first.variant.as_str()));
+        }
     }
 
     #[test]

@@ -1,14 +1,18 @@
-//! `tables`: the tables of the 2020 report. Table 5, two eyes by themselves against stereo reuse, is the one that the report
-//! left empty and that can be measured so far; the others compare kernels that do not exist yet, and the report says so.
+//! `tables`: the tables of the 2020 report, with its photon counts. Tables 1 to 4 compare ways to gather, which share their
+//! first variant, what the renderer does by default; table 5 compares two eyes by themselves with stereo reuse.
+//!
+//! The report's radii are not known: [`RADII_IN_TABLE_UNITS`] are ours.
 
 use serde_json::json;
 
 use super::super::BenchError;
-use super::super::measure::{GroupPlan, ViewPlan};
+use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, framing_headset, scene_of, settings_for, stereo, three_digits};
-use crate::options::Eyes;
+use super::{
+    Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for, stereo, three_digits,
+};
+use crate::options::{Eyes, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings};
 
 /// Photons of the report: squares of 128, 256 and 512.
 const PHOTONS: [u32; 3] = [128 * 128, 256 * 256, 512 * 512];
@@ -17,16 +21,84 @@ pub const RADII_IN_TABLE_UNITS: [f64; 3] = [0.05, 0.1, 0.2];
 /// Width of the report's box.
 pub const BOX_WIDTH_IN_TABLE_UNITS: f64 = 2.0;
 
-/// Tables that are not measured, and why.
-pub const NOT_MEASURED: [(u32, &str); 4] = [
-    (1, "kd-tree against hash grid"),
-    (2, "k-nearest with a bounded heap against fixed radius"),
-    (
-        3,
-        "one kernel that traces and gathers against split kernels",
-    ),
-    (4, "shared-memory gather against direct gather"),
+/// One of tables 1 to 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WaysTable {
+    /// Number in the report.
+    pub number: u32,
+    /// What it compares.
+    pub what: &'static str,
+    /// Group of passes whose time it is about.
+    pub time: &'static str,
+    /// That time in words.
+    pub time_in_words: &'static str,
+}
+
+/// Tables that compare ways to gather.
+pub const WAYS_TABLES: [WaysTable; 4] = [
+    WaysTable {
+        number: 1,
+        what: "kd-tree against hash grid",
+        time: "build_gather",
+        time_in_words: "building and gathering",
+    },
+    WaysTable {
+        number: 2,
+        what: "k nearest with a bounded heap against fixed radius",
+        time: "build_gather",
+        time_in_words: "building and gathering",
+    },
+    WaysTable {
+        number: 3,
+        what: "one kernel that traces and gathers against split kernels",
+        time: "left",
+        time_in_words: "all passes of the eye",
+    },
+    WaysTable {
+        number: 4,
+        what: "shared-memory gather against direct gather",
+        time: "gather",
+        time_in_words: "gathering",
+    },
 ];
+
+/// Name of the variant that all of them share.
+pub const DEFAULT_WAY: &str = "grid, radius, split, direct";
+
+/// The ways to gather: the default, then those of each table.
+fn ways(settings: &Settings, factors: &[(&'static str, serde_json::Value)]) -> Vec<Candidate> {
+    let mut all = Vec::new();
+    let mut add = |name: &str, table: u32, change: fn(&mut Settings)| {
+        let mut settings = Settings {
+            reuse: Reuse::Off,
+            ..settings.clone()
+        };
+        // Whatever else the settings say, the first variant is the default.
+        settings.photon.search = Search::default();
+        settings.photon.estimate = PhotonEstimate::default();
+        settings.photon.schedule = Schedule::default();
+        settings.photon.loads = Loads::default();
+        change(&mut settings);
+        let own = [("table", json!(table)), ("way", json!(name))];
+        all.push(candidate(
+            name,
+            settings,
+            factors.iter().cloned().chain(own),
+        ));
+    };
+    add(DEFAULT_WAY, 0, |_| {});
+    add("kd-tree", 1, |s| s.photon.search = Search::KdTree);
+    add("nearest", 2, |s| {
+        s.photon.estimate = PhotonEstimate::Nearest;
+    });
+    add("nearest, kd-tree", 2, |s| {
+        s.photon.estimate = PhotonEstimate::Nearest;
+        s.photon.search = Search::KdTree;
+    });
+    add("fused", 3, |s| s.photon.schedule = Schedule::Fused);
+    add("cooperative", 4, |s| s.photon.loads = Loads::Cooperative);
+    all
+}
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let mut plans = Vec::new();
@@ -46,28 +118,42 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 let mut settings = settings_for(base, scene);
                 settings.photon.count = count;
                 settings.photon.radius_m = radius_m;
-                plans.push(GroupPlan {
-                    suite: "tables",
-                    name: format!("{scene}, {count} photons, radius {radius}"),
-                    scene: SceneSource::Named(scene.clone()),
-                    headset: headset.clone(),
-                    headset_label: headset_label.clone(),
-                    views: ViewPlan::Start,
-                    size: base.size,
-                    eyes: Eyes::Both,
-                    filter: Some(PixelFilter::Center),
-                    candidates: stereo::candidates(
-                        &settings,
-                        &[
-                            ("table", json!(5)),
-                            ("photons", json!(count)),
-                            ("radius", json!(radius)),
-                            ("radius_m", json!(radius_m)),
-                        ],
+                let factors = [
+                    ("photons", json!(count)),
+                    ("radius", json!(radius)),
+                    ("radius_m", json!(radius_m)),
+                ];
+                let five: Vec<_> = std::iter::once(("table", json!(5)))
+                    .chain(factors.iter().cloned())
+                    .collect();
+                let name = format!("{scene}, {count} photons, radius {radius}");
+                for (name, eyes, candidates) in [
+                    (
+                        name.clone(),
+                        Eyes::Both,
+                        stereo::candidates(&settings, &five),
                     ),
-                    rounds: base.rounds,
-                    warm_up: base.warm_up,
-                });
+                    (
+                        format!("{name}, ways to gather"),
+                        Eyes::Left,
+                        ways(&settings, &factors),
+                    ),
+                ] {
+                    plans.push(GroupPlan {
+                        suite: "tables",
+                        name,
+                        scene: SceneSource::Named(scene.clone()),
+                        headset: headset.clone(),
+                        headset_label: headset_label.clone(),
+                        views: ViewPlan::Start,
+                        size: base.size,
+                        eyes,
+                        filter: Some(PixelFilter::Center),
+                        candidates,
+                        rounds: base.rounds,
+                        warm_up: base.warm_up,
+                    });
+                }
             }
         }
     }

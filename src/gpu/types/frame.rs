@@ -66,8 +66,10 @@ pub struct Frame {
     pub follow_max_alpha: f32,
     /// Share of its width by which a lobe may move between the eyes for its indirect light to be reused.
     pub reuse_max_lobe_shift: f32,
-    /// Rounds the size up to a multiple of 16 bytes, as WGSL does.
-    pub padding: [u32; 3],
+    /// Photons that the estimate from the nearest takes.
+    pub nearest_photons: u32,
+    /// Unused.
+    pub padding: [u32; 2],
 }
 
 /// The eyes have one pose and one field of view.

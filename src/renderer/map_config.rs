@@ -1,0 +1,135 @@
+//! What a photon map is made for, and which passes follow from that.
+
+use super::kd_tree::{KD_DIGIT_BITS, KD_DIGITS, KdTree, largest_tree};
+use super::photon_map::{PHOTON_BYTES, RADIX_BLOCK, SCAN_LIMIT};
+use crate::gpu::GpuContext;
+use crate::options::{Loads, Search};
+use crate::passes::{self, Pass};
+
+/// Digits of the sort by cell.
+const RADIX_DIGITS: u32 = 3;
+
+/// Which photons a map holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapKind {
+    /// All that scattered, or all where no map of caustics exists.
+    Photons,
+    /// Photons that came over narrow lobes alone.
+    Caustics,
+}
+
+impl MapKind {
+    /// Passes of one batch of paths.
+    pub fn batch(self) -> &'static [&'static Pass] {
+        match self {
+            Self::Photons => passes::PHOTON_BATCH,
+            Self::Caustics => passes::CAUSTIC_BATCH,
+        }
+    }
+
+    /// Name of a pass in timings; every photon pass begins with `photons.`.
+    pub(super) fn label(self, pass: &Pass) -> String {
+        match self {
+            Self::Photons => format!("photons.{}", pass.name),
+            Self::Caustics => format!("photons.caustics.{}", pass.name),
+        }
+    }
+
+    /// `Dispatch.eye` of the map's passes.
+    pub(super) fn index(self) -> u32 {
+        match self {
+            Self::Photons => 0,
+            Self::Caustics => 1,
+        }
+    }
+}
+
+/// What the photon map of a scene is made for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhotonMapConfig {
+    /// Which photons.
+    pub kind: MapKind,
+    /// Paths per frame.
+    pub paths: u32,
+    /// Longest light path from eye to light, in segments.
+    pub max_depth: u32,
+    /// Photons that the list holds; 0 lets it grow by demand.
+    pub capacity: u32,
+    /// Cells of the table.
+    pub cells: u32,
+    /// What photons are searched by.
+    pub search: Search,
+    /// How a gather loads them.
+    pub loads: Loads,
+}
+
+impl PhotonMapConfig {
+    /// Passes between tracing and sorting.
+    pub(super) fn layout(&self) -> &'static [&'static Pass] {
+        match self.search {
+            Search::Grid => passes::PHOTON_GRID,
+            Search::KdTree => passes::PHOTON_EXTENT,
+        }
+    }
+
+    /// Passes after the sort, where the map has one sort.
+    pub(super) fn finish(&self) -> &'static [&'static Pass] {
+        match self.search {
+            Search::Grid => passes::PHOTON_FINISH,
+            Search::KdTree => &[],
+        }
+    }
+
+    /// All passes of the map but scans, sorts and those of a kd-tree, which are bound by themselves.
+    pub(super) fn bound_passes(&self) -> impl Iterator<Item = &'static &'static Pass> {
+        self.kind
+            .batch()
+            .iter()
+            .chain(self.layout())
+            .chain(self.finish())
+    }
+
+    /// All passes that the map's kernels are compiled for.
+    pub fn passes(&self) -> Vec<&'static Pass> {
+        let mut all: Vec<&Pass> = self.bound_passes().copied().collect();
+        all.extend(passes::SCAN.iter().chain(passes::RADIX_DIGIT));
+        if self.search == Search::KdTree {
+            all.extend(KdTree::passes());
+        }
+        all
+    }
+
+    /// Digits of a sort and bits of a digit.
+    pub(super) fn digits(&self) -> (u32, u32) {
+        match self.search {
+            Search::Grid => (RADIX_DIGITS, digit_bits(self.cells)),
+            Search::KdTree => (KD_DIGITS, KD_DIGIT_BITS),
+        }
+    }
+
+    /// Cells of the table in use: a kd-tree has none, but the pass that lays the map out wants a token.
+    pub(super) fn table_cells(&self) -> u32 {
+        match self.search {
+            Search::Grid => self.cells,
+            Search::KdTree => 64,
+        }
+    }
+}
+
+/// Bits of one digit of the sort, for a table of `cells` cells.
+fn digit_bits(cells: u32) -> u32 {
+    let cell_bits = (u64::from(cells) + 4).next_power_of_two().trailing_zeros();
+    cell_bits.div_ceil(RADIX_DIGITS)
+}
+
+/// Photons that a list which grows by itself may reach: what the adapter binds, and the sort's table and a kd-tree can
+/// count.
+pub(super) fn largest_capacity(context: &GpuContext, config: &PhotonMapConfig) -> u32 {
+    let bound = context.max_binding_bytes / PHOTON_BYTES;
+    let sorted = (SCAN_LIMIT >> config.digits().1) * u64::from(RADIX_BLOCK);
+    let treed = match config.search {
+        Search::Grid => u64::MAX,
+        Search::KdTree => largest_tree(),
+    };
+    bound.min(sorted).min(treed).min(u64::from(u32::MAX)) as u32
+}
