@@ -51,6 +51,6 @@ while read -r scene half spp; do
 done <<'SCENES'
 cornell 21 2048
 caustic 22 2048
-gallery 40 1024
+gallery 40 512
 SCENES
 cat "$out.notes" >&2
