@@ -259,7 +259,11 @@ fn files_agree(out: &Path, report: &Report) {
         }
     }
     let plots = report.json["plots"].as_array().unwrap();
-    assert!(plots.len() >= 8, "{plots:?}");
+    assert!(plots.len() >= 9, "{plots:?}");
+    assert!(
+        plots.contains(&"tables_cornell_0_1".into()),
+        "{plots:?}: the ways to gather are not drawn"
+    );
     for stem in plots {
         let stem = stem.as_str().unwrap();
         let svg = std::fs::read_to_string(out.join(format!("plots/{stem}.svg"))).unwrap();

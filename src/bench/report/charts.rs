@@ -22,6 +22,7 @@ pub fn charts(rows: &[Row], analysis: &Analysis, machine: &Machine) -> Vec<(Stri
     bias(rows, machine, &mut all);
     stereo(rows, analysis, machine, &mut all);
     growth(analysis, machine, &mut all);
+    tables(rows, machine, &mut all);
     all
 }
 
@@ -287,6 +288,42 @@ fn growth(analysis: &Analysis, machine: &Machine, all: &mut Vec<(String, Chart)>
                 kind,
                 "milliseconds",
                 drawn,
+            ),
+        ));
+    }
+}
+
+/// An eye's time against photons, way by way, a plot for each radius.
+fn tables(rows: &[Row], machine: &Machine, all: &mut Vec<(String, Chart)>) {
+    let members = || {
+        rows.iter().filter(|row| {
+            row.suite == "tables" && row.number("table").is_some_and(|table| table < 5.0)
+        })
+    };
+    let kinds: BTreeSet<(&str, String)> = members()
+        .map(|row| (row.scene.as_str(), row.text("radius")))
+        .collect();
+    for (scene, radius) in kinds {
+        let of_kind = || members().filter(|row| row.scene == scene && row.text("radius") == radius);
+        let ways: BTreeSet<&str> = of_kind().map(|row| row.variant.as_str()).collect();
+        let drawn = ways.into_iter().enumerate().map(|(color, way)| {
+            let mut points: Vec<(f64, f64)> = of_kind()
+                .filter(|row| row.variant == way)
+                .filter_map(|row| Some((row.number("photons")?, row.ms("left")?)))
+                .collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            series(way, points, Mark::LinePoints, color)
+        });
+        all.push((
+            format!("tables_{}_{}", file_name(scene), file_name(&radius)),
+            log_log(
+                format!(
+                    "ways to gather, radius {radius} of a scene 2 wide, {scene}, {}",
+                    machine.label()
+                ),
+                "photon paths",
+                "milliseconds, all passes of an eye",
+                drawn.collect(),
             ),
         ));
     }
