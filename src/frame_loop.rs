@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
@@ -249,10 +250,6 @@ pub fn run(
         outcome.frames += 1;
         index += 1;
     }
-}
-
-fn milliseconds_since(began: Instant) -> f64 {
-    began.elapsed().as_secs_f64() * 1e3
 }
 
 fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {

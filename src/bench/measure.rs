@@ -459,7 +459,7 @@ fn run_frame(
 ) -> Result<Frame, BenchError> {
     let began = Instant::now();
     let result = renderer.render_frame(views, round.index, |_| {})?;
-    let host_ms = began.elapsed().as_secs_f64() * 1e3;
+    let host_ms = crate::gpu::timing::milliseconds_since(began);
     let mut images = [None, None];
     let mut provenance = None;
     if reads {
@@ -545,13 +545,7 @@ mod tests {
     fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) -> T {
         let out = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&out).unwrap();
-        let machine = Machine {
-            adapter: "a".to_owned(),
-            kind: "software".to_owned(),
-            backend: "b".to_owned(),
-            driver: "d".to_owned(),
-            software_adapter: true,
-        };
+        let machine = Machine::imagined();
         let settings = Settings::default();
         let library = ShaderLibrary::embedded();
         let mut silent = Silent;

@@ -27,6 +27,20 @@ pub struct Machine {
     pub software_adapter: bool,
 }
 
+#[cfg(test)]
+impl Machine {
+    /// A software adapter that is nowhere, for tests.
+    pub fn imagined() -> Self {
+        Self {
+            adapter: "a".to_owned(),
+            kind: "software".to_owned(),
+            backend: "b".to_owned(),
+            driver: "d".to_owned(),
+            software_adapter: true,
+        }
+    }
+}
+
 impl Machine {
     /// What wgpu says of an adapter.
     #[must_use]

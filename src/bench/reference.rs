@@ -341,13 +341,7 @@ mod tests {
     #[test]
     fn keys_tell_everything_apart_that_shows() {
         let folder = folder("reference-keys");
-        let machine = Machine {
-            adapter: "a".to_owned(),
-            kind: "software".to_owned(),
-            backend: "b".to_owned(),
-            driver: "d".to_owned(),
-            software_adapter: true,
-        };
+        let machine = Machine::imagined();
         let open = |library: ShaderLibrary, machine: Machine| {
             References::open(&folder, 64, library, machine)
         };

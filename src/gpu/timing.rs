@@ -1,6 +1,7 @@
 //! Recording of a frame's passes with a timestamp before and after each.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use super::buffers::map_and_copy;
 use super::context::{GpuContext, GpuError};
@@ -8,6 +9,11 @@ use super::kernel::{Bound, Kernel};
 
 /// Queries of one set; wgpu's own limit.
 const QUERIES: u32 = 4096;
+
+/// Host milliseconds that have passed.
+pub(crate) fn milliseconds_since(began: Instant) -> f64 {
+    began.elapsed().as_secs_f64() * 1e3
+}
 
 /// Device milliseconds by pass name. A pass that ran several times is summed.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -5,8 +5,9 @@ use crate::gpu::kernel::{Bound, dispatch_table};
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage_buffer};
 use crate::passes::{self, Over, Pass};
 
+use super::eye_buffers::{EyeBuffers, PixelList, StereoBuffers};
 use super::kernels::KernelSet;
-use super::parts::{PartBuffers, RadianceParts};
+use super::parts::RadianceParts;
 
 /// Samples that one submission holds; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
@@ -37,121 +38,6 @@ impl Eye {
             Self::Right => 1,
         }
     }
-}
-
-/// Buffers of one eye; 16 bytes per pixel each (see `shaders/shared/eye_hit.wesl`).
-pub struct EyeBuffers {
-    hit_rays: wgpu::Buffer,
-    end_rays: wgpu::Buffer,
-    hit_surfaces: wgpu::Buffer,
-    hit_paths: wgpu::Buffer,
-    first_surfaces: wgpu::Buffer,
-    emitted_light: wgpu::Buffer,
-    direct_light: wgpu::Buffer,
-    indirect_light: wgpu::Buffer,
-    caustic_light: wgpu::Buffer,
-    sample_radiance: wgpu::Buffer,
-    radiance_sum: wgpu::Buffer,
-    /// One bit per pixel: hidden by the headset's lens. Bound only where a session knows of hidden pixels.
-    hidden_pixels: wgpu::Buffer,
-    /// Only where they are asked for.
-    parts: Option<PartBuffers>,
-    /// Pixels that see a surface: list, length, and the workgroups of passes over it.
-    hits: PixelList,
-}
-
-/// A list of pixels on the device.
-struct PixelList {
-    pixels: wgpu::Buffer,
-    count: wgpu::Buffer,
-    groups: wgpu::Buffer,
-}
-
-impl PixelList {
-    fn new(context: &GpuContext, name: &str, pixels: u64) -> Result<Self, GpuError> {
-        Ok(Self {
-            pixels: storage_buffer(context, &format!("{name} list"), pixels * 4)?,
-            count: storage_buffer(context, &format!("{name} count"), 16)?,
-            groups: storage_buffer(context, &format!("{name} groups"), 16)?,
-        })
-    }
-
-    /// For passes that run over the list, and for the one that sizes their dispatch.
-    fn to_run_over(&self) -> Resources<'_> {
-        Resources::new()
-            .with("pixel_list", &self.pixels)
-            .with("pixel_count", &self.count)
-            .with("list_groups", &self.groups)
-    }
-}
-
-impl EyeBuffers {
-    fn new(context: &GpuContext, eye: Eye, pixels: u64, plan: &EyePlan) -> Result<Self, GpuError> {
-        let buffer =
-            |name: &str, bytes| storage_buffer(context, &format!("{} {name}", eye.name()), bytes);
-        let image = |name| buffer(name, pixels * 16);
-        // The path method shades as it goes and keeps no parts.
-        let part = |name| buffer(name, if plan.photon { pixels * 16 } else { 16 });
-        let caustics = if plan.caustics { pixels * 16 } else { 16 };
-        let parts = if plan.parts {
-            Some(PartBuffers::new(context, eye.name(), pixels, plan)?)
-        } else {
-            None
-        };
-        Ok(Self {
-            hit_rays: image("hit rays")?,
-            hit_paths: image("hit paths")?,
-            first_surfaces: image("first surfaces")?,
-            end_rays: part("end rays")?,
-            hit_surfaces: part("hit surfaces")?,
-            emitted_light: part("emitted light")?,
-            direct_light: part("direct light")?,
-            indirect_light: part("indirect light")?,
-            caustic_light: buffer("caustic light", caustics)?,
-            sample_radiance: image("sample radiance")?,
-            radiance_sum: image("radiance sum")?,
-            hidden_pixels: buffer("hidden pixels", pixels.div_ceil(32) * 4)?,
-            parts,
-            hits: PixelList::new(context, &format!("{} hit", eye.name()), pixels)?,
-        })
-    }
-
-    fn resources(&self) -> Resources<'_> {
-        let parts = match &self.parts {
-            Some(parts) => parts.resources(),
-            None => Resources::new(),
-        };
-        parts
-            .with("hit_rays", &self.hit_rays)
-            .with("end_rays", &self.end_rays)
-            .with("hit_surfaces", &self.hit_surfaces)
-            .with("hit_paths", &self.hit_paths)
-            .with("first_surfaces", &self.first_surfaces)
-            .with("emitted_light", &self.emitted_light)
-            .with("direct_light", &self.direct_light)
-            .with("indirect_light", &self.indirect_light)
-            .with("caustic_light", &self.caustic_light)
-            .with("sample_radiance", &self.sample_radiance)
-            .with("radiance_sum", &self.radiance_sum)
-            .with("hidden_pixels", &self.hidden_pixels)
-            .with("hit_list", &self.hits.pixels)
-            .with("hit_count", &self.hits.count)
-    }
-}
-
-/// Buffers of the stereo passes.
-struct StereoBuffers {
-    targets: wgpu::Buffer,
-    nearest: wgpu::Buffer,
-    winners: wgpu::Buffer,
-    counters: wgpu::Buffer,
-    provenance: wgpu::Buffer,
-    irradiance: wgpu::Buffer,
-    /// Pixels whose primary ray meets a surface.
-    seen: PixelList,
-    /// Filled pixels that gather photons.
-    gathers: PixelList,
-    fill: PixelList,
 }
 
 /// How a step's dispatch is sized.

@@ -1,13 +1,11 @@
 //! Shows both eyes' images side by side in a window, from the renderer's buffers straight into the window's texture.
 
-use wgpu::util::DeviceExt as _;
-
 use crate::gpu::types::mirror::Mirror;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
 
 use super::eyes::{Eye, Eyes};
-use super::raster::Raster;
+use super::raster::{Raster, eye_resources, eye_uniform};
 
 /// Where an eye's image lies in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,21 +69,9 @@ impl MirrorPass {
     ) -> Result<Self, GpuError> {
         let raster = Raster::new(context, library, &passes::mirror::PASS, format)?;
         let bound = |eye: Eye| {
-            let uniform = context
-                .device
-                .create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some("mirror"),
-                    contents: &[0; size_of::<Mirror>()],
-                    usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                });
-            let resources = eyes
-                .submitted(eye)
-                .ok_or_else(|| GpuError::Unbound {
-                    pass: passes::mirror::PASS.name.to_owned(),
-                    binding: format!("{} eye", eye.name()),
-                })?
-                .with("frame", frame_uniform)
-                .with("mirror", &uniform);
+            let pass = &passes::mirror::PASS;
+            let uniform = eye_uniform(context, pass, size_of::<Mirror>());
+            let resources = eye_resources(eyes, eye, pass, frame_uniform)?.with("mirror", &uniform);
             Ok::<_, GpuError>(BoundEye {
                 bound: raster.bind(context, &resources)?,
                 uniform: uniform.clone(),

@@ -1,11 +1,42 @@
 //! Passes over the fragments of one triangle, which write textures of others: a runtime's, a window's.
 
+use wgpu::util::DeviceExt as _;
+
 use crate::gpu::kernel::{layout_entries, reflect_bindings};
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
 use crate::passes::Pass;
 
+use super::eyes::{Eye, Eyes};
 use super::kernels::shader_name;
+
+/// A uniform of `bytes` zeroes for one eye's run of `pass`.
+pub(super) fn eye_uniform(context: &GpuContext, pass: &Pass, bytes: usize) -> wgpu::Buffer {
+    context
+        .device
+        .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some(pass.name),
+            contents: &vec![0; bytes],
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        })
+}
+
+/// What `pass` reads of an eye's image.
+///
+/// # Errors
+/// [`GpuError::Unbound`] if the eye is not rendered.
+pub(super) fn eye_resources<'a>(
+    eyes: &'a Eyes,
+    eye: Eye,
+    pass: &Pass,
+    frame_uniform: &'a wgpu::Buffer,
+) -> Result<Resources<'a>, GpuError> {
+    let submitted = eyes.submitted(eye).ok_or_else(|| GpuError::Unbound {
+        pass: pass.name.to_owned(),
+        binding: format!("{} eye", eye.name()),
+    })?;
+    Ok(submitted.with("frame", frame_uniform))
+}
 
 /// A render pipeline over the fragments of one triangle, its bindings found by name.
 pub(super) struct Raster {

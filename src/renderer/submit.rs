@@ -1,15 +1,13 @@
 //! Hands both eyes' images to a runtime: one triangle per image, from the renderer's buffers straight into the
 //! runtime's texture.
 
-use wgpu::util::DeviceExt as _;
-
 use crate::gpu::types::submit::Submit;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
 use crate::xr::RuntimeTargets;
 
 use super::eyes::{Eye, Eyes};
-use super::raster::Raster;
+use super::raster::{Raster, eye_resources, eye_uniform};
 
 /// One eye's bound passes.
 struct BoundEye {
@@ -56,21 +54,10 @@ impl Submitter {
             .map(|format| Raster::new(context, library, &passes::xr_submit_depth::PASS, format))
             .transpose()?;
         let bound = |eye: Eye| {
-            let uniform = context
-                .device
-                .create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some("submission"),
-                    contents: &[0; size_of::<Submit>()],
-                    usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                });
-            let resources = eyes
-                .submitted(eye)
-                .ok_or_else(|| GpuError::Unbound {
-                    pass: passes::xr_submit::PASS.name.to_owned(),
-                    binding: format!("{} eye", eye.name()),
-                })?
-                .with("frame", frame_uniform)
-                .with("submission", &uniform);
+            let pass = &passes::xr_submit::PASS;
+            let uniform = eye_uniform(context, pass, size_of::<Submit>());
+            let resources =
+                eye_resources(eyes, eye, pass, frame_uniform)?.with("submission", &uniform);
             let color = color.bind(context, &resources)?;
             let depth = depth
                 .as_ref()

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use stereolux::gpu::{GpuContext, ShaderLibrary};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, tone_map};
 use stereolux::options::{Method, Reuse};
 use stereolux::renderer::Eye;
@@ -18,7 +18,7 @@ use x11rb::wrapper::ConnectionExt as _;
 
 use crate::suite::openxr_picture::{Screen, block_scene, fault};
 use crate::suite::openxr_runtime::{VALIDATION, all_output, complaints};
-use crate::suite::openxr_submit::bytes;
+use crate::suite::openxr_submit::{bytes, target_texture};
 use crate::suite::openxr_support::{
     PROGRAM, assert_status, frames_so_far, monado, stderr, wait_until,
 };
@@ -27,30 +27,6 @@ use crate::suite::support::{
 };
 
 const IMAGE: [u32; 2] = [32, 24];
-
-fn window_texture(
-    context: &GpuContext,
-    size: [u32; 2],
-    format: wgpu::TextureFormat,
-) -> wgpu::TextureView {
-    context
-        .device
-        .create_texture(&wgpu::TextureDescriptor {
-            label: Some("stands in for a window"),
-            size: wgpu::Extent3d {
-                width: size[0],
-                height: size[1],
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-        .create_view(&wgpu::TextureViewDescriptor::default())
-}
 
 /// IEC 61966-2-1, 8 bits.
 fn srgb_step(linear: f64) -> f64 {
@@ -87,7 +63,7 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
         wgpu::TextureFormat::Bgra8Unorm,
     ] {
         let window = [2 * IMAGE[0], IMAGE[1] + 10];
-        let view = window_texture(renderer.context(), window, format);
+        let view = target_texture(renderer.context(), window, format);
         renderer.mirror_to(&library, &view).unwrap();
         let found = bytes(renderer.context(), &view, 4);
         let mut exchanged = 0;
@@ -117,7 +93,7 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
     }
 
     // Half as large: the mean of four pixels' display light.
-    let view = window_texture(
+    let view = target_texture(
         renderer.context(),
         [IMAGE[0], IMAGE[1] / 2],
         wgpu::TextureFormat::Rgba8UnormSrgb,

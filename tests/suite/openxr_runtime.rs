@@ -43,6 +43,19 @@ pub fn all_output(output: &std::process::Output) -> String {
     )
 }
 
+/// Runs the program on Monado under both validation layers, and gives all that it and they said.
+fn validated(args: &[&str]) -> String {
+    let output = monado(&[])
+        .arg(PROGRAM)
+        .args(args)
+        .envs(VALIDATION)
+        .env("RUST_LOG", "info")
+        .output()
+        .unwrap();
+    assert_status(&output, 0);
+    all_output(&output)
+}
+
 #[test]
 fn a_hundred_frames_are_shown_recorded_replayed_and_valid() {
     let folder = Folder::new("openxr-frames");
@@ -60,15 +73,7 @@ fn a_hundred_frames_are_shown_recorded_replayed_and_valid() {
         trace.to_str().unwrap(),
     ]);
     args.extend(common);
-    let output = monado(&[])
-        .arg(PROGRAM)
-        .args(&args)
-        .envs(VALIDATION)
-        .env("RUST_LOG", "info")
-        .output()
-        .unwrap();
-    assert_status(&output, 0);
-    let text = all_output(&output);
+    let text = validated(&args);
     for state in [
         "ready",
         "synchronized",
@@ -222,15 +227,7 @@ fn formats_and_layers_can_be_chosen() {
         ];
         args.extend(["--size", "16x16", "--out", out.to_str().unwrap()]);
         args.extend(settings);
-        let output = monado(&[])
-            .arg(PROGRAM)
-            .args(&args)
-            .envs(VALIDATION)
-            .env("RUST_LOG", "info")
-            .output()
-            .unwrap();
-        assert_status(&output, 0);
-        let text = all_output(&output);
+        let text = validated(&args);
         assert!(text.contains(says), "{text}");
         assert_eq!(complaints(&text), Vec::<&str>::new());
     }

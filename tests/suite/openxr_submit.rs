@@ -14,14 +14,19 @@ use crate::suite::support::{
 
 const SIZE: [u32; 2] = [64, 48];
 
-fn texture(context: &GpuContext, format: wgpu::TextureFormat) -> wgpu::TextureView {
+/// A texture that stands in for a runtime's or a window's.
+pub fn target_texture(
+    context: &GpuContext,
+    size: [u32; 2],
+    format: wgpu::TextureFormat,
+) -> wgpu::TextureView {
     context
         .device
         .create_texture(&wgpu::TextureDescriptor {
-            label: Some("stands in for a runtime's"),
+            label: Some("stands in for another's"),
             size: wgpu::Extent3d {
-                width: SIZE[0],
-                height: SIZE[1],
+                width: size[0],
+                height: size[1],
                 depth_or_array_layers: 1,
             },
             mip_level_count: 1,
@@ -35,7 +40,7 @@ fn texture(context: &GpuContext, format: wgpu::TextureFormat) -> wgpu::TextureVi
 }
 
 fn targets(context: &GpuContext, format: wgpu::TextureFormat, depth: bool) -> RuntimeTargets {
-    let pair = |format| [texture(context, format), texture(context, format)];
+    let pair = |format| [(); 2].map(|()| target_texture(context, SIZE, format));
     RuntimeTargets {
         color: pair(format),
         depth: depth.then(|| pair(wgpu::TextureFormat::Depth32Float)),

@@ -1,0 +1,142 @@
+//! What a scene and its settings ask for: shader features, passes, radii. No device is needed to know.
+
+use crate::gpu::shaders::ShaderFeatures;
+use crate::options::{
+    DirectLight, Force, Loads, Method, PhotonEstimate, Reuse, Sampler, Schedule, Search, Settings,
+    Technique,
+};
+use crate::passes::{self, Pass};
+use crate::scene::{Needs, Scene};
+
+/// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
+/// that the bias stays small.
+const AUTOMATIC_GATHER: f64 = 60.0;
+/// Photon paths that land nowhere when the automatic radius is estimated: about one photon is stored per path.
+const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
+/// Gather radii below this are raised to it: their square would leave f32's range.
+pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
+
+/// Shader features for what a scene needs, with the settings' forces applied.
+pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
+    let mut features: ShaderFeatures = needs
+        .shader_features()
+        .into_iter()
+        .map(|(name, on)| (name.to_owned(), on))
+        .collect();
+    features.insert("sobol".to_owned(), settings.path.sampler == Sampler::Sobol);
+    let technique = settings.path.technique;
+    features.insert("light_only".to_owned(), technique == Technique::Light);
+    features.insert("bsdf_only".to_owned(), technique == Technique::Bsdf);
+    features.insert("parts".to_owned(), settings.output.parts);
+    // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
+    features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
+    let fused = settings.photon.schedule == Schedule::Fused;
+    for (name, force) in settings.force.by_feature() {
+        let needed = features.get(name).copied().unwrap_or(false);
+        features.insert(name.to_owned(), force.apply(needed));
+    }
+    // Normal maps and second coordinates are read through textures: forced in they bring them, forced out they go.
+    let is_on = |features: &ShaderFeatures, name: &str| features.get(name) == Some(&true);
+    if is_on(&features, "normal_maps") && settings.force.textures != Force::Off {
+        features.insert("textures".to_owned(), true);
+    }
+    if !is_on(&features, "textures") {
+        features.insert("normal_maps".to_owned(), false);
+        features.insert("uv1".to_owned(), false);
+    }
+    if fused {
+        // Passes after the fused one shade the surface that it gathered at.
+        let later = settings.photon.direct == DirectLight::Nee || forms_caustics(&features);
+        features.insert("keeps_ends".to_owned(), later);
+    }
+    features
+}
+
+/// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
+pub fn forms_caustics(features: &ShaderFeatures) -> bool {
+    features.get("caustics").copied().unwrap_or(false)
+}
+
+/// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
+pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
+    let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
+    let radius =
+        (AUTOMATIC_GATHER * scene.surface_area_m2() / (std::f64::consts::PI * photons)).sqrt();
+    if radius.is_finite() && radius > 0.0 {
+        radius
+    } else {
+        0.1
+    }
+}
+
+/// The passes by which the right eye takes over what it can.
+pub fn stereo_passes(reuse: Reuse) -> &'static [&'static Pass] {
+    match reuse {
+        Reuse::Off => &[],
+        Reuse::Scatter => passes::STEREO_SCATTER,
+        Reuse::Lookup => passes::STEREO_LOOKUP,
+    }
+}
+
+/// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
+pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool {
+    let depends_on_view = ["glossy", "dielectric"]
+        .into_iter()
+        .any(|name| features.get(name) == Some(&true));
+    depends_on_view
+        && settings.method == Method::Photon
+        && settings.photon.direct == DirectLight::Nee
+        && settings.photon.schedule == Schedule::Split
+        && settings.reuse == Reuse::Lookup
+        && settings.stereo.max_lobe_shift > 0.0
+}
+
+/// Paths emitted for the map of caustics.
+pub fn caustic_paths(settings: &Settings) -> u32 {
+    match settings.photon.caustic_count {
+        0 => settings.photon.count,
+        count => count,
+    }
+}
+
+/// Radius of progressive pass `pass` (from 0): r_(i+1)^2 = r_i^2 (i + alpha) / (i + 1), i from 1. The mean over passes
+/// then converges, its bias falling with the radius: Knaus and Zwicker 2011, "Progressive photon mapping: a
+/// probabilistic approach", eq. 15.
+pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
+    let mut squared = first_radius_m * first_radius_m;
+    for i in 1..=pass {
+        squared *= (f64::from(i) + alpha) / (f64::from(i) + 1.0);
+    }
+    squared.sqrt().max(LEAST_RADIUS_M)
+}
+
+/// The passes of one sample of an eye, in a scene that can form `caustics` or not.
+pub fn sample_passes(settings: &Settings, caustics: bool) -> Vec<&'static Pass> {
+    let photon = &settings.photon;
+    let gather: &Pass = match (photon.search, photon.estimate, photon.loads) {
+        (Search::Grid, PhotonEstimate::Radius, Loads::Direct) => &passes::photon_gather::PASS,
+        (Search::Grid, PhotonEstimate::Radius, Loads::Cooperative) => &passes::shared_gather::PASS,
+        (Search::Grid, PhotonEstimate::Nearest, _) => &passes::nearest_gather::PASS,
+        (Search::KdTree, PhotonEstimate::Radius, _) => &passes::kd_gather::PASS,
+        (Search::KdTree, PhotonEstimate::Nearest, _) => &passes::kd_nearest_gather::PASS,
+    };
+    let fused = photon.schedule == Schedule::Fused;
+    plain_sample_passes(settings, caustics)
+        .iter()
+        .filter_map(|&pass| match pass.name {
+            name if name == passes::photon_gather::PASS.name => (!fused).then_some(gather),
+            name if fused && name == passes::eye_hits::PASS.name => Some(&passes::eye_fused::PASS),
+            _ => Some(pass),
+        })
+        .collect()
+}
+
+fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'static Pass] {
+    match (settings.method, settings.photon.direct, caustics) {
+        (Method::Path, ..) => passes::EYE_PATH,
+        (Method::Photon, DirectLight::Nee, false) => passes::EYE_PHOTON,
+        (Method::Photon, DirectLight::Nee, true) => passes::EYE_PHOTON_CAUSTICS,
+        (Method::Photon, DirectLight::Map, false) => passes::EYE_PHOTON_MAP_ONLY,
+        (Method::Photon, DirectLight::Map, true) => passes::EYE_PHOTON_MAP_ONLY_CAUSTICS,
+    }
+}
