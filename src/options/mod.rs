@@ -8,12 +8,14 @@
 pub mod cli;
 pub mod layers;
 pub mod numbers;
+pub mod reconstruct;
 pub mod registry;
 pub mod resolve;
 pub mod settings;
 
 pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, Suite, TraceUp, parse};
 pub use numbers::{FovAngles, HeadPose};
+pub use reconstruct::ReconstructSettings;
 pub use resolve::{
     BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,
     TraceOptions, ViewOptions, resolve,

@@ -105,6 +105,16 @@ pub struct Setting {
 }
 
 const FORCE: Kind = Kind::Choice(&["auto", "on", "off"]);
+const SHARE: Kind = Kind::Real {
+    min: 0.0,
+    max: 1.0,
+    inclusive: true,
+};
+const SIGMA: Kind = Kind::Real {
+    min: 0.0,
+    max: 1e9,
+    inclusive: false,
+};
 const DEPTH: Kind = Kind::Whole { min: 1, max: 64 };
 
 const fn setting(key: &'static str, kind: Kind, unit: &'static str, doc: &'static str) -> Setting {
@@ -354,6 +364,96 @@ pub static SETTINGS: &[Setting] = &[
         },
         "lobe widths",
         "lookup: glossy surfaces take indirect light over where their lobe moves by no more between the eyes; 0 never",
+    ),
+    setting(
+        "reconstruct.svgf",
+        Kind::Bool,
+        "",
+        "filter direct and indirect light over frames and neighbours (SVGF)",
+    ),
+    setting(
+        "reconstruct.stereo",
+        Kind::Bool,
+        "",
+        "with svgf: the eyes share their accumulated light where both see a surface",
+    ),
+    setting(
+        "reconstruct.taa",
+        Kind::Bool,
+        "",
+        "temporal anti-aliasing of what is shown: PNG files, a headset's images, the mirror; EXR files are before it",
+    ),
+    setting(
+        "reconstruct.still",
+        Kind::Bool,
+        "",
+        "while nothing moves, the mean over the still frames takes the picture over",
+    ),
+    setting(
+        "reconstruct.atrous_passes",
+        Kind::Whole { min: 0, max: 8 },
+        "",
+        "passes of the wavelet filter; the last reaches 2^(passes + 1) pixels to each side",
+    ),
+    setting(
+        "reconstruct.color_alpha",
+        SHARE,
+        "",
+        "least share of a new frame in the accumulated light",
+    ),
+    setting(
+        "reconstruct.moments_alpha",
+        SHARE,
+        "",
+        "least share of a new frame in the luminance moments",
+    ),
+    setting(
+        "reconstruct.sigma_luminance",
+        SIGMA,
+        "standard deviations",
+        "luminance difference at which a neighbour's weight is 1/e",
+    ),
+    setting(
+        "reconstruct.sigma_normal",
+        SIGMA,
+        "",
+        "exponent of the cosine between a neighbour's normal and the pixel's",
+    ),
+    setting(
+        "reconstruct.sigma_plane_px",
+        SIGMA,
+        "pixel widths",
+        "distance from the tangent plane at which a neighbour's weight is 1/e",
+    ),
+    setting(
+        "reconstruct.taa_alpha",
+        SHARE,
+        "",
+        "share of a new frame in the displayed image",
+    ),
+    setting(
+        "reconstruct.taa_clip",
+        SIGMA,
+        "standard deviations",
+        "how far from the mean of its 3x3 neighbours a history colour may lie",
+    ),
+    setting(
+        "reconstruct.still_from",
+        Kind::Whole {
+            min: 0,
+            max: 1_000_000,
+        },
+        "frames",
+        "still frames up to which the filter alone is shown",
+    ),
+    setting(
+        "reconstruct.still_until",
+        Kind::Whole {
+            min: 1,
+            max: 1_000_000,
+        },
+        "frames",
+        "still frames from which on the mean alone is shown",
     ),
     setting(
         "environment.path",

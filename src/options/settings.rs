@@ -5,6 +5,8 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use super::reconstruct::ReconstructSettings;
+
 /// Light transport method (`method`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -187,6 +189,8 @@ pub struct Settings {
     pub photon: PhotonSettings,
     /// Stereo reuse.
     pub stereo: StereoSettings,
+    /// Filtering over time, neighbours and eyes.
+    pub reconstruct: ReconstructSettings,
     /// Environment map.
     pub environment: EnvironmentSettings,
     /// Files written.
@@ -215,6 +219,7 @@ impl Default for Settings {
             path: PathSettings::default(),
             photon: PhotonSettings::default(),
             stereo: StereoSettings::default(),
+            reconstruct: ReconstructSettings::default(),
             environment: EnvironmentSettings::default(),
             output: OutputSettings::default(),
             force: ForceSettings::default(),

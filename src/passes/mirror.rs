@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Draws an eye's image into its rectangle of a desktop window.",
     over: Over::Fragments,
     traces: false,
-    reads: &["radiance_sum"],
+    reads: &["shown_light"],
     writes: &[],
 };

@@ -15,6 +15,7 @@
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise
+//! both eyes    RECONSTRUCT_SVGF, RECONSTRUCT_SHOWN, as far as settings ask for them (once, after all samples)
 //! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
 //! window       MIRROR, where a desktop window shows them                (likewise)
 //! ```
@@ -70,6 +71,13 @@ passes!(
     reuse_lookup,
     list_setup,
     fill_reasons,
+    motion,
+    svgf_temporal,
+    stereo_share,
+    svgf_variance,
+    svgf_atrous,
+    recombine,
+    taa,
     xr_submit,
     xr_submit_depth,
     mirror,
@@ -242,6 +250,29 @@ pub const STEREO_LOOKUP: &[&Pass] = &[
 
 /// Before photons are gathered for the right eye's filled pixels: takes over what it can and lists the rest.
 pub const FILL_INDIRECT: &[&Pass] = &[&indirect_lookup::PASS, &list_setup::PASS];
+
+/// Filters an eye's light. [`motion`] and [`svgf_temporal`] of both eyes come before [`stereo_share`], which runs once more
+/// on what [`svgf_atrous`] leaves after its last pass; both only where the eyes share.
+pub const RECONSTRUCT_SVGF: &[&Pass] = &[
+    &motion::PASS,
+    &svgf_temporal::PASS,
+    &stereo_share::PASS,
+    &svgf_variance::PASS,
+    &svgf_atrous::PASS,
+];
+
+/// Makes the picture that is shown of what the samples or the filter left.
+pub const RECONSTRUCT_SHOWN: &[&Pass] = &[&recombine::PASS, &taa::PASS];
+
+/// What passes read of the frame before, and what that was called when it was written.
+pub const KEPT: &[(&str, &str)] = &[
+    ("seen_before", "seen_surfaces"),
+    ("direct_history", "direct_to"),
+    ("indirect_history", "indirect_to"),
+    ("moments_before", "moments"),
+    ("length_before", "history_length"),
+    ("displayed_before", "displayed"),
+];
 
 /// Hands an eye's image, and its depth where the runtime takes it, to an OpenXR runtime.
 pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];

@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Writes an eye's image into a runtime's texture.",
     over: Over::Fragments,
     traces: false,
-    reads: &["radiance_sum"],
+    reads: &["shown_light"],
     writes: &[],
 };

@@ -27,7 +27,9 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
     let technique = settings.path.technique;
     features.insert("light_only".to_owned(), technique == Technique::Light);
     features.insert("bsdf_only".to_owned(), technique == Technique::Bsdf);
-    features.insert("parts".to_owned(), settings.output.parts);
+    features.insert("parts".to_owned(), splits_light(settings));
+    features.insert("svgf".to_owned(), settings.reconstruct.svgf);
+    features.insert("still_mean".to_owned(), settings.reconstruct.still);
     // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
     features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
     let fused = settings.photon.schedule == Schedule::Fused;
@@ -50,6 +52,11 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
         features.insert("keeps_ends".to_owned(), later);
     }
     features
+}
+
+/// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
+pub fn splits_light(settings: &Settings) -> bool {
+    settings.output.parts || settings.reconstruct.svgf
 }
 
 /// Whether caustics get a map of their own: the scene can form them, or a setting forces it.

@@ -32,7 +32,7 @@ impl Eye {
         }
     }
 
-    fn index(self) -> u32 {
+    pub(super) fn index(self) -> u32 {
         match self {
             Self::Left => 0,
             Self::Right => 1,
@@ -255,8 +255,8 @@ impl Eyes {
         }
     }
 
-    /// What the passes of [`passes::SUBMISSION`] read of an eye.
-    pub fn submitted(&self, eye: Eye) -> Option<Resources<'_>> {
+    /// What passes read of an eye's finished image: those that reconstruct, hand over or show it.
+    pub fn finished(&self, eye: Eye) -> Option<Resources<'_>> {
         let buffers = self.buffers(eye)?;
         // Without reuse its buffers are not read, but the passes declare them.
         let (winners, provenance) = match &self.stereo {
@@ -267,9 +267,15 @@ impl Eyes {
             buffers
                 .resources()
                 .with("left_hit_rays", &self.left.hit_rays)
+                .with("left_first_surfaces", &self.left.first_surfaces)
                 .with("scatter_winners", winners)
                 .with("provenance", provenance),
         )
+    }
+
+    /// An eye's radiance, summed over the frame's samples.
+    pub(super) fn radiance_sum(&self, eye: Eye) -> Option<&wgpu::Buffer> {
+        self.buffers(eye).map(|buffers| &buffers.radiance_sum)
     }
 
     /// Binds every pass anew; `shared` holds the scene, the frame uniform and the photon map. The pass that gathers

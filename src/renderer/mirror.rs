@@ -4,8 +4,8 @@ use crate::gpu::types::mirror::Mirror;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
 
-use super::eyes::{Eye, Eyes};
-use super::raster::{Raster, eye_resources, eye_uniform};
+use super::eyes::Eye;
+use super::raster::{Raster, Shown, ShownLight, eye_uniform};
 
 /// Where an eye's image lies in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,8 @@ pub fn rectangles(window: [u32; 2], image: [u32; 2]) -> Option<[Rectangle; 2]> {
 /// One eye's bound pass.
 struct BoundEye {
     uniform: wgpu::Buffer,
-    bound: wgpu::BindGroup,
+    /// By turn.
+    bound: [wgpu::BindGroup; 2],
 }
 
 /// The pass that draws into windows of one format.
@@ -63,17 +64,18 @@ impl MirrorPass {
     pub(super) fn new(
         context: &GpuContext,
         library: &ShaderLibrary,
-        eyes: &Eyes,
-        frame_uniform: &wgpu::Buffer,
+        shown: Shown<'_>,
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
         let raster = Raster::new(context, library, &passes::mirror::PASS, format)?;
         let bound = |eye: Eye| {
             let pass = &passes::mirror::PASS;
             let uniform = eye_uniform(context, pass, size_of::<Mirror>());
-            let resources = eye_resources(eyes, eye, pass, frame_uniform)?.with("mirror", &uniform);
+            let [even, odd] = shown
+                .resources(eye, pass)?
+                .map(|resources| resources.with("mirror", &uniform));
             Ok::<_, GpuError>(BoundEye {
-                bound: raster.bind(context, &resources)?,
+                bound: [raster.bind(context, &even)?, raster.bind(context, &odd)?],
                 uniform: uniform.clone(),
             })
         };
@@ -98,7 +100,7 @@ impl MirrorPass {
         context: &GpuContext,
         view: &wgpu::TextureView,
         image: [u32; 2],
-        exposure: f32,
+        light: ShownLight,
     ) -> Result<(), GpuError> {
         let size = view.texture().size();
         let places = rectangles([size.width, size.height], image);
@@ -126,9 +128,9 @@ impl MirrorPass {
                 let uniform = Mirror {
                     corner: [place.x as f32, place.y as f32],
                     scale: image[0] as f32 / place.width as f32,
-                    exposure,
+                    light_scale: light.scale,
                     encode: u32::from(!self.format.is_srgb()),
-                    unused_0: 0,
+                    is_display: light.is_display,
                     unused_1: 0,
                     unused_2: 0,
                 };
@@ -136,7 +138,7 @@ impl MirrorPass {
                     .queue
                     .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
                 pass.set_scissor_rect(place.x, place.y, place.width, place.height);
-                self.raster.draw(&mut pass, &eye.bound);
+                self.raster.draw(&mut pass, &eye.bound[light.turn]);
             }
             drop(pass);
             context.queue.submit([encoder.finish()]);

@@ -14,6 +14,7 @@ pub mod mirror;
 pub mod parts;
 pub mod photon_map;
 mod raster;
+pub mod reconstruction;
 pub mod scene_buffers;
 mod session;
 pub mod stats;
@@ -42,13 +43,14 @@ use crate::xr::{HiddenArea, View};
 
 pub use choices::{
     automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, progressive_radius_m,
-    sample_passes, shader_features, stereo_passes,
+    sample_passes, shader_features, splits_light, stereo_passes,
 };
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
 pub use kd_tree::KdTree;
 pub use kernels::KernelSet;
 pub use parts::RadianceParts;
 pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
+pub use reconstruction::{Reconstruction, ReconstructionPlan};
 pub use scene_buffers::SceneBuffers;
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
@@ -102,6 +104,7 @@ pub struct Renderer {
     photon_map: Option<PhotonMap>,
     caustic_map: Option<PhotonMap>,
     eyes: Eyes,
+    reconstruction: Option<Reconstruction>,
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
@@ -161,7 +164,7 @@ impl Renderer {
             } else {
                 &[]
             },
-            parts: settings.output.parts,
+            parts: splits_light(settings),
             carries_indirect: both && carries_indirect(settings, &features),
             nearest: settings.photon.nearest,
         };
@@ -197,6 +200,10 @@ impl Renderer {
                 wanted.extend(passes::FILL_INDIRECT);
             }
         }
+        let reconstruction_plan = ReconstructionPlan::of(&settings.reconstruct, both);
+        if let Some(plan) = &reconstruction_plan {
+            wanted.extend(plan.passes());
+        }
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);
@@ -213,6 +220,10 @@ impl Renderer {
             radius_m * AUTOMATIC_CAUSTIC_RADIUS
         };
         let eyes = Eyes::new(&context, size, plan, both)?;
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let reconstruction = reconstruction_plan
+            .map(|plan| Reconstruction::new(&context, plan, pixels, both))
+            .transpose()?;
         let mut renderer = Self {
             frame_uniform: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
             timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
@@ -229,6 +240,7 @@ impl Renderer {
             photon_map,
             caustic_map,
             eyes,
+            reconstruction,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
             hidden: hidden.map(session::Hidden::new),
@@ -253,6 +265,9 @@ impl Renderer {
             map.record_warm_up(&mut recorder, &self.kernels)?;
         }
         self.eyes.record_warm_up(&mut recorder, &self.kernels)?;
+        if let Some(reconstruction) = &self.reconstruction {
+            reconstruction.record(&mut recorder, &self.kernels, [0, 0])?;
+        }
         Ok(recorder.submit("warm-up", &mut PassTimes::default())?)
     }
 
@@ -332,6 +347,8 @@ impl Renderer {
         result.cpu_ms.update = milliseconds_since(began);
 
         let began = Instant::now();
+        // Nothing in a scene moves yet, besides the eyes.
+        let scene_changed = false;
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
         let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
@@ -355,7 +372,18 @@ impl Renderer {
                 }
             }
             let photons = self.photon_map.as_ref().and_then(PhotonMap::traced_at);
-            self.write_frame_uniform(views, frame_index, first, photons);
+            let frame = self.write_frame_uniform(views, frame_index, first, photons);
+            let is_last = first + count >= samples;
+            if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| is_last) {
+                reconstruction.begin_frame(
+                    &self.context,
+                    &frame,
+                    origin,
+                    &self.settings,
+                    self.eyes.carries_rays(),
+                    scene_changed,
+                );
+            }
             let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
             if first == 0 {
                 self.eyes.record_clear(&mut recorder);
@@ -370,8 +398,12 @@ impl Renderer {
                 }
                 self.record_sample(&mut recorder, sample)?;
             }
-            recorder.submit("frame", &mut result.times)?;
             first += count;
+            if let Some(reconstruction) = self.reconstruction.as_ref().filter(|_| is_last) {
+                let size = [self.width, self.height];
+                reconstruction.record(&mut recorder, &self.kernels, size)?;
+            }
+            recorder.submit("frame", &mut result.times)?;
             progress(first);
         }
         result.cpu_ms.render = milliseconds_since(began);
@@ -414,6 +446,9 @@ impl Renderer {
         let scene = self.scene.resources().with("frame", &self.frame_uniform);
         for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
             map.bind(&self.context, &self.kernels, &scene)?;
+        }
+        if let Some(reconstruction) = &mut self.reconstruction {
+            reconstruction.bind(&self.context, &self.kernels, &scene, &self.eyes)?;
         }
         let [photons, caustics] = [&self.photon_map, &self.caustic_map]
             .map(|map| map.as_ref().map(PhotonMap::resources).unwrap_or_default());
@@ -495,7 +530,7 @@ impl Renderer {
         frame_index: u32,
         first_sample: u32,
         photons: Option<(DVec3, u32)>,
-    ) {
+    ) -> Frame {
         let origin = self.origin_in_world;
         let settings = &self.settings;
         let mut views = *views;
@@ -553,9 +588,10 @@ impl Renderer {
         self.context
             .queue
             .write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(&frame));
+        frame
     }
 
-    /// Mean radiance of an eye's pixels, row 0 on top.
+    /// Radiance of an eye's pixels, row 0 on top: the mean over the frame's samples, or what was reconstructed from it.
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
@@ -563,9 +599,40 @@ impl Renderer {
         let Some(eye) = self.buffers_of(eye) else {
             return Ok(None);
         };
+        let pixels = self.width as usize * self.height as usize;
+        Ok(match &self.reconstruction {
+            Some(reconstruction) => reconstruction.read_radiance(&self.context, eye, pixels)?,
+            None => self.read_samples(eye)?,
+        })
+    }
+
+    /// Mean radiance over the frame's samples alone, whatever is reconstructed from it. `eye` names the buffers: a single
+    /// eye lies in the left ones.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`].
+    pub fn read_samples(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
         Ok(self
             .eyes
             .read_radiance(&self.context, eye, self.settings.spp)?)
+    }
+
+    /// An eye's picture in display light, 0 to 1, before the sRGB curve, with `reconstruct.taa`; `None` without, or for
+    /// an eye that is not rendered.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`].
+    pub fn read_displayed(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
+        let (Some(eye), Some(reconstruction)) = (self.buffers_of(eye), &self.reconstruction) else {
+            return Ok(None);
+        };
+        let pixels = self.width as usize * self.height as usize;
+        Ok(reconstruction.read_displayed(&self.context, eye, pixels)?)
+    }
+
+    /// The passes that clean frames up, where settings ask for them.
+    pub fn reconstruction(&self) -> Option<&Reconstruction> {
+        self.reconstruction.as_ref()
     }
 
     /// Mean radiance of an eye split into direct and indirect light, and the albedo; `None` for an eye that is not
@@ -574,7 +641,7 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Gpu`].
     pub fn read_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
-        let Some(eye) = self.buffers_of(eye) else {
+        let Some(eye) = self.buffers_of(eye).filter(|_| self.settings.output.parts) else {
             return Ok(None);
         };
         Ok(self

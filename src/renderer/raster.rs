@@ -9,6 +9,7 @@ use crate::passes::Pass;
 
 use super::eyes::{Eye, Eyes};
 use super::kernels::shader_name;
+use super::reconstruction::Reconstruction;
 
 /// A uniform of `bytes` zeroes for one eye's run of `pass`.
 pub(super) fn eye_uniform(context: &GpuContext, pass: &Pass, bytes: usize) -> wgpu::Buffer {
@@ -21,21 +22,61 @@ pub(super) fn eye_uniform(context: &GpuContext, pass: &Pass, bytes: usize) -> wg
         })
 }
 
-/// What `pass` reads of an eye's image.
-///
-/// # Errors
-/// [`GpuError::Unbound`] if the eye is not rendered.
-pub(super) fn eye_resources<'a>(
-    eyes: &'a Eyes,
-    eye: Eye,
-    pass: &Pass,
-    frame_uniform: &'a wgpu::Buffer,
-) -> Result<Resources<'a>, GpuError> {
-    let submitted = eyes.submitted(eye).ok_or_else(|| GpuError::Unbound {
-        pass: pass.name.to_owned(),
-        binding: format!("{} eye", eye.name()),
-    })?;
-    Ok(submitted.with("frame", frame_uniform))
+/// The images that passes show: what the eyes' passes left, or what was reconstructed from it.
+#[derive(Clone, Copy)]
+pub(super) struct Shown<'a> {
+    pub(super) eyes: &'a Eyes,
+    pub(super) reconstruction: Option<&'a Reconstruction>,
+    pub(super) frame_uniform: &'a wgpu::Buffer,
+}
+
+/// How the values of an image become display light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ShownLight {
+    /// Factor before the filmic curve.
+    pub(super) scale: f32,
+    /// 1 if they are display light already.
+    pub(super) is_display: u32,
+    /// Which of the two bindings holds the last frame.
+    pub(super) turn: usize,
+}
+
+impl<'a> Shown<'a> {
+    /// What `pass` reads of an eye's image after frames of either turn.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if the eye is not rendered.
+    pub(super) fn resources(&self, eye: Eye, pass: &Pass) -> Result<[Resources<'a>; 2], GpuError> {
+        let finished = self.eyes.finished(eye).ok_or_else(|| GpuError::Unbound {
+            pass: pass.name.to_owned(),
+            binding: format!("{} eye", eye.name()),
+        })?;
+        let finished = finished.with("frame", self.frame_uniform);
+        let light = self
+            .reconstruction
+            .and_then(|reconstruction| reconstruction.shown(eye))
+            .or_else(|| self.eyes.radiance_sum(eye).map(|sum| [sum; 2]));
+        Ok(match light {
+            Some(light) => light.map(|light| finished.clone().with("shown_light", light)),
+            None => [finished.clone(), finished],
+        })
+    }
+
+    /// What its values are, for frames of `spp` samples.
+    pub(super) fn light(&self, exposure: f64, spp: u32) -> ShownLight {
+        match self.reconstruction {
+            Some(reconstruction) => ShownLight {
+                scale: exposure as f32,
+                is_display: u32::from(reconstruction.plan().taa),
+                turn: reconstruction.turn(),
+            },
+            None => ShownLight {
+                scale: (exposure / f64::from(spp.max(1))) as f32,
+                is_display: 0,
+                turn: 0,
+            },
+        }
+    }
 }
 
 /// A render pipeline over the fragments of one triangle, its bindings found by name.

@@ -5,6 +5,7 @@ use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
+use super::raster::{Shown, ShownLight};
 use super::{Eye, RenderError, Renderer, Submitter};
 
 /// What the lenses hide, and for which fields of view the device knows it.
@@ -52,6 +53,19 @@ impl Renderer {
         changed
     }
 
+    fn shown(&self) -> Shown<'_> {
+        Shown {
+            eyes: &self.eyes,
+            reconstruction: self.reconstruction.as_ref(),
+            frame_uniform: &self.frame_uniform,
+        }
+    }
+
+    fn shown_light(&self) -> ShownLight {
+        self.shown()
+            .light(self.settings.output.exposure, self.settings.spp)
+    }
+
     /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
     ///
     /// # Errors
@@ -63,16 +77,14 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
             Some(submitter) => submitter,
-            None => Submitter::new(
-                &self.context,
-                library,
-                &self.eyes,
-                &self.frame_uniform,
-                targets,
-            )?,
+            None => Submitter::new(&self.context, library, self.shown(), targets)?,
         };
-        let exposure = self.settings.output.exposure as f32;
-        submitter.submit(&self.context, targets, exposure, self.eyes.carries_rays())?;
+        submitter.submit(
+            &self.context,
+            targets,
+            self.shown_light(),
+            self.eyes.carries_rays(),
+        )?;
         self.submitter = Some(submitter);
         Ok(())
     }
@@ -89,16 +101,10 @@ impl Renderer {
         let format = view.texture().format();
         let pass = match self.mirror.take().filter(|known| known.format() == format) {
             Some(pass) => pass,
-            None => MirrorPass::new(
-                &self.context,
-                library,
-                &self.eyes,
-                &self.frame_uniform,
-                format,
-            )?,
+            None => MirrorPass::new(&self.context, library, self.shown(), format)?,
         };
-        let exposure = self.settings.output.exposure as f32;
-        pass.draw(&self.context, view, [self.width, self.height], exposure)?;
+        let size = [self.width, self.height];
+        pass.draw(&self.context, view, size, self.shown_light())?;
         self.mirror = Some(pass);
         Ok(())
     }

@@ -6,13 +6,14 @@ use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
 use crate::xr::RuntimeTargets;
 
-use super::eyes::{Eye, Eyes};
-use super::raster::{Raster, eye_resources, eye_uniform};
+use super::eyes::Eye;
+use super::raster::{Raster, Shown, ShownLight, eye_uniform};
 
 /// One eye's bound passes.
 struct BoundEye {
     uniform: wgpu::Buffer,
-    color: wgpu::BindGroup,
+    /// By turn.
+    color: [wgpu::BindGroup; 2],
     depth: Option<wgpu::BindGroup>,
 }
 
@@ -40,11 +41,10 @@ impl Submitter {
     ///
     /// # Errors
     /// [`GpuError`], naming the pass.
-    pub fn new(
+    pub(super) fn new(
         context: &GpuContext,
         library: &ShaderLibrary,
-        eyes: &Eyes,
-        frame_uniform: &wgpu::Buffer,
+        shown: Shown<'_>,
         targets: &RuntimeTargets,
     ) -> Result<Self, GpuError> {
         let formats = formats_of(targets);
@@ -56,12 +56,13 @@ impl Submitter {
         let bound = |eye: Eye| {
             let pass = &passes::xr_submit::PASS;
             let uniform = eye_uniform(context, pass, size_of::<Submit>());
-            let resources =
-                eye_resources(eyes, eye, pass, frame_uniform)?.with("submission", &uniform);
-            let color = color.bind(context, &resources)?;
+            let [even, odd] = shown
+                .resources(eye, pass)?
+                .map(|resources| resources.with("submission", &uniform));
+            let color = [color.bind(context, &even)?, color.bind(context, &odd)?];
             let depth = depth
                 .as_ref()
-                .map(|depth| depth.bind(context, &resources))
+                .map(|depth| depth.bind(context, &even))
                 .transpose()?;
             Ok::<_, GpuError>(BoundEye {
                 color,
@@ -86,11 +87,11 @@ impl Submitter {
     ///
     /// # Errors
     /// [`GpuError`].
-    pub fn submit(
+    pub(super) fn submit(
         &self,
         context: &GpuContext,
         targets: &RuntimeTargets,
-        exposure: f32,
+        light: ShownLight,
         reuse: bool,
     ) -> Result<(), GpuError> {
         context.guarded(passes::xr_submit::PASS.name, || {
@@ -102,10 +103,12 @@ impl Submitter {
                     });
             for (index, eye) in self.eyes.iter().enumerate() {
                 let uniform = Submit {
-                    exposure,
+                    scale: light.scale,
                     near_m: targets.near_m,
                     eye: index as u32,
                     reuse: u32::from(reuse),
+                    is_display: light.is_display,
+                    padding: [0; 3],
                 };
                 context
                     .queue
@@ -123,7 +126,7 @@ impl Submitter {
                     })],
                     ..Default::default()
                 });
-                self.color.draw(&mut pass, &eye.color);
+                self.color.draw(&mut pass, &eye.color[light.turn]);
                 drop(pass);
                 let (Some(depth), Some(bound), Some(views)) =
                     (&self.depth, &eye.depth, &targets.depth)

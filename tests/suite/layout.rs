@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::shaders::ShaderFeatures;
-use stereolux::gpu::types::{bvh, frame, light, material, mirror, submit};
+use stereolux::gpu::types::{bvh, frame, light, material, mirror, reconstruction, submit};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
@@ -74,17 +74,37 @@ fn host() -> BTreeMap<String, Layout> {
         host_layout!(mirror::Mirror {
             corner,
             scale,
-            exposure,
+            light_scale,
             encode,
-            unused_0,
+            is_display,
             unused_1,
             unused_2,
         }),
-        host_layout!(submit::Submit {
+        host_layout!(reconstruction::Reconstruction {
+            previous_left,
+            previous_right,
+            previous_from_render,
+            has_history,
+            color_alpha,
+            moments_alpha,
+            sigma_luminance,
+            sigma_normal,
+            sigma_plane,
+            still_frames,
+            still_from,
+            still_until,
             exposure,
+            taa_alpha,
+            taa_clip,
+            carries_rays,
+        }),
+        host_layout!(submit::Submit {
+            scale,
             near_m,
             eye,
             reuse,
+            is_display,
+            padding,
         }),
         host_layout!(bvh::BvhNode {
             left_min,

@@ -29,11 +29,14 @@ const FEATURES: &[&str] = &[
     "parts",
     "carry_indirect",
     "keeps_ends",
+    "svgf",
+    "still_mean",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
     "frame",
     "dispatch",
+    "reconstruction",
     "top_nodes",
     "mesh_nodes",
     "instances",

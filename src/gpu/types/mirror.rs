@@ -10,12 +10,12 @@ pub struct Mirror {
     pub corner: [f32; 2],
     /// Image pixels per window pixel.
     pub scale: f32,
-    /// Factor on radiance before the filmic curve.
-    pub exposure: f32,
+    /// Factor on light before the filmic curve.
+    pub light_scale: f32,
     /// 1 if the window's format does not encode sRGB by itself.
     pub encode: u32,
-    /// Fills the block.
-    pub unused_0: u32,
+    /// 1 if the light is display light already.
+    pub is_display: u32,
     /// Fills the block.
     pub unused_1: u32,
     /// Fills the block.

@@ -6,4 +6,5 @@ pub mod frame;
 pub mod light;
 pub mod material;
 pub mod mirror;
+pub mod reconstruction;
 pub mod submit;

@@ -6,12 +6,16 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Submit {
-    /// Factor on radiance before the filmic curve.
-    pub exposure: f32,
+    /// Factor on light before the filmic curve.
+    pub scale: f32,
     /// Distance at which the depth image holds 1, metres.
     pub near_m: f32,
     /// 0 left, 1 right.
     pub eye: u32,
     /// 1 if pixels may have been carried over from the left eye.
     pub reuse: u32,
+    /// 1 if the light is display light already.
+    pub is_display: u32,
+    /// Unused.
+    pub padding: [u32; 3],
 }

@@ -1,0 +1,43 @@
+//! What the reconstruction passes know besides the frame: `shaders/shared/reconstruction.wesl`.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::frame::Eye;
+
+/// Uniform block of one frame's reconstruction.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Reconstruction {
+    /// Left eye of the frame before, in its render space.
+    pub previous_left: Eye,
+    /// Right eye of the frame before.
+    pub previous_right: Eye,
+    /// Place in the previous render space less place in this one's, metres.
+    pub previous_from_render: [f32; 3],
+    /// 1 if there was a frame before, else 0.
+    pub has_history: f32,
+    /// Least share of a new frame in the accumulated light.
+    pub color_alpha: f32,
+    /// Least share of a new frame in the luminance moments.
+    pub moments_alpha: f32,
+    /// Standard deviations of luminance at which a weight is 1/e.
+    pub sigma_luminance: f32,
+    /// Exponent of the normals' cosine.
+    pub sigma_normal: f32,
+    /// Pixel widths from the tangent plane at which a weight is 1/e.
+    pub sigma_plane: f32,
+    /// Frames in the still mean before this one.
+    pub still_frames: f32,
+    /// Still frames up to which the filter alone is shown.
+    pub still_from: f32,
+    /// Still frames from which on the mean alone is shown.
+    pub still_until: f32,
+    /// Factor on radiance before the filmic curve.
+    pub exposure: f32,
+    /// Share of a new frame in the displayed image.
+    pub taa_alpha: f32,
+    /// Standard deviations that a history colour may lie from its neighbours' mean.
+    pub taa_clip: f32,
+    /// 1 if reused pixels of the right eye have the left eye's rays.
+    pub carries_rays: u32,
+}
