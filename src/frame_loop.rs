@@ -57,9 +57,10 @@ pub struct FrameStats {
     pub frame: u32,
     /// Predicted display time, nanoseconds.
     pub display_time_ns: i64,
-    /// Device milliseconds by pass; `left.` and `right.` passes belong to that eye, `photons.` to both.
+    /// Device milliseconds by pass; `left.` and `right.` passes belong to that eye, `photons.` to
+    /// both, `reconstruction.` to the eye named next.
     pub pass_ms: BTreeMap<String, f64>,
-    /// Device milliseconds of the photon map, the left eye, the right eye, and all together.
+    /// Device milliseconds of the photon map, the left eye, the right eye, reconstruction, and all together.
     pub gpu_ms: GpuSums,
     /// Host milliseconds by stage.
     pub cpu_ms: CpuMs,
@@ -82,6 +83,8 @@ pub struct GpuSums {
     pub left: f64,
     /// Right eye.
     pub right: f64,
+    /// Reconstruction of both eyes.
+    pub reconstruction: f64,
     /// All passes.
     pub total: f64,
 }
@@ -101,6 +104,7 @@ impl GpuSums {
             photons: sum("photons."),
             left: sum("left."),
             right: sum("right."),
+            reconstruction: sum("reconstruction."),
             total: times.total_ms(),
         }
     }
@@ -281,6 +285,8 @@ pub fn read_images(
     };
     let mut radiance = |eye| renderer.read_radiance(eye)?.map(&mut image).transpose();
     let (left, right) = (radiance(Eye::Left)?, radiance(Eye::Right)?);
+    let mut displayed = |eye| renderer.read_displayed(eye)?.map(&mut image).transpose();
+    let displayed = [displayed(Eye::Left)?, displayed(Eye::Right)?];
     let mut parts = Vec::new();
     for eye in [Eye::Left, Eye::Right] {
         if let Some(read) = renderer.read_parts(eye)? {
@@ -309,6 +315,7 @@ pub fn read_images(
     Ok(FrameImages {
         left,
         right,
+        displayed,
         provenance,
         parts,
     })

@@ -200,7 +200,17 @@ pub fn aces_filmic(linear: f32) -> f32 {
 #[must_use]
 pub fn tone_map(image: &ImageRgb, exposure: f64) -> ImageRgb8 {
     let exposure = exposure as f32;
-    let encode = |linear: f32| (srgb_encode(aces_filmic(linear * exposure)) * 255.0).round() as u8;
+    to_bytes(image, |linear| aces_filmic(linear * exposure))
+}
+
+/// An image of display light, 0 to 1, as a screen takes it: sRGB, 8 bits.
+#[must_use]
+pub fn encode_display(image: &ImageRgb) -> ImageRgb8 {
+    to_bytes(image, |light| light.clamp(0.0, 1.0))
+}
+
+fn to_bytes(image: &ImageRgb, display_light: impl Fn(f32) -> f32) -> ImageRgb8 {
+    let encode = |linear: f32| (srgb_encode(display_light(linear)) * 255.0).round() as u8;
     ImageRgb8 {
         width: image.width,
         height: image.height,

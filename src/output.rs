@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::images::{
-    Image, ImageError, ImageRgb, ImageRgb8, tone_map, write_atomically, write_exr, write_png,
+    Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map, write_atomically, write_exr,
+    write_png,
 };
 use crate::renderer::Provenance;
 
@@ -42,6 +43,8 @@ pub struct FrameImages {
     pub left: Option<ImageRgb>,
     /// Right eye, linear radiance.
     pub right: Option<ImageRgb>,
+    /// Left and right in display light, 0 to 1 before the sRGB curve, where they are shown otherwise than tone mapped.
+    pub displayed: [Option<ImageRgb>; 2],
     /// Provenance of the right eye's pixels, row-major; `None` without reuse.
     pub provenance: Option<Vec<u32>>,
     /// Further images as (eye and part as in the file's name, such as `left_direct`; pixels).
@@ -153,13 +156,14 @@ impl OutputFolder {
                 image,
             )?;
         }
-        let picture = match (&images.left, &images.right) {
-            (Some(left), Some(right)) => Some(Image::side_by_side(
-                &tone_map(left, exposure),
-                &tone_map(right, exposure),
-            )?),
-            (Some(image), None) | (None, Some(image)) => Some(tone_map(image, exposure)),
-            (None, None) => None,
+        let [left, right] = &images.displayed;
+        let shown = |displayed: &Option<ImageRgb>, radiance: &Option<ImageRgb>| match displayed {
+            Some(image) => Some(encode_display(image)),
+            None => radiance.as_ref().map(|image| tone_map(image, exposure)),
+        };
+        let picture = match (shown(left, &images.left), shown(right, &images.right)) {
+            (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),
+            (image, None) | (None, image) => image,
         };
         if let Some(picture) = picture {
             write_png(&self.path.join(format!("frame_{index:04}.png")), &picture)?;

@@ -4,7 +4,8 @@ use serde_json::{Value, json};
 
 use super::{Failure, load_scene};
 use crate::gpu::context::adapters;
-use crate::options::{InfoOptions, Settings, registry};
+use crate::options::{Eyes, InfoOptions, Settings, registry};
+use crate::renderer::frame_list::frame_list;
 use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
 use crate::scene::Needs;
 
@@ -62,5 +63,6 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
             .iter()
             .map(|pass| pass.to_string())
             .collect::<Vec<_>>(),
+        "frame": frame_list(&settings, &features, Eyes::Both),
     }))
 }

@@ -7,6 +7,7 @@
 pub mod choices;
 mod eye_buffers;
 pub mod eyes;
+pub mod frame_list;
 pub mod kd_tree;
 pub mod kernels;
 mod map_config;
