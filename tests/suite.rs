@@ -47,6 +47,8 @@ mod suite {
     pub mod lookup;
     pub mod metrics_files;
     pub mod mirror;
+    pub mod moving_instances;
+    pub mod moving_support;
     pub mod openxr_failures;
     pub mod openxr_picture;
     pub mod openxr_remote;

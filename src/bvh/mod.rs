@@ -19,6 +19,7 @@ use thiserror::Error;
 
 pub use bounds::Bounds32;
 pub use mesh::{MaterialMarks, MeshHierarchies, MeshRange};
+pub(crate) use top::rows;
 pub use top::{InstanceSource, TopLevel};
 
 /// Stack entries for one mesh hierarchy; the shader holds the same number and a test compares them.

@@ -307,7 +307,8 @@ fn place(
     ))
 }
 
-fn rows(transform: &DAffine3) -> [[f32; 4]; 3] {
+/// The rows of a 3x4 matrix in f32.
+pub(crate) fn rows(transform: &DAffine3) -> [[f32; 4]; 3] {
     let linear = transform.matrix3.transpose();
     [
         (linear.x_axis, transform.translation.x),

@@ -186,6 +186,33 @@ impl GrowingBuffer {
         Ok(!fits)
     }
 
+    /// Uploads only `range` of `data`, if the buffer holds `data` otherwise; all of it where it does not fit. True as
+    /// [`GrowingBuffer::upload`].
+    ///
+    /// # Errors
+    /// As [`storage_buffer`].
+    pub fn upload_range<T: NoUninit>(
+        &mut self,
+        context: &GpuContext,
+        data: &[T],
+        range: std::ops::Range<usize>,
+    ) -> Result<bool, GpuError> {
+        let fits = self
+            .buffer
+            .as_ref()
+            .filter(|buffer| buffer.size() >= size_of_val(data) as u64);
+        let (Some(buffer), Some(part)) = (fits, data.get(range.clone())) else {
+            return self.upload(context, data);
+        };
+        if !part.is_empty() {
+            let offset = (range.start * size_of::<T>()) as u64;
+            context
+                .queue
+                .write_buffer(buffer, offset, bytemuck::cast_slice(part));
+        }
+        Ok(false)
+    }
+
     /// The buffer, if anything was uploaded.
     pub fn buffer(&self) -> Option<&wgpu::Buffer> {
         self.buffer.as_ref()

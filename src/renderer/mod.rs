@@ -1,6 +1,6 @@
 //! From views to images: the passes of a frame, recorded in order.
 //!
-//! [`Renderer::render_frame`] is the whole frame. It moves the scene to the head ([`SceneBuffers::set_origin`]), traces
+//! [`Renderer::render_frame`] is the whole frame. It moves the scene to the head ([`SceneBuffers::begin_frame`]), traces
 //! photons if the map is missing or out of date, renders the left eye, carries it over to the right eye, fills what is
 //! left, and reads back counters. Images stay on the device until they are asked for.
 
@@ -8,10 +8,12 @@ pub mod choices;
 mod eye_buffers;
 pub mod eyes;
 pub mod frame_list;
+pub mod instance_table;
 pub mod kd_tree;
 pub mod kernels;
 mod map_config;
 pub mod mirror;
+mod moving;
 pub mod parts;
 pub mod photon_map;
 mod raster;
@@ -47,6 +49,7 @@ pub use choices::{
     sample_passes, shader_features, splits_light, stereo_passes,
 };
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
+pub use instance_table::{InstanceId, InstanceTable};
 pub use kd_tree::KdTree;
 pub use kernels::KernelSet;
 pub use parts::RadianceParts;
@@ -256,7 +259,8 @@ impl Renderer {
     /// Runs every pass once over nothing: some drivers compile a shader only when it is first dispatched, and that
     /// time belongs to no frame.
     fn warm_up(&mut self) -> Result<(), RenderError> {
-        self.scene.set_origin(&self.context, DVec3::ZERO)?;
+        self.scene.begin_frame(&self.context, DVec3::ZERO)?;
+        self.scene.forget_previous();
         self.bind()?;
         self.context
             .queue
@@ -341,15 +345,14 @@ impl Renderer {
         let origin = midpoint(views);
         self.origin_in_world = origin;
         self.update_hidden(views);
-        let replaced = self.scene.set_origin(&self.context, origin)?;
+        let replaced = self.scene.begin_frame(&self.context, origin)?;
         if replaced || !self.is_bound {
             self.bind()?;
         }
         result.cpu_ms.update = milliseconds_since(began);
 
         let began = Instant::now();
-        // Nothing in a scene moves yet, besides the eyes.
-        let scene_changed = false;
+        let scene_changed = self.scene.scene_moved();
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
         let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
@@ -485,8 +488,8 @@ impl Renderer {
         if grew {
             self.bind()?;
         }
-        let is_due =
-            |map: &PhotonMap| anew || map.traced_at().is_none() || self.settings.photon.every_frame;
+        let anew = anew || self.settings.photon.every_frame || self.scene.scene_moved();
+        let is_due = |map: &PhotonMap| anew || map.traced_at().is_none();
         // One frame's maps share one origin and one key, so they are traced together.
         if self.maps().any(is_due) {
             // The map that is about to be traced, not the one before it.

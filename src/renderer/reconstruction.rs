@@ -376,9 +376,6 @@ impl Reconstruction {
         let uniform = Uniform {
             previous_left: before.left,
             previous_right: before.right,
-            previous_from_render: (origin_in_world - before.origin_in_world)
-                .as_vec3()
-                .to_array(),
             has_history: if self.before.is_some() { 1.0 } else { 0.0 },
             color_alpha: own.color_alpha as f32,
             moments_alpha: own.moments_alpha as f32,
@@ -392,6 +389,7 @@ impl Reconstruction {
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
             carries_rays: u32::from(carries_rays),
+            padding: [0; 3],
         };
         context
             .queue

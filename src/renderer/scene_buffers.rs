@@ -1,24 +1,34 @@
-//! The scene on the device: what never changes is uploaded once, what depends on the head each time the head moves.
+//! The scene on the device: what never changes is uploaded once, what depends on the head or moves when it does.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use super::RenderError;
+use super::instance_table::{InstanceId, InstanceTable};
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
     LightKinds, LightSources, PackedLights, TriangleOrder, pack_environment, pack_lights,
     pack_materials, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
-use crate::gpu::{GpuContext, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data};
-use crate::scene::Scene;
+use crate::gpu::{
+    GpuContext, GpuError, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data,
+};
+use crate::scene::{Scene, ScenePose};
 
 /// The scene's buffers.
 pub struct SceneBuffers {
-    sources: Vec<InstanceSource>,
+    table: InstanceTable,
+    /// Slot of each scene node's instance, or `u32::MAX`.
+    slot_of_node: Vec<u32>,
+    /// A light of a node has moved since the last frame.
+    node_lights_moved: bool,
+    lights_moved: bool,
+    /// Any instance has left the place that it had in the scene.
+    has_moved: bool,
+    last_upload_bytes: u64,
     hierarchies: MeshHierarchies,
     top: TopLevel,
     packed_lights: PackedLights,
-    origin_in_world: Option<DVec3>,
     mesh_nodes: wgpu::Buffer,
     triangles: wgpu::Buffer,
     triangle_vertices: wgpu::Buffer,
@@ -26,10 +36,11 @@ pub struct SceneBuffers {
     materials: wgpu::Buffer,
     textures: Option<(wgpu::Buffer, wgpu::Buffer)>,
     environment: Option<(wgpu::Buffer, wgpu::Buffer)>,
-    light_alias: wgpu::Buffer,
     top_nodes: GrowingBuffer,
     instances: GrowingBuffer,
+    previous_instances: GrowingBuffer,
     lights: GrowingBuffer,
+    light_alias: GrowingBuffer,
 }
 
 fn is_on(features: &ShaderFeatures, name: &str) -> bool {
@@ -82,8 +93,12 @@ impl SceneBuffers {
             },
             DVec3::ZERO,
         );
-        let sources = scene
-            .instances()
+        let placed = scene.instances();
+        let mut slot_of_node = vec![u32::MAX; scene.nodes.len()];
+        for (slot, instance) in placed.iter().enumerate() {
+            slot_of_node[instance.node] = slot as u32;
+        }
+        let sources = placed
             .iter()
             .zip(&packed_lights.first_emitter)
             .map(|(instance, &first_emitter)| InstanceSource {
@@ -125,39 +140,180 @@ impl SceneBuffers {
             materials: storage_buffer_with_data(context, "materials", &materials)?,
             textures,
             environment,
-            light_alias: storage_buffer_with_data(context, "light alias", &packed_lights.alias)?,
             top_nodes: GrowingBuffer::new("top nodes"),
             instances: GrowingBuffer::new("instances"),
+            previous_instances: GrowingBuffer::new("previous instances"),
             lights: GrowingBuffer::new("lights"),
-            sources,
+            light_alias: GrowingBuffer::new("light alias"),
+            table: InstanceTable::new(sources),
+            slot_of_node,
+            node_lights_moved: false,
+            lights_moved: false,
+            has_moved: false,
+            last_upload_bytes: 0,
             hierarchies,
             top: TopLevel::default(),
             packed_lights,
-            origin_in_world: None,
         })
     }
 
-    /// Moves the origin of render space: rebuilds and uploads the instance hierarchy and the lights. True if buffers
-    /// were replaced, so that they must be bound again.
+    /// Takes a pose over: the instances and lights of nodes go where it has them. The next frame shows it.
+    pub fn set_pose(&mut self, pose: &ScenePose) {
+        for (node, world_from_node) in pose.world_from_node.iter().enumerate() {
+            if let Some(id) = self.instance_of_node(node) {
+                self.place_instance(id, *world_from_node);
+            }
+        }
+        self.node_lights_moved |= self
+            .packed_lights
+            .move_nodes(|node| pose.world_from_node.get(node).copied());
+    }
+
+    /// The instance that a scene node places.
+    pub fn instance_of_node(&self, node: usize) -> Option<InstanceId> {
+        let slot = self.slot_of_node.get(node).copied();
+        slot.filter(|slot| *slot != u32::MAX).map(InstanceId)
+    }
+
+    /// Moves an instance; false if there is none of that number, or it stands there already.
+    pub fn place_instance(&mut self, id: InstanceId, world_from_object: DAffine3) -> bool {
+        let moved = self.table.place(id, world_from_object);
+        if moved {
+            self.packed_lights.place_instance(id.0, &world_from_object);
+        }
+        moved
+    }
+
+    /// Adds an instance of a mesh of [`Scene::meshes`].
+    ///
+    /// # Errors
+    /// No such mesh.
+    pub fn add_instance(
+        &mut self,
+        mesh: usize,
+        world_from_object: DAffine3,
+    ) -> Result<InstanceId, RenderError> {
+        let count = self.hierarchies.meshes.len();
+        if mesh >= count {
+            return Err(RenderError::Settings(format!(
+                "no instance of mesh {mesh} can be added: the scene has {count} meshes"
+            )));
+        }
+        let id = self.table.add(InstanceSource {
+            world_from_object,
+            mesh: mesh as u32,
+            node: u32::MAX,
+            first_emitter: u32::MAX,
+        });
+        let first = self
+            .packed_lights
+            .add_instance(id.0, mesh, &world_from_object);
+        self.table.set_first_emitter(id, first);
+        Ok(id)
+    }
+
+    /// Takes an instance out; false if there is none of that number.
+    pub fn remove_instance(&mut self, id: InstanceId) -> bool {
+        let removed = self.table.remove(id);
+        if removed {
+            self.packed_lights.remove_instance(id.0);
+            if let Some(slot) = self.slot_of_node.iter_mut().find(|slot| **slot == id.0) {
+                *slot = u32::MAX;
+            }
+        }
+        removed
+    }
+
+    /// Where an instance stands; `None` if there is none of that number.
+    pub fn placement(&self, id: InstanceId) -> Option<DAffine3> {
+        self.table.placement(id)
+    }
+
+    /// Begins a frame with the origin of render space at `origin_in_world`. If that or any instance has moved, rebuilds
+    /// the instance hierarchy and uploads it with the lights that changed: work in proportion to instances, whatever
+    /// the number of triangles. True if buffers were replaced, so that they must be bound again.
     ///
     /// # Errors
     /// More instances than the hierarchy numbers, or than the adapter binds.
-    pub fn set_origin(
+    pub fn begin_frame(
         &mut self,
         context: &GpuContext,
         origin_in_world: DVec3,
     ) -> Result<bool, RenderError> {
-        if self.origin_in_world == Some(origin_in_world) {
-            return Ok(false);
+        let begun = self
+            .table
+            .begin_frame(origin_in_world, &self.hierarchies.meshes);
+        self.lights_moved = std::mem::take(&mut self.node_lights_moved);
+        let mut uploads = Uploads::new(context);
+        if begun.previous_is_new {
+            uploads.all(&mut self.previous_instances, self.table.previous())?;
         }
-        self.top
-            .rebuild(origin_in_world, &self.sources, &self.hierarchies)?;
-        self.packed_lights.set_origin(origin_in_world);
-        self.origin_in_world = Some(origin_in_world);
-        let replaced_nodes = self.top_nodes.upload(context, self.top.nodes())?;
-        let replaced_instances = self.instances.upload(context, self.top.instances())?;
-        let replaced_lights = self.lights.upload(context, &self.packed_lights.records)?;
-        Ok(replaced_nodes || replaced_instances || replaced_lights)
+        if begun.is_new || self.lights_moved {
+            self.has_moved |= !self.table.moved().is_empty();
+            self.top
+                .rebuild(origin_in_world, self.table.sources(), &self.hierarchies)?;
+            self.widen_light_from_afar(origin_in_world);
+            self.packed_lights.set_origin(origin_in_world);
+            let changed = self.packed_lights.finish();
+            uploads.all(&mut self.top_nodes, self.top.nodes())?;
+            uploads.all(&mut self.instances, self.top.instances())?;
+            let records = &self.packed_lights.records;
+            uploads.range(&mut self.lights, records, changed.records)?;
+            if changed.alias || self.light_alias.buffer().is_none() {
+                uploads.all(&mut self.light_alias, &self.packed_lights.alias)?;
+            }
+        }
+        self.last_upload_bytes = uploads.bytes;
+        Ok(uploads.replaced)
+    }
+
+    /// Light from infinitely far starts on a sphere around the scene; an instance may have left it.
+    fn widen_light_from_afar(&mut self, origin_in_world: DVec3) {
+        if !self.has_moved || !self.packed_lights.shines_from_afar() {
+            return;
+        }
+        let (center, radius) = self.packed_lights.sphere();
+        let from_origin = center - origin_in_world;
+        let (mut min, mut max) = (from_origin, from_origin);
+        let mut farthest = 0.0f64;
+        for bounds in self.top.bounds().iter().filter(|bounds| !bounds.is_empty()) {
+            let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+            let corner = (low - from_origin).abs().max((high - from_origin).abs());
+            farthest = farthest.max(corner.length());
+            min = min.min(low);
+            max = max.max(high);
+        }
+        if farthest <= radius {
+            self.packed_lights.set_sphere(center, radius);
+            return;
+        }
+        // Function of this frame alone, so that frames can be rendered in any order.
+        let reach = DVec3::splat(radius / 3f64.sqrt());
+        let (min, max) = (min.min(from_origin - reach), max.max(from_origin + reach));
+        self.packed_lights.set_sphere(
+            origin_in_world + 0.5 * (min + max),
+            0.5 * (max - min).length(),
+        );
+    }
+
+    /// Forgets the frames so far: the next one has no previous one.
+    pub fn forget_previous(&mut self) {
+        self.table.forget();
+    }
+
+    /// Whether anything of the scene, the head aside, differs between the frame begun last and the one before.
+    pub fn scene_moved(&self) -> bool {
+        self.lights_moved || !self.table.moved().is_empty()
+    }
+
+    /// Numbers of the instances that came, went, moved or changed their shape between these two frames.
+    pub fn moved_instances(&self) -> &[u32] {
+        self.table.moved()
+    }
+
+    /// Instances that there are.
+    pub fn instance_count(&self) -> usize {
+        self.table.live_count()
     }
 
     /// Everything that shaders read of the scene, by binding name.
@@ -167,9 +323,10 @@ impl SceneBuffers {
             .with("triangles", &self.triangles)
             .with("triangle_vertices", &self.triangle_vertices)
             .with("vertices", &self.vertices)
-            .with("materials", &self.materials)
-            .with("light_alias", &self.light_alias);
+            .with("materials", &self.materials);
         for (name, growing) in [
+            ("light_alias", &self.light_alias),
+            ("previous_instances", &self.previous_instances),
             ("top_nodes", &self.top_nodes),
             ("instances", &self.instances),
             ("lights", &self.lights),
@@ -191,12 +348,9 @@ impl SceneBuffers {
         resources
     }
 
-    /// Bytes that a move of the origin uploads: instance hierarchy, instances and lights, no triangles.
+    /// Bytes that the frame begun last uploaded of the scene: instance hierarchy, instances and lights, no triangles.
     pub fn upload_bytes(&self) -> u64 {
-        let bytes = size_of_val(self.top.nodes())
-            + size_of_val(self.top.instances())
-            + size_of_val(self.packed_lights.records.as_slice());
-        bytes as u64
+        self.last_upload_bytes
     }
 
     /// Total emitted power, W.
@@ -212,5 +366,46 @@ impl SceneBuffers {
     /// The mesh hierarchies, for figures and picking.
     pub fn hierarchies(&self) -> &MeshHierarchies {
         &self.hierarchies
+    }
+}
+
+/// What a frame uploads.
+struct Uploads<'a> {
+    context: &'a GpuContext,
+    bytes: u64,
+    replaced: bool,
+}
+
+impl<'a> Uploads<'a> {
+    fn new(context: &'a GpuContext) -> Self {
+        Self {
+            context,
+            bytes: 0,
+            replaced: false,
+        }
+    }
+
+    fn all<T: bytemuck::NoUninit>(
+        &mut self,
+        buffer: &mut GrowingBuffer,
+        data: &[T],
+    ) -> Result<(), GpuError> {
+        self.replaced |= buffer.upload(self.context, data)?;
+        self.bytes += size_of_val(data) as u64;
+        Ok(())
+    }
+
+    fn range<T: bytemuck::NoUninit>(
+        &mut self,
+        buffer: &mut GrowingBuffer,
+        data: &[T],
+        range: std::ops::Range<usize>,
+    ) -> Result<(), GpuError> {
+        let count = range.len();
+        let replaced = buffer.upload_range(self.context, data, range)?;
+        let count = if replaced { data.len() } else { count };
+        self.replaced |= replaced;
+        self.bytes += (count * size_of::<T>()) as u64;
+        Ok(())
     }
 }

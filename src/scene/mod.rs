@@ -18,6 +18,7 @@ mod import;
 mod material;
 mod mesh;
 pub mod needs;
+mod pose;
 
 use std::path::Path;
 
@@ -28,6 +29,7 @@ pub use error::SceneError;
 pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
 pub use mesh::{Mesh, MeshTriangle};
 pub use needs::{LeftOut, Motion, Needs};
+pub use pose::ScenePose;
 
 /// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
 ///

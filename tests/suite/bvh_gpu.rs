@@ -1,7 +1,7 @@
 //! The shaders' traversal: nearest hits against exhaustive search in f64, watertight, free of self-intersection.
 
 use glam::{DAffine3, DVec3, Vec3};
-use stereolux::bvh::reference::{Arrays, Ray, brute_force, trace};
+use stereolux::bvh::reference::{Arrays, Ray, trace};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::scene::{Mesh, MeshTriangle};
 
@@ -46,54 +46,6 @@ fn random_scene(random: &mut Random) -> (Vec<Mesh>, Vec<(DAffine3, u32)>) {
     (meshes, placed)
 }
 
-/// Rays on which the device and the exhaustive search differ by more than rounding explains, and how many hit.
-fn disagreements(
-    scene: &TraceScene,
-    queries: &[TraceQuery],
-    answers: &[TraceAnswer],
-    offset: DVec3,
-) -> (usize, usize) {
-    let (mut wrong, mut hits) = (0, 0);
-    for (query, answer) in queries.iter().zip(answers) {
-        let origin = Vec3::from(query.origin).as_dvec3() + offset;
-        let direction = Vec3::from(query.direction).as_dvec3();
-        // Within 1e-4 of a border (barycentric) either answer is right. Rounding moves a crossing by some 1e-6 m here,
-        // which is 1e-5 of the smaller triangles; needles are all border and take part as what must not break others.
-        let all = brute_force(
-            &scene.exact,
-            &scene.meshes.triangles,
-            origin,
-            direction,
-            1e-4,
-        );
-        let clear: Vec<_> = all
-            .iter()
-            .filter(|hit| {
-                let [a, b, c] = scene.corners(hit.instance as u32, hit.triangle as u32);
-                let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-                (b - a).cross(c - a).length() > 1e-2 * longest * longest
-            })
-            .collect();
-        if clear.len() != all.len() || all.iter().any(|hit| hit.inside < 1e-4) {
-            continue;
-        }
-        hits += usize::from(!all.is_empty());
-        let agrees = if answer.instance == MISS {
-            all.is_empty()
-        } else {
-            // t: coordinates up to 20 m, errors of tens of rounding units, slopes down to 1e-2.
-            all.first()
-                .is_some_and(|first| (f64::from(answer.t) - first.t).abs() < 1e-4 * (1.0 + first.t))
-                && all.iter().any(|hit| {
-                    (hit.instance, hit.triangle)
-                        == (answer.instance as usize, answer.triangle as usize)
-                })
-        };
-        wrong += usize::from(!agrees || (answer.is_occluded == 1) == all.is_empty());
-    }
-    (wrong, hits)
-}
-
 #[test]
 fn nearest_hits_equal_exhaustive_search() {
     let context = context();
@@ -122,11 +74,23 @@ fn nearest_hits_equal_exhaustive_search() {
         }
         let scene = TraceScene::new(&context, &meshes, &placed, origin);
         let answers = probe.run(&scene, &queries);
-        let (wrong, hits) = disagreements(&scene, &queries, &answers, DVec3::ZERO);
+        let (wrong, hits) = disagreements(
+            &scene.exact,
+            &scene.meshes.triangles,
+            &queries,
+            &answers,
+            DVec3::ZERO,
+        );
         assert!(hits > 2000, "{hits} rays hit");
         assert_eq!(wrong, 0, "{far} m from the origin");
         // Negative control: the comparison notices rays that were moved by a tenth of a metre.
-        let (wrong, _) = disagreements(&scene, &queries, &answers, DVec3::splat(0.1));
+        let (wrong, _) = disagreements(
+            &scene.exact,
+            &scene.meshes.triangles,
+            &queries,
+            &answers,
+            DVec3::splat(0.1),
+        );
         assert!(wrong > 1000, "{wrong}");
 
         // The twin on the CPU: the same surface but for rays that graze a border, where contraction may differ.

@@ -4,9 +4,11 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
+use stereolux::bvh::reference::{ExactInstance, brute_force};
 use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::types::bvh::Triangle;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::scene::{Mesh, MeshTriangle};
 
@@ -109,12 +111,12 @@ impl TraceScene {
 
     /// Corners of a triangle of an instance in render space, f64.
     pub fn corners(&self, instance: u32, triangle: u32) -> [DVec3; 3] {
-        let triangle = &self.meshes.triangles[triangle as usize];
-        [triangle.v0, triangle.v1, triangle.v2].map(|v| {
-            self.exact[instance as usize]
-                .0
-                .transform_point3(Vec3::from(v).as_dvec3())
-        })
+        corners_of(
+            &self.exact,
+            &self.meshes.triangles,
+            instance as usize,
+            triangle as usize,
+        )
     }
 }
 
@@ -137,6 +139,17 @@ impl<'a> TraceProbe<'a> {
     }
 
     pub fn run(&self, scene: &TraceScene, queries: &[TraceQuery]) -> Vec<TraceAnswer> {
+        let [top_nodes, mesh_nodes, instances, triangles] = &scene.buffers;
+        let resources = Resources::new()
+            .with("top_nodes", top_nodes)
+            .with("mesh_nodes", mesh_nodes)
+            .with("instances", instances)
+            .with("triangles", triangles);
+        self.run_in(&resources, queries)
+    }
+
+    /// The same in a scene that a renderer holds.
+    pub fn run_in(&self, scene: &Resources<'_>, queries: &[TraceQuery]) -> Vec<TraceAnswer> {
         let queries_buffer = storage_buffer_with_data(self.context, "queries", queries).unwrap();
         let answers = storage_buffer(
             self.context,
@@ -144,12 +157,8 @@ impl<'a> TraceProbe<'a> {
             (queries.len() * size_of::<TraceAnswer>()) as u64,
         )
         .unwrap();
-        let [top_nodes, mesh_nodes, instances, triangles] = &scene.buffers;
-        let resources = Resources::new()
-            .with("top_nodes", top_nodes)
-            .with("mesh_nodes", mesh_nodes)
-            .with("instances", instances)
-            .with("triangles", triangles)
+        let resources = scene
+            .clone()
             .with("queries", &queries_buffer)
             .with("answers", &answers);
         let bound = self.kernel.bind(self.context, &resources).unwrap();
@@ -161,6 +170,61 @@ impl<'a> TraceProbe<'a> {
             .unwrap();
         read_buffer(self.context, "answers", &answers, queries.len()).unwrap()
     }
+}
+
+/// Corners of a triangle of an instance in render space, f64.
+pub fn corners_of(
+    exact: &[ExactInstance],
+    triangles: &[Triangle],
+    instance: usize,
+    triangle: usize,
+) -> [DVec3; 3] {
+    let triangle = &triangles[triangle];
+    [triangle.v0, triangle.v1, triangle.v2]
+        .map(|v| exact[instance].0.transform_point3(Vec3::from(v).as_dvec3()))
+}
+
+/// Rays on which the device and the exhaustive search differ by more than rounding explains, and how many hit.
+pub fn disagreements(
+    exact: &[ExactInstance],
+    triangles: &[Triangle],
+    queries: &[TraceQuery],
+    answers: &[TraceAnswer],
+    offset: DVec3,
+) -> (usize, usize) {
+    let (mut wrong, mut hits) = (0, 0);
+    for (query, answer) in queries.iter().zip(answers) {
+        let origin = Vec3::from(query.origin).as_dvec3() + offset;
+        let direction = Vec3::from(query.direction).as_dvec3();
+        // Within 1e-4 of a border (barycentric) either answer is right. Rounding moves a crossing by some 1e-6 m here,
+        // which is 1e-5 of the smaller triangles; needles are all border and take part as what must not break others.
+        let all = brute_force(exact, triangles, origin, direction, 1e-4);
+        let clear: Vec<_> = all
+            .iter()
+            .filter(|hit| {
+                let [a, b, c] = corners_of(exact, triangles, hit.instance, hit.triangle);
+                let longest = (b - a).length().max((c - a).length()).max((c - b).length());
+                (b - a).cross(c - a).length() > 1e-2 * longest * longest
+            })
+            .collect();
+        if clear.len() != all.len() || all.iter().any(|hit| hit.inside < 1e-4) {
+            continue;
+        }
+        hits += usize::from(!all.is_empty());
+        let agrees = if answer.instance == MISS {
+            all.is_empty()
+        } else {
+            // t: coordinates up to 20 m, errors of tens of rounding units, slopes down to 1e-2.
+            all.first()
+                .is_some_and(|first| (f64::from(answer.t) - first.t).abs() < 1e-4 * (1.0 + first.t))
+                && all.iter().any(|hit| {
+                    (hit.instance, hit.triangle)
+                        == (answer.instance as usize, answer.triangle as usize)
+                })
+        };
+        wrong += usize::from(!agrees || (answer.is_occluded == 1) == all.is_empty());
+    }
+    (wrong, hits)
 }
 
 /// SplitMix64 (Steele, Lea and Flood, 2014).

@@ -83,7 +83,6 @@ fn host() -> BTreeMap<String, Layout> {
         host_layout!(reconstruction::Reconstruction {
             previous_left,
             previous_right,
-            previous_from_render,
             has_history,
             color_alpha,
             moments_alpha,
@@ -97,6 +96,7 @@ fn host() -> BTreeMap<String, Layout> {
             taa_alpha,
             taa_clip,
             carries_rays,
+            padding,
         }),
         host_layout!(submit::Submit {
             scale,
@@ -127,6 +127,15 @@ fn host() -> BTreeMap<String, Layout> {
             first_emitter,
             flags,
             node,
+        }),
+        host_layout!(bvh::PreviousInstance {
+            render_from_object_0,
+            render_from_object_1,
+            render_from_object_2,
+            exists,
+            first_position,
+            first_vertex,
+            padding,
         }),
         host_layout!(bvh::Triangle {
             v0,
@@ -279,10 +288,14 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
     .map(|name| (name.to_owned(), true))
     .collect();
     let mut found = BTreeMap::new();
-    for pass in passes::ALL {
-        let shader = library
-            .compile(&shader_name(pass), &specialised(pass, &features, false))
-            .unwrap();
+    let mut library = library.clone();
+    library.insert("tests/previous_probe", include_str!("previous_probe.wesl"));
+    let compiled = passes::ALL
+        .iter()
+        .map(|pass| (shader_name(pass), specialised(pass, &features, false)))
+        .chain([("tests/previous_probe".to_owned(), ShaderFeatures::new())]);
+    for (name, features) in compiled {
+        let shader = library.compile(&name, &features).unwrap();
         for (_, variable) in shader.module.global_variables.iter() {
             if variable.binding.is_some() {
                 collect(&shader.module, variable.ty, &mut found);

@@ -8,7 +8,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::gpu::types::light::{
     LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light,
@@ -18,6 +18,11 @@ use crate::scene::{LightKind, Mesh, Scene};
 
 use super::environment::PackedEnvironment;
 use super::textures::sample_image;
+
+mod motion;
+
+pub use motion::LightUploads;
+use motion::{Emitter, Placed};
 
 /// [`emitter_ordinals`]: the triangle does not emit.
 const NO_EMITTER: u32 = u32::MAX;
@@ -126,15 +131,19 @@ pub struct PackedLights {
     pub total_power: [f64; 3],
     /// Positions of the leading records in the world.
     positions_in_world: Vec<DVec3>,
-}
-
-impl PackedLights {
-    /// Moves the origin of render space: rewrites the first `origin_dependent` records.
-    pub fn set_origin(&mut self, origin_in_world: DVec3) {
-        for (record, position) in self.records.iter_mut().zip(&self.positions_in_world) {
-            record.position = (*position - origin_in_world).as_vec3().to_array();
-        }
-    }
+    /// Scene nodes of the leading records; `usize::MAX` for the environment.
+    nodes: Vec<usize>,
+    /// Power of each record, W, and its weight in the pick.
+    powers: Vec<[f64; 3]>,
+    weights: Vec<f64>,
+    /// The sphere that lights at infinity shine through: as packed.
+    sphere: (DVec3, f64),
+    /// Emissive triangles by mesh, and the placements for which their powers stand.
+    emitters: Vec<Vec<Emitter>>,
+    placed: Vec<Option<Placed>>,
+    /// Records that no instance uses: first and count.
+    holes: Vec<(usize, usize)>,
+    uploads: LightUploads,
 }
 
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
@@ -159,17 +168,19 @@ pub fn emitter_ordinals(scene: &Scene, mesh: &Mesh) -> Vec<u32> {
 /// Packs the lights that `sources.kinds` admits. `origin_in_world` is the origin of render space, the head.
 pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> PackedLights {
     let scene = sources.scene;
-    let mut packed = PackedLights::default();
-    let mut weights = Vec::new();
     let (center, radius) = bounding_sphere(scene, origin_in_world);
+    let mut packed = PackedLights {
+        sphere: (center, radius),
+        ..PackedLights::default()
+    };
 
     if let Some(environment) = sources.environment.filter(|_| sources.kinds.environment) {
         let power = environment
             .integral
             .map(|integral| PI * radius * radius * integral);
         packed.positions_in_world.push(center);
+        packed.nodes.push(usize::MAX);
         packed.push(
-            &mut weights,
             power,
             1.0,
             Light {
@@ -182,25 +193,29 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
             },
         );
     }
-    push_punctual(&mut packed, &mut weights, sources, center, radius);
+    push_punctual(&mut packed, sources, center, radius);
     packed.origin_dependent = packed.records.len();
     if sources.kinds.emitters {
-        push_triangles(&mut packed, &mut weights, sources);
+        push_triangles(&mut packed, sources);
     } else {
+        packed.emitters = scene.meshes.iter().map(|_| Vec::new()).collect();
         packed.first_emitter = vec![NO_EMITTER; scene.instances().len()];
+        packed.placed = vec![None; packed.first_emitter.len()];
     }
-
-    let probabilities = probabilities(&weights);
-    for (record, probability) in packed.records.iter_mut().zip(&probabilities) {
-        record.pick_pdf = *probability as f32;
-    }
-    packed.alias = alias_table(&probabilities);
+    packed.pick_anew();
     packed.set_origin(origin_in_world);
     packed
 }
 
 impl PackedLights {
-    fn push(&mut self, weights: &mut Vec<f64>, power: [f64; 3], boost: f64, record: Light) {
+    fn push(&mut self, power: [f64; 3], boost: f64, record: Light) {
+        self.records.push(record);
+        self.powers.push([0.0; 3]);
+        self.weights.push(0.0);
+        self.set_power(self.records.len() - 1, power, boost);
+    }
+
+    fn set_power(&mut self, record: usize, power: [f64; 3], boost: f64) {
         let power = power.map(|channel| {
             if channel.is_finite() {
                 channel.max(0.0)
@@ -208,11 +223,23 @@ impl PackedLights {
                 0.0
             }
         });
-        for (total, channel) in self.total_power.iter_mut().zip(power) {
-            *total += channel;
+        self.powers[record] = power;
+        self.weights[record] = power.iter().sum::<f64>() / 3.0 * boost;
+    }
+
+    /// Sums the powers up and makes the table of picks from them: time in proportion to all lights.
+    fn pick_anew(&mut self) {
+        self.total_power = [0.0; 3];
+        for power in &self.powers {
+            for (total, channel) in self.total_power.iter_mut().zip(power) {
+                *total += channel;
+            }
         }
-        weights.push(power.iter().sum::<f64>() / 3.0 * boost);
-        self.records.push(record);
+        let probabilities = probabilities(&self.weights);
+        for (record, probability) in self.records.iter_mut().zip(&probabilities) {
+            record.pick_pdf = *probability as f32;
+        }
+        self.alias = alias_table(&probabilities);
     }
 }
 
@@ -228,7 +255,6 @@ fn bounding_sphere(scene: &Scene, origin_in_world: DVec3) -> (DVec3, f64) {
 
 fn push_punctual(
     packed: &mut PackedLights,
-    weights: &mut Vec<f64>,
     sources: &LightSources<'_>,
     center: DVec3,
     radius: f64,
@@ -238,9 +264,8 @@ fn push_punctual(
             continue;
         };
         let intensity = light.intensity.map(f64::from);
-        let along = placed.world_from_light.matrix3 * DVec3::NEG_Z;
         let mut record = Light {
-            direction: along.normalize_or(DVec3::NEG_Z).as_vec3().to_array(),
+            direction: direction_of(&placed.world_from_light),
             radiance: light.intensity,
             ..Light::default()
         };
@@ -269,8 +294,15 @@ fn push_punctual(
             _ => continue,
         };
         packed.positions_in_world.push(position);
-        packed.push(weights, power, 1.0, record);
+        packed.nodes.push(placed.node);
+        packed.push(power, 1.0, record);
     }
+}
+
+/// A punctual light shines along its node's -Z.
+fn direction_of(world_from_light: &DAffine3) -> [f32; 3] {
+    let along = world_from_light.matrix3 * DVec3::NEG_Z;
+    along.normalize_or(DVec3::NEG_Z).as_vec3().to_array()
 }
 
 /// Scale and offset of a spot's falloff, clamp(cos theta * scale + offset, 0, 1)^2, as KHR_lights_punctual recommends.
@@ -296,47 +328,27 @@ struct Glow {
     double_sided: bool,
 }
 
-fn push_triangles(packed: &mut PackedLights, weights: &mut Vec<f64>, sources: &LightSources<'_>) {
+fn push_triangles(packed: &mut PackedLights, sources: &LightSources<'_>) {
     let scene = sources.scene;
-    let mut glows_of_mesh: Vec<Option<Vec<Glow>>> = scene.meshes.iter().map(|_| None).collect();
-    for (instance_index, instance) in scene.instances().into_iter().enumerate() {
-        let mesh = &scene.meshes[instance.mesh];
-        let glows = glows_of_mesh[instance.mesh].get_or_insert_with(|| mesh_glows(scene, mesh));
-        if glows.is_empty() {
-            packed.first_emitter.push(NO_EMITTER);
-            continue;
-        }
-        packed.first_emitter.push(packed.records.len() as u32);
-        for glow in glows.iter() {
-            let area = triangle_area(mesh, glow.triangle, &instance.world_from_object);
-            let sides = if glow.double_sided { 2.0 } else { 1.0 };
-            let leaf = sources
-                .order
-                .leaf_of_triangle
-                .get(instance.mesh)
-                .and_then(|leaf_of| leaf_of.get(glow.triangle))
-                .copied()
-                .unwrap_or_default();
-            packed.push(
-                weights,
-                glow.mean.map(|mean| PI * area * sides * mean),
-                glow.boost,
-                Light {
-                    kind: LIGHT_TRIANGLE,
-                    radiance: glow.mean.map(|mean| mean as f32),
-                    instance: instance_index as u32,
-                    triangle: leaf,
-                    ..Light::default()
-                },
-            );
-        }
+    packed.emitters = scene
+        .meshes
+        .iter()
+        .enumerate()
+        .map(|(index, mesh)| {
+            let leaf_of = sources.order.leaf_of_triangle.get(index);
+            mesh_glows(scene, mesh)
+                .into_iter()
+                .map(|glow| {
+                    let leaf = leaf_of.and_then(|leaf_of| leaf_of.get(glow.triangle));
+                    Emitter::new(mesh, glow, leaf.copied().unwrap_or_default())
+                })
+                .collect()
+        })
+        .collect();
+    for (index, instance) in scene.instances().into_iter().enumerate() {
+        let first = packed.push_emitters(index as u32, instance.mesh, &instance.world_from_object);
+        packed.first_emitter.push(first);
     }
-}
-
-fn triangle_area(mesh: &Mesh, triangle: usize, world_from_object: &DAffine3) -> f64 {
-    let [a, b, c] = mesh.corners(&mesh.triangles[triangle]);
-    let edge = |v: DVec3| world_from_object.matrix3 * v;
-    0.5 * edge(b - a).cross(edge(c - a)).length()
 }
 
 fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {

@@ -18,8 +18,8 @@ mod vertices;
 
 pub use environment::{PackedEnvironment, pack_environment};
 pub use lights::{
-    LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_lights,
-    spot_falloff, spot_solid_angle,
+    LightKinds, LightSources, LightUploads, PackedLights, TriangleOrder, emitter_ordinals,
+    pack_lights, spot_falloff, spot_solid_angle,
 };
 pub use materials::pack_materials;
 pub use textures::{PackedTextures, linear_from_srgb, pack_textures, sample_image};

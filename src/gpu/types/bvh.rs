@@ -66,6 +66,30 @@ pub struct Instance {
     pub node: u32,
 }
 
+/// Where an instance was in the previous frame: 64 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PreviousInstance {
+    /// Row 0 of the 3x4 matrix that took object space to the previous frame's render space.
+    pub render_from_object_0: [f32; 4],
+    /// Row 1.
+    pub render_from_object_1: [f32; 4],
+    /// Row 2.
+    pub render_from_object_2: [f32; 4],
+    /// 1 if the previous frame showed this instance.
+    pub exists: u32,
+    /// Where its mesh's vertices begin in the previous frame's deformed positions, or [`NO_POSITIONS`] if the mesh is
+    /// rigid.
+    pub first_position: u32,
+    /// Its mesh's first vertex.
+    pub first_vertex: u32,
+    /// Unused.
+    pub padding: u32,
+}
+
+/// [`PreviousInstance::first_position`]: the mesh does not deform.
+pub const NO_POSITIONS: u32 = u32::MAX;
+
 /// A triangle in object space, in leaf order: 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -93,5 +117,6 @@ mod tests {
         assert_eq!(size_of::<BvhNode>(), 64);
         assert_eq!(size_of::<Instance>(), 112);
         assert_eq!(size_of::<Triangle>(), 48);
+        assert_eq!(size_of::<PreviousInstance>(), 64);
     }
 }

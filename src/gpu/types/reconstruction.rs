@@ -12,8 +12,6 @@ pub struct Reconstruction {
     pub previous_left: Eye,
     /// Right eye of the frame before.
     pub previous_right: Eye,
-    /// Place in the previous render space less place in this one's, metres.
-    pub previous_from_render: [f32; 3],
     /// 1 if there was a frame before, else 0.
     pub has_history: f32,
     /// Least share of a new frame in the accumulated light.
@@ -40,4 +38,6 @@ pub struct Reconstruction {
     pub taa_clip: f32,
     /// 1 if reused pixels of the right eye have the left eye's rays.
     pub carries_rays: u32,
+    /// Unused.
+    pub padding: [u32; 3],
 }

@@ -269,3 +269,86 @@ fn a_glow_too_small_for_the_grid_keeps_a_chance() {
     let level = glow.mean.iter().sum::<f64>() / 3.0 * glow.boost;
     assert!(level > 0.0);
 }
+
+/// Records and table of `lights` after what has changed is finished, as of one origin.
+fn finished(mut lights: PackedLights) -> (Vec<Light>, Vec<LightAlias>, [f64; 3]) {
+    lights.finish();
+    lights.set_origin(DVec3::new(0.0, 5.0, 0.0));
+    (lights.records, lights.alias, lights.total_power)
+}
+
+#[test]
+fn lights_that_moved_are_those_of_the_moved_scene() {
+    let mut scene = scene();
+    scene.nodes[1].light = Some(0);
+    let mut lights = packed(&scene);
+    let still = finished(lights.clone());
+    let squashed = DAffine3::from_scale_rotation_translation(
+        DVec3::new(3.0, 0.5, 1.0),
+        glam::DQuat::from_rotation_y(1.0),
+        DVec3::new(4.0, 5.0, 6.0),
+    );
+    let lamp = DAffine3::from_translation(DVec3::new(-1.0, 6.0, 2.0));
+    scene.nodes[0].parent_from_node = squashed;
+    scene.nodes[1].parent_from_node = lamp;
+    lights.place_instance(0, &squashed);
+    assert!(lights.move_nodes(|node| (node == 1).then_some(lamp)));
+    assert!(!lights.move_nodes(|node| (node == 1).then_some(lamp)));
+    let moved = finished(lights);
+    assert_ne!(moved, still);
+    assert_eq!(moved, finished(packed(&scene)));
+}
+
+#[test]
+fn turning_a_lamp_asks_for_no_new_table() {
+    let mut lights = packed(&scene());
+    lights.finish();
+    let turned = DAffine3::from_rotation_translation(
+        glam::DQuat::from_rotation_z(0.7),
+        DVec3::new(9.0, 0.0, 1.0),
+    );
+    lights.place_instance(0, &turned);
+    assert_eq!(lights.finish(), LightUploads::default());
+    lights.place_instance(0, &(turned * DAffine3::from_scale(DVec3::splat(1.001))));
+    assert!(lights.finish().alias);
+}
+
+#[test]
+fn instances_come_and_go_with_their_light() {
+    let scene = scene();
+    let lights = packed(&scene);
+    let (_, _, power) = finished(lights.clone());
+    let mut fewer = lights.clone();
+    fewer.remove_instance(1);
+    let (records, alias, less) = finished(fewer.clone());
+    // Instance 1 is twice as large: four fifths of the triangles' power.
+    let triangles = power[0] - 4.0 * PI;
+    assert!((less[0] - (power[0] - 0.8 * triangles)).abs() < 1e-9);
+    let share = table_probabilities(&alias);
+    for record in 4..7 {
+        assert!(records[record].pick_pdf == 0.0 && share[record] < 1e-6);
+    }
+    // A new one takes the room and brings the power back; a second one more needs new room.
+    let twice = DAffine3::from_scale(DVec3::splat(2.0));
+    assert_eq!(fewer.add_instance(1, 0, &twice), 4);
+    assert_eq!(finished(fewer.clone()), finished(lights));
+    assert_eq!(fewer.add_instance(2, 0, &twice), 7);
+    assert!((finished(fewer).2[0] - (power[0] + 0.8 * triangles)).abs() < 1e-9);
+}
+
+#[test]
+fn a_larger_sphere_carries_more_of_the_light_from_afar() {
+    let mut scene = scene();
+    scene.lights[0].kind = LightKind::Directional;
+    let mut lights = packed(&scene);
+    assert!(lights.shines_from_afar());
+    let (center, radius) = lights.sphere();
+    let before = lights.total_power[0];
+    let sun = PI * radius * radius;
+    lights.set_sphere(center + DVec3::X, 2.0 * radius);
+    lights.finish();
+    assert!((lights.total_power[0] - before - 3.0 * sun).abs() < 1e-5 * sun);
+    lights.set_sphere(center, radius);
+    lights.finish();
+    assert!((lights.total_power[0] - before).abs() < 1e-5 * sun);
+}

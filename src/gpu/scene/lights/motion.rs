@@ -1,0 +1,268 @@
+//! Lights that move: what a new placement changes, and what of it has to be uploaded.
+
+use std::ops::Range;
+
+use super::*;
+
+/// Emissive triangles shine with another power where their area changes by more than this share.
+const SAME_AREA: f64 = 1e-9;
+
+/// An emissive triangle of a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Emitter {
+    triangle: usize,
+    /// Index in leaf order.
+    leaf: u32,
+    /// Edges from the first corner, object space.
+    edges: [DVec3; 2],
+    mean: [f64; 3],
+    boost: f64,
+    sides: f64,
+}
+
+impl Emitter {
+    pub(super) fn new(mesh: &Mesh, glow: Glow, leaf: u32) -> Self {
+        let [a, b, c] = mesh.corners(&mesh.triangles[glow.triangle]);
+        Self {
+            triangle: glow.triangle,
+            leaf,
+            edges: [b - a, c - a],
+            mean: glow.mean,
+            boost: glow.boost,
+            sides: if glow.double_sided { 2.0 } else { 1.0 },
+        }
+    }
+
+    fn power(&self, world_from_object: &DAffine3) -> [f64; 3] {
+        let [first, second] = self.edges.map(|edge| world_from_object.matrix3 * edge);
+        let area = 0.5 * first.cross(second).length();
+        self.mean.map(|mean| PI * area * self.sides * mean)
+    }
+}
+
+/// Where an instance's emissive triangles lie in the records.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    mesh: usize,
+    first: usize,
+    /// M^T M of the placement that their powers are for: it decides all areas.
+    gram: DMat3,
+}
+
+/// What has changed since it was last taken.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LightUploads {
+    /// Records, merged to one range; empty if none.
+    pub records: Range<usize>,
+    /// The table of picks.
+    pub alias: bool,
+}
+
+impl LightUploads {
+    fn add(&mut self, range: Range<usize>) {
+        self.records = if self.records.is_empty() {
+            range
+        } else {
+            self.records.start.min(range.start)..self.records.end.max(range.end)
+        };
+    }
+}
+
+impl PackedLights {
+    /// Moves the origin of render space: rewrites the first `origin_dependent` records.
+    pub fn set_origin(&mut self, origin_in_world: DVec3) {
+        for (record, position) in self.records.iter_mut().zip(&self.positions_in_world) {
+            record.position = (*position - origin_in_world).as_vec3().to_array();
+        }
+        self.uploads.add(0..self.origin_dependent);
+    }
+
+    /// Moves the punctual lights of scene nodes: `placement` gives `world_from_node`. True if any moved. The records
+    /// follow with the next [`PackedLights::set_origin`].
+    pub fn move_nodes(&mut self, placement: impl Fn(usize) -> Option<DAffine3>) -> bool {
+        let mut moved = false;
+        for (index, node) in self.nodes.iter().enumerate() {
+            let Some(world_from_light) = placement(*node) else {
+                continue;
+            };
+            let record = &mut self.records[index];
+            let direction = direction_of(&world_from_light);
+            moved |= record.direction != direction;
+            record.direction = direction;
+            if record.kind != LIGHT_DIRECTIONAL {
+                moved |= self.positions_in_world[index] != world_from_light.translation;
+                self.positions_in_world[index] = world_from_light.translation;
+            }
+        }
+        moved
+    }
+
+    /// Follows an instance to a new placement. Turning and moving leaves powers alone; what changes areas makes
+    /// [`PackedLights::finish`] weigh all lights anew. Work in proportion to the instance's emissive triangles.
+    pub fn place_instance(&mut self, instance: u32, world_from_object: &DAffine3) {
+        let Some(Some(placed)) = self.placed.get(instance as usize).copied() else {
+            return;
+        };
+        let gram = gram(world_from_object);
+        if is_close(&gram, &placed.gram) {
+            return;
+        }
+        self.placed[instance as usize] = Some(Placed { gram, ..placed });
+        for at in 0..self.emitters[placed.mesh].len() {
+            let emitter = self.emitters[placed.mesh][at];
+            self.set_power(
+                placed.first + at,
+                emitter.power(world_from_object),
+                emitter.boost,
+            );
+        }
+        self.uploads.alias = true;
+    }
+
+    /// Adds the emissive triangles of a new instance of `mesh`; returns its first record, or `0xffffffff`.
+    pub fn add_instance(&mut self, instance: u32, mesh: usize, world: &DAffine3) -> u32 {
+        let first = self.push_emitters(instance, mesh, world);
+        self.uploads.alias |= first != NO_EMITTER;
+        first
+    }
+
+    /// Takes an instance's emissive triangles out: they are never picked again.
+    pub fn remove_instance(&mut self, instance: u32) {
+        let Some(placed) = self
+            .placed
+            .get_mut(instance as usize)
+            .and_then(Option::take)
+        else {
+            return;
+        };
+        let count = self.emitters[placed.mesh].len();
+        for record in placed.first..placed.first + count {
+            self.set_power(record, [0.0; 3], 0.0);
+        }
+        self.holes.push((placed.first, count));
+        self.uploads.alias = true;
+    }
+
+    pub(super) fn push_emitters(&mut self, instance: u32, mesh: usize, world: &DAffine3) -> u32 {
+        let slot = instance as usize;
+        if self.placed.len() <= slot {
+            self.placed.resize(slot + 1, None);
+        }
+        let count = self.emitters.get(mesh).map_or(0, Vec::len);
+        if count == 0 {
+            return NO_EMITTER;
+        }
+        let hole = self.holes.iter().position(|(_, room)| *room == count);
+        let first = match hole {
+            Some(at) => self.holes.swap_remove(at).0,
+            None => {
+                let first = self.records.len();
+                for _ in 0..count {
+                    self.push([0.0; 3], 0.0, Light::default());
+                }
+                first
+            }
+        };
+        for at in 0..count {
+            let emitter = self.emitters[mesh][at];
+            self.records[first + at] = Light {
+                kind: LIGHT_TRIANGLE,
+                radiance: emitter.mean.map(|mean| mean as f32),
+                instance,
+                triangle: emitter.leaf,
+                ..Light::default()
+            };
+            self.set_power(first + at, emitter.power(world), emitter.boost);
+        }
+        self.placed[slot] = Some(Placed {
+            mesh,
+            first,
+            gram: gram(world),
+        });
+        first as u32
+    }
+
+    /// A mesh's triangles have another leaf order: `leaf_of` gives a triangle's new index.
+    pub fn reorder_mesh(&mut self, mesh: usize, leaf_of: impl Fn(usize) -> u32) {
+        let Some(emitters) = self.emitters.get_mut(mesh) else {
+            return;
+        };
+        for emitter in emitters.iter_mut() {
+            emitter.leaf = leaf_of(emitter.triangle);
+        }
+        for placed in self.placed.iter().flatten() {
+            if placed.mesh != mesh {
+                continue;
+            }
+            for (at, emitter) in emitters.iter().enumerate() {
+                self.records[placed.first + at].triangle = emitter.leaf;
+            }
+            self.uploads
+                .add(placed.first..placed.first + emitters.len());
+        }
+    }
+
+    /// Whether any light shines from infinitely far, through the scene's bounding sphere.
+    pub fn shines_from_afar(&self) -> bool {
+        self.records[..self.origin_dependent]
+            .iter()
+            .any(|record| is_afar(record.kind))
+    }
+
+    /// The sphere as packed: centre in the world and radius, m.
+    pub fn sphere(&self) -> (DVec3, f64) {
+        self.sphere
+    }
+
+    /// Makes light from infinitely far come through another sphere: what moves may leave the one that was packed.
+    /// The positions follow with the next [`PackedLights::set_origin`].
+    pub fn set_sphere(&mut self, center_in_world: DVec3, radius: f64) {
+        for index in 0..self.origin_dependent {
+            let record = self.records[index];
+            let before = f64::from(record.scene_radius);
+            if !is_afar(record.kind)
+                || (self.positions_in_world[index] == center_in_world
+                    && record.scene_radius == radius as f32)
+            {
+                continue;
+            }
+            self.positions_in_world[index] = center_in_world;
+            self.records[index].scene_radius = radius as f32;
+            if before > 0.0 {
+                // Both kinds' power is in proportion to the disk that photons start from.
+                let grown = (radius / before).powi(2);
+                let power = self.powers[index].map(|channel| channel * grown);
+                self.set_power(index, power, 1.0);
+                self.uploads.alias = true;
+            }
+        }
+    }
+
+    /// Weighs all lights anew if any power has changed, and says what to upload.
+    pub fn finish(&mut self) -> LightUploads {
+        if self.uploads.alias {
+            self.pick_anew();
+            self.uploads.records = 0..self.records.len();
+        }
+        std::mem::take(&mut self.uploads)
+    }
+}
+
+fn is_afar(kind: u32) -> bool {
+    kind == LIGHT_DIRECTIONAL || kind == LIGHT_ENVIRONMENT
+}
+
+fn gram(world_from_object: &DAffine3) -> DMat3 {
+    world_from_object.matrix3.transpose() * world_from_object.matrix3
+}
+
+fn is_close(a: &DMat3, b: &DMat3) -> bool {
+    let largest = b
+        .to_cols_array()
+        .into_iter()
+        .fold(0.0, |most: f64, x| most.max(x.abs()));
+    (*a - *b)
+        .to_cols_array()
+        .into_iter()
+        .all(|difference| difference.abs() <= SAME_AREA * largest)
+}
