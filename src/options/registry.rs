@@ -290,6 +290,12 @@ pub static SETTINGS: &[Setting] = &[
         "trace photons for every frame, even where scene and lights are static",
     ),
     setting(
+        "photon.shares",
+        Kind::Whole { min: 1, max: 64 },
+        "",
+        "shares in which photons are traced anew once something moves, one per frame; light lags by as many frames",
+    ),
+    setting(
         "photon.progressive",
         Kind::Bool,
         "",

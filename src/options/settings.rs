@@ -279,6 +279,8 @@ pub struct PhotonSettings {
     pub grid_cells_max: u32,
     /// Trace photons anew for every frame, even where scene and lights are static; default false.
     pub every_frame: bool,
+    /// Shares in which the photons are traced anew once something moves, one per frame, 1 to 64; default 1: all at once.
+    pub shares: u32,
     /// Shrink the radius from sample to sample; default false.
     pub progressive: bool,
     /// Share of new photons kept per progressive step (alpha of Hachisuka and Jensen 2009), in (0, 1); default 0.7.
@@ -335,6 +337,7 @@ impl Default for PhotonSettings {
             capacity: 0,
             grid_cells_max: 524_288,
             every_frame: false,
+            shares: 1,
             progressive: false,
             progressive_alpha: 0.7,
             normal_min_cos: 0.5,

@@ -95,7 +95,7 @@ pub fn frame_list(settings: &Settings, features: &ShaderFeatures, eyes: EyeChoic
         } else if settings.photon.progressive {
             "every sample"
         } else {
-            "when the map is missing or out of date"
+            "when the map is missing or something has moved: all, or a share per frame"
         };
         list.push(stage("photons", when, map(passes::PHOTON_BATCH, tree)));
         if caustics {

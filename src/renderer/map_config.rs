@@ -51,6 +51,8 @@ pub struct PhotonMapConfig {
     pub kind: MapKind,
     /// Paths per frame.
     pub paths: u32,
+    /// Shares of the paths that can be traced anew one at a time; 1 traces all or none.
+    pub shares: u32,
     /// Longest light path from eye to light, in segments.
     pub max_depth: u32,
     /// Photons that the list holds; 0 lets it grow by demand.

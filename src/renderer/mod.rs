@@ -16,6 +16,7 @@ pub mod mirror;
 mod moving;
 pub mod parts;
 pub mod photon_map;
+mod photons_over_time;
 mod raster;
 pub mod reconstruction;
 pub mod scene_buffers;
@@ -103,6 +104,7 @@ pub struct Renderer {
     caustic_radius_m: f64,
     /// The sample in hand; its radii are smaller in progressive mode.
     progressive_sample: u32,
+    refresh: photons_over_time::Refresh,
     scene: SceneBuffers,
     kernels: KernelSet,
     photon_map: Option<PhotonMap>,
@@ -177,6 +179,7 @@ impl Renderer {
             kind,
             // Without lights there is nothing to emit, and no path may be traced for it.
             paths: if has_lights { paths } else { 0 },
+            shares: settings.photon.shares,
             max_depth: settings.photon.max_depth,
             capacity: settings.photon.capacity,
             cells: settings.photon.grid_cells_max,
@@ -239,6 +242,7 @@ impl Renderer {
             radius_m,
             caustic_radius_m,
             progressive_sample: 0,
+            refresh: photons_over_time::Refresh::default(),
             scene: buffers,
             kernels,
             photon_map,
@@ -463,68 +467,6 @@ impl Renderer {
             &caustics,
         )?;
         self.is_bound = true;
-        Ok(())
-    }
-
-    fn trace_photons(
-        &mut self,
-        views: &[View; 2],
-        frame_index: u32,
-        photon_key: u32,
-        anew: bool,
-        result: &mut FrameResult,
-    ) -> Result<(), GpuError> {
-        let mut grew = false;
-        for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
-            if map.grow(&self.context)? {
-                log::info!(
-                    "the photon list overflowed by {} photons and now holds {}",
-                    map.counters().dropped,
-                    map.capacity()
-                );
-                grew = true;
-            }
-        }
-        if grew {
-            self.bind()?;
-        }
-        let anew = anew || self.settings.photon.every_frame || self.scene.scene_moved();
-        let is_due = |map: &PhotonMap| anew || map.traced_at().is_none();
-        // One frame's maps share one origin and one key, so they are traced together.
-        if self.maps().any(is_due) {
-            // The map that is about to be traced, not the one before it.
-            let origin = self.origin_in_world;
-            self.write_frame_uniform(views, frame_index, 0, Some((origin, photon_key)));
-            for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
-                let mut recorder =
-                    FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
-                map.record(&mut recorder, &self.kernels, origin, photon_key)?;
-                recorder.submit("photon map", &mut result.times)?;
-                let counters = map.read_counters(&self.context)?;
-                result.photons.traced |= counters.paths_traced > 0;
-                if counters.dropped > 0 {
-                    log::warn!(
-                        "{} of {} photons found no room; {} of {} paths count",
-                        counters.dropped,
-                        counters.demanded,
-                        counters.paths_kept,
-                        counters.paths_traced
-                    );
-                }
-            }
-        }
-        let stats = |map: &PhotonMap| {
-            let counters = map.counters();
-            MapStats {
-                emitted: counters.paths_traced,
-                stored: counters.stored,
-                dropped: counters.dropped,
-                paths_kept: counters.paths_kept,
-                capacity: map.capacity(),
-            }
-        };
-        result.photons.map = self.photon_map.as_ref().map(stats).unwrap_or_default();
-        result.photons.caustics = self.caustic_map.as_ref().map(stats);
         Ok(())
     }
 

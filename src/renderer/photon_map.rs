@@ -93,8 +93,24 @@ pub struct PhotonGrid {
 /// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
 
+/// Photons of one batch of paths, in slots of the paths' own.
+struct BatchBuffers {
+    photons: wgpu::Buffer,
+    counts: wgpu::Buffer,
+}
+
+/// Which paths are traced for a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Due {
+    /// All.
+    All,
+    /// One share, counted around: the others' photons stay.
+    Share(u32),
+}
+
 struct Buffers {
-    path_photons: wgpu::Buffer,
+    /// One for all batches in turn, or, where shares of the paths are kept, one for each.
+    batches: Vec<BatchBuffers>,
     path_counts: wgpu::Buffer,
     path_sums: wgpu::Buffer,
     photons: wgpu::Buffer,
@@ -121,6 +137,8 @@ pub struct PhotonMap {
     buffers: Buffers,
     tree: Option<KdTree>,
     bound: BTreeMap<&'static str, Bound>,
+    /// Passes over a batch's own buffers, by batch buffers, in the order of [`MapKind::batch`].
+    bound_batches: Vec<Vec<Bound>>,
     bound_cell_scan: Vec<Bound>,
     bound_path_scan: Vec<Bound>,
     bound_radix_scan: Vec<Bound>,
@@ -132,6 +150,13 @@ pub struct PhotonMap {
     last: PhotonCounters,
 }
 
+fn unbound(pass: &str) -> GpuError {
+    GpuError::Unbound {
+        pass: pass.to_owned(),
+        binding: "any (the photon map was not bound)".to_owned(),
+    }
+}
+
 impl PhotonMap {
     /// Allocates for `config`.
     ///
@@ -140,7 +165,8 @@ impl PhotonMap {
     pub fn new(context: &GpuContext, config: PhotonMapConfig) -> Result<Self, GpuError> {
         let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
         let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
-        let batch_paths = u64::from(config.paths).clamp(1, batch_limit) as u32;
+        let share = config.paths.div_ceil(config.shares.max(1));
+        let batch_paths = u64::from(share).clamp(1, batch_limit) as u32;
         // Bright interiors store about two photons per path, and few paths meet glass; a map that overflows is grown
         // after the frame.
         let per_path = match config.kind {
@@ -201,12 +227,26 @@ impl PhotonMap {
                 Some(KdTree::new(context, capacity)?)
             }
         };
+        let path_counts = buffer("photon path counts", (u64::from(batch_paths) + 1) * 4)?;
+        let slot_bytes = u64::from(batch_paths) * u64::from(slots_per_path) * PHOTON_BYTES;
+        let batch_buffers = if config.shares > 1 {
+            (0..config.paths.div_ceil(batch_paths).max(1))
+                .map(|_| {
+                    Ok(BatchBuffers {
+                        photons: buffer("photon path slots", slot_bytes)?,
+                        counts: buffer("kept photon path counts", path_counts.size())?,
+                    })
+                })
+                .collect::<Result<Vec<_>, GpuError>>()?
+        } else {
+            vec![BatchBuffers {
+                photons: buffer("photon path slots", slot_bytes)?,
+                counts: path_counts.clone(),
+            }]
+        };
         let buffers = Buffers {
-            path_photons: buffer(
-                "photon path slots",
-                u64::from(batch_paths) * u64::from(slots_per_path) * PHOTON_BYTES,
-            )?,
-            path_counts: buffer("photon path counts", (u64::from(batch_paths) + 1) * 4)?,
+            batches: batch_buffers,
+            path_counts,
             path_sums: buffer("photon path block sums", sums(u64::from(batch_paths)))?,
             photons: buffer("photon list", photon_bytes)?,
             sorted: buffer("photons in cell order", photon_bytes)?,
@@ -233,6 +273,7 @@ impl PhotonMap {
             buffers,
             tree,
             bound: BTreeMap::new(),
+            bound_batches: Vec::new(),
             bound_cell_scan: Vec::new(),
             bound_path_scan: Vec::new(),
             bound_radix_scan: Vec::new(),
@@ -289,8 +330,6 @@ impl PhotonMap {
         let b = &self.buffers;
         let own = Resources::new()
             .with("dispatch", &b.dispatch)
-            .with("path_photons", &b.path_photons)
-            .with("path_counts", &b.path_counts)
             .with("path_starts", &b.path_counts)
             .with("photon_counters", &b.counters)
             .with("photons", &b.photons)
@@ -308,9 +347,21 @@ impl PhotonMap {
             all = all.with("kd_groups", tree.groups());
         }
         let mut bound = BTreeMap::new();
-        for pass in self.config.bound_passes() {
+        let others = self.config.layout().iter().chain(self.config.finish());
+        for pass in others {
             bound.insert(pass.name, kernels.get(pass)?.bind(context, &all)?);
         }
+        let bound_batches = b.batches.iter().map(|batch| {
+            let resources = all
+                .clone()
+                .with("path_photons", &batch.photons)
+                .with("path_counts", &batch.counts);
+            let passes = self.config.kind.batch().iter();
+            passes
+                .map(|pass| kernels.get(pass)?.bind(context, &resources))
+                .collect::<Result<Vec<_>, GpuError>>()
+        });
+        self.bound_batches = bound_batches.collect::<Result<Vec<_>, GpuError>>()?;
         if let Some(tree) = &mut self.tree {
             // An even number of digits ends where it began.
             tree.bind(context, kernels, &own, &b.radix[0])?;
@@ -352,10 +403,7 @@ impl PhotonMap {
     }
 
     fn bound(&self, pass: &Pass) -> Result<&Bound, GpuError> {
-        self.bound.get(pass.name).ok_or_else(|| GpuError::Unbound {
-            pass: pass.name.to_owned(),
-            binding: "any (the photon map was not bound)".to_owned(),
-        })
+        self.bound.get(pass.name).ok_or_else(|| unbound(pass.name))
     }
 
     fn scan(
@@ -384,7 +432,18 @@ impl PhotonMap {
         Ok(())
     }
 
-    /// Records tracing and sorting. The photons' space becomes the render space of this frame.
+    /// Batches of the paths.
+    fn batch_count(&self) -> u32 {
+        self.config.paths.div_ceil(self.batch_paths)
+    }
+
+    /// Shares in which the paths can be traced anew.
+    pub fn shares(&self) -> u32 {
+        self.config.shares.min(self.batch_count()).max(1)
+    }
+
+    /// Records tracing what is due, and sorting. The photons' space is the render space of a head at `origin_in_world`:
+    /// this frame's where all paths are due, else that of the photons that stay. Returns the number of paths traced.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] before [`PhotonMap::bind`].
@@ -394,7 +453,14 @@ impl PhotonMap {
         kernels: &KernelSet,
         origin_in_world: DVec3,
         frame_index: u32,
-    ) -> Result<(), GpuError> {
+        due: Due,
+    ) -> Result<u32, GpuError> {
+        let mut paths_traced = 0;
+        let shares = self.shares();
+        let is_due = |batch: u32| match due {
+            Due::All => true,
+            Due::Share(share) => batch % shares == share % shares,
+        };
         let b = &self.buffers;
         for buffer in [
             &b.counters,
@@ -405,26 +471,37 @@ impl PhotonMap {
         ] {
             recorder.clear(buffer);
         }
-        let batches = self.config.paths.div_ceil(self.batch_paths);
+        let batches = self.batch_count();
         for batch in 0..batches {
             let count = self
                 .batch_paths
                 .min(self.config.paths - batch * self.batch_paths);
-            recorder.clear(&b.path_counts);
-            for (step, pass) in self.config.kind.batch().iter().enumerate() {
+            let kept = self.config.shares > 1;
+            let index = if kept { batch as usize } else { 0 };
+            let (Some(own), Some(bound)) = (b.batches.get(index), self.bound_batches.get(index))
+            else {
+                return Err(unbound("photon batch"));
+            };
+            for (step, (pass, bound)) in self.config.kind.batch().iter().zip(bound).enumerate() {
                 let kernel = kernels.get(pass)?;
                 let groups = match pass.over {
                     passes::Over::Batch => kernel.groups_for(count),
                     _ => [1, 1, 1],
                 };
-                recorder.dispatch(
-                    &self.config.kind.label(pass),
-                    kernel,
-                    self.bound(pass)?,
-                    batch,
-                    groups,
-                );
-                if step == 0 {
+                let traces = step == 0;
+                if traces && is_due(batch) {
+                    recorder.clear(&own.counts);
+                    paths_traced += count;
+                }
+                if !traces || is_due(batch) {
+                    let label = self.config.kind.label(pass);
+                    recorder.dispatch(&label, kernel, bound, batch, groups);
+                }
+                if traces {
+                    if kept {
+                        // The scan is in place, and these counts serve again.
+                        recorder.copy(&own.counts, &b.path_counts, own.counts.size());
+                    }
                     self.scan(recorder, kernels, &self.bound_path_scan, &b.path_counts)?;
                 }
             }
@@ -452,7 +529,7 @@ impl PhotonMap {
             self.record_over_photons(recorder, kernels, pass)?;
         }
         self.traced_at = Some((origin_in_world, frame_index));
-        Ok(())
+        Ok(paths_traced)
     }
 
     /// Sorts by key; `first_entry` is that of the lowest digit in the dispatch table.
@@ -536,15 +613,14 @@ impl PhotonMap {
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
-        let empty_batch = self.config.paths.div_ceil(self.batch_paths);
-        for pass in self.config.bound_passes() {
-            recorder.dispatch(
-                pass.name,
-                kernels.get(pass)?,
-                self.bound(pass)?,
-                empty_batch,
-                [1, 1, 1],
-            );
+        let empty_batch = self.batch_count();
+        let batch = self.bound_batches.iter().take(1).flatten();
+        for (pass, bound) in self.config.kind.batch().iter().zip(batch) {
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, empty_batch, [1, 1, 1]);
+        }
+        for pass in self.config.layout().iter().chain(self.config.finish()) {
+            let bound = self.bound(pass)?;
+            recorder.dispatch(pass.name, kernels.get(pass)?, bound, empty_batch, [1, 1, 1]);
         }
         if let Some(tree) = &self.tree {
             tree.record_warm_up(recorder, kernels, empty_batch)?;

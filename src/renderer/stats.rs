@@ -27,8 +27,12 @@ pub enum Provenance {
 /// Photons of a frame, for `stats.jsonl`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct PhotonStats {
-    /// Whether this frame traced photons, or used those of an earlier one.
+    /// Whether this frame traced photons, or used those of earlier ones alone.
     pub traced: bool,
+    /// Paths that this frame traced, of both maps.
+    pub retraced: u32,
+    /// Shares of the paths that were traced before the scene moved last: frames until the light has caught up.
+    pub outdated_shares: u32,
     /// The map of all photons but caustics.
     #[serde(flatten)]
     pub map: MapStats,
