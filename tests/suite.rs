@@ -59,7 +59,9 @@ mod suite {
     pub mod options_settings;
     pub mod parts;
     pub mod photon_map;
+    pub mod photons_over_time;
     pub mod progressive;
+    pub mod reconstruction;
     pub mod reference;
     pub mod scene_builtin;
     pub mod scene_faults;

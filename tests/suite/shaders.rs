@@ -37,6 +37,8 @@ const SCENE: &[&str] = &[
     "frame",
     "dispatch",
     "reconstruction",
+    "previous_instances",
+    "previous_positions",
     "top_nodes",
     "mesh_nodes",
     "instances",

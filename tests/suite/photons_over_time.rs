@@ -1,0 +1,130 @@
+//! Photons that stay, and shares of them that are traced anew once something moves.
+
+use std::collections::BTreeSet;
+
+use glam::{DAffine3, DVec3};
+use stereolux::options::{Method, Reuse, Settings};
+use stereolux::renderer::{Eye, FrameResult, InstanceId, Renderer};
+use stereolux::xr::{Pose, View};
+
+use super::support::{
+    builtin, mean, method, parallel_views, radiance, renderer, square_fov, start_pose,
+};
+
+const SHARES: u32 = 4;
+const PATHS: u32 = 4096;
+
+fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
+    let mut settings = method(Method::Photon, Reuse::Off);
+    settings.photon.count = PATHS;
+    settings.photon.shares = SHARES;
+    // Indirect light alone: what comes from the map.
+    settings.photon.direct = stereolux::options::DirectLight::Map;
+    change(&mut settings);
+    settings
+}
+
+fn views_from(offset: DVec3) -> [View; 2] {
+    let start = start_pose(&builtin("cornell"));
+    let head = Pose::new(start.position + offset, start.orientation);
+    parallel_views(head, 0.063, square_fov(21.0))
+}
+
+fn step(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> FrameResult {
+    renderer.render_frame(views, frame, |_| {}).unwrap()
+}
+
+/// The photons' bits, whatever their order.
+fn photons(renderer: &Renderer) -> BTreeSet<Vec<u8>> {
+    let map = renderer.photon_map().unwrap();
+    map.read_photons(renderer.context())
+        .unwrap()
+        .iter()
+        .map(|photon| bytemuck::bytes_of(photon).to_vec())
+        .collect()
+}
+
+/// A block of the Cornell box, a little to the side.
+fn nudge(renderer: &mut Renderer, by_m: f64) {
+    let moved =
+        renderer.set_instance_transform(InstanceId(6), DAffine3::from_translation(DVec3::X * by_m));
+    assert!(moved);
+}
+
+#[test]
+fn a_share_per_frame_is_traced_until_all_have_seen_the_scene_as_it_stands() {
+    let scene = builtin("cornell");
+    let mut renderer = renderer(&scene, &settings(|_| {}), [16, 16]);
+    let views = views_from(DVec3::ZERO);
+    let first = step(&mut renderer, &views, 0).photons;
+    assert_eq!((first.retraced, first.outdated_shares), (PATHS, 0));
+    let still = step(&mut renderer, &views, 1).photons;
+    assert_eq!((still.retraced, still.traced), (0, false));
+    let mut before = photons(&renderer);
+    let first_map = before.clone();
+    nudge(&mut renderer, 0.05);
+    for turn in 0..SHARES {
+        let stats = step(&mut renderer, &views, 2 + turn).photons;
+        assert_eq!(stats.retraced, PATHS / SHARES, "turn {turn}");
+        assert_eq!(stats.outdated_shares, SHARES - 1 - turn, "turn {turn}");
+        assert_eq!(stats.map.emitted, PATHS);
+        // The other shares' photons are the same, bit for bit; of the one, none: its random numbers are new.
+        let now = photons(&renderer);
+        let same = now.intersection(&before).count() as f64 / before.len() as f64;
+        // A share's photons are a quarter of all, give or take 4 standard deviations of a binomial count with the
+        // variance that about two photons per path add.
+        let spread = 4.0 * (0.75 * 0.25 * 3.0 / f64::from(PATHS)).sqrt();
+        assert!((same - 0.75).abs() < spread, "turn {turn}: {same} stayed");
+        let old = now.intersection(&first_map).count() as f64 / first_map.len() as f64;
+        let expected = 1.0 - f64::from(turn + 1) / f64::from(SHARES);
+        assert!(
+            (old - expected).abs() < spread,
+            "turn {turn}: {old} of the first map"
+        );
+        before = now;
+    }
+    let done = step(&mut renderer, &views, 2 + SHARES).photons;
+    assert_eq!(
+        (done.retraced, done.traced, done.outdated_shares),
+        (0, false, 0)
+    );
+}
+
+#[test]
+fn shares_and_whole_maps_give_the_same_light_wherever_the_head_goes() {
+    // The block moves and comes back; the head walks on meanwhile, so that shares are traced from four places.
+    let scene = builtin("cornell");
+    let light = |shares: u32, frames: u32| {
+        let mut renderer = renderer(&scene, &settings(|s| s.photon.shares = shares), [16, 16]);
+        let mut means = Vec::new();
+        for frame in 0..frames {
+            nudge(&mut renderer, if frame % 2 == 0 { 0.01 } else { 0.0101 });
+            let away = DVec3::new(0.02, 0.01, 0.03) * f64::from(frame % 8);
+            step(&mut renderer, &views_from(away), frame);
+            if frame >= 8 {
+                // Without the lamp, whose pixels shine at 10 and more: what comes from the map is below 2.
+                let seen = radiance(&renderer, Eye::Left);
+                let lit: Vec<[f32; 3]> = seen.into_iter().filter(|p| p[0] < 2.0).collect();
+                means.push(mean(&lit));
+            }
+        }
+        means
+    };
+    // Whole maps are independent from frame to frame; frames of shares have three quarters in common, so that of the
+    // differences between the two only every fourth counts.
+    let (whole, shared) = (light(1, 40), light(SHARES, 40));
+    let z = |factor: f64| {
+        let differences: Vec<f64> = whole
+            .iter()
+            .zip(&shared)
+            .map(|(a, b)| a - factor * b)
+            .collect();
+        let n = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / n;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        mean / (f64::from(SHARES) * variance / n).sqrt()
+    };
+    assert!(z(1.0).abs() < 4.0, "z {}", z(1.0));
+    // Negative control: a share that is counted twice, or lost, changes the light by a quarter.
+    assert!(z(1.25).abs() > 4.0, "z {}", z(1.25));
+}

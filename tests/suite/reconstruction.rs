@@ -1,0 +1,499 @@
+//! Filtering over time, neighbours and eyes: motion vectors, what the filter must leave alone, and what it gains.
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::images::{Image, aces_filmic};
+use stereolux::metrics::{binocular_error, error_image};
+use stereolux::options::{Eyes, Method, Reuse, Settings};
+use stereolux::renderer::{Eye, InstanceId, Renderer};
+use stereolux::scene::Scene;
+use stereolux::scene::builtin::plane;
+use stereolux::xr::{Pose, View};
+
+use super::support::{
+    assert_clean, bits, builtin, context, mean, method, parallel_views, placed, radiance, renderer,
+    square_fov, start_pose,
+};
+
+const SIZE: u32 = 64;
+const PIXELS: usize = (SIZE * SIZE) as usize;
+/// The width of the human head's eyes, metres.
+const IPD_M: f64 = 0.063;
+
+/// The path method with the filter on, changed by `change`.
+fn filtered(reuse: Reuse, change: impl FnOnce(&mut Settings)) -> Settings {
+    let mut settings = method(Method::Path, reuse);
+    settings.reconstruct.svgf = true;
+    change(&mut settings);
+    settings
+}
+
+/// Views that the Cornell box fills.
+fn filling_views(scene: &Scene) -> [View; 2] {
+    parallel_views(start_pose(scene), IPD_M, square_fov(21.0))
+}
+
+fn rel_mse(image: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
+    super::cornell::rel_mse(image, reference, &[true; PIXELS])
+}
+
+fn play(renderer: &mut Renderer, views: &[View; 2], frames: std::ops::Range<u32>) {
+    for frame in frames {
+        renderer.render_frame(views, frame, |_| {}).unwrap();
+    }
+}
+
+/// Mean of `frames` frames of one sample through the pixels' centres, per eye, with another seed than what it judges.
+fn mean_of_frames(scene: &Scene, views: &[View; 2], eyes: Eyes, frames: u32) -> Vec<Vec<[f32; 3]>> {
+    let mut settings = method(Method::Path, Reuse::Off);
+    settings.seed = 1234;
+    settings.reconstruct.still = true;
+    settings.reconstruct.still_from = 0;
+    settings.reconstruct.still_until = 1;
+    let library = stereolux::gpu::ShaderLibrary::embedded();
+    let mut renderer =
+        Renderer::new(context(), &library, scene, &settings, eyes, [SIZE, SIZE]).unwrap();
+    play(&mut renderer, views, 0..frames);
+    [Eye::Left, Eye::Right]
+        .into_iter()
+        .filter_map(|eye| renderer.read_radiance(eye).unwrap())
+        .collect()
+}
+
+/// Displacement of every pixel of the second frame, and whether it is known.
+fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
+    let reconstruction = renderer.reconstruction().unwrap();
+    reconstruction
+        .read_motion(renderer.context(), eye, PIXELS)
+        .unwrap()
+        .unwrap()
+        .1
+}
+
+/// Continuous pixel position of a world point in f64; `None` behind the eye.
+fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
+    let p = view.orientation.inverse() * (point - view.position_in_world);
+    let t = view.fov.tangents();
+    let (tx, ty) = (p.x / -p.z, p.y / -p.z);
+    let size = f64::from(SIZE);
+    (p.z < 0.0).then_some([
+        (tx - t.left) / (t.right - t.left) * size,
+        (t.up - ty) / (t.up - t.down) * size,
+    ])
+}
+
+/// The target: the previous frame's surface point is met to within a sixteenth of a pixel.
+const MOTION_TOLERANCE_PX: f64 = 1.0 / 16.0;
+
+#[test]
+fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before() {
+    // Far from the world's origin: places are formed in f64.
+    let far = DVec3::new(1.0e5, -3.0e4, 2.0e5);
+    let scene = placed(builtin("plane"), DAffine3::from_translation(far));
+    let at_rest = DAffine3::from_translation(far);
+    let head = |step: f64| {
+        Pose::new(
+            far + DVec3::new(0.05, -0.02, 0.04) * step,
+            DQuat::from_euler(glam::EulerRot::YXZ, 0.04 * step, 0.02 * step, -0.05 * step),
+        )
+    };
+    // The plane, moved and turned about its own middle.
+    let turned = |step: f64| {
+        let middle = DVec3::NEG_Z * plane::DISTANCE_M;
+        at_rest
+            * DAffine3::from_translation(middle + DVec3::new(0.1, 0.0, 0.05) * step)
+            * DAffine3::from_rotation_y(0.06 * step)
+            * DAffine3::from_translation(-middle)
+    };
+    for (eyes_move, plane_moves) in [(true, false), (false, true), (true, true)] {
+        let settings = filtered(Reuse::Scatter, |_| {});
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        let views = |step: f64| {
+            parallel_views(
+                head(if eyes_move { step } else { 0.0 }),
+                IPD_M,
+                square_fov(45.0),
+            )
+        };
+        let place = |step: f64| turned(if plane_moves { step } else { 0.0 });
+        for step in [0.0, 1.0] {
+            renderer.set_instance_transform(InstanceId(0), place(step));
+            renderer
+                .render_frame(&views(step), step as u32, |_| {})
+                .unwrap();
+        }
+        for (eye, index) in [(Eye::Left, 0), (Eye::Right, 1)] {
+            let (now, before) = (views(1.0)[index], views(0.0)[index]);
+            let moved = motion(&renderer, eye);
+            let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+            for (pixel, moved) in moved.iter().enumerate() {
+                let at = [
+                    f64::from(pixel as u32 % SIZE) + 0.5,
+                    f64::from(pixel as u32 / SIZE) + 0.5,
+                ];
+                // Where the pixel's centre sees the plane; a reused pixel's own sample lies elsewhere in the pixel, and
+                // its displacement differs by what the displacement changes within half a pixel.
+                let ray = now.ray_through_pixel(at[0], at[1], SIZE, SIZE);
+                let object_from_world = place(1.0).inverse();
+                let origin = object_from_world.transform_point3(ray.origin);
+                let direction = object_from_world.transform_vector3(ray.direction);
+                let in_object = origin - direction * ((origin.z + plane::DISTANCE_M) / direction.z);
+                let then = place(0.0).transform_point3(in_object);
+                let expected = project(&before, then).unwrap();
+                assert_eq!(moved[3], 1.0, "pixel {pixel} has no history");
+                for axis in 0..2 {
+                    let displacement = expected[axis] - at[axis];
+                    worst = worst.max((f64::from(moved[axis]) - displacement).abs());
+                    largest = largest.max(displacement.abs());
+                }
+            }
+            let what = format!("{eye:?}, eyes {eyes_move}, plane {plane_moves}");
+            // Displacements change by under 0.12 pixels from pixel to pixel here, so by half of that within a pixel.
+            assert!(worst < MOTION_TOLERANCE_PX, "{what}: {worst} pixels");
+            // Negative control: no motion at all would be found out.
+            assert!(largest > 20.0 * MOTION_TOLERANCE_PX, "{what}: {largest}");
+        }
+    }
+}
+
+#[test]
+fn a_surface_that_was_not_there_has_no_history() {
+    let scene = builtin("plane");
+    let settings = filtered(Reuse::Off, |_| {});
+    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(45.0));
+    play(&mut renderer, &views, 0..1);
+    assert!(motion(&renderer, Eye::Left).iter().all(|m| m[3] == 0.0));
+    play(&mut renderer, &views, 1..2);
+    assert!(motion(&renderer, Eye::Left).iter().all(|m| m[3] == 1.0));
+    // In front of the old one, new in this frame.
+    let nearer = DAffine3::from_translation(DVec3::Z * 0.5);
+    renderer.add_instance(0, nearer).unwrap();
+    play(&mut renderer, &views, 2..3);
+    assert!(motion(&renderer, Eye::Left).iter().all(|m| m[3] == 0.0));
+    play(&mut renderer, &views, 3..4);
+    assert!(motion(&renderer, Eye::Left).iter().all(|m| m[3] == 1.0));
+}
+
+#[test]
+fn light_without_noise_passes_the_filter() {
+    // A point light on one plane: every sample is exact, its variance 0, and so neighbours of another brightness weigh
+    // nothing: 4 standard deviations of 0 and LEAST_DEVIATION = 1e-6 against differences of 1e-3 and more from pixel to
+    // pixel. The first frame alone is smoothed, by its 7x7 neighbours.
+    let scene = builtin("plane");
+    let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(45.0));
+    for stereo in [false, true] {
+        let settings = filtered(Reuse::Off, |s| s.reconstruct.stereo = stereo);
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        play(&mut renderer, &views, 0..24);
+        let raw = renderer.read_samples(Eye::Left).unwrap().unwrap();
+        let clean = radiance(&renderer, Eye::Left);
+        let worst = raw
+            .iter()
+            .zip(&clean)
+            .map(|(a, b)| (f64::from(b[0]) / f64::from(a[0]) - 1.0).abs())
+            .fold(0.0, f64::max);
+        // What the smoothed first frames leave decays by 0.8 per frame: after 20 more under 1.2 % of their own error,
+        // which is under 3 % here. With sharing, light is also interpolated between the other eye's samples: off by
+        // h^2 / 8 (|L_xx| + |L_yy|) <= 0.0625^2 / 8 * 6 = 3e-3 (see lookup), at each of the two times.
+        let tolerance = if stereo { 7e-3 } else { 1e-3 };
+        assert!(worst < tolerance, "stereo {stereo}: {worst}");
+    }
+}
+
+#[test]
+fn filtered_frames_come_near_the_reference_and_keep_its_brightness() {
+    let scene = builtin("cornell");
+    let views = filling_views(&scene);
+    // The raw frame's relMSE is about 0.16, the filtered one's 0.005: 500 frames leave 0.0003 of noise in the reference.
+    let reference = mean_of_frames(&scene, &views, Eyes::Left, 500).remove(0);
+    let settings = filtered(Reuse::Off, |s| s.reconstruct.taa = true);
+    let library = stereolux::gpu::ShaderLibrary::embedded();
+    let mut renderer = Renderer::new(
+        context(),
+        &library,
+        &scene,
+        &settings,
+        Eyes::Left,
+        [SIZE, SIZE],
+    )
+    .unwrap();
+    play(&mut renderer, &views, 0..32);
+    let raw = renderer.read_samples(Eye::Left).unwrap().unwrap();
+    let clean = radiance(&renderer, Eye::Left);
+    assert_clean(&clean, "filtered");
+    let (before, after) = (rel_mse(&raw, &reference), rel_mse(&clean, &reference));
+    assert!(
+        after < 0.1 * before,
+        "relMSE {before} raw, {after} filtered"
+    );
+    let brightness = mean(&clean) / mean(&reference);
+    assert!((brightness - 1.0).abs() < 0.02, "brightness {brightness}");
+    // What is shown, against the reference's display light.
+    let shown = renderer.read_displayed(Eye::Left).unwrap().unwrap();
+    let display = |image: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        image.iter().map(|p| p.map(aces_filmic)).collect()
+    };
+    let (raw, reference) = (display(&raw), display(&reference));
+    let (before, after) = (rel_mse(&raw, &reference), rel_mse(&shown, &reference));
+    assert!(after < 0.1 * before, "relMSE {before} raw, {after} shown");
+    // Negative control: a frame that is 5 % too bright is neither.
+    let brighter: Vec<[f32; 3]> = clean.iter().map(|p| p.map(|c| c * 1.05)).collect();
+    assert!((mean(&brighter) / mean(&clean) - 1.0).abs() > 0.02);
+}
+
+#[test]
+fn sharing_makes_the_eyes_agree() {
+    let scene = builtin("cornell");
+    let views = filling_views(&scene);
+    // Everything is Lambert: the same point has the same radiance in both eyes, so their difference is that of their
+    // errors, whatever the reference. Black stands for it.
+    let black = Image::new(SIZE, SIZE, vec![[0.0; 3]; PIXELS]).unwrap();
+    let image = |pixels: &[[f32; 3]]| Image::new(SIZE, SIZE, pixels.to_vec()).unwrap();
+    let disagreement = |stereo: bool| {
+        let settings = filtered(Reuse::Off, |s| s.reconstruct.stereo = stereo);
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        play(&mut renderer, &views, 0..16);
+        let (seen, _) = renderer
+            .reconstruction()
+            .unwrap()
+            .read_motion(renderer.context(), Eye::Right, PIXELS)
+            .unwrap()
+            .unwrap();
+        let (left_seen, _) = renderer
+            .reconstruction()
+            .unwrap()
+            .read_motion(renderer.context(), Eye::Left, PIXELS)
+            .unwrap()
+            .unwrap();
+        // Pairs in f64: the right pixel's point in the left image, there at the same distance to 1 %.
+        let pairs: Vec<Option<u32>> = seen
+            .iter()
+            .enumerate()
+            .map(|(pixel, record)| {
+                let distance = f64::from(f32::from_bits(record[0]));
+                let x = f64::from(pixel as u32 % SIZE) + 0.5;
+                let y = f64::from(pixel as u32 / SIZE) + 0.5;
+                let ray = views[1].ray_through_pixel(x, y, SIZE, SIZE);
+                let point = ray.origin + ray.direction * distance;
+                let [u, v] = project(&views[0], point).filter(|_| distance > 0.0)?;
+                // Near a left pixel's centre, so that hardly any of the difference is the light's own slope.
+                let inside =
+                    |c: f64| (0.0..f64::from(SIZE)).contains(&c) && (c.fract() - 0.5).abs() < 0.2;
+                if !inside(u) || !inside(v) {
+                    return None;
+                }
+                let left = v as u32 * SIZE + u as u32;
+                let left_distance = f64::from(f32::from_bits(left_seen[left as usize][0]));
+                let expected = point.distance(views[0].position_in_world);
+                ((left_distance / expected - 1.0).abs() < 0.01).then_some(left)
+            })
+            .collect();
+        let error = |eye: Eye| error_image(&image(&radiance(&renderer, eye)), &black).unwrap();
+        let pairs = Image::new(SIZE, SIZE, pairs).unwrap();
+        let found = binocular_error(&error(Eye::Left), &error(Eye::Right), &black, &pairs).unwrap();
+        assert!(found.pairs > PIXELS / 6, "{} pairs", found.pairs);
+        found.rmse
+    };
+    let (alone, shared) = (disagreement(false), disagreement(true));
+    assert!(
+        shared < 0.5 * alone,
+        "binocular RMSE {shared} shared, {alone} each by itself"
+    );
+}
+
+#[test]
+fn the_still_mean_is_the_mean_of_the_frames_and_begins_anew_with_motion() {
+    let scene = builtin("cornell");
+    let views = filling_views(&scene);
+    let mut settings = method(Method::Path, Reuse::Scatter);
+    settings.reconstruct.still = true;
+    settings.reconstruct.still_from = 0;
+    settings.reconstruct.still_until = 1;
+    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    const FRAMES: u32 = 7;
+    let mut sums = vec![[0.0_f64; 3]; PIXELS];
+    let check = |renderer: &Renderer, sums: &[[f64; 3]], frames: u32| {
+        let shown = radiance(renderer, Eye::Right);
+        for (pixel, (shown, sum)) in shown.iter().zip(sums).enumerate() {
+            for channel in 0..3 {
+                let expected = sum[channel] / f64::from(frames);
+                // `frames` sums and a division, each rounded to half a unit.
+                let tolerance = 1e-6 + expected * f64::from(frames + 2) * f64::from(f32::EPSILON);
+                let off = (f64::from(shown[channel]) - expected).abs();
+                assert!(off <= tolerance, "pixel {pixel}: off by {off}");
+            }
+        }
+    };
+    for frame in 0..FRAMES {
+        play(&mut renderer, &views, frame..frame + 1);
+        let raw = renderer.read_samples(Eye::Right).unwrap().unwrap();
+        for (sum, raw) in sums.iter_mut().zip(raw) {
+            *sum = std::array::from_fn(|c| sum[c] + f64::from(raw[c]));
+        }
+        assert_eq!(renderer.reconstruction().unwrap().still_frames(), frame + 1);
+    }
+    check(&renderer, &sums, FRAMES);
+    // A thousandth of a degree is motion.
+    let mut turned = views;
+    turned[0].orientation = (DQuat::from_rotation_y(1.7e-5) * turned[0].orientation).normalize();
+    play(&mut renderer, &turned, FRAMES..FRAMES + 1);
+    let raw = renderer.read_samples(Eye::Right).unwrap().unwrap();
+    assert_eq!(bits(&radiance(&renderer, Eye::Right)), bits(&raw));
+}
+
+#[test]
+fn what_is_shown_is_the_mean_in_display_light_clipped_to_its_neighbours() {
+    // The f64 twin of `taa` for eyes at rest, where history is read at the pixel itself.
+    let scene = builtin("cornell");
+    let views = filling_views(&scene);
+    let mut settings = method(Method::Path, Reuse::Off);
+    settings.reconstruct.taa = true;
+    settings.output.exposure = 2.0;
+    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    let display = |renderer: &Renderer| -> Vec<[f64; 3]> {
+        radiance(renderer, Eye::Left)
+            .iter()
+            .map(|p| p.map(|c| f64::from(aces_filmic(2.0 * c))))
+            .collect()
+    };
+    let to = |c: [f64; 3]| {
+        [
+            0.25 * c[0] + 0.5 * c[1] + 0.25 * c[2],
+            0.5 * (c[0] - c[2]),
+            -0.25 * c[0] + 0.5 * c[1] - 0.25 * c[2],
+        ]
+    };
+    let from = |c: [f64; 3]| [c[0] + c[1] - c[2], c[0] + c[2], c[0] - c[1] - c[2]];
+    play(&mut renderer, &views, 0..1);
+    let mut history = display(&renderer);
+    let shown = renderer.read_displayed(Eye::Left).unwrap().unwrap();
+    // The first frame is shown as it is; f32 and f64 differ by a few roundings of numbers up to 1.
+    const ROUNDING: f64 = 2e-6;
+    for (shown, expected) in shown.iter().zip(&history) {
+        for c in 0..3 {
+            assert!((f64::from(shown[c]) - expected[c]).abs() < ROUNDING);
+        }
+    }
+    let mut clipped = 0;
+    for frame in 1..4 {
+        play(&mut renderer, &views, frame..frame + 1);
+        let now = display(&renderer);
+        let size = SIZE as i64;
+        let mut next = Vec::with_capacity(PIXELS);
+        for pixel in 0..size * size {
+            let (x, y) = (pixel % size, pixel / size);
+            let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
+            for k in 0..9 {
+                let tap = |at: i64, step: i64| (at + step - 1).clamp(0, size - 1);
+                let color = to(now[(tap(y, k / 3) * size + tap(x, k % 3)) as usize]);
+                for c in 0..3 {
+                    sum[c] += color[c];
+                    squares[c] += color[c] * color[c];
+                }
+            }
+            let mean = sum.map(|s| s / 9.0);
+            let old = to(history[pixel as usize]);
+            let mut excess = 1.0_f64;
+            for c in 0..3 {
+                let deviation = (squares[c] / 9.0 - mean[c] * mean[c]).max(0.0).sqrt();
+                excess = excess.max((old[c] - mean[c]).abs() / deviation.max(1e-5));
+            }
+            clipped += usize::from(excess > 1.0);
+            let kept = from(std::array::from_fn(|c| {
+                mean[c] + (old[c] - mean[c]) / excess
+            }))
+            .map(|light: f64| light.clamp(0.0, 1.0));
+            next.push(std::array::from_fn(|c| {
+                0.9 * kept[c] + 0.1 * now[pixel as usize][c]
+            }));
+        }
+        let shown = renderer.read_displayed(Eye::Left).unwrap().unwrap();
+        for (pixel, (shown, expected)) in shown.iter().zip(&next).enumerate() {
+            let expected: &[f64; 3] = expected;
+            for c in 0..3 {
+                // Variance as a difference of squares loses half the digits: a standard deviation near 0 is off by up
+                // to sqrt(9 eps) = 1e-3, and the clipped colour with it.
+                let off = (f64::from(shown[c]) - expected[c]).abs();
+                assert!(off < 2e-3, "frame {frame}, pixel {pixel}: off by {off}");
+            }
+        }
+        history = shown.iter().map(|p| p.map(f64::from)).collect();
+    }
+    // Noise of one sample per pixel: clipping must have happened, and not everywhere.
+    assert!(clipped > PIXELS / 20 && clipped < 3 * PIXELS, "{clipped}");
+}
+
+#[test]
+fn two_replays_of_moving_eyes_are_equal_bit_for_bit() {
+    let scene = builtin("cornell");
+    for (kind, reuse) in [
+        (Method::Path, Reuse::Scatter),
+        (Method::Photon, Reuse::Lookup),
+        (Method::Photon, Reuse::Off),
+    ] {
+        let run = || {
+            let mut settings = method(kind, reuse);
+            settings.reconstruct.svgf = true;
+            settings.reconstruct.taa = true;
+            settings.reconstruct.still = true;
+            let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+            for frame in 0..4 {
+                let turn = DQuat::from_rotation_y(0.01 * f64::from(frame));
+                let start = start_pose(&scene);
+                let head = Pose::new(start.position, turn * start.orientation);
+                let views = parallel_views(head, IPD_M, square_fov(30.0));
+                renderer.render_frame(&views, frame, |_| {}).unwrap();
+            }
+            [Eye::Left, Eye::Right].map(|eye| {
+                let shown = renderer.read_displayed(eye).unwrap().unwrap();
+                assert_clean(&shown, "shown");
+                (bits(&radiance(&renderer, eye)), bits(&shown))
+            })
+        };
+        let (first, second) = (run(), run());
+        assert!(first == second, "{kind:?} {reuse:?}");
+        assert!(first[0] != first[1], "{kind:?}: both eyes show the same");
+    }
+}
+
+#[test]
+fn light_that_goes_out_is_gone_after_a_stated_number_of_frames() {
+    // 1 - color_alpha = 0.8 of the light stays from frame to frame, 0.9 of what is shown: under a hundredth after
+    // ln 100 / ln 1.25 = 20.6 and, unless clipped, 43.7 frames more. The clip lets nothing stay where all is black.
+    const FRAMES: u32 = 22;
+    let scene = builtin("cornell");
+    let lamp = scene
+        .instances()
+        .iter()
+        .position(|instance| {
+            let triangles = &scene.meshes[instance.mesh].triangles;
+            triangles
+                .iter()
+                .any(|t| scene.materials[t.material as usize].is_emissive())
+        })
+        .unwrap();
+    let views = filling_views(&scene);
+    for (kind, shares) in [(Method::Path, 1), (Method::Photon, 1), (Method::Photon, 4)] {
+        let mut settings = method(kind, Reuse::Scatter);
+        settings.reconstruct.svgf = true;
+        settings.reconstruct.taa = true;
+        settings.photon.shares = shares;
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        play(&mut renderer, &views, 0..12);
+        let lit = mean(&radiance(&renderer, Eye::Left));
+        let shown =
+            |renderer: &Renderer| mean(&renderer.read_displayed(Eye::Left).unwrap().unwrap());
+        let shown_lit = shown(&renderer);
+        assert!(renderer.remove_instance(InstanceId(lamp as u32)));
+        // The share of photons that is traced last still has the old light shares - 1 frames later.
+        let gone = 12 + FRAMES + shares - 1;
+        play(&mut renderer, &views, 12..gone);
+        let rest = mean(&radiance(&renderer, Eye::Left)) / lit;
+        assert!(rest < 0.01, "{kind:?}, {shares} shares: {rest} left");
+        let rest = shown(&renderer) / shown_lit;
+        assert!(
+            rest < 0.01,
+            "{kind:?}, {shares} shares: {rest} left of what is shown"
+        );
+    }
+}
