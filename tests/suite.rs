@@ -32,6 +32,7 @@ mod suite {
     pub mod commands;
     pub mod convergence;
     pub mod cornell;
+    pub mod deforming;
     pub mod determinism;
     pub mod forced_features;
     pub mod gathers;
