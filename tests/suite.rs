@@ -65,6 +65,7 @@ mod suite {
     pub mod scene_builtin;
     pub mod scene_faults;
     pub mod scene_import;
+    pub mod scene_motion;
     pub mod shaders;
     pub mod sphere;
     pub mod stereo_exact;

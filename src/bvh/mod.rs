@@ -12,8 +12,8 @@
 
 pub mod bounds;
 pub mod mesh;
-pub mod refit;
 pub mod reference;
+pub mod refit;
 pub mod top;
 pub mod tree;
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::mesh::{self, MaterialMarks, MeshHierarchies};
-use super::{BvhError, Bounds32, MESH_STACK};
+use super::{Bounds32, BvhError, MESH_STACK};
 use crate::gpu::types::bvh::BvhNode;
 use crate::scene::Mesh;
 
@@ -94,7 +94,12 @@ impl MeshHierarchies {
         }
         for (to, node) in self.nodes[nodes.clone()].iter_mut().zip(&alone.nodes) {
             let shift = |index, count| {
-                index + if count == 0 { range.root } else { range.first_triangle }
+                index
+                    + if count == 0 {
+                        range.root
+                    } else {
+                        range.first_triangle
+                    }
             };
             *to = BvhNode {
                 left_index: shift(node.left_index, node.left_count),

@@ -219,8 +219,8 @@ impl Deformer {
             if now == shape.now {
                 continue;
             }
-            let changes_shape =
-                now.object_from_mesh != shape.now.object_from_mesh || now.weights != shape.now.weights;
+            let changes_shape = now.object_from_mesh != shape.now.object_from_mesh
+                || now.weights != shape.now.weights;
             self.is_new |= changes_shape || shape.now == Deformation::default();
             shape.now = now;
             shape.write(&mut self.joint_rows, &mut self.weights);
@@ -376,7 +376,11 @@ impl Deformer {
     ) -> Result<(), GpuError> {
         if self.has_work() {
             let bytes = u64::from(self.vertex_count) * 16;
-            recorder.copy(&self.buffers.positions, &self.buffers.previous_positions, bytes);
+            recorder.copy(
+                &self.buffers.positions,
+                &self.buffers.previous_positions,
+                bytes,
+            );
         }
         if self.is_new {
             self.record_passes(recorder, kernels)?;
@@ -595,7 +599,11 @@ impl Packed {
         first_vertex: u32,
     ) -> DeformMesh {
         let record = DeformMesh {
-            first_joint: if joints.is_some() { self.row_count as u32 } else { NONE },
+            first_joint: if joints.is_some() {
+                self.row_count as u32
+            } else {
+                NONE
+            },
             first_weight: self.weight_count as u32,
             target_count: mesh.targets.len() as u32,
             first_delta: self.deltas.len() as u32,
@@ -611,8 +619,11 @@ impl Packed {
                     .extend([position, normal].map(|[x, y, z]| [*x, *y, *z, 0.0]));
             }
         }
-        let is_flat =
-            |vertex: usize| mesh.flat.iter().any(|range| range.contains(&(vertex as u32)));
+        let is_flat = |vertex: usize| {
+            mesh.flat
+                .iter()
+                .any(|range| range.contains(&(vertex as u32)))
+        };
         for (vertex, position) in mesh.positions.iter().enumerate() {
             let influences = mesh.joints.get(vertex).copied().unwrap_or_default();
             let normal = mesh.normals.get(vertex).copied().unwrap_or_default();

@@ -275,11 +275,11 @@ impl SceneBuffers {
         let mut uploads = Uploads::new(context);
         self.begin_shapes(context, &mut uploads.bytes)?;
         let deformer = self.deformer.as_ref();
-        let begun =
-            self.table
-                .begin_frame(origin_in_world, &self.hierarchies.meshes, |mesh| {
-                    deformer?.first_position(mesh)
-                });
+        let begun = self
+            .table
+            .begin_frame(origin_in_world, &self.hierarchies.meshes, |mesh| {
+                deformer?.first_position(mesh)
+            });
         self.lights_moved = std::mem::take(&mut self.node_lights_moved);
         if begun.previous_is_new {
             uploads.all(&mut self.previous_instances, self.table.previous())?;
@@ -374,7 +374,11 @@ impl SceneBuffers {
         kernels: &KernelSet,
         times: &mut PassTimes,
     ) -> Result<(), GpuError> {
-        let Some(deformer) = self.deformer.as_mut().filter(|deformer| deformer.has_work()) else {
+        let Some(deformer) = self
+            .deformer
+            .as_mut()
+            .filter(|deformer| deformer.has_work())
+        else {
             return Ok(());
         };
         deformer.record(&mut recorder, kernels)?;

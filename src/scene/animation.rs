@@ -190,9 +190,8 @@ impl NodeTracks {
     /// Local transform at a time within the clip.
     pub fn local(&self, time_s: f64) -> DAffine3 {
         let rest = self.rest;
-        let vector = |track: &Option<Track>, rest| {
-            track.as_ref().map_or(rest, |track| track.vector(time_s))
-        };
+        let vector =
+            |track: &Option<Track>, rest| track.as_ref().map_or(rest, |track| track.vector(time_s));
         Trs {
             translation: vector(&self.translation, rest.translation),
             rotation: self
@@ -220,9 +219,16 @@ impl Scene {
     /// The pose of a clip at a time, looped. Nodes that it leaves alone stay as the file has them.
     pub fn pose_at(&self, clip: &Animation, time_s: f64) -> ScenePose {
         let time_s = clip.looped(time_s);
-        let mut locals: Vec<DAffine3> = self.nodes.iter().map(|node| node.parent_from_node).collect();
-        let mut morph_weights: Vec<Vec<f64>> =
-            self.nodes.iter().map(|node| node.morph_weights.clone()).collect();
+        let mut locals: Vec<DAffine3> = self
+            .nodes
+            .iter()
+            .map(|node| node.parent_from_node)
+            .collect();
+        let mut morph_weights: Vec<Vec<f64>> = self
+            .nodes
+            .iter()
+            .map(|node| node.morph_weights.clone())
+            .collect();
         for tracks in &clip.nodes {
             let moves =
                 tracks.translation.is_some() || tracks.rotation.is_some() || tracks.scale.is_some();

@@ -121,7 +121,8 @@ impl Deformation {
     pub fn positions(&self, mesh: &Mesh) -> Vec<DVec3> {
         (0..mesh.positions.len())
             .map(|vertex| {
-                let morphed = self.morphed(&mesh.positions, vertex, |target| &target.positions, mesh);
+                let morphed =
+                    self.morphed(&mesh.positions, vertex, |target| &target.positions, mesh);
                 match self.blend(mesh, vertex) {
                     Some(object_from_mesh) => object_from_mesh.transform_point3(morphed),
                     None => morphed,

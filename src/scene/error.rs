@@ -32,7 +32,9 @@ pub enum SceneError {
         known: String,
     },
     /// `animation.clip` names no animation of the scene.
-    #[error("{scene} has no animation '{wanted}' (animation.clip): {known}; \"none\" plays nothing")]
+    #[error(
+        "{scene} has no animation '{wanted}' (animation.clip): {known}; \"none\" plays nothing"
+    )]
     UnknownClip {
         /// Name of the scene.
         scene: String,

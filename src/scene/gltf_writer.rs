@@ -248,9 +248,10 @@ impl GlbWriter {
                 || !fits(part.normals.len())
                 || !fits(part.uvs.len())
                 || !fits(part.joints.len())
-                || part.targets.iter().any(|target| {
-                    target.positions.len() != count || target.normals.len() != count
-                })
+                || part
+                    .targets
+                    .iter()
+                    .any(|target| target.positions.len() != count || target.normals.len() != count)
                 || !in_range
                 || part.triangles.is_empty()
             {
@@ -417,7 +418,9 @@ impl GlbWriter {
             let fits = track.values.len() == track.times_s.len() * per_key * track.width;
             if track.times_s.is_empty() || !fits {
                 return Err(SceneError::Write {
-                    what: format!("animation '{name}' has a track whose values do not fit its keys"),
+                    what: format!(
+                        "animation '{name}' has a track whose values do not fit its keys"
+                    ),
                 });
             }
             let times: Vec<[f32; 1]> = track.times_s.iter().map(|time| [round(*time)]).collect();

@@ -231,8 +231,8 @@ fn deformed_points_are_found_where_the_frame_before_had_them() {
                 let hierarchies = renderer.scene().hierarchies();
                 let first = hierarchies.meshes[placed.mesh].first_vertex;
                 let corners = hierarchies.triangle_vertices[*triangle as usize];
-                let [a, b, c] = [corners[0], corners[1], corners[2]]
-                    .map(|corner| (corner - first) as usize);
+                let [a, b, c] =
+                    [corners[0], corners[1], corners[2]].map(|corner| (corner - first) as usize);
                 let at = |pose: &ScenePose, origin: DVec3| {
                     let deformation = scene.deformation(placed.node, pose);
                     let positions = deformation.positions(mesh);
@@ -293,7 +293,11 @@ fn hierarchies_that_have_drifted_are_built_anew() {
     };
     pose(&mut renderer, 0.01, 0);
     // At rest the device's boxes cost what the host's do: f32 sums of some hundred areas.
-    assert!((ratio(&renderer) - 1.0).abs() < 0.02, "{}", ratio(&renderer));
+    assert!(
+        (ratio(&renderer) - 1.0).abs() < 0.02,
+        "{}",
+        ratio(&renderer)
+    );
     let mut worst = 0.0f64;
     for index in 1..=COST_CHECK_FRAMES + 1 {
         pose(&mut renderer, 1.0 + 1e-3 * f64::from(index), index);

@@ -1,7 +1,5 @@
 //! Sampling against closed forms.
 
-
-
 use super::*;
 use crate::scene::Node;
 
@@ -29,7 +27,10 @@ fn lines_steps_and_ends() {
         assert_eq!(clamped.sample(9.0), [-1.0, 40.0]);
     }
     let lone = track(Interpolation::Linear, &[2.0], 1, &[7.0]);
-    assert_eq!([lone.sample(0.0), lone.sample(2.0), lone.sample(5.0)], [[7.0]; 3]);
+    assert_eq!(
+        [lone.sample(0.0), lone.sample(2.0), lone.sample(5.0)],
+        [[7.0]; 3]
+    );
 }
 
 #[test]
@@ -72,7 +73,10 @@ fn rotations_turn_evenly_the_shorter_way() {
             let share = 0.1 * f64::from(step);
             let expected = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 2.0 * share);
             let got = turning.rotation(share);
-            assert!(1.0 - got.dot(expected).abs() < 1e-14, "{share}: {got} {expected}");
+            assert!(
+                1.0 - got.dot(expected).abs() < 1e-14,
+                "{share}: {got} {expected}"
+            );
         }
     }
     // Negative control: a straight line through the quaternions does not turn evenly.
@@ -88,7 +92,12 @@ fn scene() -> Scene {
         parent_from_node: DAffine3::from_translation(at),
         ..Node::default()
     };
-    let slide = track(Interpolation::Linear, &[0.0, 2.0], 3, &[0.0, 0.0, 0.0, 4.0, 0.0, 0.0]);
+    let slide = track(
+        Interpolation::Linear,
+        &[0.0, 2.0],
+        3,
+        &[0.0, 0.0, 0.0, 4.0, 0.0, 0.0],
+    );
     let clip = |name: &str, track: Track| Animation {
         name: name.to_owned(),
         length_s: 2.0,
@@ -146,7 +155,9 @@ fn clips_are_found_by_name_then_by_number() {
 fn players_count_from_their_first_frame() {
     let scene = scene();
     let start = 123_456_789_012_345;
-    let mut player = super::super::Player::new(&scene, "", 2.0, 0.25).unwrap().unwrap();
+    let mut player = super::super::Player::new(&scene, "", 2.0, 0.25)
+        .unwrap()
+        .unwrap();
     let clip = scene.clip("").unwrap().unwrap();
     assert_eq!(player.pose_at(start), scene.pose_at(clip, 0.25));
     let later = player.pose_at(start + 500_000_000);

@@ -13,9 +13,7 @@ pub mod sphere;
 use super::{Scene, SceneError};
 
 /// Names of all embedded scenes.
-pub const NAMES: [&str; 6] = [
-    "cornell", "plane", "sphere", "caustic", "gallery", "parade",
-];
+pub const NAMES: [&str; 6] = ["cornell", "plane", "sphere", "caustic", "gallery", "parade"];
 
 /// The binary glTF of an embedded scene; `name` with or without the prefix `builtin:`.
 ///

@@ -211,11 +211,7 @@ fn add_ball(glb: &mut GlbWriter, material: u32) -> Result<u32, SceneError> {
         DVec3::new(1.3 * p.x, 0.55 * p.y, 1.3 * p.z) * bump
     };
     let delta = |to: DVec3, from: DVec3| (to - from).as_vec3().to_array().map(on_grid);
-    let positions = ball
-        .positions
-        .iter()
-        .map(|p| delta(bent(p), *p))
-        .collect();
+    let positions = ball.positions.iter().map(|p| delta(bent(p), *p)).collect();
     // The gradient of the implicit form, bumps aside: enough for shading.
     let normals = ball
         .positions

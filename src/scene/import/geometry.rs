@@ -500,7 +500,10 @@ impl PrimitiveImport<'_, '_> {
                 // Stable, so that equal weights keep the file's order.
                 influences.sort_by(|a, b| b.1.total_cmp(&a.1));
                 influences.truncate(4);
-                let sum: f64 = influences.iter().map(|(_, weight)| f64::from(*weight)).sum();
+                let sum: f64 = influences
+                    .iter()
+                    .map(|(_, weight)| f64::from(*weight))
+                    .sum();
                 if sum <= 0.0 || !sum.is_finite() {
                     unbound += 1;
                     return VertexJoints {

@@ -66,7 +66,9 @@ fn in_range(
 ) -> Result<usize, SceneError> {
     let index = value.as_u64().and_then(|index| usize::try_from(index).ok());
     index.filter(|index| *index < count).ok_or_else(|| {
-        document.fault(format!("{place}: {value} is out of range, there are {count}"))
+        document.fault(format!(
+            "{place}: {value} is out of range, there are {count}"
+        ))
     })
 }
 
@@ -144,7 +146,12 @@ fn import_skin(
         .flatten()
         .enumerate()
         .map(|(joint, value)| {
-            in_range(document, value, &format!("{place}.joints[{joint}]"), nodes.len())
+            in_range(
+                document,
+                value,
+                &format!("{place}.joints[{joint}]"),
+                nodes.len(),
+            )
         })
         .collect::<Result<Vec<_>, _>>()?;
     if joints.is_empty() {
@@ -262,7 +269,9 @@ impl Import<'_> {
     ) -> Result<Option<usize>, SceneError> {
         let place = format!("{}.channels[{at}]", self.place);
         let fault = |what: &str| self.document.fault(format!("{place}: {what}"));
-        let target = channel.get("target").ok_or_else(|| fault("has no target"))?;
+        let target = channel
+            .get("target")
+            .ok_or_else(|| fault("has no target"))?;
         let path = target.get("path").and_then(Value::as_str);
         let path = path.ok_or_else(|| fault("its target has no path"))?;
         // Section 5.7: a channel without a node is left to extensions.
@@ -277,7 +286,11 @@ impl Import<'_> {
             "weights" => self.targets_of(node).ok_or_else(|| {
                 fault("animates morph weights of a node whose mesh has no morph targets")
             })?,
-            _ => return Err(fault("path must be translation, rotation, scale or weights")),
+            _ => {
+                return Err(fault(
+                    "path must be translation, rotation, scale or weights",
+                ));
+            }
         };
         let source = self.document.root.nodes.get(node);
         if path != "weights" && source.is_some_and(|source| source.matrix.is_some()) {
@@ -314,7 +327,9 @@ impl Import<'_> {
             _ => &mut tracks.weights,
         };
         if slot.replace(track).is_some() {
-            return Err(fault(&format!("a second channel for the {path} of node {node}")));
+            return Err(fault(&format!(
+                "a second channel for the {path} of node {node}"
+            )));
         }
         Ok(Some(numbers))
     }
@@ -347,7 +362,10 @@ impl Import<'_> {
             .reader
             .read_floats(input, &[1], &format!("{place}.input"))?;
         let times_s: Vec<f64> = times.into_iter().map(f64::from).collect();
-        if let Some(bad) = times_s.iter().position(|time| !(*time >= 0.0 && time.is_finite())) {
+        if let Some(bad) = times_s
+            .iter()
+            .position(|time| !(*time >= 0.0 && time.is_finite()))
+        {
             return Err(fault(format!(
                 ".input: key {bad} is at {} s; times must be finite and not negative",
                 times_s[bad]
@@ -365,7 +383,11 @@ impl Import<'_> {
         let (components, values) =
             self.reader
                 .read_floats(output, &[1, width], &format!("{place}.output"))?;
-        let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let per_key = if interpolation == Interpolation::CubicSpline {
+            3
+        } else {
+            1
+        };
         let wanted = times_s.len() * per_key * width;
         let is_list = components == width || (components == 1 && self.is_scalar_list(width));
         if !is_list || values.len() != wanted {
@@ -393,7 +415,9 @@ impl Import<'_> {
 }
 
 fn rest_of(node: &gltf::json::Node) -> Trs {
-    let rotation = node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
+    let rotation = node
+        .rotation
+        .map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
     let rotation = DQuat::from_array(rotation.map(f64::from));
     Trs {
         translation: node.translation.map_or(DVec3::ZERO, as_dvec3),
@@ -415,7 +439,10 @@ pub fn summary(nodes: &[Node], meshes: &[Mesh], animations: &[Animation]) -> Mot
         animations: animations.len(),
         animated_nodes: animated.len(),
         skinned_nodes: nodes.iter().filter(|node| node.skin.is_some()).count(),
-        morph_meshes: meshes.iter().filter(|mesh| !mesh.targets.is_empty()).count(),
+        morph_meshes: meshes
+            .iter()
+            .filter(|mesh| !mesh.targets.is_empty())
+            .count(),
         animated_morphs: animations
             .iter()
             .any(|clip| clip.nodes.iter().any(|tracks| tracks.weights.is_some())),
