@@ -200,6 +200,7 @@ pub fn run(
         };
         let targets = session.acquire_targets()?;
         cpu_ms.session = milliseconds_since(called);
+        renderer.animate(state.predicted_display_time_ns);
         let result =
             renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
         if let RenderTargets::Runtime(targets) = &targets {

@@ -32,6 +32,7 @@ mod suite {
     pub mod commands;
     pub mod convergence;
     pub mod cornell;
+    pub mod deforming;
     pub mod determinism;
     pub mod forced_features;
     pub mod gathers;
@@ -66,6 +67,7 @@ mod suite {
     pub mod scene_builtin;
     pub mod scene_faults;
     pub mod scene_import;
+    pub mod scene_motion;
     pub mod shaders;
     pub mod sphere;
     pub mod stereo_exact;

@@ -121,7 +121,7 @@ fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
 pub fn of_scene(scene: &Scene) -> Fingerprint {
     let Scene {
         name: _,
-        nodes: _,
+        nodes,
         roots: _,
         meshes,
         materials,
@@ -130,6 +130,8 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
         lights,
         // The head's pose is part of the view, and so of the key beside this one.
         cameras: _,
+        skins,
+        animations,
         environment,
         warnings: _,
         source: _,
@@ -139,6 +141,9 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
         .with_text(&format!("{:?}", scene.instances()))
         .with_text(&format!("{:?}", scene.light_instances()))
         .with_text(&format!("{materials:?}{textures:?}{lights:?}"));
+    if !(skins.is_empty() && animations.is_empty()) {
+        hash = hash.with_text(&format!("{nodes:?}{skins:?}{animations:?}"));
+    }
     for image in images {
         hash = hash
             .with_text(&format!("{}x{}", image.width, image.height))
@@ -153,6 +158,9 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
             uv0,
             uv1,
             colors,
+            joints,
+            targets,
+            flat: _,
             triangles,
             has_tangents,
             has_uv1,
@@ -174,6 +182,9 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
             .with(bytemuck::cast_slice(colors))
             .with(bytemuck::cast_slice(&indices))
             .with(&[*has_tangents, *has_uv1, *has_colors].map(u8::from));
+        if !(joints.is_empty() && targets.is_empty()) {
+            hash = hash.with_text(&format!("{joints:?}{targets:?}"));
+        }
     }
     match environment {
         None => hash.with_text("no environment"),
@@ -231,6 +242,7 @@ impl Generated {
                 mesh,
                 light,
                 camera,
+                ..Node::default()
             });
         };
         place(&mut scene, "floor", DAffine3::IDENTITY, Payload::Mesh(0));

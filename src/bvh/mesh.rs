@@ -91,6 +91,19 @@ impl MeshHierarchies {
     /// # Errors
     /// [`BvhError::Coordinate`], [`BvhError::VertexIndex`], [`BvhError::TooMany`].
     pub fn build(meshes: &[Mesh], marks: &[MaterialMarks]) -> Result<Self, BvhError> {
+        Self::build_with_room(meshes, marks, |_| false)
+    }
+
+    /// As [`MeshHierarchies::build`]; the meshes that `changes` names get room for every hierarchy that they can have,
+    /// for [`MeshHierarchies::rebuild`].
+    ///
+    /// # Errors
+    /// As [`MeshHierarchies::build`].
+    pub fn build_with_room(
+        meshes: &[Mesh],
+        marks: &[MaterialMarks],
+        changes: impl Fn(usize) -> bool,
+    ) -> Result<Self, BvhError> {
         let triangle_total: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
         let vertex_total: usize = meshes.iter().map(|mesh| mesh.positions.len()).sum();
         for (what, count) in [("triangles", triangle_total), ("vertices", vertex_total)] {
@@ -116,14 +129,26 @@ impl MeshHierarchies {
             ..Self::default()
         };
         let mut first_vertex = 0;
-        for (mesh, part) in meshes.iter().zip(&parts) {
-            all.append(mesh, part, marks, first_vertex);
+        for (index, (mesh, part)) in meshes.iter().zip(&parts).enumerate() {
+            let room = if changes(index) {
+                super::refit::node_room(mesh.triangles.len())
+            } else {
+                0
+            };
+            all.append(mesh, part, marks, first_vertex, room);
             first_vertex += mesh.positions.len() as u32;
         }
         Ok(all)
     }
 
-    fn append(&mut self, mesh: &Mesh, part: &Flat, marks: &[MaterialMarks], first_vertex: u32) {
+    pub(super) fn append(
+        &mut self,
+        mesh: &Mesh,
+        part: &Flat,
+        marks: &[MaterialMarks],
+        first_vertex: u32,
+        room: usize,
+    ) {
         let root = self.nodes.len() as u32;
         let first_triangle = self.triangles.len() as u32;
         self.nodes.extend(part.nodes.iter().map(|node| {
@@ -134,6 +159,8 @@ impl MeshHierarchies {
                 ..*node
             }
         }));
+        let end = self.nodes.len().max(root as usize + room);
+        self.nodes.resize(end, BvhNode::default());
         let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();
         let mut emitter_count = 0;
         let emitters: Vec<u32> = mesh
@@ -201,7 +228,7 @@ impl MeshHierarchies {
     }
 }
 
-fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
+pub(super) fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
     let bad_vertex = mesh.positions.iter().position(|position| {
         // Written so that a NaN is refused too.
         !position.iter().all(|x| x.abs() <= MAX_COORDINATE)

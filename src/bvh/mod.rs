@@ -2,6 +2,7 @@
 //!
 //! - [`mesh`]: one hierarchy per mesh in its object space, built once with SAH quality;
 //! - [`top`]: a hierarchy over the placed meshes, rebuilt each frame relative to the head;
+//! - [`refit`]: hierarchies of meshes that change their shape;
 //! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth;
 //! - [`reference`]: the traversal's twin on the CPU and a brute force search in f64, for tests and for picking.
 //!
@@ -12,6 +13,7 @@
 pub mod bounds;
 pub mod mesh;
 pub mod reference;
+pub mod refit;
 pub mod top;
 pub mod tree;
 

@@ -188,6 +188,7 @@ fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
         scene.environment = Some(environment);
         scene.warnings.extend(warnings);
     }
+    scene.clip(&settings.animation.clip)?;
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }

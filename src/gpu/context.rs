@@ -160,7 +160,8 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
     }
 }
 
-/// The device, its queue, and what was learnt about the adapter.
+/// The device, its queue, and what was learnt about the adapter. Clones share it.
+#[derive(Clone)]
 pub struct GpuContext {
     /// The logical device.
     pub device: wgpu::Device,

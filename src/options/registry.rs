@@ -478,6 +478,32 @@ pub static SETTINGS: &[Setting] = &[
         "factor on the environment's radiance",
     ),
     setting(
+        "animation.clip",
+        Kind::Text { empty: true },
+        "",
+        "clip by name, or by number from 0; none plays nothing, empty the first one there is",
+    ),
+    setting(
+        "animation.speed",
+        Kind::Real {
+            min: -1000.0,
+            max: 1000.0,
+            inclusive: true,
+        },
+        "",
+        "seconds of the clip per second of display time",
+    ),
+    setting(
+        "animation.time_s",
+        Kind::Real {
+            min: 0.0,
+            max: 1e6,
+            inclusive: true,
+        },
+        "s",
+        "second of the clip that the first frame shows",
+    ),
+    setting(
         "output.exposure",
         Kind::Real {
             min: 0.0,

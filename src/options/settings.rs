@@ -193,6 +193,8 @@ pub struct Settings {
     pub reconstruct: ReconstructSettings,
     /// Environment map.
     pub environment: EnvironmentSettings,
+    /// What moves by itself.
+    pub animation: AnimationSettings,
     /// Files written.
     pub output: OutputSettings,
     /// Shader features forced in or out, for measuring.
@@ -221,6 +223,7 @@ impl Default for Settings {
             stereo: StereoSettings::default(),
             reconstruct: ReconstructSettings::default(),
             environment: EnvironmentSettings::default(),
+            animation: AnimationSettings::default(),
             output: OutputSettings::default(),
             force: ForceSettings::default(),
             simulated: SimulatedSettings::default(),
@@ -367,6 +370,28 @@ impl Default for StereoSettings {
         Self {
             max_view_dependence: 0.0,
             max_lobe_shift: 0.25,
+        }
+    }
+}
+
+/// Settings of the scene's animation (`animation.*`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnimationSettings {
+    /// Clip by name, or by number from 0; `none` plays nothing, empty (default) the first one there is.
+    pub clip: String,
+    /// Seconds of the clip per second of display time, -1000 to 1000; default 1.
+    pub speed: f64,
+    /// Second of the clip that the first frame shows, 0 to 1e6; default 0.
+    pub time_s: f64,
+}
+
+impl Default for AnimationSettings {
+    fn default() -> Self {
+        Self {
+            clip: String::new(),
+            speed: 1.0,
+            time_s: 0.0,
         }
     }
 }

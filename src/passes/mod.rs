@@ -5,6 +5,7 @@
 //! shader declares and the frame does not hold is an error. The lists below are the whole frame: there is no graph.
 //!
 //! ```text
+//! pose         DEFORM, with `refit` once per level, where a mesh has a skin or morph targets and its pose changed
 //! photon map   PHOTON_BATCH per batch of paths, PHOTON_GRID, RADIX_DIGIT three times, PHOTON_FINISH
 //!              (once for a static scene)
 //! kd-tree      instead of the grid and its sort, where `photon.search` asks for it: PHOTON_EXTENT, KD_ORDER with
@@ -31,6 +32,9 @@ macro_rules! passes {
 }
 
 passes!(
+    deform,
+    deform_triangles,
+    refit,
     photon_trace,
     caustic_trace,
     scan_blocks,
@@ -88,6 +92,8 @@ passes!(
 pub enum Over {
     /// One workgroup.
     Once,
+    /// Vertices, triangles or nodes of meshes that change their shape.
+    Deforming,
     /// The photon paths of a batch.
     Batch,
     /// Blocks of 2,048 values of a prefix sum.
@@ -143,6 +149,9 @@ impl fmt::Display for Pass {
         )
     }
 }
+
+/// Takes skinned and morphed meshes to the frame's pose; [`refit`] once per level of the deepest hierarchy.
+pub const DEFORM: &[&Pass] = &[&deform::PASS, &deform_triangles::PASS, &refit::PASS];
 
 /// Prefix sum over one buffer.
 pub const SCAN: &[&Pass] = &[&scan_blocks::PASS, &scan_sums::PASS, &scan_add::PASS];

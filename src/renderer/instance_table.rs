@@ -136,6 +136,15 @@ impl InstanceTable {
         }
     }
 
+    /// Says that a mesh's shape has changed: so have all its instances.
+    pub fn note_mesh(&mut self, mesh: u32) {
+        for slot in 0..self.sources.len() {
+            if self.sources[slot].mesh == mesh && self.is_live[slot] {
+                self.note(slot as u32);
+            }
+        }
+    }
+
     /// Says that an instance's shape has changed.
     pub fn note(&mut self, slot: u32) {
         if let Some(changed) = self.is_changed.get_mut(slot as usize)
@@ -146,7 +155,14 @@ impl InstanceTable {
     }
 
     /// A frame begins with its origin at `origin_in_world`: what the last frame showed becomes the previous one.
-    pub fn begin_frame(&mut self, origin_in_world: DVec3, meshes: &[MeshRange]) -> Begun {
+    ///
+    /// `meshes` are the scene's; `first_position` says where a mesh's vertices begin among the deforming ones'.
+    pub fn begin_frame(
+        &mut self,
+        origin_in_world: DVec3,
+        meshes: &[MeshRange],
+        first_position: impl Fn(usize) -> Option<u32>,
+    ) -> Begun {
         let is_new = !self.changed.is_empty() || self.shown_origin != Some(origin_in_world);
         let previous_is_new = is_new || self.was_unsettled || self.previous.is_empty();
         if previous_is_new {
@@ -157,7 +173,8 @@ impl InstanceTable {
                     let first_vertex = meshes
                         .get(source.mesh as usize)
                         .map_or(0, |mesh| mesh.first_vertex);
-                    previous_instance(shown.filter(is_solid), origin, first_vertex)
+                    let positions = first_position(source.mesh as usize).unwrap_or(NO_POSITIONS);
+                    previous_instance(shown.filter(is_solid), origin, first_vertex, positions)
                 }));
             for (slot, shown) in self.shown.iter_mut().enumerate() {
                 *shown = self.is_live[slot].then(|| self.sources[slot].world_from_object);
@@ -195,13 +212,6 @@ impl InstanceTable {
     pub fn previous(&self) -> &[PreviousInstance] {
         &self.previous
     }
-
-    /// Gives the deforming meshes' slots the places of their previous positions.
-    pub fn set_first_position(&mut self, slot: u32, first_position: u32) {
-        if let Some(previous) = self.previous.get_mut(slot as usize) {
-            previous.first_position = first_position;
-        }
-    }
 }
 
 fn is_solid(placement: &DAffine3) -> bool {
@@ -213,9 +223,10 @@ fn previous_instance(
     shown: Option<DAffine3>,
     origin_in_world: DVec3,
     first_vertex: u32,
+    first_position: u32,
 ) -> PreviousInstance {
     let blank = PreviousInstance {
-        first_position: NO_POSITIONS,
+        first_position,
         first_vertex,
         ..PreviousInstance::default()
     };
@@ -257,7 +268,7 @@ mod tests {
     fn the_previous_frame_is_the_one_before() {
         let mut table = InstanceTable::new(vec![source(1.0), source(2.0)]);
         let frame = |table: &mut InstanceTable, origin: f64| {
-            let begun = table.begin_frame(DVec3::X * origin, &[]);
+            let begun = table.begin_frame(DVec3::X * origin, &[], |_| None);
             let was: Vec<_> = table.previous().iter().map(x_of).collect();
             (begun, was, table.moved().to_vec())
         };
@@ -279,7 +290,7 @@ mod tests {
     #[test]
     fn numbers_stay_and_are_not_confused() {
         let mut table = InstanceTable::new(vec![source(1.0), source(2.0), source(3.0)]);
-        let begin = |table: &mut InstanceTable| table.begin_frame(DVec3::ZERO, &[]);
+        let begin = |table: &mut InstanceTable| table.begin_frame(DVec3::ZERO, &[], |_| None);
         begin(&mut table);
         assert!(table.remove(InstanceId(1)) && !table.remove(InstanceId(1)));
         let fourth = table.add(source(4.0));

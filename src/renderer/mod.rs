@@ -5,6 +5,7 @@
 //! left, and reads back counters. Images stay on the device until they are asked for.
 
 pub mod choices;
+pub mod deform;
 mod eye_buffers;
 pub mod eyes;
 pub mod frame_list;
@@ -42,7 +43,7 @@ use crate::options::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, Search, Settings,
 };
 use crate::passes::{self, Pass};
-use crate::scene::{Needs, Scene};
+use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};
 
 pub use choices::{
@@ -118,6 +119,7 @@ pub struct Renderer {
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
     mirror: Option<mirror::MirrorPass>,
+    player: Option<Player>,
 }
 
 impl Renderer {
@@ -158,6 +160,9 @@ impl Renderer {
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
         let buffers = SceneBuffers::new(&context, scene, &features)?;
+        let animation = &settings.animation;
+        let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
+            .map_err(|error| RenderError::Settings(error.to_string()))?;
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
         let caustics = photon && forms_caustics(&features);
@@ -196,6 +201,9 @@ impl Renderer {
         let caustic_config =
             caustics.then(|| map_config(MapKind::Caustics, caustic_paths(settings)));
         let mut wanted: Vec<&Pass> = plan.sample.clone();
+        if buffers.deformer().is_some() {
+            wanted.extend(passes::DEFORM);
+        }
         for config in photon_config.iter().chain(&caustic_config) {
             wanted.extend(config.passes());
         }
@@ -254,6 +262,7 @@ impl Renderer {
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
             mirror: None,
+            player,
             context,
         };
         renderer.warm_up()?;
@@ -264,11 +273,14 @@ impl Renderer {
     /// time belongs to no frame.
     fn warm_up(&mut self) -> Result<(), RenderError> {
         self.scene.begin_frame(&self.context, DVec3::ZERO)?;
-        self.scene.forget_previous();
         self.bind()?;
         self.context
             .queue
             .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
+        let recorder = FrameRecorder::new(&self.context, None, "warm-up");
+        self.scene
+            .deform(recorder, &self.kernels, &mut PassTimes::default())?;
+        self.scene.forget_previous();
         let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
         for map in self.maps() {
             map.record_warm_up(&mut recorder, &self.kernels)?;
@@ -357,6 +369,9 @@ impl Renderer {
 
         let began = Instant::now();
         let scene_changed = self.scene.scene_moved();
+        let recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "pose");
+        self.scene
+            .deform(recorder, &self.kernels, &mut result.times)?;
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
         let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
@@ -420,6 +435,7 @@ impl Renderer {
         if let Some(counters) = self.eyes.read_counters(&self.context)? {
             result.stereo = StereoStats::from_counters(&counters);
         }
+        self.scene.check_cost(&self.context)?;
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
     }
@@ -451,6 +467,7 @@ impl Renderer {
     }
 
     fn bind(&mut self) -> Result<(), GpuError> {
+        self.scene.bind(&self.context, &self.kernels)?;
         let scene = self.scene.resources().with("frame", &self.frame_uniform);
         for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
             map.bind(&self.context, &self.kernels, &scene)?;

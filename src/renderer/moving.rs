@@ -6,6 +6,15 @@ use super::{InstanceId, RenderError, Renderer};
 use crate::scene::ScenePose;
 
 impl Renderer {
+    /// Takes the scene to where its animation has it when a frame is shown (`animation.*`); the first call begins the
+    /// clip. Does nothing without one.
+    pub fn animate(&mut self, display_time_ns: i64) {
+        if let Some(player) = &mut self.player {
+            let pose = player.pose_at(display_time_ns);
+            self.scene.set_pose(&pose);
+        }
+    }
+
     /// Shows the scene in another pose from the next frame on: instances and lights of nodes go where it has them. Work
     /// in proportion to nodes and what moves of them; no mesh is touched.
     pub fn set_pose(&mut self, pose: &ScenePose) {

@@ -3,13 +3,17 @@
 use glam::{DAffine3, DVec3};
 
 use super::RenderError;
+use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
+use super::kernels::KernelSet;
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
     LightKinds, LightSources, PackedLights, TriangleOrder, pack_environment, pack_lights,
     pack_materials, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::timing::{FrameRecorder, PassTimes};
+use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::{
     GpuContext, GpuError, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data,
 };
@@ -27,6 +31,7 @@ pub struct SceneBuffers {
     has_moved: bool,
     last_upload_bytes: u64,
     hierarchies: MeshHierarchies,
+    deformer: Option<Deformer>,
     top: TopLevel,
     packed_lights: PackedLights,
     mesh_nodes: wgpu::Buffer,
@@ -57,8 +62,16 @@ impl SceneBuffers {
         scene: &Scene,
         features: &ShaderFeatures,
     ) -> Result<Self, RenderError> {
+        let own = with_own_meshes(scene);
+        let scene = own.as_ref();
         let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
-        let hierarchies = MeshHierarchies::build(&scene.meshes, &marks)?;
+        let mut changes = vec![false; scene.meshes.len()];
+        for placed in scene.instances() {
+            changes[placed.mesh] |= scene.deforms(placed.node);
+        }
+        let hierarchies =
+            MeshHierarchies::build_with_room(&scene.meshes, &marks, |mesh| changes[mesh])?;
+        let deformer = Deformer::new(context, scene, &hierarchies, &marks)?;
         let packed_textures = if is_on(features, "textures") {
             pack_textures(scene, context.max_binding_bytes)?
         } else {
@@ -128,7 +141,7 @@ impl SceneBuffers {
             )),
             None => None,
         };
-        Ok(Self {
+        let mut buffers = Self {
             mesh_nodes: storage_buffer_with_data(context, "mesh nodes", &hierarchies.nodes)?,
             triangles: storage_buffer_with_data(context, "triangles", &hierarchies.triangles)?,
             triangle_vertices: storage_buffer_with_data(
@@ -152,15 +165,34 @@ impl SceneBuffers {
             has_moved: false,
             last_upload_bytes: 0,
             hierarchies,
+            deformer,
             top: TopLevel::default(),
             packed_lights,
-        })
+        };
+        buffers.set_pose(&scene.rest_pose());
+        buffers.node_lights_moved = false;
+        Ok(buffers)
     }
 
     /// Takes a pose over: the instances and lights of nodes go where it has them. The next frame shows it.
     pub fn set_pose(&mut self, pose: &ScenePose) {
+        let mut reshaped = Vec::new();
+        if let Some(deformer) = &mut self.deformer {
+            deformer.set_pose(pose, |shape| reshaped.push(shape));
+        }
+        for shape in reshaped {
+            self.hierarchies.meshes[shape.mesh].bounds = Some(shape.bounds);
+            self.table.note_mesh(shape.mesh as u32);
+            if let Some(id) = self.instance_of_node(shape.node) {
+                self.place_instance(id, shape.world_from_object);
+            }
+        }
         for (node, world_from_node) in pose.world_from_node.iter().enumerate() {
-            if let Some(id) = self.instance_of_node(node) {
+            let is_deformed = || {
+                let deformer = self.deformer.as_ref();
+                deformer.is_some_and(|deformer| deformer.deformation(node).is_some())
+            };
+            if let Some(id) = self.instance_of_node(node).filter(|_| !is_deformed()) {
                 self.place_instance(id, *world_from_node);
             }
         }
@@ -240,11 +272,15 @@ impl SceneBuffers {
         context: &GpuContext,
         origin_in_world: DVec3,
     ) -> Result<bool, RenderError> {
+        let mut uploads = Uploads::new(context);
+        self.begin_shapes(context, &mut uploads.bytes)?;
+        let deformer = self.deformer.as_ref();
         let begun = self
             .table
-            .begin_frame(origin_in_world, &self.hierarchies.meshes);
+            .begin_frame(origin_in_world, &self.hierarchies.meshes, |mesh| {
+                deformer?.first_position(mesh)
+            });
         self.lights_moved = std::mem::take(&mut self.node_lights_moved);
-        let mut uploads = Uploads::new(context);
         if begun.previous_is_new {
             uploads.all(&mut self.previous_instances, self.table.previous())?;
         }
@@ -265,6 +301,99 @@ impl SceneBuffers {
         }
         self.last_upload_bytes = uploads.bytes;
         Ok(uploads.replaced)
+    }
+
+    /// Uploads the pose of what changes its shape, and the hierarchies that are built anew for it.
+    fn begin_shapes(&mut self, context: &GpuContext, bytes: &mut u64) -> Result<(), RenderError> {
+        let Some(deformer) = &mut self.deformer else {
+            return Ok(());
+        };
+        for (mesh, rebuilt) in deformer.begin_frame(context, &mut self.hierarchies, bytes)? {
+            let hierarchies = &self.hierarchies;
+            let mut write = |buffer: &wgpu::Buffer, first: usize, data: &[u8], size: usize| {
+                context
+                    .queue
+                    .write_buffer(buffer, (first * size) as u64, data);
+                *bytes += data.len() as u64;
+            };
+            let (nodes, triangles) = (rebuilt.nodes.clone(), rebuilt.triangles.clone());
+            write(
+                &self.mesh_nodes,
+                nodes.start,
+                bytemuck::cast_slice(&hierarchies.nodes[nodes]),
+                size_of::<BvhNode>(),
+            );
+            write(
+                &self.triangles,
+                triangles.start,
+                bytemuck::cast_slice(&hierarchies.triangles[triangles.clone()]),
+                size_of::<Triangle>(),
+            );
+            let corners = &hierarchies.triangle_vertices[triangles.clone()];
+            write(
+                &self.triangle_vertices,
+                triangles.start,
+                bytemuck::cast_slice(corners),
+                16,
+            );
+            let mut leaf_of = vec![0; corners.len()];
+            for (leaf, corner) in corners.iter().enumerate() {
+                leaf_of[corner[3] as usize] = (triangles.start + leaf) as u32;
+            }
+            self.packed_lights
+                .reorder_mesh(mesh, |triangle| leaf_of[triangle]);
+        }
+        Ok(())
+    }
+
+    /// Meshes that change their shape.
+    pub fn deformer(&self) -> Option<&Deformer> {
+        self.deformer.as_ref()
+    }
+
+    /// Binds the passes that change shapes.
+    ///
+    /// # Errors
+    /// As [`crate::gpu::Kernel::bind`].
+    pub fn bind(&mut self, context: &GpuContext, kernels: &KernelSet) -> Result<(), GpuError> {
+        let Some(mut deformer) = self.deformer.take() else {
+            return Ok(());
+        };
+        let bound = deformer.bind(context, kernels, &self.resources());
+        self.deformer = Some(deformer);
+        bound
+    }
+
+    /// Takes shapes to the pose of the frame that has begun, on the device. Waits for it.
+    ///
+    /// # Errors
+    /// [`GpuError`] naming the pass.
+    pub fn deform(
+        &mut self,
+        mut recorder: FrameRecorder<'_>,
+        kernels: &KernelSet,
+        times: &mut PassTimes,
+    ) -> Result<(), GpuError> {
+        let Some(deformer) = self
+            .deformer
+            .as_mut()
+            .filter(|deformer| deformer.has_work())
+        else {
+            return Ok(());
+        };
+        deformer.record(&mut recorder, kernels)?;
+        recorder.submit("pose", times)
+    }
+
+    /// Looks, once in a while, at what refitted hierarchies cost by now.
+    ///
+    /// # Errors
+    /// As [`crate::gpu::buffers::read_buffer`].
+    pub fn check_cost(&mut self, context: &GpuContext) -> Result<(), GpuError> {
+        match &mut self.deformer {
+            Some(deformer) => deformer.check_cost(context, &self.hierarchies),
+            None => Ok(()),
+        }
     }
 
     /// Light from infinitely far starts on a sphere around the scene; an instance may have left it.
@@ -335,6 +464,9 @@ impl SceneBuffers {
                 resources = resources.with(name, buffer);
             }
         }
+        if let Some(deformer) = &self.deformer {
+            resources = deformer.resources(resources);
+        }
         if let Some((infos, texels)) = &self.textures {
             resources = resources
                 .with("texture_infos", infos)
@@ -363,7 +495,8 @@ impl SceneBuffers {
         self.packed_lights.records.len()
     }
 
-    /// The mesh hierarchies, for figures and picking.
+    /// The mesh hierarchies, for figures and picking. Those of meshes that change their shape have the triangles and
+    /// boxes for which they were built.
     pub fn hierarchies(&self) -> &MeshHierarchies {
         &self.hierarchies
     }

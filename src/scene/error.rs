@@ -31,6 +31,18 @@ pub enum SceneError {
         /// All names, comma-separated.
         known: String,
     },
+    /// `animation.clip` names no animation of the scene.
+    #[error(
+        "{scene} has no animation '{wanted}' (animation.clip): {known}; \"none\" plays nothing"
+    )]
+    UnknownClip {
+        /// Name of the scene.
+        scene: String,
+        /// What was asked for.
+        wanted: String,
+        /// What there is.
+        known: String,
+    },
     /// A scene made in memory cannot be written as glTF.
     #[error("glTF writer: {what}")]
     Write {

@@ -6,7 +6,11 @@
 use glam::{DAffine3, DVec2, DVec3};
 use serde_json::{Value, json};
 
-use super::{AlphaMode, Filter, LightKind, Material, PunctualLight, SceneError, TextureRef, Wrap};
+use super::animation::{Interpolation, Track};
+use super::{
+    AlphaMode, Filter, LightKind, Material, MorphTarget, PunctualLight, SceneError, TextureRef,
+    VertexJoints, Wrap,
+};
 
 /// Triangles of one material, in object space, metres.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +25,21 @@ pub struct Part {
     pub uvs: Vec<DVec2>,
     /// Counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
+    /// One per vertex; empty for none.
+    pub joints: Vec<VertexJoints>,
+    /// Morph targets: positions and normals, one of each per vertex.
+    pub targets: Vec<MorphTarget>,
+}
+
+/// A channel of an animation.
+#[derive(Clone, Debug)]
+pub struct Channel<'a> {
+    /// Index from [`GlbWriter::node`].
+    pub node: u32,
+    /// `translation`, `rotation`, `scale` or `weights`.
+    pub path: &'a str,
+    /// Keys.
+    pub track: Track,
 }
 
 /// What hangs on a node beside its transform.
@@ -39,6 +58,9 @@ pub enum Payload {
 pub struct GlbWriter {
     bin: Vec<u8>,
     accessors: Vec<Value>,
+    animations: Vec<Value>,
+    has_parent: Vec<bool>,
+    skins: Vec<Value>,
     buffer_views: Vec<Value>,
     cameras: Vec<Value>,
     images: Vec<Value>,
@@ -225,6 +247,11 @@ impl GlbWriter {
             if count == 0
                 || !fits(part.normals.len())
                 || !fits(part.uvs.len())
+                || !fits(part.joints.len())
+                || part
+                    .targets
+                    .iter()
+                    .any(|target| target.positions.len() != count || target.normals.len() != count)
                 || !in_range
                 || part.triangles.is_empty()
             {
@@ -249,9 +276,26 @@ impl GlbWriter {
                 attributes["TEXCOORD_0"] = json!(self.floats(&uvs, "VEC2", false));
             }
             let indices = self.indices(part.triangles.as_flattened(), count);
-            primitives.push(
-                json!({ "attributes": attributes, "indices": indices, "material": part.material }),
-            );
+            if !part.joints.is_empty() {
+                let (joints, weights) = self.joints(&part.joints);
+                attributes["JOINTS_0"] = json!(joints);
+                attributes["WEIGHTS_0"] = json!(weights);
+            }
+            let mut primitive =
+                json!({ "attributes": attributes, "indices": indices, "material": part.material });
+            if !part.targets.is_empty() {
+                let targets: Vec<Value> = part
+                    .targets
+                    .iter()
+                    .map(|target| {
+                        let positions = self.floats(&target.positions, "VEC3", true);
+                        let normals = self.floats(&target.normals, "VEC3", false);
+                        json!({ "POSITION": positions, "NORMAL": normals })
+                    })
+                    .collect();
+                primitive["targets"] = Value::Array(targets);
+            }
+            primitives.push(primitive);
         }
         self.meshes
             .push(json!({ "name": name, "primitives": primitives }));
@@ -294,8 +338,18 @@ impl GlbWriter {
         self.cameras.len() as u32 - 1
     }
 
-    /// Adds a root node. The transform must be a translation, rotation and scaling without shear.
-    pub fn node(&mut self, name: &str, world_from_node: DAffine3, payload: Payload) {
+    /// Adds a root node; returns its index. The transform must be a translation, rotation and scaling without shear.
+    pub fn node(&mut self, name: &str, world_from_node: DAffine3, payload: Payload) -> u32 {
+        self.bare_node(name, world_from_node, Some(payload))
+    }
+
+    /// Adds a root node that may carry nothing, for joints.
+    pub fn bare_node(
+        &mut self,
+        name: &str,
+        world_from_node: DAffine3,
+        payload: Option<Payload>,
+    ) -> u32 {
         let (scale, rotation, translation) = world_from_node.to_scale_rotation_translation();
         let mut value = json!({ "name": name });
         if translation != DVec3::ZERO {
@@ -310,13 +364,96 @@ impl GlbWriter {
             value["scale"] = numbers(&scale);
         }
         match payload {
-            Payload::Mesh(index) => value["mesh"] = json!(index),
-            Payload::Camera(index) => value["camera"] = json!(index),
-            Payload::Light(index) => {
+            None => {}
+            Some(Payload::Mesh(index)) => value["mesh"] = json!(index),
+            Some(Payload::Camera(index)) => value["camera"] = json!(index),
+            Some(Payload::Light(index)) => {
                 value["extensions"] = json!({ "KHR_lights_punctual": { "light": index } })
             }
         }
         self.nodes.push(value);
+        self.has_parent.push(false);
+        self.nodes.len() as u32 - 1
+    }
+
+    /// Hangs nodes under another one; their transforms then lead to it.
+    pub fn adopt(&mut self, parent: u32, children: &[u32]) {
+        for child in children {
+            if let Some(has_parent) = self.has_parent.get_mut(*child as usize) {
+                *has_parent = true;
+            }
+        }
+        if let Some(node) = self.nodes.get_mut(parent as usize) {
+            node["children"] = json!(children);
+        }
+    }
+
+    /// Gives a node's mesh a skin: joints, and for each the matrix from the mesh's space to its own.
+    pub fn skin(&mut self, node: u32, joints: &[u32], joint_from_mesh: &[DAffine3]) {
+        let matrices: Vec<[f32; 16]> = joint_from_mesh
+            .iter()
+            .map(|matrix| glam::DMat4::from(*matrix).to_cols_array().map(round))
+            .collect();
+        let matrices = self.plain_floats(&matrices, "MAT4", false);
+        self.skins
+            .push(json!({ "joints": joints, "inverseBindMatrices": matrices }));
+        if let Some(node) = self.nodes.get_mut(node as usize) {
+            node["skin"] = json!(self.skins.len() - 1);
+        }
+    }
+
+    /// Adds an animation.
+    ///
+    /// # Errors
+    /// A track whose values do not fit its keys.
+    pub fn animation(&mut self, name: &str, channels: &[Channel<'_>]) -> Result<(), SceneError> {
+        let (mut samplers, mut targets) = (Vec::new(), Vec::new());
+        for channel in channels {
+            let track = &channel.track;
+            let (interpolation, per_key) = match track.interpolation {
+                Interpolation::Step => ("STEP", 1),
+                Interpolation::Linear => ("LINEAR", 1),
+                Interpolation::CubicSpline => ("CUBICSPLINE", 3),
+            };
+            let fits = track.values.len() == track.times_s.len() * per_key * track.width;
+            if track.times_s.is_empty() || !fits {
+                return Err(SceneError::Write {
+                    what: format!(
+                        "animation '{name}' has a track whose values do not fit its keys"
+                    ),
+                });
+            }
+            let times: Vec<[f32; 1]> = track.times_s.iter().map(|time| [round(*time)]).collect();
+            let values: Vec<f32> = track.values.iter().map(|value| round(*value)).collect();
+            let input = self.plain_floats(&times, "SCALAR", true);
+            let output = match channel.path {
+                "rotation" => self.plain_floats(values.as_chunks::<4>().0, "VEC4", false),
+                "weights" => self.plain_floats(values.as_chunks::<1>().0, "SCALAR", false),
+                _ => self.plain_floats(values.as_chunks::<3>().0, "VEC3", false),
+            };
+            targets.push(json!({
+                "sampler": samplers.len(),
+                "target": { "node": channel.node, "path": channel.path },
+            }));
+            samplers
+                .push(json!({ "input": input, "output": output, "interpolation": interpolation }));
+        }
+        self.animations
+            .push(json!({ "name": name, "samplers": samplers, "channels": targets }));
+        Ok(())
+    }
+
+    fn joints(&mut self, joints: &[VertexJoints]) -> (usize, usize) {
+        let bytes: Vec<u8> = joints
+            .iter()
+            .flat_map(|vertex| vertex.joints)
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        let view = self.view(&bytes, Some(ARRAY_BUFFER));
+        self.accessors.push(json!({ "bufferView": view, "componentType": UNSIGNED_SHORT, "count": joints.len(), "type": "VEC4" }));
+        let first = self.accessors.len() - 1;
+        let weights: Vec<[f32; 4]> = joints.iter().map(|vertex| vertex.weights).collect();
+        (first, self.floats(&weights, "VEC4", false))
     }
 
     /// The finished file.
@@ -325,10 +462,13 @@ impl GlbWriter {
     /// More than 4 GiB of data.
     pub fn finish(mut self, name: &str) -> Result<Vec<u8>, SceneError> {
         pad(&mut self.bin, 0);
+        let roots: Vec<usize> = (0..self.nodes.len())
+            .filter(|node| !self.has_parent[*node])
+            .collect();
         let mut root = json!({
             "asset": { "version": "2.0", "generator": "stereolux" },
             "scene": 0,
-            "scenes": [{ "name": name, "nodes": (0..self.nodes.len()).collect::<Vec<_>>() }],
+            "scenes": [{ "name": name, "nodes": roots }],
             "nodes": self.nodes,
         });
         if !self.lights.is_empty() {
@@ -346,6 +486,8 @@ impl GlbWriter {
             ("samplers", self.samplers),
             ("images", self.images),
             ("cameras", self.cameras),
+            ("skins", self.skins),
+            ("animations", self.animations),
             ("accessors", self.accessors),
             ("bufferViews", self.buffer_views),
         ];
@@ -401,12 +543,32 @@ impl GlbWriter {
         kind: &str,
         with_bounds: bool,
     ) -> usize {
+        self.floats_for(elements, kind, with_bounds, Some(ARRAY_BUFFER))
+    }
+
+    /// Numbers that are no vertex attributes.
+    fn plain_floats<const N: usize>(
+        &mut self,
+        elements: &[[f32; N]],
+        kind: &str,
+        with_bounds: bool,
+    ) -> usize {
+        self.floats_for(elements, kind, with_bounds, None)
+    }
+
+    fn floats_for<const N: usize>(
+        &mut self,
+        elements: &[[f32; N]],
+        kind: &str,
+        with_bounds: bool,
+        target: Option<u32>,
+    ) -> usize {
         let bytes: Vec<u8> = elements
             .as_flattened()
             .iter()
             .flat_map(|value| value.to_le_bytes())
             .collect();
-        let view = self.view(&bytes, Some(ARRAY_BUFFER));
+        let view = self.view(&bytes, target);
         let mut accessor = json!({ "bufferView": view, "componentType": FLOAT, "count": elements.len(), "type": kind });
         if with_bounds {
             let extreme = |pick: fn(f32, f32) -> f32| -> Vec<Value> {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::as_dvec3;
+use super::{MorphTarget, VertexJoints, as_dvec3};
 
 /// One glTF mesh, its primitives merged. Every vertex array has `positions.len()` entries.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,6 +22,12 @@ pub struct Mesh {
     pub uv1: Vec<[f32; 2]>,
     /// Linear RGBA of `COLOR_0`; 1 where missing.
     pub colors: Vec<[f32; 4]>,
+    /// Joints of `JOINTS_0` and `_1` and their weights, the four largest; empty where the mesh has none.
+    pub joints: Vec<VertexJoints>,
+    /// Morph targets.
+    pub targets: Vec<MorphTarget>,
+    /// Ranges of vertices whose normals are their triangle's own, because the file has none.
+    pub flat: Vec<std::ops::Range<u32>>,
     /// Triangles, counter-clockwise seen from the front.
     pub triangles: Vec<MeshTriangle>,
     /// Whether tangents mean anything: read from the file, or derived because a normal texture needs them.

@@ -10,7 +10,9 @@
 //! - [`environment`] reads equirectangular maps.
 //! - [`needs`] says which features a scene really uses, and what is left out.
 
+pub mod animation;
 pub mod builtin;
+pub mod deform;
 pub mod environment;
 mod error;
 pub mod gltf_writer;
@@ -18,17 +20,21 @@ mod import;
 mod material;
 mod mesh;
 pub mod needs;
+mod player;
 mod pose;
 
 use std::path::Path;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
+pub use animation::Animation;
+pub use deform::{Deformation, MorphTarget, Skin, VertexJoints};
 pub use environment::{Environment, load_environment};
 pub use error::SceneError;
 pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
 pub use mesh::{Mesh, MeshTriangle};
 pub use needs::{LeftOut, Motion, Needs};
+pub use player::Player;
 pub use pose::ScenePose;
 
 /// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
@@ -54,6 +60,10 @@ pub struct Scene {
     pub lights: Vec<PunctualLight>,
     /// Cameras.
     pub cameras: Vec<Camera>,
+    /// Skins that nodes refer to.
+    pub skins: Vec<Skin>,
+    /// Animations of the file.
+    pub animations: Vec<Animation>,
     /// What rays see that leave the scene; black without one.
     pub environment: Option<Environment>,
     /// One line each: things in the file that are repaired, ignored or approximated.
@@ -72,7 +82,7 @@ pub struct SourceFacts {
 }
 
 /// A node of the transform tree.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Node {
     /// Name in the file, or `node N`.
     pub name: String,
@@ -88,6 +98,10 @@ pub struct Node {
     pub light: Option<usize>,
     /// Index into [`Scene::cameras`].
     pub camera: Option<usize>,
+    /// Index into [`Scene::skins`].
+    pub skin: Option<usize>,
+    /// Weights of its mesh's morph targets, where no animation says otherwise.
+    pub morph_weights: Vec<f64>,
 }
 
 /// A mesh placed in the world.
@@ -265,13 +279,21 @@ impl Scene {
         placed
     }
 
-    /// Every placed mesh that holds at least one triangle.
+    /// Every placed mesh that holds at least one triangle, as the file has it. A skinned one's space is that of
+    /// [`Scene::deformation`].
     pub fn instances(&self) -> Vec<Instance> {
+        let rest = (!self.skins.is_empty()).then(|| self.rest_pose());
         self.placed_nodes()
             .into_iter()
-            .filter_map(|(node, world_from_object)| {
+            .filter_map(|(node, world_from_node)| {
                 let mesh = self.nodes.get(node)?.mesh?;
                 let holds_triangles = !self.meshes.get(mesh)?.triangles.is_empty();
+                let world_from_object = match &rest {
+                    Some(rest) if self.nodes.get(node)?.skin.is_some() => {
+                        self.deformation(node, rest).world_from_object
+                    }
+                    _ => world_from_node,
+                };
                 holds_triangles.then_some(Instance {
                     node,
                     mesh,
@@ -306,8 +328,13 @@ impl Scene {
 
     /// Box around every triangle in the world; none for a scene without triangles.
     pub fn bounds_in_world(&self) -> Option<Bounds> {
+        let rest = self.rest_pose();
         let corners = self.instances().into_iter().filter_map(|instance| {
-            Bounds::of_points(self.meshes[instance.mesh].positions.iter().map(|position| {
+            let mesh = &self.meshes[instance.mesh];
+            if self.deforms(instance.node) {
+                return Bounds::of_points(self.positions_in_world(instance.node, mesh, &rest));
+            }
+            Bounds::of_points(mesh.positions.iter().map(|position| {
                 instance
                     .world_from_object
                     .transform_point3(as_dvec3(*position))
@@ -318,17 +345,26 @@ impl Scene {
 
     /// Area of all triangles in the world, m^2, front sides only.
     pub fn surface_area_m2(&self) -> f64 {
+        let rest = self.rest_pose();
         self.instances()
             .iter()
             .map(|instance| {
                 let mesh = &self.meshes[instance.mesh];
                 let world_from_object = instance.world_from_object;
+                let deformed = self
+                    .deforms(instance.node)
+                    .then(|| self.positions_in_world(instance.node, mesh, &rest));
                 mesh.triangles
                     .iter()
                     .map(|triangle| {
-                        let [a, b, c] = mesh
-                            .corners(triangle)
-                            .map(|corner| world_from_object.transform_point3(corner));
+                        let [a, b, c] = match &deformed {
+                            Some(positions) => {
+                                triangle.vertices.map(|vertex| positions[vertex as usize])
+                            }
+                            None => mesh
+                                .corners(triangle)
+                                .map(|corner| world_from_object.transform_point3(corner)),
+                        };
                         0.5 * (b - a).cross(c - a).length()
                     })
                     .sum::<f64>()

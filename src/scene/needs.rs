@@ -28,10 +28,10 @@ impl LeftOut {
     }
 }
 
-/// Motion that a file describes. It is reported, not played.
+/// Motion that a file describes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Motion {
-    /// Animations in the file.
+    /// Animations in the file that move a node or morph weights.
     pub animations: usize,
     /// Nodes that an animation moves.
     pub animated_nodes: usize,
@@ -98,6 +98,10 @@ pub struct Needs {
     pub dielectric: bool,
     /// `static`, `node`, `skin` or `morph`: what the file describes.
     pub motion: &'static str,
+    /// Names of the animations, for `animation.clip`.
+    pub clips: Vec<String>,
+    /// A placed mesh changes its shape, by a skin or by morph targets.
+    pub deformation: bool,
     /// Triangles over all instances.
     pub triangles: usize,
     /// Triangles stored once per mesh.
@@ -123,6 +127,12 @@ impl Needs {
         let mut used = vec![false; scene.materials.len()];
         let mut needs = Self {
             motion: scene.source.motion.kind(),
+            clips: scene
+                .animations
+                .iter()
+                .map(|clip| clip.name.clone())
+                .collect(),
+            deformation: instances.iter().any(|placed| scene.deforms(placed.node)),
             instances: instances.len(),
             ..Self::default()
         };
@@ -275,6 +285,7 @@ impl Needs {
                     "environment" => "no environment is set",
                     "caustics" => "no smooth surface, diffuse surface and light come together",
                     "uv1" => "no texture reads coordinate set 1",
+                    "deformation" => "no mesh has a skin or morph targets",
                     _ => "not used",
                 };
                 (feature, why)
@@ -303,6 +314,7 @@ impl Needs {
             ("environment", self.environment),
             ("caustics", self.caustics),
             ("uv1", self.uv1),
+            ("deformation", self.deformation),
         ]
     }
 }

@@ -23,7 +23,11 @@ impl Scene {
             .collect();
         ScenePose {
             world_from_node: self.world_from_nodes(&locals),
-            morph_weights: Vec::new(),
+            morph_weights: self
+                .nodes
+                .iter()
+                .map(|node| node.morph_weights.clone())
+                .collect(),
         }
     }
 

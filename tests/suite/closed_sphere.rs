@@ -135,6 +135,7 @@ impl Light {
             mesh: None,
             light: Some(scene.lights.len() - 1),
             camera: None,
+            ..Node::default()
         });
     }
 }

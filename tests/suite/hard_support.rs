@@ -49,6 +49,7 @@ pub fn root(name: &str, scene: &mut Scene) -> usize {
         mesh: None,
         light: None,
         camera: None,
+        ..Node::default()
     });
     scene.nodes.len() - 1
 }

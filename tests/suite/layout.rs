@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::shaders::ShaderFeatures;
-use stereolux::gpu::types::{bvh, frame, light, material, mirror, reconstruction, submit};
+use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
@@ -144,6 +144,25 @@ fn host() -> BTreeMap<String, Layout> {
             emitter,
             v2,
             flags
+        }),
+        host_layout!(deform::RestVertex {
+            position,
+            mesh,
+            normal,
+            vertex,
+            tangent,
+            joints,
+            weights,
+        }),
+        host_layout!(deform::DeformMesh {
+            first_joint,
+            first_weight,
+            target_count,
+            first_delta,
+            first_vertex,
+            vertex_count,
+            padding_0,
+            padding_1,
         }),
         host_layout!(light::Light {
             position,

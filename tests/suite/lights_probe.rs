@@ -268,6 +268,7 @@ pub fn node(world_from_node: DAffine3) -> Node {
         mesh: None,
         light: None,
         camera: None,
+        ..Node::default()
     }
 }
 

@@ -22,6 +22,7 @@ fn node(mesh: usize, parent_from_node: DAffine3) -> Node {
         mesh: Some(mesh),
         light: None,
         camera: None,
+        ..Node::default()
     }
 }
 

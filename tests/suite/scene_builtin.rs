@@ -34,7 +34,7 @@ fn unknown_names_list_the_known_ones() {
     let message = Scene::builtin("builtin:kitchen").unwrap_err().to_string();
     assert_eq!(
         message,
-        "no embedded scene is called 'kitchen': the names are cornell, plane, sphere, caustic, gallery"
+        "no embedded scene is called 'kitchen': the names are cornell, plane, sphere, caustic, gallery, parade"
     );
 }
 

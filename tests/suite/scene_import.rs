@@ -483,30 +483,6 @@ fn lights_cameras_and_the_start_pose() {
 }
 
 #[test]
-fn motion_is_reported_and_does_not_stop_the_import() {
-    let doc = with(|doc| {
-        doc.json["animations"] = json!([{ "channels": [
-            { "sampler": 99, "target": { "node": 0, "path": "translation" } },
-            { "sampler": 0, "target": { "path": "pointer" } },
-        ], "samplers": [] }]);
-        doc.json["skins"] = json!([{ "joints": [12345] }]);
-        doc.json["nodes"][0]["skin"] = json!(0);
-    });
-    let scene = doc.load().unwrap();
-    let needs = Needs::of(&scene);
-    assert_eq!(needs.motion, "skin");
-    let features: Vec<&str> = needs
-        .left_out
-        .iter()
-        .map(|left_out| left_out.feature.as_str())
-        .collect();
-    assert!(
-        features.contains(&"node animation") && features.contains(&"skins"),
-        "{features:?}"
-    );
-}
-
-#[test]
 fn external_files_resolve_beside_the_document() {
     let folder = std::env::temp_dir().join(format!("stereolux-external-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

@@ -2,6 +2,7 @@
 //! one with what naga reads from the shaders.
 
 pub mod bvh;
+pub mod deform;
 pub mod frame;
 pub mod light;
 pub mod material;

@@ -5,6 +5,7 @@ pub mod caustic;
 pub mod cornell;
 pub mod gallery;
 mod paint;
+pub mod parade;
 pub mod plane;
 mod shapes;
 pub mod sphere;
@@ -12,7 +13,7 @@ pub mod sphere;
 use super::{Scene, SceneError};
 
 /// Names of all embedded scenes.
-pub const NAMES: [&str; 5] = ["cornell", "plane", "sphere", "caustic", "gallery"];
+pub const NAMES: [&str; 6] = ["cornell", "plane", "sphere", "caustic", "gallery", "parade"];
 
 /// The binary glTF of an embedded scene; `name` with or without the prefix `builtin:`.
 ///
@@ -25,6 +26,7 @@ pub fn write_builtin_glb(name: &str) -> Result<Vec<u8>, SceneError> {
         "sphere" => sphere::write(),
         "caustic" => caustic::write(),
         "gallery" => gallery::write(),
+        "parade" => parade::write(),
         unknown => Err(SceneError::UnknownBuiltin {
             name: unknown.to_owned(),
             known: NAMES.join(", "),

@@ -437,6 +437,7 @@ impl Shape {
             normals: self.normals,
             uvs: self.uvs,
             triangles: self.triangles,
+            ..Part::default()
         }
     }
 

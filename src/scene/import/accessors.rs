@@ -72,6 +72,15 @@ impl<'a> Reader<'a> {
     }
 
     fn layout(&self, index: usize, place: &str) -> Result<Layout<'a>, SceneError> {
+        self.layout_of(index, place, false)
+    }
+
+    fn layout_of(
+        &self,
+        index: usize,
+        place: &str,
+        matrices: bool,
+    ) -> Result<Layout<'a>, SceneError> {
         let accessor = self.accessor(index, place)?;
         let fault = |what: String| {
             self.document
@@ -82,7 +91,10 @@ impl<'a> Reader<'a> {
         else {
             return Err(fault("unknown type".to_owned()));
         };
-        if matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4) {
+        if matrices && (kind != Type::Mat4 || component.0 != ComponentType::F32) {
+            return Err(fault("must hold 4x4 matrices of floats".to_owned()));
+        }
+        if !matrices && matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4) {
             return Err(fault(
                 "a matrix, where a scalar or vector belongs".to_owned(),
             ));
@@ -173,6 +185,15 @@ impl<'a> Reader<'a> {
             to_float(layout.component, layout.normalized, bytes)
         })?;
         Ok((layout.multiplicity, values))
+    }
+
+    /// Reads an accessor of 4x4 matrices, column by column.
+    pub fn read_matrices(&self, index: usize, place: &str) -> Result<Vec<[f32; 16]>, SceneError> {
+        let layout = self.layout_of(index, place, true)?;
+        let convert = |bytes: &[u8]| to_float(layout.component, false, bytes);
+        let mut values = read_all(&layout, convert);
+        self.apply_sparse(index, &layout, place, &mut values, convert)?;
+        Ok(values.as_chunks::<16>().0.to_vec())
     }
 
     /// Reads an accessor of vertex indices.

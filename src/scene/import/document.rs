@@ -7,8 +7,7 @@ use gltf::json::validation::{Checked, Error as Fault, Validate};
 use serde_json::Value;
 
 use super::super::SceneError;
-use super::super::needs::{LeftOut, Motion};
-use super::Notes;
+use super::motion::RawMotion;
 
 /// Keys whose integers are indices or enumerations of 32 bits. The `gltf` crate cuts larger numbers to 32 bits, so
 /// that 4294967296 would silently mean 0.
@@ -40,7 +39,8 @@ pub struct Document<'a> {
     pub root: json::Root,
     /// The same as plain JSON: extensions that the typed form drops are read from here.
     pub raw: Value,
-    motion: Motion,
+    /// Animations and skins.
+    pub motion: RawMotion,
 }
 
 impl<'a> Document<'a> {
@@ -73,15 +73,7 @@ impl<'a> Document<'a> {
             }
             Some(_) => {}
         }
-        let motion = motion_of(top);
-        // Motion is reported, not played: what is wrong with it must not keep the scene from loading.
-        top.remove("animations");
-        top.remove("skins");
-        if let Some(nodes) = top.get_mut("nodes").and_then(Value::as_array_mut) {
-            for node in nodes.iter_mut().filter_map(Value::as_object_mut) {
-                node.remove("skin");
-            }
-        }
+        let motion = RawMotion::take(top);
         // A scene may leave its list of nodes out (glTF 2.0, section 5.27); gltf-json demands one.
         if let Some(scenes) = top.get_mut("scenes").and_then(Value::as_array_mut) {
             for scene in scenes.iter_mut().filter_map(Value::as_object_mut) {
@@ -108,8 +100,8 @@ impl<'a> Document<'a> {
         })
     }
 
-    /// Checks every index and enumeration, and notes the motion that is left out.
-    pub fn validate(&self, notes: &mut Notes) -> Result<(), SceneError> {
+    /// Checks every index and enumeration.
+    pub fn validate(&self) -> Result<(), SceneError> {
         // The crate's own check of POSITION indexes without looking, so look first.
         let accessors = self.root.accessors.len();
         for (mesh_index, mesh) in self.root.meshes.iter().enumerate() {
@@ -148,7 +140,6 @@ impl<'a> Document<'a> {
             };
             return Err(self.fault(format!("{place}: {what}")));
         }
-        self.note_motion(notes);
         Ok(())
     }
 
@@ -160,32 +151,6 @@ impl<'a> Document<'a> {
     /// The raw JSON at `list[index]`.
     pub fn raw_item(&self, list: &str, index: usize) -> Option<&Value> {
         self.raw.get(list)?.get(index)
-    }
-
-    fn note_motion(&self, notes: &mut Notes) {
-        let motion = self.motion.clone();
-        if motion.animated_nodes > 0 {
-            notes.source.left_out.push(LeftOut::new(
-                "node animation",
-                format!(
-                    "{} animations are not played: nodes keep the transforms of the file",
-                    motion.animations
-                ),
-            ));
-        }
-        if motion.skinned_nodes > 0 {
-            notes.source.left_out.push(LeftOut::new(
-                "skins",
-                "skinned meshes stand in the pose in which their vertices are stored",
-            ));
-        }
-        if motion.morph_meshes > 0 {
-            notes.source.left_out.push(LeftOut::new(
-                "morph targets",
-                "meshes keep their base shape",
-            ));
-        }
-        notes.source.motion = motion;
     }
 }
 
@@ -202,57 +167,6 @@ fn is_tolerated(place: &str, fault: Fault) -> bool {
         Fault::Invalid => place.ends_with("POSITION\"].min") || place.ends_with("POSITION\"].max"),
         Fault::Unsupported => true,
         Fault::IndexOutOfBounds | Fault::Oversize => false,
-    }
-}
-
-fn motion_of(top: &serde_json::Map<String, Value>) -> Motion {
-    let list = |key: &str| {
-        top.get(key)
-            .and_then(Value::as_array)
-            .map(Vec::as_slice)
-            .unwrap_or_default()
-    };
-    let mut animated: Vec<u64> = Vec::new();
-    let mut animated_morphs = false;
-    for animation in list("animations") {
-        for channel in animation
-            .get("channels")
-            .and_then(Value::as_array)
-            .into_iter()
-            .flatten()
-        {
-            let Some(target) = channel.get("target") else {
-                continue;
-            };
-            if target.get("path").and_then(Value::as_str) == Some("weights") {
-                animated_morphs = true;
-            }
-            animated.extend(target.get("node").and_then(Value::as_u64));
-        }
-    }
-    animated.sort_unstable();
-    animated.dedup();
-    let has_targets = |mesh: &&Value| {
-        mesh.get("primitives")
-            .and_then(Value::as_array)
-            .into_iter()
-            .flatten()
-            .any(|primitive| {
-                primitive
-                    .get("targets")
-                    .and_then(Value::as_array)
-                    .is_some_and(|list| !list.is_empty())
-            })
-    };
-    Motion {
-        animations: list("animations").len(),
-        animated_nodes: animated.len(),
-        skinned_nodes: list("nodes")
-            .iter()
-            .filter(|node| node.get("skin").is_some())
-            .count(),
-        morph_meshes: list("meshes").iter().filter(has_targets).count(),
-        animated_morphs,
     }
 }
 

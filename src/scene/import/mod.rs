@@ -11,6 +11,7 @@ mod document;
 mod extensions;
 mod geometry;
 mod materials;
+mod motion;
 mod nodes;
 mod resources;
 mod tangents;
@@ -48,13 +49,21 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
     let file = container::split(path, bytes, &mut notes)?;
     let document = Document::parse(path, file.json)?;
     extensions::check(&document, &mut notes)?;
-    document.validate(&mut notes)?;
+    document.validate()?;
 
     let buffers = resources::load_buffers(&document, file.blob)?;
     let mut library = materials::Library::import(&document, &mut notes)?;
     let meshes = geometry::import_meshes(&document, &buffers, &mut library, &mut notes)?;
     let images = resources::load_images(&document, &buffers, &library.image_sources, &mut notes)?;
-    let graph = nodes::import(&document, &mut notes)?;
+    let mut graph = nodes::import(&document, &meshes, &mut notes)?;
+    let reader = accessors::Reader {
+        document: &document,
+        buffers: &buffers,
+    };
+    let skins = motion::import_skins(&document, &reader, &mut graph.nodes, &meshes, &mut notes)?;
+    let animations =
+        motion::import_animations(&document, &reader, &graph.nodes, &meshes, &mut notes)?;
+    notes.source.motion = motion::summary(&graph.nodes, &meshes, &animations);
 
     let name = path.file_stem().map_or_else(
         || path.display().to_string(),
@@ -70,6 +79,8 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
         images,
         lights: graph.lights,
         cameras: graph.cameras,
+        skins,
+        animations,
         environment: None,
         warnings: notes.warnings,
         source: notes.source,

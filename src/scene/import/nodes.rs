@@ -5,7 +5,7 @@ use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
 
-use super::super::{Camera, LightKind, Node, PunctualLight, SceneError};
+use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, SceneError};
 use super::Notes;
 use super::document::Document;
 
@@ -22,7 +22,11 @@ pub struct Graph {
 const SINGULAR_BELOW: f64 = 1e-7;
 
 /// Imports the nodes and checks that they form a forest.
-pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Graph, SceneError> {
+pub fn import(
+    document: &Document<'_>,
+    meshes: &[Mesh],
+    notes: &mut Notes,
+) -> Result<Graph, SceneError> {
     let cameras = document
         .root
         .cameras
@@ -57,6 +61,8 @@ pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Graph, Scene
             mesh: source.mesh.map(|mesh| mesh.value()),
             light,
             camera: source.camera.map(|camera| camera.value()),
+            skin: None,
+            morph_weights: weights_of(document, index, source, meshes)?,
         });
     }
     link_parents(document, &mut nodes)?;
@@ -67,6 +73,34 @@ pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Graph, Scene
         lights,
         cameras,
     })
+}
+
+/// The node's weights of its mesh's morph targets, else the mesh's own, else 0 (glTF 2.0, section 3.7.2.2).
+fn weights_of(
+    document: &Document<'_>,
+    index: usize,
+    node: &json::Node,
+    meshes: &[Mesh],
+) -> Result<Vec<f64>, SceneError> {
+    let Some(mesh_index) = node.mesh.map(|mesh| mesh.value()) else {
+        return Ok(Vec::new());
+    };
+    let targets = meshes.get(mesh_index).map_or(0, |mesh| mesh.targets.len());
+    let of_mesh = || document.root.meshes.get(mesh_index)?.weights.as_ref();
+    let (weights, place) = match &node.weights {
+        Some(weights) => (Some(weights), format!("nodes[{index}].weights")),
+        None => (of_mesh(), format!("meshes[{mesh_index}].weights")),
+    };
+    let Some(weights) = weights.filter(|weights| !weights.is_empty()) else {
+        return Ok(vec![0.0; targets]);
+    };
+    if weights.len() != targets || weights.iter().any(|weight| !weight.is_finite()) {
+        return Err(document.fault(format!(
+            "{place}: {} weights for {targets} morph targets, each must be finite",
+            weights.len()
+        )));
+    }
+    Ok(weights.iter().map(|weight| f64::from(*weight)).collect())
 }
 
 fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), SceneError> {

@@ -12,6 +12,7 @@ fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -
         mesh,
         light,
         camera: None,
+        ..Node::default()
     }
 }
 

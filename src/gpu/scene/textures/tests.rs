@@ -36,6 +36,7 @@ fn textured_scene() -> Scene {
             mesh: Some(0),
             light: None,
             camera: None,
+            ..Node::default()
         }],
         roots: vec![0],
         meshes: vec![Mesh {

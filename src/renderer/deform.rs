@@ -1,0 +1,646 @@
+//! Skins and morph targets on the device: buffers, bounds and the passes of [`passes::DEFORM`].
+//!
+//! Every instance of a mesh that changes its shape has a copy of it. The host uploads joints' matrices and weights,
+//! bounds the shape by its joints, and the device writes vertices, triangles and boxes. The tree over the triangles
+//! stays until its cost has drifted by [`REBUILD_COST_RATIO`]; then the host builds it anew over its own f64 positions.
+
+use std::borrow::Cow;
+
+use glam::{DAffine3, DVec3};
+
+use super::RenderError;
+use super::kernels::KernelSet;
+use crate::bvh::refit::Rebuilt;
+use crate::bvh::{Bounds32, MESH_STACK, MaterialMarks, MeshHierarchies};
+use crate::gpu::buffers::read_buffer;
+use crate::gpu::kernel::{Bound, DISPATCH_STRIDE, dispatch_table, linear_groups};
+use crate::gpu::types::deform::{DeformMesh, RestVertex};
+use crate::gpu::{
+    FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data,
+};
+use crate::passes;
+use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
+
+/// A hierarchy is built anew when a ray through its box costs this many times what it cost when it was built. Measured
+/// on Fox.glb and on the tests' tube, see docs/results.md: refitted trees of clips stay below it, and what goes beyond
+/// is a shape that the tree was not built for.
+pub const REBUILD_COST_RATIO: f64 = 1.5;
+/// Frames in a new pose between two looks at the cost: it is read back from the device.
+pub const COST_CHECK_FRAMES: u32 = 8;
+/// Threads of a workgroup of the passes.
+const GROUP: u32 = 64;
+/// No joints.
+const NONE: u32 = u32::MAX;
+
+/// `scene` with a mesh of its own for each instance that changes its shape.
+pub fn with_own_meshes(scene: &Scene) -> Cow<'_, Scene> {
+    let instances = scene.instances();
+    let mut taken = vec![false; scene.meshes.len()];
+    for placed in &instances {
+        taken[placed.mesh] |= !scene.deforms(placed.node);
+    }
+    let mut own = Cow::Borrowed(scene);
+    for placed in &instances {
+        if scene.deforms(placed.node) && std::mem::replace(&mut taken[placed.mesh], true) {
+            let scene = own.to_mut();
+            scene.meshes.push(scene.meshes[placed.mesh].clone());
+            scene.nodes[placed.node].mesh = Some(scene.meshes.len() - 1);
+        }
+    }
+    own
+}
+
+/// One mesh that changes its shape.
+struct Shape {
+    node: usize,
+    mesh: usize,
+    record: DeformMesh,
+    now: Deformation,
+    /// Boxes of the vertices that each joint moves, mesh space; one of all vertices without a skin.
+    joint_bounds: Vec<Option<Bounds>>,
+    target_bounds: Vec<Bounds>,
+    built_cost: f64,
+    refit_ratio: f64,
+    is_due: bool,
+}
+
+/// All meshes that change their shape.
+pub struct Deformer {
+    /// Nodes and skins, and the meshes that change.
+    skeleton: Scene,
+    marks: Vec<MaterialMarks>,
+    shapes: Vec<Shape>,
+    joint_rows: Vec<[f32; 4]>,
+    weights: Vec<f32>,
+    vertex_count: u32,
+    triangle_count: u32,
+    levels: Vec<[u32; 2]>,
+    buffers: Buffers,
+    bound: Option<[Bound; 3]>,
+    is_new: bool,
+    was_new: bool,
+    /// Frames in a new pose since the cost was read.
+    unchecked: u32,
+    rebuilds: u32,
+}
+
+struct Buffers {
+    rest_vertices: wgpu::Buffer,
+    meshes: wgpu::Buffer,
+    deltas: wgpu::Buffer,
+    weights: wgpu::Buffer,
+    joint_rows: wgpu::Buffer,
+    positions: wgpu::Buffer,
+    previous_positions: wgpu::Buffer,
+    triangles: wgpu::Buffer,
+    nodes: wgpu::Buffer,
+    costs: wgpu::Buffer,
+    dispatch: wgpu::Buffer,
+}
+
+/// A new placement and new bounds.
+pub struct Reshaped {
+    /// Scene node.
+    pub node: usize,
+    /// Index of its mesh.
+    pub mesh: usize,
+    /// Placement of the deformed space.
+    pub world_from_object: DAffine3,
+    /// Around the deformed vertices.
+    pub bounds: Bounds32,
+}
+
+impl Deformer {
+    /// For `scene`, whose deforming instances have meshes of their own ([`with_own_meshes`]); `None` if there are none.
+    ///
+    /// # Errors
+    /// The adapter cannot bind a buffer.
+    pub fn new(
+        context: &GpuContext,
+        scene: &Scene,
+        hierarchies: &MeshHierarchies,
+        marks: &[MaterialMarks],
+    ) -> Result<Option<Self>, RenderError> {
+        let mut skeleton = Scene {
+            nodes: scene.nodes.clone(),
+            roots: scene.roots.clone(),
+            skins: scene.skins.clone(),
+            meshes: vec![Mesh::default(); scene.meshes.len()],
+            ..Scene::default()
+        };
+        let mut packed = Packed::default();
+        let mut shapes = Vec::new();
+        for placed in scene.instances() {
+            if !scene.deforms(placed.node) {
+                continue;
+            }
+            let mesh = &scene.meshes[placed.mesh];
+            skeleton.meshes[placed.mesh] = mesh.clone();
+            let joints = scene.nodes[placed.node]
+                .skin
+                .filter(|_| !mesh.joints.is_empty())
+                .and_then(|skin| scene.skins.get(skin))
+                .map(|skin| skin.joints.len());
+            let first_vertex = hierarchies.meshes[placed.mesh].first_vertex;
+            let record = packed.add(shapes.len() as u32, mesh, joints, first_vertex);
+            shapes.push(Shape {
+                node: placed.node,
+                mesh: placed.mesh,
+                record,
+                now: Deformation::default(),
+                joint_bounds: joint_bounds(mesh, joints),
+                target_bounds: mesh
+                    .targets
+                    .iter()
+                    .map(|target| bounds_of(target.positions.iter()).unwrap_or(NO_BOUNDS))
+                    .collect(),
+                built_cost: hierarchies.cost(placed.mesh),
+                refit_ratio: 1.0,
+                is_due: false,
+            });
+        }
+        if shapes.is_empty() {
+            return Ok(None);
+        }
+        let mut triangles = Vec::new();
+        for shape in &shapes {
+            let range = &hierarchies.meshes[shape.mesh];
+            // Wraps: the shader adds it to a vertex number, which is not below the mesh's first.
+            let shift = shape.record.first_vertex.wrapping_sub(range.first_vertex);
+            let end = range.first_triangle + range.triangle_count;
+            triangles.extend((range.first_triangle..end).map(|triangle| [triangle, shift]));
+        }
+        let records: Vec<DeformMesh> = shapes.iter().map(|shape| shape.record).collect();
+        let vertex_count = packed.vertices.len() as u64;
+        let node_count = hierarchies.nodes.len() as u64;
+        let data = |label, bytes| storage_buffer(context, label, bytes);
+        let buffers = Buffers {
+            rest_vertices: storage_buffer_with_data(context, "rest vertices", &packed.vertices)?,
+            meshes: storage_buffer_with_data(context, "deforming meshes", &records)?,
+            deltas: storage_buffer_with_data(context, "morph deltas", &packed.deltas)?,
+            weights: data("morph weights", packed.weight_count as u64 * 4)?,
+            joint_rows: data("joint matrices", packed.row_count as u64 * 16)?,
+            positions: data("deformed positions", vertex_count * 16)?,
+            previous_positions: data("previous positions", vertex_count * 16)?,
+            triangles: storage_buffer_with_data(context, "deformed triangles", &triangles)?,
+            nodes: data("refitted nodes", node_count * 4)?,
+            costs: data("refitted costs", node_count * 8)?,
+            dispatch: dispatch_table(
+                context,
+                "deform dispatch",
+                &vec![[0; 4]; MESH_STACK as usize + 2],
+            ),
+        };
+        let mut deformer = Self {
+            skeleton,
+            marks: marks.to_vec(),
+            shapes,
+            joint_rows: vec![[0.0; 4]; packed.row_count],
+            weights: vec![0.0; packed.weight_count],
+            vertex_count: vertex_count as u32,
+            triangle_count: triangles.len() as u32,
+            levels: Vec::new(),
+            buffers,
+            bound: None,
+            is_new: false,
+            was_new: false,
+            unchecked: 0,
+            rebuilds: 0,
+        };
+        deformer.write_levels(context, hierarchies);
+        Ok(Some(deformer))
+    }
+
+    /// Takes a pose over; calls `reshaped` for each mesh whose shape or place it changes. Work in proportion to joints
+    /// and targets.
+    pub fn set_pose(&mut self, pose: &ScenePose, mut reshaped: impl FnMut(Reshaped)) {
+        for shape in &mut self.shapes {
+            let now = self.skeleton.deformation(shape.node, pose);
+            if now == shape.now {
+                continue;
+            }
+            let changes_shape = now.object_from_mesh != shape.now.object_from_mesh
+                || now.weights != shape.now.weights;
+            self.is_new |= changes_shape || shape.now == Deformation::default();
+            shape.now = now;
+            shape.write(&mut self.joint_rows, &mut self.weights);
+            reshaped(Reshaped {
+                node: shape.node,
+                mesh: shape.mesh,
+                world_from_object: shape.now.world_from_object,
+                bounds: shape.bounds(),
+            });
+        }
+    }
+
+    /// Uploads the frame's pose, and builds anew the hierarchies that are due. Says which.
+    ///
+    /// # Errors
+    /// Positions that no hierarchy can hold.
+    pub fn begin_frame(
+        &mut self,
+        context: &GpuContext,
+        hierarchies: &mut MeshHierarchies,
+        bytes: &mut u64,
+    ) -> Result<Vec<(usize, Rebuilt)>, RenderError> {
+        let mut rebuilt = Vec::new();
+        if !self.is_new {
+            return Ok(rebuilt);
+        }
+        let rows: &[u8] = bytemuck::cast_slice(&self.joint_rows);
+        let weights: &[u8] = bytemuck::cast_slice(&self.weights);
+        for (buffer, data) in [
+            (&self.buffers.joint_rows, rows),
+            (&self.buffers.weights, weights),
+        ] {
+            if !data.is_empty() {
+                context.queue.write_buffer(buffer, 0, data);
+                *bytes += data.len() as u64;
+            }
+        }
+        for shape in self.shapes.iter_mut().filter(|shape| shape.is_due) {
+            shape.is_due = false;
+            let mesh = &self.skeleton.meshes[shape.mesh];
+            let positions = shape.now.positions(mesh);
+            let now = Mesh {
+                name: mesh.name.clone(),
+                positions: positions
+                    .iter()
+                    .map(|position| position.as_vec3().to_array())
+                    .collect(),
+                triangles: mesh.triangles.clone(),
+                ..Mesh::default()
+            };
+            let changed = hierarchies.rebuild(shape.mesh, &now, &self.marks)?;
+            hierarchies.meshes[shape.mesh].bounds = Some(shape.bounds());
+            shape.built_cost = hierarchies.cost(shape.mesh);
+            rebuilt.push((shape.mesh, changed));
+            self.rebuilds += 1;
+        }
+        if !rebuilt.is_empty() {
+            self.write_levels(context, hierarchies);
+        }
+        Ok(rebuilt)
+    }
+
+    /// Lists the nodes of all meshes by height.
+    fn write_levels(&mut self, context: &GpuContext, hierarchies: &MeshHierarchies) {
+        let mut levels: Vec<Vec<u32>> = Vec::new();
+        for shape in &self.shapes {
+            for (height, nodes) in hierarchies.levels(shape.mesh).into_iter().enumerate() {
+                if levels.len() <= height {
+                    levels.resize(height + 1, Vec::new());
+                }
+                levels[height].extend(nodes);
+            }
+        }
+        let all: Vec<u32> = levels.iter().flatten().copied().collect();
+        let mut first = 0;
+        self.levels = levels
+            .iter()
+            .map(|level| {
+                let begins = first;
+                first += level.len() as u32;
+                [begins, level.len() as u32]
+            })
+            .collect();
+        let queue = &context.queue;
+        queue.write_buffer(&self.buffers.nodes, 0, bytemuck::cast_slice(&all));
+        let counts = [[0, self.vertex_count], [0, self.triangle_count]];
+        for (entry, [first, count]) in counts.iter().chain(&self.levels).enumerate() {
+            let words = [*first, 0, *count, 0];
+            queue.write_buffer(
+                &self.buffers.dispatch,
+                entry as u64 * DISPATCH_STRIDE,
+                bytemuck::cast_slice(&words),
+            );
+        }
+    }
+
+    /// Where the previous frame's positions of a mesh begin.
+    pub fn first_position(&self, mesh: usize) -> Option<u32> {
+        let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;
+        Some(shape.record.first_vertex)
+    }
+
+    /// What shaders may ask for.
+    pub fn resources<'a>(&'a self, resources: Resources<'a>) -> Resources<'a> {
+        resources.with("previous_positions", &self.buffers.previous_positions)
+    }
+
+    /// Binds the passes; `scene` holds the scene's own buffers.
+    ///
+    /// # Errors
+    /// As [`crate::gpu::Kernel::bind`].
+    pub fn bind(
+        &mut self,
+        context: &GpuContext,
+        kernels: &KernelSet,
+        scene: &Resources<'_>,
+    ) -> Result<(), GpuError> {
+        let buffers = &self.buffers;
+        let resources = scene
+            .clone()
+            .with("dispatch", &buffers.dispatch)
+            .with("rest_vertices", &buffers.rest_vertices)
+            .with("deform_meshes", &buffers.meshes)
+            .with("morph_deltas", &buffers.deltas)
+            .with("morph_weights", &buffers.weights)
+            .with("joint_rows", &buffers.joint_rows)
+            .with("deformed_positions", &buffers.positions)
+            .with("deformed_triangles", &buffers.triangles)
+            .with("refit_nodes", &buffers.nodes)
+            .with("refit_costs", &buffers.costs);
+        let bind = |pass| kernels.get(pass)?.bind(context, &resources);
+        self.bound = Some([
+            bind(&passes::deform::PASS)?,
+            bind(&passes::deform_triangles::PASS)?,
+            bind(&passes::refit::PASS)?,
+        ]);
+        Ok(())
+    }
+
+    /// Whether this frame has anything to record.
+    pub fn has_work(&self) -> bool {
+        self.is_new || self.was_new
+    }
+
+    /// Records what the frame's pose needs: nothing if the last two frames had the same.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if the passes were not compiled.
+    pub fn record(
+        &mut self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+    ) -> Result<(), GpuError> {
+        if self.has_work() {
+            let bytes = u64::from(self.vertex_count) * 16;
+            recorder.copy(
+                &self.buffers.positions,
+                &self.buffers.previous_positions,
+                bytes,
+            );
+        }
+        if self.is_new {
+            self.record_passes(recorder, kernels)?;
+            self.unchecked += 1;
+        }
+        self.was_new = std::mem::take(&mut self.is_new);
+        Ok(())
+    }
+
+    /// The passes over everything; twice the same is as good as once.
+    ///
+    /// # Errors
+    /// As [`Deformer::record`].
+    pub fn record_passes(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+    ) -> Result<(), GpuError> {
+        let Some([deform, triangles, refit]) = &self.bound else {
+            return Ok(());
+        };
+        let groups = |count| linear_groups(count, GROUP);
+        let kernel = |pass| kernels.get(pass);
+        recorder.dispatch(
+            "pose.deform",
+            kernel(&passes::deform::PASS)?,
+            deform,
+            0,
+            groups(self.vertex_count),
+        );
+        recorder.dispatch(
+            "pose.deform_triangles",
+            kernel(&passes::deform_triangles::PASS)?,
+            triangles,
+            1,
+            groups(self.triangle_count),
+        );
+        for (level, [_, count]) in self.levels.iter().enumerate() {
+            recorder.dispatch(
+                "pose.refit",
+                kernel(&passes::refit::PASS)?,
+                refit,
+                level as u32 + 2,
+                groups(*count),
+            );
+        }
+        Ok(())
+    }
+
+    /// Reads what the refitted hierarchies cost, once in [`COST_CHECK_FRAMES`] frames in a new pose; those that have
+    /// drifted too far are built anew with the next one.
+    ///
+    /// # Errors
+    /// As [`read_buffer`].
+    pub fn check_cost(
+        &mut self,
+        context: &GpuContext,
+        hierarchies: &MeshHierarchies,
+    ) -> Result<(), GpuError> {
+        if self.unchecked < COST_CHECK_FRAMES {
+            return Ok(());
+        }
+        self.unchecked = 0;
+        let ratios = self.cost_ratios(context, hierarchies)?;
+        for (shape, ratio) in self.shapes.iter_mut().zip(ratios) {
+            shape.refit_ratio = ratio;
+            // NaN, from shapes without area, is none.
+            shape.is_due = ratio > REBUILD_COST_RATIO;
+        }
+        Ok(())
+    }
+
+    /// For each mesh what a ray through its box costs over what it cost when its hierarchy was built.
+    ///
+    /// # Errors
+    /// As [`read_buffer`].
+    pub fn cost_ratios(
+        &self,
+        context: &GpuContext,
+        hierarchies: &MeshHierarchies,
+    ) -> Result<Vec<f64>, GpuError> {
+        let costs: Vec<[f32; 2]> = read_buffer(
+            context,
+            "refitted costs",
+            &self.buffers.costs,
+            hierarchies.nodes.len(),
+        )?;
+        Ok(self
+            .shapes
+            .iter()
+            .map(|shape| {
+                let root = hierarchies.meshes[shape.mesh].root as usize;
+                let [sum, area] = costs.get(root).copied().unwrap_or_default();
+                f64::from(sum) / f64::from(area) / shape.built_cost
+            })
+            .collect())
+    }
+
+    /// Hierarchies built anew so far.
+    pub fn rebuilds(&self) -> u32 {
+        self.rebuilds
+    }
+
+    /// Deformation of a node's mesh, as the last pose has it.
+    pub fn deformation(&self, node: usize) -> Option<&Deformation> {
+        let shape = self.shapes.iter().find(|shape| shape.node == node)?;
+        Some(&shape.now)
+    }
+}
+
+const NO_BOUNDS: Bounds = Bounds {
+    min: DVec3::ZERO,
+    max: DVec3::ZERO,
+};
+
+fn bounds_of<'a>(points: impl Iterator<Item = &'a [f32; 3]>) -> Option<Bounds> {
+    Bounds::of_points(points.map(|point| DVec3::from_array(point.map(f64::from))))
+}
+
+fn joint_bounds(mesh: &Mesh, joints: Option<usize>) -> Vec<Option<Bounds>> {
+    let Some(count) = joints else {
+        return vec![bounds_of(mesh.positions.iter())];
+    };
+    let mut bounds: Vec<Option<Bounds>> = vec![None; count];
+    for (position, influences) in mesh.positions.iter().zip(&mesh.joints) {
+        let point = DVec3::from_array(position.map(f64::from));
+        for (joint, weight) in influences.joints.iter().zip(influences.weights) {
+            if weight > 0.0
+                && let Some(around) = bounds.get_mut(usize::from(*joint))
+            {
+                *around = Some(around.map_or(
+                    Bounds {
+                        min: point,
+                        max: point,
+                    },
+                    |around| Bounds {
+                        min: around.min.min(point),
+                        max: around.max.max(point),
+                    },
+                ));
+            }
+        }
+    }
+    bounds
+}
+
+impl Shape {
+    /// Matrices and weights in f32, where the shader reads them.
+    fn write(&self, rows: &mut [[f32; 4]], weights: &mut [f32]) {
+        if self.record.first_joint != NONE {
+            let slots = rows[self.record.first_joint as usize..].chunks_exact_mut(3);
+            for (slot, matrix) in slots.zip(&self.now.object_from_mesh) {
+                slot.copy_from_slice(&crate::bvh::rows(matrix));
+            }
+        }
+        let first = self.record.first_weight as usize;
+        let last = first + self.record.target_count as usize;
+        for (slot, weight) in weights[first..last].iter_mut().zip(&self.now.weights) {
+            *slot = *weight as f32;
+        }
+    }
+
+    /// A box around the shape without looking at its vertices: each lies among its joints' images of itself, because
+    /// weights are shares, and its image by a joint lies in the image of that joint's box.
+    fn bounds(&self) -> Bounds32 {
+        let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+        for (weight, bounds) in self.now.weights.iter().zip(&self.target_bounds) {
+            let (a, b) = (*weight * bounds.min, *weight * bounds.max);
+            low += a.min(b);
+            high += a.max(b);
+        }
+        let none = [DAffine3::IDENTITY];
+        let matrices = if self.record.first_joint == NONE {
+            &none[..]
+        } else {
+            &self.now.object_from_mesh[..]
+        };
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut reach = 0.0f64;
+        for (matrix, bounds) in matrices.iter().zip(&self.joint_bounds) {
+            let Some(bounds) = bounds else { continue };
+            let (from, to) = (bounds.min + low, bounds.max + high);
+            let center = matrix.transform_point3(0.5 * (from + to));
+            let linear = [0, 1, 2].map(|row| matrix.matrix3.row(row).abs());
+            let spread = |v: DVec3| DVec3::from_array(linear.map(|row| row.dot(v)));
+            let half = spread(0.5 * (to - from));
+            min = min.min(center - half);
+            max = max.max(center + half);
+            let largest = spread(from.abs().max(to.abs())) + matrix.translation.abs();
+            reach = reach.max(largest.max_element());
+        }
+        // A NaN fails too.
+        if !(min.cmple(max).all() && reach.is_finite()) {
+            return Bounds32::EMPTY;
+        }
+        // Some twenty roundings of terms up to `reach`, rounded weights and matrices included.
+        let pad = DVec3::splat(32.0 * crate::bvh::bounds::ROUNDING_UNIT * reach);
+        Bounds32::rounded_outward(min - pad, max + pad)
+    }
+}
+
+#[derive(Default)]
+struct Packed {
+    vertices: Vec<RestVertex>,
+    deltas: Vec<[f32; 4]>,
+    row_count: usize,
+    weight_count: usize,
+}
+
+impl Packed {
+    fn add(
+        &mut self,
+        index: u32,
+        mesh: &Mesh,
+        joints: Option<usize>,
+        first_vertex: u32,
+    ) -> DeformMesh {
+        let record = DeformMesh {
+            first_joint: if joints.is_some() {
+                self.row_count as u32
+            } else {
+                NONE
+            },
+            first_weight: self.weight_count as u32,
+            target_count: mesh.targets.len() as u32,
+            first_delta: self.deltas.len() as u32,
+            first_vertex: self.vertices.len() as u32,
+            vertex_count: mesh.positions.len() as u32,
+            ..DeformMesh::default()
+        };
+        self.row_count += 3 * joints.unwrap_or(0);
+        self.weight_count += mesh.targets.len();
+        for target in &mesh.targets {
+            for (position, normal) in target.positions.iter().zip(&target.normals) {
+                self.deltas
+                    .extend([position, normal].map(|[x, y, z]| [*x, *y, *z, 0.0]));
+            }
+        }
+        let is_flat = |vertex: usize| {
+            mesh.flat
+                .iter()
+                .any(|range| range.contains(&(vertex as u32)))
+        };
+        for (vertex, position) in mesh.positions.iter().enumerate() {
+            let influences = mesh.joints.get(vertex).copied().unwrap_or_default();
+            let normal = mesh.normals.get(vertex).copied().unwrap_or_default();
+            self.vertices.push(RestVertex {
+                position: *position,
+                mesh: index,
+                normal: if is_flat(vertex) { [0.0; 3] } else { normal },
+                vertex: first_vertex + vertex as u32,
+                tangent: mesh
+                    .tangents
+                    .get(vertex)
+                    .copied()
+                    .unwrap_or([1.0, 0.0, 0.0, 1.0]),
+                joints: influences.joints.map(u32::from),
+                weights: influences.weights,
+            });
+        }
+        record
+    }
+}

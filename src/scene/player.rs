@@ -1,0 +1,49 @@
+//! Plays a clip by the display times of frames.
+
+use super::{Animation, Scene, SceneError, ScenePose};
+
+/// A clip, and when it began.
+#[derive(Clone, Debug)]
+pub struct Player {
+    /// Nodes alone.
+    skeleton: Scene,
+    clip: Animation,
+    speed: f64,
+    start_s: f64,
+    first_ns: Option<i64>,
+}
+
+impl Player {
+    /// Plays the clip that `wanted` names ([`Scene::clip`]), `speed` times as fast, from `start_s` on; `None` if there
+    /// is nothing to play.
+    ///
+    /// # Errors
+    /// As [`Scene::clip`].
+    pub fn new(
+        scene: &Scene,
+        wanted: &str,
+        speed: f64,
+        start_s: f64,
+    ) -> Result<Option<Self>, SceneError> {
+        Ok(scene.clip(wanted)?.map(|clip| Self {
+            skeleton: Scene {
+                nodes: scene.nodes.clone(),
+                roots: scene.roots.clone(),
+                ..Scene::default()
+            },
+            clip: clip.clone(),
+            speed,
+            start_s,
+            first_ns: None,
+        }))
+    }
+
+    /// The pose of a frame that is shown at `display_time_ns`; the first one asked for begins the clip. A function of
+    /// the differences of display times alone, so that a replay shows the same.
+    pub fn pose_at(&mut self, display_time_ns: i64) -> ScenePose {
+        let first = *self.first_ns.get_or_insert(display_time_ns);
+        let elapsed_s = display_time_ns.wrapping_sub(first) as f64 * 1e-9;
+        self.skeleton
+            .pose_at(&self.clip, self.start_s + self.speed * elapsed_s)
+    }
+}

@@ -1,0 +1,381 @@
+//! Skins and morph targets on the device: against the f64 twin, brute force over the deformed triangles, the previous
+//! frame, and hierarchies that are built anew.
+
+use glam::{DAffine3, DVec3, Vec3};
+use stereolux::bvh::reference::ExactInstance;
+use stereolux::bvh::{Bounds32, tree};
+use stereolux::gpu::ShaderLibrary;
+use stereolux::gpu::buffers::read_buffer;
+use stereolux::gpu::types::bvh::{BvhNode, Triangle};
+use stereolux::gpu::types::material::Vertex;
+use stereolux::options::{Method, Reuse};
+use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
+use stereolux::renderer::{Eye, Renderer};
+use stereolux::scene::{Deformation, Mesh, Scene, ScenePose};
+
+use super::bvh_probe::{Random, TraceProbe};
+use super::moving_support::*;
+use super::support::*;
+
+/// A renderer of few pixels, for its scene.
+fn small(scene: &Scene) -> Renderer {
+    renderer(scene, &method(Method::Path, Reuse::Off), [8, 8])
+}
+
+fn render(renderer: &mut Renderer, scene: &Scene, shift: DVec3, index: u32) {
+    let mut head = start_pose(scene);
+    head.position += shift;
+    let views = parallel_views(head, 0.06, square_fov(30.0));
+    renderer.render_frame(&views, index, |_| {}).unwrap();
+}
+
+/// What the device holds of the scene's geometry.
+struct Geometry {
+    triangles: Vec<Triangle>,
+    nodes: Vec<BvhNode>,
+    vertices: Vec<Vertex>,
+}
+
+fn geometry(renderer: &Renderer) -> Geometry {
+    let hierarchies = renderer.scene().hierarchies();
+    let context = renderer.context();
+    let resources = renderer.scene().resources();
+    let buffer = |name| match resources.get(name) {
+        Some(wgpu::BindingResource::Buffer(binding)) => binding.buffer.clone(),
+        _ => panic!("{name}"),
+    };
+    let vertices = buffer("vertices");
+    let count = vertices.size() as usize / size_of::<Vertex>();
+    Geometry {
+        triangles: read_buffer(
+            context,
+            "triangles",
+            &buffer("triangles"),
+            hierarchies.triangles.len(),
+        )
+        .unwrap(),
+        nodes: read_buffer(
+            context,
+            "nodes",
+            &buffer("mesh_nodes"),
+            hierarchies.nodes.len(),
+        )
+        .unwrap(),
+        vertices: read_buffer(context, "vertices", &vertices, count).unwrap(),
+    }
+}
+
+/// Instances as exact transforms relative to the render origin, over the scene with its own meshes.
+fn exact(renderer: &Renderer, scene: &Scene) -> Vec<ExactInstance> {
+    scene
+        .instances()
+        .iter()
+        .map(|placed| {
+            let id = renderer.scene().instance_of_node(placed.node).unwrap();
+            let mut at = renderer.scene().placement(id).unwrap();
+            at.translation -= renderer.origin_in_world();
+            let range = &renderer.scene().hierarchies().meshes[placed.mesh];
+            let first = range.first_triangle;
+            (at, first..first + range.triangle_count)
+        })
+        .collect()
+}
+
+/// Bound on the device's position error: base and each target's delta, four blended matrices of rounded weights and
+/// rows, one product: some 24 roundings of the largest terms.
+fn position_bound(deformation: &Deformation, mesh: &Mesh) -> f64 {
+    let largest = |values: &[[f32; 3]]| {
+        let all = values.as_flattened().iter();
+        f64::from(all.fold(0.0f32, |most, x| most.max(x.abs())))
+    };
+    let mut reach = largest(&mesh.positions);
+    for (target, weight) in mesh.targets.iter().zip(&deformation.weights) {
+        reach += weight.abs() * largest(&target.positions);
+    }
+    let grown = deformation
+        .object_from_mesh
+        .iter()
+        .map(|matrix| {
+            let rows = [0, 1, 2].map(|row| matrix.matrix3.row(row).abs().element_sum());
+            rows.into_iter().fold(0.0, f64::max) * reach + matrix.translation.abs().max_element()
+        })
+        .fold(reach, f64::max);
+    32.0 / 16_777_216.0 * grown
+}
+
+/// The largest error over its bound, of triangles' corners against the f64 twin.
+fn worst_corner(scene: &Scene, held: &Geometry, renderer: &Renderer, pose: &ScenePose) -> f64 {
+    let mut worst = 0.0f64;
+    for placed in scene.instances() {
+        if !scene.deforms(placed.node) {
+            continue;
+        }
+        let mesh = &scene.meshes[placed.mesh];
+        let deformation = scene.deformation(placed.node, pose);
+        let positions = deformation.positions(mesh);
+        let normals = deformation.normals(mesh);
+        let bound = position_bound(&deformation, mesh);
+        let hierarchies = renderer.scene().hierarchies();
+        let range = &hierarchies.meshes[placed.mesh];
+        let end = range.first_triangle + range.triangle_count;
+        for triangle in range.first_triangle..end {
+            let corners = hierarchies.triangle_vertices[triangle as usize];
+            let held_triangle = &held.triangles[triangle as usize];
+            for (v, corner) in [held_triangle.v0, held_triangle.v1, held_triangle.v2]
+                .iter()
+                .zip(corners)
+            {
+                let own = (corner - range.first_vertex) as usize;
+                let error = (Vec3::from(*v).as_dvec3() - positions[own]).length();
+                worst = worst.max(error / bound);
+                // Unit vectors: the cofactors' products lose some 1e-5 where joints disagree.
+                let normal = Vec3::from(held.vertices[corner as usize].normal).as_dvec3();
+                worst = worst.max((normal - normals[own]).length() / 1e-4);
+            }
+        }
+    }
+    worst
+}
+
+fn check_boxes(held: &Geometry, renderer: &Renderer) {
+    let hierarchies = renderer.scene().hierarchies();
+    for range in &hierarchies.meshes {
+        let end = range.first_triangle + range.triangle_count;
+        let checked = tree::check(
+            &held.nodes,
+            range.root,
+            range.first_triangle..end,
+            range.depth,
+            |triangle| {
+                let triangle = &held.triangles[triangle as usize];
+                Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
+            },
+        );
+        assert_eq!(checked, Ok(()));
+    }
+}
+
+#[test]
+fn hits_on_skinned_and_morphed_meshes_equal_exhaustive_search() {
+    let scene = builtin("parade");
+    let mut renderer = small(&scene);
+    let probe_context = renderer.context().clone();
+    let library = ShaderLibrary::embedded();
+    let probe = TraceProbe::new(&probe_context, &library, &["probe_occlusion"]);
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let mut random = Random(71);
+    let mut before: Option<(Vec<ExactInstance>, Vec<Triangle>)> = None;
+    for frame in 0..6 {
+        let pose = scene.pose_at(clip, 0.63 * f64::from(frame));
+        renderer.set_pose(&pose);
+        render(&mut renderer, &scene, 0.1 * random.vector(), frame);
+        let held = geometry(&renderer);
+        let worst = worst_corner(&scene, &held, &renderer, &pose);
+        assert!(worst < 1.0, "frame {frame}: {worst} times the bound");
+        check_boxes(&held, &renderer);
+        let now = exact(&renderer, &scene);
+        let mut wrong = |exact: &[ExactInstance], triangles: &[Triangle]| {
+            wrong_hits(
+                &probe_context,
+                &probe,
+                renderer.scene(),
+                exact,
+                triangles,
+                &mut random,
+                500,
+            )
+        };
+        let (misses, hits) = wrong(&now, &held.triangles);
+        assert!(hits > 150, "{hits} rays hit");
+        assert_eq!(misses, 0, "frame {frame}");
+        // Negative controls: last frame's shapes are noticed by the search and by the twin.
+        if let Some((exact, triangles)) = &before {
+            assert!(wrong(exact, triangles).0 > 5);
+            let stale = Geometry {
+                triangles: triangles.clone(),
+                ..held
+            };
+            assert!(worst_corner(&scene, &stale, &renderer, &pose) > 10.0);
+            before = Some((now, geometry(&renderer).triangles));
+        } else {
+            before = Some((now, held.triangles));
+        }
+    }
+}
+
+#[test]
+fn deformed_points_are_found_where_the_frame_before_had_them() {
+    let scene = builtin("parade");
+    let mut renderer = small(&scene);
+    let context = renderer.context().clone();
+    let probe = PreviousProbe::new(&context, &["deformation"]);
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let mut random = Random(72);
+    let mut was: Option<(ScenePose, DVec3)> = None;
+    for (frame, time_s) in [0.2, 0.5, 0.9, 0.9, 0.9, 1.3].into_iter().enumerate() {
+        let pose = scene.pose_at(clip, time_s);
+        renderer.set_pose(&pose);
+        render(&mut renderer, &scene, 0.05 * random.vector(), frame as u32);
+        let slots: Vec<_> = exact(&renderer, &scene)
+            .into_iter()
+            .enumerate()
+            .map(|(slot, (_, range))| (slot as u32, range))
+            .collect();
+        let points = random_points(&mut random, &slots, 1500);
+        let answers = probe.ask(&renderer.scene().resources(), &points);
+        if let Some((was, origin)) = &was {
+            let mut unlike_now = 0;
+            for ((slot, triangle, weights), answer) in points.iter().zip(&answers) {
+                let placed = scene.instances()[*slot as usize];
+                let mesh = &scene.meshes[placed.mesh];
+                let hierarchies = renderer.scene().hierarchies();
+                let first = hierarchies.meshes[placed.mesh].first_vertex;
+                let corners = hierarchies.triangle_vertices[*triangle as usize];
+                let [a, b, c] =
+                    [corners[0], corners[1], corners[2]].map(|corner| (corner - first) as usize);
+                let at = |pose: &ScenePose, origin: DVec3| {
+                    let deformation = scene.deformation(placed.node, pose);
+                    let positions = deformation.positions(mesh);
+                    let mut render = deformation.world_from_object;
+                    render.translation -= origin;
+                    let corners = [positions[a], positions[b], positions[c]];
+                    let bound = f32_bound(&render, corners)
+                        + DVec3::splat(2.0 * position_bound(&deformation, mesh));
+                    (render.transform_point3(point_of(corners, *weights)), bound)
+                };
+                let (expected, bound) = at(was, *origin);
+                let got = answer.expect("it was there");
+                assert!(
+                    (got - expected).abs().cmple(bound).all(),
+                    "frame {frame}: {got}, not {expected}, beyond {bound}"
+                );
+                let (now, bound) = at(&pose, renderer.origin_in_world());
+                unlike_now += usize::from(!(got - now).abs().cmple(bound).all());
+            }
+            // Negative control: the head moves every frame, and with it every point's place relative to it.
+            assert!(unlike_now > 1400, "frame {frame}: {unlike_now}");
+        } else {
+            assert!(answers.iter().all(Option::is_none));
+        }
+        was = Some((pose, renderer.origin_in_world()));
+    }
+}
+
+/// The parade's tube alone, its joints far apart: a shape that its tree was not built for.
+fn torn(scene: &Scene, share: f64) -> ScenePose {
+    let mut pose = scene.rest_pose();
+    for (index, node) in scene.nodes.iter().enumerate() {
+        if node.name == "joint 1" {
+            let turn = DAffine3::from_rotation_z(2.5 * share);
+            pose.world_from_node[index] = pose.world_from_node[index] * turn;
+        }
+        if node.name == "joint 2" {
+            pose.world_from_node[index].translation += DVec3::new(-2.0, -0.9, 1.5) * share;
+        }
+    }
+    pose
+}
+
+#[test]
+fn hierarchies_that_have_drifted_are_built_anew() {
+    let scene = builtin("parade");
+    let mut renderer = small(&scene);
+    let context = renderer.context().clone();
+    let ratio = |renderer: &Renderer| {
+        let scene = renderer.scene();
+        let deformer = scene.deformer().unwrap();
+        let ratios = deformer.cost_ratios(&context, scene.hierarchies()).unwrap();
+        ratios.into_iter().fold(0.0, f64::max)
+    };
+    let pose = |renderer: &mut Renderer, share: f64, index: u32| {
+        renderer.set_pose(&torn(&scene, share));
+        render(renderer, &scene, DVec3::ZERO, index);
+    };
+    pose(&mut renderer, 0.01, 0);
+    // At rest the device's boxes cost what the host's do: f32 sums of some hundred areas.
+    assert!(
+        (ratio(&renderer) - 1.0).abs() < 0.02,
+        "{}",
+        ratio(&renderer)
+    );
+    let mut worst = 0.0f64;
+    for index in 1..=COST_CHECK_FRAMES + 1 {
+        pose(&mut renderer, 1.0 + 1e-3 * f64::from(index), index);
+        worst = worst.max(ratio(&renderer));
+    }
+    assert!(worst > REBUILD_COST_RATIO, "{worst}");
+    let rebuilds = |renderer: &Renderer| renderer.scene().deformer().unwrap().rebuilds();
+    assert!(rebuilds(&renderer) > 0, "nothing was built anew");
+    assert!(ratio(&renderer) < 1.1, "{}", ratio(&renderer));
+    let torn = torn(&scene, 1.0 + 1e-3 * f64::from(COST_CHECK_FRAMES + 1));
+    let held = geometry(&renderer);
+    check_boxes(&held, &renderer);
+    assert!(worst_corner(&scene, &held, &renderer, &torn) < 1.0);
+    let library = ShaderLibrary::embedded();
+    let probe = TraceProbe::new(&context, &library, &["probe_occlusion"]);
+    let exact = exact(&renderer, &scene);
+    let scene = renderer.scene();
+    let (misses, _) = wrong_hits(
+        &context,
+        &probe,
+        scene,
+        &exact,
+        &held.triangles,
+        &mut Random(73),
+        500,
+    );
+    assert_eq!(misses, 0);
+}
+
+#[test]
+fn every_deforming_instance_has_a_mesh_of_its_own() {
+    let mut scene = builtin("parade");
+    let ball = (0..scene.nodes.len())
+        .find(|node| scene.nodes[*node].name == "ball")
+        .unwrap();
+    let mut twin = scene.nodes[ball].clone();
+    twin.parent_from_node.translation += DVec3::new(0.0, 0.8, 0.0);
+    twin.morph_weights = vec![1.0];
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(twin);
+    let own = with_own_meshes(&scene);
+    assert_eq!(own.meshes.len(), scene.meshes.len() + 1);
+    let own_meshes: Vec<_> = own.instances().iter().map(|placed| placed.mesh).collect();
+    assert_eq!(own_meshes.last(), Some(&scene.meshes.len()));
+    let mut renderer = small(&scene);
+    render(&mut renderer, &scene, DVec3::ZERO, 0);
+    let held = geometry(&renderer);
+    assert!(worst_corner(&own, &held, &renderer, &scene.rest_pose()) < 1.0);
+    // Rigid scenes are not copied.
+    let cornell = builtin("cornell");
+    assert!(matches!(
+        with_own_meshes(&cornell),
+        std::borrow::Cow::Borrowed(_)
+    ));
+}
+
+#[test]
+fn a_moving_scene_is_the_same_twice_and_not_the_same_later() {
+    let scene = builtin("parade");
+    let run = |times_ns: [i64; 3]| {
+        let settings = settings(|s| {
+            s.photon.count = 2048;
+            s.reuse = Reuse::Lookup;
+        });
+        let mut renderer = renderer(&scene, &settings, [24, 24]);
+        let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+        let mut frames = Vec::new();
+        for (index, time_ns) in times_ns.into_iter().enumerate() {
+            renderer.animate(time_ns);
+            let result = renderer.render_frame(&views, index as u32, |_| {}).unwrap();
+            assert!(result.photons.traced, "what moved has moved its light");
+            frames.push([Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye))));
+        }
+        frames
+    };
+    let first = run([5, 400_000_005, 800_000_005]);
+    assert_eq!(first, run([5, 400_000_005, 800_000_005]));
+    // Only differences of display times count.
+    assert_eq!(first, run([77, 400_000_077, 800_000_077]));
+    assert_ne!(first[1], run([5, 500_000_005, 800_000_005])[1]);
+}
