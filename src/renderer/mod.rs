@@ -34,7 +34,7 @@ use crate::gpu::types::frame::{
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, Search, Settings,
+    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene};
@@ -148,6 +148,11 @@ impl Renderer {
         let needs = Needs::of(scene);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
+        let texels = match settings.force.record_texels {
+            Force::Auto => context.adapter.is_software(),
+            forced => forced == Force::On,
+        };
+        features.insert("record_texels".to_owned(), texels);
         let buffers = SceneBuffers::new(&context, scene, &features)?;
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;

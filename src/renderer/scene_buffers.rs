@@ -9,6 +9,7 @@ use crate::gpu::scene::{
     pack_materials, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::texels::TexelCopy;
 use crate::gpu::{GpuContext, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data};
 use crate::scene::Scene;
 
@@ -30,7 +31,23 @@ pub struct SceneBuffers {
     top_nodes: GrowingBuffer,
     instances: GrowingBuffer,
     lights: GrowingBuffer,
+    texels: Option<[TexelCopy; COPIED.len()]>,
 }
+
+/// Arrays that the feature `record_texels` copies into textures, by the names that the shaders give the copies.
+const COPIED: [(&str, &str); 9] = [
+    ("top_nodes", "top_node_texels"),
+    ("mesh_nodes", "mesh_node_texels"),
+    ("instances", "instance_texels"),
+    ("triangles", "triangle_texels"),
+    ("triangle_vertices", "corner_texels"),
+    ("vertices", "vertex_texels"),
+    ("materials", "material_texels"),
+    ("lights", "light_texels"),
+    ("light_alias", "light_alias_texels"),
+];
+/// Those of them that follow the head.
+const FOLLOW_HEAD: [&str; 3] = ["top_nodes", "instances", "lights"];
 
 fn is_on(features: &ShaderFeatures, name: &str) -> bool {
     features.get(name).copied().unwrap_or(false)
@@ -113,9 +130,14 @@ impl SceneBuffers {
             )),
             None => None,
         };
-        Ok(Self {
+        // Two entries to a texel.
+        let mut light_alias = packed_lights.alias.clone();
+        light_alias.resize(light_alias.len().next_multiple_of(2), Default::default());
+        let mut buffers = Self {
             mesh_nodes: storage_buffer_with_data(context, "mesh nodes", &hierarchies.nodes)?,
             triangles: storage_buffer_with_data(context, "triangles", &hierarchies.triangles)?,
+            texels: is_on(features, "record_texels")
+                .then(|| COPIED.map(|(_, name)| TexelCopy::new(name))),
             triangle_vertices: storage_buffer_with_data(
                 context,
                 "triangle vertices",
@@ -125,7 +147,7 @@ impl SceneBuffers {
             materials: storage_buffer_with_data(context, "materials", &materials)?,
             textures,
             environment,
-            light_alias: storage_buffer_with_data(context, "light alias", &packed_lights.alias)?,
+            light_alias: storage_buffer_with_data(context, "light alias", &light_alias)?,
             top_nodes: GrowingBuffer::new("top nodes"),
             instances: GrowingBuffer::new("instances"),
             lights: GrowingBuffer::new("lights"),
@@ -134,7 +156,50 @@ impl SceneBuffers {
             top: TopLevel::default(),
             packed_lights,
             origin_in_world: None,
-        })
+        };
+        buffers.copy_to_texels(context, |name| !FOLLOW_HEAD.contains(&name))?;
+        Ok(buffers)
+    }
+
+    /// Brings the copies of the arrays that `chosen` names up to date with their buffers; to be called whenever one
+    /// changes. True if textures were replaced.
+    fn copy_to_texels(
+        &mut self,
+        context: &GpuContext,
+        chosen: impl Fn(&str) -> bool,
+    ) -> Result<bool, RenderError> {
+        let Some(mut copies) = self.texels.take() else {
+            return Ok(false);
+        };
+        let mut encoder = context
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("record texels"),
+            });
+        let mut replaced = false;
+        for ((name, _), copy) in COPIED.into_iter().zip(&mut copies) {
+            if let Some(buffer) = self.buffer(name).filter(|_| chosen(name)) {
+                replaced |= copy.copy_from(context, &mut encoder, buffer)?;
+            }
+        }
+        context.queue.submit([encoder.finish()]);
+        self.texels = Some(copies);
+        Ok(replaced)
+    }
+
+    fn buffer(&self, name: &str) -> Option<&wgpu::Buffer> {
+        match name {
+            "top_nodes" => self.top_nodes.buffer(),
+            "mesh_nodes" => Some(&self.mesh_nodes),
+            "instances" => self.instances.buffer(),
+            "triangles" => Some(&self.triangles),
+            "triangle_vertices" => Some(&self.triangle_vertices),
+            "vertices" => Some(&self.vertices),
+            "materials" => Some(&self.materials),
+            "lights" => self.lights.buffer(),
+            "light_alias" => Some(&self.light_alias),
+            _ => None,
+        }
     }
 
     /// Moves the origin of render space: rebuilds and uploads the instance hierarchy and the lights. True if buffers
@@ -157,25 +222,20 @@ impl SceneBuffers {
         let replaced_nodes = self.top_nodes.upload(context, self.top.nodes())?;
         let replaced_instances = self.instances.upload(context, self.top.instances())?;
         let replaced_lights = self.lights.upload(context, &self.packed_lights.records)?;
-        Ok(replaced_nodes || replaced_instances || replaced_lights)
+        let replaced_texels = self.copy_to_texels(context, |name| FOLLOW_HEAD.contains(&name))?;
+        Ok(replaced_nodes || replaced_instances || replaced_lights || replaced_texels)
     }
 
     /// Everything that shaders read of the scene, by binding name.
     pub fn resources(&self) -> Resources<'_> {
-        let mut resources = Resources::new()
-            .with("mesh_nodes", &self.mesh_nodes)
-            .with("triangles", &self.triangles)
-            .with("triangle_vertices", &self.triangle_vertices)
-            .with("vertices", &self.vertices)
-            .with("materials", &self.materials)
-            .with("light_alias", &self.light_alias);
-        for (name, growing) in [
-            ("top_nodes", &self.top_nodes),
-            ("instances", &self.instances),
-            ("lights", &self.lights),
-        ] {
-            if let Some(buffer) = growing.buffer() {
+        let mut resources = Resources::new();
+        for (index, (name, copy_name)) in COPIED.into_iter().enumerate() {
+            if let Some(buffer) = self.buffer(name) {
                 resources = resources.with(name, buffer);
+            }
+            let copy = self.texels.as_ref().and_then(|copies| copies[index].view());
+            if let Some(view) = copy {
+                resources = resources.with_texture(copy_name, view);
             }
         }
         if let Some((infos, texels)) = &self.textures {
