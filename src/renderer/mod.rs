@@ -42,7 +42,7 @@ use crate::xr::{HiddenArea, View};
 
 pub use choices::{
     automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, progressive_radius_m,
-    sample_passes, shader_features, stereo_passes,
+    sample_passes, samples_per_dispatch, shader_features, stereo_passes,
 };
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
 pub use kd_tree::KdTree;
@@ -157,15 +157,21 @@ impl Renderer {
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
         let caustics = photon && forms_caustics(&features);
+        let stereo = if both {
+            stereo_passes(settings.reuse)
+        } else {
+            &[]
+        };
         let plan = EyePlan {
             sample: sample_passes(settings, caustics),
+            run: if photon || !stereo.is_empty() {
+                1
+            } else {
+                samples_per_dispatch(settings.path.max_depth, buffers.hierarchy_depth())
+            },
             photon,
             caustics,
-            stereo: if both {
-                stereo_passes(settings.reuse)
-            } else {
-                &[]
-            },
+            stereo,
             parts: settings.output.parts,
             carries_indirect: both && carries_indirect(settings, &features),
             nearest: settings.photon.nearest,
@@ -365,7 +371,8 @@ impl Renderer {
             if first == 0 {
                 self.eyes.record_clear(&mut recorder);
             }
-            for sample in 0..count {
+            let mut sample = 0;
+            while sample < count {
                 if recorder.room() < PASSES_PER_SAMPLE {
                     let full = std::mem::replace(
                         &mut recorder,
@@ -373,7 +380,9 @@ impl Renderer {
                     );
                     full.submit("frame", &mut result.times)?;
                 }
-                self.record_sample(&mut recorder, sample)?;
+                let run = self.eyes.next_run(count - sample);
+                self.record_sample(&mut recorder, sample, run)?;
+                sample += run;
             }
             recorder.submit("frame", &mut result.times)?;
             first += count;
@@ -404,13 +413,18 @@ impl Renderer {
         GatherSlices { photons, caustics }
     }
 
-    fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
+    fn record_sample(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        sample: u32,
+        run: u32,
+    ) -> Result<(), GpuError> {
         // A single eye is rendered into the left buffers through its own view.
         self.eyes
-            .record_sample(recorder, &self.kernels, Eye::Left, sample)?;
+            .record_sample(recorder, &self.kernels, Eye::Left, sample, run)?;
         if self.eye_choice == EyeChoice::Both {
             self.eyes
-                .record_sample(recorder, &self.kernels, Eye::Right, sample)?;
+                .record_sample(recorder, &self.kernels, Eye::Right, sample, run)?;
         }
         Ok(())
     }

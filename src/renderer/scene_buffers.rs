@@ -269,6 +269,12 @@ impl SceneBuffers {
         self.packed_lights.records.len()
     }
 
+    /// Inner nodes on the longest path through both levels, the upper one's estimated: it is rebuilt as the head moves.
+    pub fn hierarchy_depth(&self) -> u32 {
+        let instances = self.sources.len().max(1).ilog2();
+        self.hierarchies.max_depth + instances + instances / 2
+    }
+
     /// The mesh hierarchies, for figures and picking.
     pub fn hierarchies(&self) -> &MeshHierarchies {
         &self.hierarchies
