@@ -2,7 +2,7 @@
 //!
 //! The generated ones ([`Generated`]) are one room, seen from one place: a floor that is a height field of as many
 //! triangles as asked for, a wall behind it, boxes on it in as many instances as asked for, lights above it in any number
-//! with the same power together. So a figure can be followed over one size while the view stays as it is.
+//! with the same power together. [`INDIRECT_SCENE`] is a room whose lamp lights the ceiling alone. So a figure can be followed over one size while the view stays as it is.
 
 use std::path::Path;
 
@@ -102,6 +102,7 @@ impl SceneSource {
 
 fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
     let mut scene = match name.strip_prefix("builtin:") {
+        _ if name == INDIRECT_SCENE => indirect(),
         Some(builtin) => Scene::builtin(builtin)?,
         None => Scene::load(Path::new(name))?,
     };
@@ -204,6 +205,115 @@ const HEIGHT_M: f64 = 3.0;
 const INTENSITY: f32 = 12.0;
 /// Height of the lights, metres.
 const LIGHT_HEIGHT_M: f64 = 2.6;
+
+/// Name of a room that only the suites know: closed, with a lamp that stands in a shade and lights the ceiling above it.
+/// Nearly all that one sees is lit by that spot of light: no ray from a surface finds the lamp.
+pub const INDIRECT_SCENE: &str = "bench:indirect";
+
+/// Radiance of the lamp in the shade, W sr^-1 m^-2.
+const SHADED_RADIANCE: f32 = 400.0;
+
+fn indirect() -> Scene {
+    let mut lamp = Material::lambert("lamp", [0.0; 3]);
+    lamp.emission = [
+        SHADED_RADIANCE,
+        0.9 * SHADED_RADIANCE,
+        0.7 * SHADED_RADIANCE,
+    ];
+    let mut scene = Scene {
+        name: "indirect".to_owned(),
+        materials: vec![
+            Material::lambert("white", [0.75, 0.73, 0.7]),
+            Material::lambert("red", [0.6, 0.15, 0.1]),
+            Material::lambert("blue", [0.15, 0.25, 0.6]),
+            Material::lambert("shade", [0.3; 3]),
+            lamp,
+        ],
+        ..Scene::default()
+    };
+    // Inner sides of the room: 4 m wide and deep, 2.6 m high.
+    let (h, top) = (HALF_FLOOR_M, 2.6);
+    let corner = DVec3::new(-h, 0.0, -h);
+    let [x, y, z] = [DVec3::X * 2.0 * h, DVec3::Y * top, DVec3::Z * 2.0 * h];
+    let quads = |name: &str, material, quads: &[[DVec3; 3]]| {
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        for [corner, u, v] in quads {
+            push_quad(&mut vertices, &mut triangles, *corner, *u, *v);
+        }
+        mesh(name, vertices, triangles, material)
+    };
+    scene.meshes.push(quads(
+        "floor, ceiling, back and front",
+        0,
+        &[
+            [corner, z, x],
+            [corner + y, x, z],
+            [corner, x, y],
+            [corner + z, y, x],
+        ],
+    ));
+    scene.meshes.push(quads("left", 1, &[[corner, y, z]]));
+    scene.meshes.push(quads("right", 2, &[[corner + x, z, y]]));
+    // The shade: four sides around the lamp, seen from within and without, open above.
+    let (edge, low, high) = (0.15, 1.9, 2.25);
+    let foot = DVec3::new(0.9 - edge, low, -1.3 - edge);
+    let [u, v, w] = [
+        DVec3::X * 2.0 * edge,
+        DVec3::Y * (high - low),
+        DVec3::Z * 2.0 * edge,
+    ];
+    scene.meshes.push(quads(
+        "shade",
+        3,
+        &[
+            [foot, u, v],
+            [foot, v, w],
+            [foot + u, w, v],
+            [foot + w, v, u],
+            [foot, w, u],
+        ],
+    ));
+    let glow = foot + DVec3::new(0.05, 0.02, 0.05);
+    scene.meshes.push(quads(
+        "lamp",
+        4,
+        &[[glow, w - DVec3::Z * 0.1, u - DVec3::X * 0.1]],
+    ));
+    scene.meshes.push(cube());
+    scene.meshes[5]
+        .triangles
+        .iter_mut()
+        .for_each(|t| t.material = 0);
+    let block = DAffine3::from_translation(DVec3::new(-0.7, 0.0, -0.8))
+        * DAffine3::from_rotation_y(0.4)
+        * DAffine3::from_scale(DVec3::new(0.8, 1.1, 0.8));
+    let eye =
+        DAffine3::from_translation(DVec3::new(0.0, 1.3, 1.85)) * DAffine3::from_rotation_x(-0.05);
+    scene.cameras.push(Camera {
+        name: "viewpoint".to_owned(),
+        yfov_rad: Some(1.1),
+    });
+    let mut place = |name: &str, from, mesh, camera| {
+        scene.roots.push(scene.nodes.len());
+        scene.nodes.push(Node {
+            name: name.to_owned(),
+            parent: None,
+            children: Vec::new(),
+            parent_from_node: from,
+            mesh,
+            light: None,
+            camera,
+            skin: None,
+            morph_weights: Vec::new(),
+        });
+    };
+    for index in 0..5 {
+        place("room", DAffine3::IDENTITY, Some(index), None);
+    }
+    place("block", block, Some(5), None);
+    place("viewpoint", eye, None, Some(0));
+    scene
+}
 
 impl Generated {
     /// Quads along the floor's edge.
@@ -436,6 +546,45 @@ mod tests {
                 Generated::default().scene().start_pose().position
             );
         }
+    }
+
+    #[test]
+    fn the_shaded_lamp_is_hidden_from_the_room() {
+        let scene = open(INDIRECT_SCENE, &Settings::default()).unwrap();
+        let emitter = &scene.meshes[4];
+        assert!(
+            emitter
+                .triangles
+                .iter()
+                .all(|t| scene.materials[t.material as usize].emission[0] > 0.0)
+        );
+        // The shade's rim rises over the line from the lamp's edge to all that lies under the ceiling's spot: the widest
+        // slope out of the shade meets the walls above their upper tenth.
+        let rim = scene.meshes[3]
+            .positions
+            .iter()
+            .map(|p| p[1])
+            .fold(0.0, f32::max);
+        let lamp = emitter.positions[0][1];
+        let across = 2.0 * 0.15 - 0.05;
+        let rise_per_metre = (rim - lamp) / across;
+        let ceiling = 2.6;
+        assert!((ceiling - rim) / rise_per_metre < 0.35, "{rise_per_metre}");
+        for mesh in &scene.meshes {
+            for triangle in &mesh.triangles {
+                let [a, b, c] = mesh.corners(triangle);
+                let normal = (b - a).cross(c - a);
+                let shading = mesh.normals[triangle.vertices[0] as usize].map(f64::from);
+                assert!(normal.dot(DVec3::from_array(shading)) > 0.0);
+            }
+        }
+        // The lamp looks up.
+        assert!(emitter.normals[0][1] > 0.99);
+        assert!(
+            SceneSource::Named(INDIRECT_SCENE.to_owned())
+                .check(&Settings::default())
+                .is_ok()
+        );
     }
 
     #[test]

@@ -38,6 +38,8 @@ pub struct LineFit {
     pub intercept: f64,
     /// Its standard error; none from two points.
     pub intercept_se: Option<f64>,
+    /// Share of y's variance that the line explains, 0 to 1; 1 where y does not vary.
+    pub r_squared: f64,
     /// Points.
     pub points: usize,
 }
@@ -148,11 +150,17 @@ pub fn line_fit(x: &[f64], y: &[f64]) -> Option<LineFit> {
     }
     let slope = xy / xx;
     let residue = sum(&|x, y| (y - slope * x).powi(2));
+    let total = sum(&|_, y| y * y);
     let variance = (points.len() > 2).then(|| residue / (count - 2.0));
     Some(LineFit {
         slope,
         slope_se: variance.map(|variance| (variance / xx).sqrt()),
         intercept: mean_y - slope * mean_x,
+        r_squared: if total > 0.0 {
+            1.0 - residue / total
+        } else {
+            1.0
+        },
         intercept_se: variance
             .map(|variance| (variance * (1.0 / count + mean_x * mean_x / xx)).sqrt()),
         points: points.len(),
@@ -295,6 +303,8 @@ mod tests {
         let line = line_fit(&[0.0, 1.0, 2.0], &[0.0, 1.0, 1.0]).unwrap();
         assert!((line.slope - 0.5).abs() < 1e-12 && (line.intercept - 1.0 / 6.0).abs() < 1e-12);
         assert!((line.slope_se.unwrap() - (1.0_f64 / 12.0).sqrt()).abs() < 1e-12);
+        // y's squares about their mean sum to 2/3, of which 1/6 is left.
+        assert!((line.r_squared - 0.75).abs() < 1e-12);
         assert!((line.intercept_se.unwrap() - (5.0_f64 / 36.0).sqrt()).abs() < 1e-12);
     }
 

@@ -260,6 +260,8 @@ impl GpuContext {
             // How much a scene or a photon map may hold depends on these two, so take what there is.
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             max_buffer_size: offered.max_buffer_size,
+            max_texture_dimension_2d: offered.max_texture_dimension_2d,
+            max_storage_textures_per_shader_stage: offered.max_storage_textures_per_shader_stage,
             ..wgpu::Limits::downlevel_defaults()
         };
         let mut missing = Vec::new();

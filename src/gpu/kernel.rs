@@ -33,6 +33,14 @@ impl<'a> Resources<'a> {
         self
     }
 
+    /// Adds a texture under the name that shaders declare.
+    #[must_use]
+    pub fn with_texture(mut self, name: &'static str, view: &'a wgpu::TextureView) -> Self {
+        self.entries
+            .push((name, wgpu::BindingResource::TextureView(view)));
+        self
+    }
+
     /// Adds all of `other`.
     #[must_use]
     pub fn and(mut self, other: &Resources<'a>) -> Self {
@@ -57,7 +65,7 @@ pub struct Binding {
     pub name: String,
     /// Slot in bind group 0.
     pub slot: u32,
-    /// Buffer kind.
+    /// What it is.
     pub kind: BindingKind,
 }
 
@@ -70,6 +78,8 @@ pub enum BindingKind {
     Read,
     /// Storage buffer that is written.
     ReadWrite,
+    /// Two-dimensional texture of four words a texel, read only.
+    Texels,
 }
 
 /// A compute pipeline with one entry point, `main`, and one bind group.
@@ -110,6 +120,21 @@ pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuErro
                     BindingKind::Read
                 }
             }
+            naga::AddressSpace::Handle
+                if matches!(
+                    shader.module.types[variable.ty].inner,
+                    naga::TypeInner::Image {
+                        dim: naga::ImageDimension::D2,
+                        arrayed: false,
+                        class: naga::ImageClass::Storage {
+                            format: naga::StorageFormat::Rgba32Uint,
+                            access: naga::StorageAccess::LOAD,
+                        },
+                    }
+                ) =>
+            {
+                BindingKind::Texels
+            }
             other => {
                 return Err(GpuError::Shader {
                     shader: shader.name.clone(),
@@ -133,6 +158,26 @@ pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuErro
     Ok(bindings)
 }
 
+fn binding_type(binding: &Binding) -> wgpu::BindingType {
+    let ty = match binding.kind {
+        BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
+        BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
+        BindingKind::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+        BindingKind::Texels => {
+            return wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::ReadOnly,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                view_dimension: wgpu::TextureViewDimension::D2,
+            };
+        }
+    };
+    wgpu::BindingType::Buffer {
+        ty,
+        has_dynamic_offset: binding.name == DISPATCH_BINDING,
+        min_binding_size: None,
+    }
+}
+
 /// What a bind group layout says of `bindings`, which `visibility`'s stages see.
 pub fn layout_entries(
     bindings: &[Binding],
@@ -143,15 +188,7 @@ pub fn layout_entries(
         .map(|binding| wgpu::BindGroupLayoutEntry {
             binding: binding.slot,
             visibility,
-            ty: wgpu::BindingType::Buffer {
-                ty: match binding.kind {
-                    BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
-                    BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                    BindingKind::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
-                },
-                has_dynamic_offset: binding.name == DISPATCH_BINDING,
-                min_binding_size: None,
-            },
+            ty: binding_type(binding),
             count: None,
         })
         .collect()
@@ -195,10 +232,14 @@ impl Kernel {
             })?;
         let limits = context.device.limits();
         let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
-        if bindings.len() > limit as usize {
+        let buffers = bindings
+            .iter()
+            .filter(|binding| binding.kind != BindingKind::Texels)
+            .count();
+        if buffers > limit as usize {
             return Err(GpuError::TooManyBuffers {
                 pass: pass.to_owned(),
-                count: bindings.len(),
+                count: buffers,
                 limit,
             });
         }

@@ -4,6 +4,7 @@
 //! - [`shaders`]: WESL sources, specialised by features, to WGSL;
 //! - [`kernel`]: one compute pipeline whose bindings are found by name;
 //! - [`buffers`]: labelled buffers, uploads and read-back;
+//! - [`texels`]: copies of buffers in textures, for adapters that read those faster;
 //! - [`timing`]: timestamp queries per pass;
 //! - [`types`]: the structs that host and shaders share;
 //! - [`vulkan_interop`]: the one place where `unsafe` is allowed;
@@ -14,6 +15,7 @@ pub mod context;
 pub mod kernel;
 pub mod scene;
 pub mod shaders;
+pub mod texels;
 pub mod timing;
 pub mod types;
 pub mod vulkan_interop;

@@ -564,6 +564,12 @@ pub static SETTINGS: &[Setting] = &[
         "a map of caustics, apart from the other photons",
     ),
     setting(
+        "force.record_texels",
+        FORCE,
+        "",
+        "the scene's records in textures, which software adapters read faster; auto: on those",
+    ),
+    setting(
         "simulated.motion",
         Kind::Choice(&["still", "yaw", "walk", "sway"]),
         "",

@@ -457,12 +457,14 @@ pub struct ForceSettings {
     pub environment: Force,
     /// The map of caustics.
     pub caustics: Force,
+    /// Copies of the scene's records in textures; by itself on software adapters.
+    pub record_texels: Force,
 }
 
 impl ForceSettings {
     /// Shader feature names with their setting, in the registry's order.
     #[must_use]
-    pub fn by_feature(&self) -> [(&'static str, Force); 8] {
+    pub fn by_feature(&self) -> [(&'static str, Force); 9] {
         [
             ("glossy", self.glossy),
             ("dielectric", self.dielectric),
@@ -472,6 +474,7 @@ impl ForceSettings {
             ("vertex_colors", self.vertex_colors),
             ("environment", self.environment),
             ("caustics", self.caustics),
+            ("record_texels", self.record_texels),
         ]
     }
 }

@@ -59,6 +59,26 @@ pub fn splits_light(settings: &Settings) -> bool {
     settings.output.parts || settings.reconstruct.svgf
 }
 
+/// Turns of loops that one thread may take on llvmpipe, all of its loops together; beyond them it ends loops silently.
+const LOOP_TURNS: u32 = 65_535;
+/// Most samples of one dispatch of the path tracer: more than this brings next to nothing.
+const MOST_SAMPLES_PER_DISPATCH: u32 = 16;
+
+/// Samples that one dispatch of the path tracer takes. A thread that begins its next path where one ends does not wait for
+/// the longest path among the threads that run as one. The bound keeps well within [`LOOP_TURNS`]: a segment is two rays,
+/// and a ray takes eight turns per level and some 32 for leaves, in the worst of threads that run as one (measured: the
+/// gallery's paths of 12 segments take 2,048 to 4,096 turns at depth 17, the Cornell box's 1,024 to 2,048 at depth 3).
+#[must_use]
+pub fn samples_per_dispatch(max_depth: u32, hierarchy_depth: u32) -> u32 {
+    let per_ray = 32 + 8 * hierarchy_depth;
+    let per_path = 2_u32
+        .saturating_mul(per_ray)
+        .saturating_mul(max_depth.max(1));
+    let most = (LOOP_TURNS / 2 / per_path).clamp(1, MOST_SAMPLES_PER_DISPATCH);
+    // A power of two, so that submissions are whole runs.
+    1 << most.ilog2()
+}
+
 /// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
 pub fn forms_caustics(features: &ShaderFeatures) -> bool {
     features.get("caustics").copied().unwrap_or(false)
@@ -145,5 +165,25 @@ fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'stati
         (Method::Photon, DirectLight::Nee, true) => passes::EYE_PHOTON_CAUSTICS,
         (Method::Photon, DirectLight::Map, false) => passes::EYE_PHOTON_MAP_ONLY,
         (Method::Photon, DirectLight::Map, true) => passes::EYE_PHOTON_MAP_ONLY_CAUSTICS,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dispatches_stay_within_the_turns_of_a_thread() {
+        assert_eq!(samples_per_dispatch(12, 6), 16);
+        assert_eq!(samples_per_dispatch(12, 15), 8);
+        assert_eq!(samples_per_dispatch(2, 6), MOST_SAMPLES_PER_DISPATCH);
+        assert_eq!(samples_per_dispatch(u32::MAX, 72), 1);
+        for max_depth in [1, 5, 12, 64, 1000] {
+            for depth in 0..72 {
+                let run = samples_per_dispatch(max_depth, depth);
+                assert!(run == 1 || run * max_depth * 2 * (32 + 8 * depth) <= LOOP_TURNS / 2);
+                assert!(run.is_power_of_two());
+            }
+        }
     }
 }

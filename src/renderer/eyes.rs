@@ -71,6 +71,9 @@ struct Step {
 pub struct EyePlan {
     /// Passes of one sample, in order.
     pub sample: Vec<&'static Pass>,
+    /// Samples that one dispatch takes where that many are left; above 1 for the path tracer alone, and only where no pass
+    /// needs every sample's hits.
+    pub run: u32,
     /// Whether the photon method's buffers are needed.
     pub photon: bool,
     /// Whether caustics have a map of their own.
@@ -112,13 +115,17 @@ impl GatherSlices {
     };
 }
 
-/// The dispatch table of a submission: sample, eye, gathering slice.
-fn sample_table(context: &GpuContext, slices: u32) -> wgpu::Buffer {
+/// The dispatch table of a submission: sample, eye, gathering slice. The path tracer has one slice, whose number stands
+/// for the samples of the dispatch: one in the first entries, `run` in those behind them.
+fn sample_table(context: &GpuContext, slices: u32, run: u32) -> wgpu::Buffer {
     let mut entries = Vec::new();
-    for sample in 0..SAMPLES_PER_SUBMISSION {
-        for eye in [Eye::Left, Eye::Right] {
-            for slice in 0..slices {
-                entries.push([sample, eye.index(), slice, slices]);
+    let lengths: &[u32] = if run > 1 { &[1, run] } else { &[1] };
+    for &length in lengths {
+        for sample in 0..SAMPLES_PER_SUBMISSION {
+            for eye in [Eye::Left, Eye::Right] {
+                for slice in 0..slices {
+                    entries.push([sample, eye.index(), slice, slices.max(length)]);
+                }
             }
         }
     }
@@ -189,8 +196,8 @@ impl Eyes {
                 .then(|| EyeBuffers::new(context, Eye::Right, pixels, &plan))
                 .transpose()?,
             stereo,
-            dispatch: sample_table(context, 1),
-            caustic_dispatch: sample_table(context, 1),
+            dispatch: sample_table(context, 1, plan.run),
+            caustic_dispatch: sample_table(context, 1, 1),
             nearest_heaps: buffer("nearest photons", 16)?,
             gather_slices: GatherSlices::ONE,
             reuse: both && !plan.stereo.is_empty(),
@@ -220,8 +227,8 @@ impl Eyes {
             }
         }
         self.gather_slices = slices;
-        self.dispatch = sample_table(context, slices.photons);
-        self.caustic_dispatch = sample_table(context, slices.caustics);
+        self.dispatch = sample_table(context, slices.photons, self.plan.run);
+        self.caustic_dispatch = sample_table(context, slices.caustics, 1);
         Ok(true)
     }
 
@@ -422,7 +429,17 @@ impl Eyes {
         }
     }
 
-    /// Records sample `sample` (of the submission) of one eye; the right eye reuses the left if the plan says so.
+    /// How many samples the next dispatches take, with `left` of them to go.
+    pub fn next_run(&self, left: u32) -> u32 {
+        if left >= self.plan.run {
+            self.plan.run
+        } else {
+            1
+        }
+    }
+
+    /// Records sample `sample` (of the submission) of one eye, or as many from there on as [`Self::next_run`] said; the
+    /// right eye reuses the left if the plan says so.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if the frame's kernels lack a pass.
@@ -432,6 +449,7 @@ impl Eyes {
         kernels: &KernelSet,
         eye: Eye,
         sample: u32,
+        run: u32,
     ) -> Result<(), GpuError> {
         let Some(buffers) = self.buffers(eye) else {
             return Ok(());
@@ -445,7 +463,8 @@ impl Eyes {
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
-        let turn = sample * 2 + eye.index();
+        let entries_before = if run > 1 { SAMPLES_PER_SUBMISSION } else { 0 };
+        let turn = (entries_before + sample) * 2 + eye.index();
         for step in self.steps(eye) {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;

@@ -40,7 +40,7 @@ use crate::gpu::types::frame::{
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, Search, Settings,
+    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
 };
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Player, Scene};
@@ -48,7 +48,7 @@ use crate::xr::{HiddenArea, View};
 
 pub use choices::{
     automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, progressive_radius_m,
-    sample_passes, shader_features, splits_light, stereo_passes,
+    sample_passes, samples_per_dispatch, shader_features, splits_light, stereo_passes,
 };
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
 pub use instance_table::{InstanceId, InstanceTable};
@@ -159,6 +159,11 @@ impl Renderer {
         let needs = Needs::of(scene);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
+        let texels = match settings.force.record_texels {
+            Force::Auto => context.adapter.is_software(),
+            forced => forced == Force::On,
+        };
+        features.insert("record_texels".to_owned(), texels);
         let buffers = SceneBuffers::new(&context, scene, &features)?;
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
@@ -166,15 +171,21 @@ impl Renderer {
         let photon = settings.method == Method::Photon;
         let both = eye_choice == EyeChoice::Both;
         let caustics = photon && forms_caustics(&features);
+        let stereo = if both {
+            stereo_passes(settings.reuse)
+        } else {
+            &[]
+        };
         let plan = EyePlan {
             sample: sample_passes(settings, caustics),
+            run: if photon || !stereo.is_empty() {
+                1
+            } else {
+                samples_per_dispatch(settings.path.max_depth, buffers.hierarchy_depth())
+            },
             photon,
             caustics,
-            stereo: if both {
-                stereo_passes(settings.reuse)
-            } else {
-                &[]
-            },
+            stereo,
             parts: splits_light(settings),
             carries_indirect: both && carries_indirect(settings, &features),
             nearest: settings.photon.nearest,
@@ -278,8 +289,12 @@ impl Renderer {
             .queue
             .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
         let recorder = FrameRecorder::new(&self.context, None, "warm-up");
-        self.scene
-            .deform(recorder, &self.kernels, &mut PassTimes::default())?;
+        self.scene.deform(
+            &self.context,
+            recorder,
+            &self.kernels,
+            &mut PassTimes::default(),
+        )?;
         self.scene.forget_previous();
         let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
         for map in self.maps() {
@@ -371,7 +386,7 @@ impl Renderer {
         let scene_changed = self.scene.scene_moved();
         let recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "pose");
         self.scene
-            .deform(recorder, &self.kernels, &mut result.times)?;
+            .deform(&self.context, recorder, &self.kernels, &mut result.times)?;
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
         let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
@@ -411,7 +426,8 @@ impl Renderer {
             if first == 0 {
                 self.eyes.record_clear(&mut recorder);
             }
-            for sample in 0..count {
+            let mut sample = 0;
+            while sample < count {
                 if recorder.room() < PASSES_PER_SAMPLE {
                     let full = std::mem::replace(
                         &mut recorder,
@@ -419,7 +435,9 @@ impl Renderer {
                     );
                     full.submit("frame", &mut result.times)?;
                 }
-                self.record_sample(&mut recorder, sample)?;
+                let run = self.eyes.next_run(count - sample);
+                self.record_sample(&mut recorder, sample, run)?;
+                sample += run;
             }
             first += count;
             if let Some(reconstruction) = self.reconstruction.as_ref().filter(|_| is_last) {
@@ -455,13 +473,18 @@ impl Renderer {
         GatherSlices { photons, caustics }
     }
 
-    fn record_sample(&self, recorder: &mut FrameRecorder<'_>, sample: u32) -> Result<(), GpuError> {
+    fn record_sample(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        sample: u32,
+        run: u32,
+    ) -> Result<(), GpuError> {
         // A single eye is rendered into the left buffers through its own view.
         self.eyes
-            .record_sample(recorder, &self.kernels, Eye::Left, sample)?;
+            .record_sample(recorder, &self.kernels, Eye::Left, sample, run)?;
         if self.eye_choice == EyeChoice::Both {
             self.eyes
-                .record_sample(recorder, &self.kernels, Eye::Right, sample)?;
+                .record_sample(recorder, &self.kernels, Eye::Right, sample, run)?;
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ use crate::gpu::scene::{
     pack_materials, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::texels::TexelCopy;
 use crate::gpu::timing::{FrameRecorder, PassTimes};
 use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::{
@@ -46,7 +47,25 @@ pub struct SceneBuffers {
     previous_instances: GrowingBuffer,
     lights: GrowingBuffer,
     light_alias: GrowingBuffer,
+    texels: Option<[TexelCopy; COPIED.len()]>,
 }
+
+/// Arrays that the feature `record_texels` copies into textures, by the names that the shaders give the copies.
+const COPIED: [(&str, &str); 9] = [
+    ("top_nodes", "top_node_texels"),
+    ("mesh_nodes", "mesh_node_texels"),
+    ("instances", "instance_texels"),
+    ("triangles", "triangle_texels"),
+    ("triangle_vertices", "corner_texels"),
+    ("vertices", "vertex_texels"),
+    ("materials", "material_texels"),
+    ("lights", "light_texels"),
+    ("light_alias", "light_alias_texels"),
+];
+/// Those of them that follow the head and what moves.
+const PLACED: [&str; 4] = ["top_nodes", "instances", "lights", "light_alias"];
+/// Those that follow what changes its shape.
+const SHAPED: [&str; 4] = ["mesh_nodes", "triangles", "triangle_vertices", "vertices"];
 
 fn is_on(features: &ShaderFeatures, name: &str) -> bool {
     features.get(name).copied().unwrap_or(false)
@@ -158,6 +177,8 @@ impl SceneBuffers {
             previous_instances: GrowingBuffer::new("previous instances"),
             lights: GrowingBuffer::new("lights"),
             light_alias: GrowingBuffer::new("light alias"),
+            texels: is_on(features, "record_texels")
+                .then(|| COPIED.map(|(_, name)| TexelCopy::new(name))),
             table: InstanceTable::new(sources),
             slot_of_node,
             node_lights_moved: false,
@@ -171,7 +192,49 @@ impl SceneBuffers {
         };
         buffers.set_pose(&scene.rest_pose());
         buffers.node_lights_moved = false;
+        buffers.copy_to_texels(context, |name| !PLACED.contains(&name))?;
         Ok(buffers)
+    }
+
+    /// Brings the copies of the arrays that `chosen` names up to date with their buffers; to be called whenever one
+    /// changes. True if textures were replaced.
+    fn copy_to_texels(
+        &mut self,
+        context: &GpuContext,
+        chosen: impl Fn(&str) -> bool,
+    ) -> Result<bool, RenderError> {
+        let Some(mut copies) = self.texels.take() else {
+            return Ok(false);
+        };
+        let mut encoder = context
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("record texels"),
+            });
+        let mut replaced = false;
+        for ((name, _), copy) in COPIED.into_iter().zip(&mut copies) {
+            if let Some(buffer) = self.buffer(name).filter(|_| chosen(name)) {
+                replaced |= copy.copy_from(context, &mut encoder, buffer)?;
+            }
+        }
+        context.queue.submit([encoder.finish()]);
+        self.texels = Some(copies);
+        Ok(replaced)
+    }
+
+    fn buffer(&self, name: &str) -> Option<&wgpu::Buffer> {
+        match name {
+            "top_nodes" => self.top_nodes.buffer(),
+            "mesh_nodes" => Some(&self.mesh_nodes),
+            "instances" => self.instances.buffer(),
+            "triangles" => Some(&self.triangles),
+            "triangle_vertices" => Some(&self.triangle_vertices),
+            "vertices" => Some(&self.vertices),
+            "materials" => Some(&self.materials),
+            "lights" => self.lights.buffer(),
+            "light_alias" => self.light_alias.buffer(),
+            _ => None,
+        }
     }
 
     /// Takes a pose over: the instances and lights of nodes go where it has them. The next frame shows it.
@@ -299,8 +362,12 @@ impl SceneBuffers {
                 uploads.all(&mut self.light_alias, &self.packed_lights.alias)?;
             }
         }
+        let is_new = begun.is_new || self.lights_moved;
+        let replaced = uploads.replaced;
         self.last_upload_bytes = uploads.bytes;
-        Ok(uploads.replaced)
+        let replaced_texels =
+            is_new && self.copy_to_texels(context, |name| PLACED.contains(&name))?;
+        Ok(replaced || replaced_texels)
     }
 
     /// Uploads the pose of what changes its shape, and the hierarchies that are built anew for it.
@@ -370,10 +437,11 @@ impl SceneBuffers {
     /// [`GpuError`] naming the pass.
     pub fn deform(
         &mut self,
+        context: &GpuContext,
         mut recorder: FrameRecorder<'_>,
         kernels: &KernelSet,
         times: &mut PassTimes,
-    ) -> Result<(), GpuError> {
+    ) -> Result<(), RenderError> {
         let Some(deformer) = self
             .deformer
             .as_mut()
@@ -382,7 +450,10 @@ impl SceneBuffers {
             return Ok(());
         };
         deformer.record(&mut recorder, kernels)?;
-        recorder.submit("pose", times)
+        recorder.submit("pose", times)?;
+        // Never replaced: shapes keep their numbers of triangles and vertices.
+        self.copy_to_texels(context, |name| SHAPED.contains(&name))?;
+        Ok(())
     }
 
     /// Looks, once in a while, at what refitted hierarchies cost by now.
@@ -447,22 +518,18 @@ impl SceneBuffers {
 
     /// Everything that shaders read of the scene, by binding name.
     pub fn resources(&self) -> Resources<'_> {
-        let mut resources = Resources::new()
-            .with("mesh_nodes", &self.mesh_nodes)
-            .with("triangles", &self.triangles)
-            .with("triangle_vertices", &self.triangle_vertices)
-            .with("vertices", &self.vertices)
-            .with("materials", &self.materials);
-        for (name, growing) in [
-            ("light_alias", &self.light_alias),
-            ("previous_instances", &self.previous_instances),
-            ("top_nodes", &self.top_nodes),
-            ("instances", &self.instances),
-            ("lights", &self.lights),
-        ] {
-            if let Some(buffer) = growing.buffer() {
+        let mut resources = Resources::new();
+        for (index, (name, copy_name)) in COPIED.into_iter().enumerate() {
+            if let Some(buffer) = self.buffer(name) {
                 resources = resources.with(name, buffer);
             }
+            let copy = self.texels.as_ref().and_then(|copies| copies[index].view());
+            if let Some(view) = copy {
+                resources = resources.with_texture(copy_name, view);
+            }
+        }
+        if let Some(buffer) = self.previous_instances.buffer() {
+            resources = resources.with("previous_instances", buffer);
         }
         if let Some(deformer) = &self.deformer {
             resources = deformer.resources(resources);
@@ -493,6 +560,12 @@ impl SceneBuffers {
     /// Number of lights, every emissive triangle of every instance counted.
     pub fn light_count(&self) -> usize {
         self.packed_lights.records.len()
+    }
+
+    /// Inner nodes on the longest path through both levels, the upper one's estimated: it is rebuilt as the head moves.
+    pub fn hierarchy_depth(&self) -> u32 {
+        let instances = self.table.sources().len().max(1).ilog2();
+        self.hierarchies.max_depth + instances + instances / 2
     }
 
     /// The mesh hierarchies, for figures and picking. Those of meshes that change their shape have the triangles and

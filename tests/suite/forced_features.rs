@@ -1,5 +1,7 @@
 //! Shader features that a scene does not need change nothing when they are forced in.
 
+use std::path::Path;
+
 use stereolux::options::settings::ForceSettings;
 use stereolux::options::{Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
@@ -110,4 +112,30 @@ fn normal_maps_bring_textures_and_go_with_them() {
     let (pixels, gone) = image(&textured, Method::Path, 40.0, without);
     assert!(!gone.features()["normal_maps"] && !gone.features()["uv1"]);
     assert!(pixels.iter().flatten().any(|&channel| channel > 0.0));
+}
+
+/// Where the scene's records lie must not show: textures, emitters, caustics, many lights, an environment.
+#[test]
+fn records_in_textures_render_the_same_image() {
+    let lights = Scene::load(Path::new("tests/reference/many_lights.gltf")).unwrap();
+    for (name, scene) in [
+        ("gallery", builtin("gallery")),
+        ("caustic", builtin("caustic")),
+        ("lights", lights),
+    ] {
+        for method in [Method::Path, Method::Photon] {
+            let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
+                let force = ForceSettings {
+                    record_texels,
+                    ..ForceSettings::default()
+                };
+                let (pixels, renderer) = image(&scene, method, 40.0, force);
+                let on = record_texels == Force::On;
+                assert_eq!(renderer.features()["record_texels"], on);
+                pixels
+            });
+            assert!(plain.iter().flatten().any(|&value| value > 0.0), "{name}");
+            assert_eq!(strays(&plain, &copied), 0, "{name} by {method:?}");
+        }
+    }
 }

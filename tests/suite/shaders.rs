@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
 use stereolux::gpu::shaders::ShaderFeatures;
+use stereolux::gpu::texels::ROW_TEXELS;
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 
@@ -31,6 +32,7 @@ const FEATURES: &[&str] = &[
     "keeps_ends",
     "svgf",
     "still_mean",
+    "record_texels",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
@@ -100,7 +102,9 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                     .validate()
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
                 let bindings = reflect_bindings(&shader).unwrap();
-                let is_storage = |binding: &&Binding| binding.kind != BindingKind::Uniform;
+                let is_storage = |binding: &&Binding| {
+                    matches!(binding.kind, BindingKind::Read | BindingKind::ReadWrite)
+                };
                 let storage = bindings.iter().filter(is_storage).count();
                 // For comparison only; where it does not fit, the device refuses it in one line.
                 let may_exceed = pass.name == "eye_fused";
@@ -194,6 +198,27 @@ fn rows_of_workgroups_agree_between_host_and_shaders() {
                 .wgsl
                 .contains(&format!("ROW_GROUPS: u32 = {ROW_GROUPS}u")),
             "{name} counts rows of another width than the host"
+        );
+    }
+}
+
+#[test]
+fn rows_of_texels_agree_between_host_and_shaders() {
+    let features = with(&["emitters", "record_texels"]);
+    let shader = ShaderLibrary::embedded()
+        .compile("passes/path_trace", &features)
+        .unwrap();
+    let shift = ROW_TEXELS.trailing_zeros();
+    assert_eq!(1 << shift, ROW_TEXELS);
+    assert!(shader.wgsl.contains(&format!("ROW_SHIFT: u32 = {shift}u")));
+    // Nothing reads both a record's buffer and its copy.
+    let bindings = reflect_bindings(&shader).unwrap();
+    let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
+    for copy in texels {
+        let name = copy.name.trim_end_matches("_texels");
+        assert!(
+            !bindings.iter().any(|b| b.name == format!("{name}s")),
+            "{name}"
         );
     }
 }

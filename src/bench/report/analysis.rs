@@ -8,6 +8,7 @@ use super::super::records::Row;
 use super::super::statistics::{
     LineFit, PowerFit, Spread, line_fit, log_interpolate, pareto_front, power_fit, spread,
 };
+use super::targets::{EqualErrorSpeed, Target, equal_error_speeds, targets};
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -18,6 +19,10 @@ pub struct Analysis {
     pub pareto: Vec<ParetoScene>,
     /// Growth of costs.
     pub growth: Vec<Growth>,
+    /// Photon mapping against the path tracer at equal error.
+    pub equal_error: Vec<EqualErrorSpeed>,
+    /// What the project set out to reach, as far as the rows cover it.
+    pub targets: Vec<Target>,
 }
 
 /// Milliseconds of the right eye's fill over the number of pixels filled.
@@ -113,14 +118,18 @@ pub struct Growth {
 /// Everything that follows from the rows.
 #[must_use]
 pub fn analyse(rows: &[Row]) -> Analysis {
+    let (fill_cost, growth) = (fill_cost(rows), growth(rows));
+    let equal_error = equal_error_speeds(rows);
     Analysis {
-        fill_cost: fill_cost(rows),
+        targets: targets(rows, &fill_cost, &growth, &equal_error),
+        fill_cost,
         pareto: pareto(rows),
-        growth: growth(rows),
+        growth,
+        equal_error,
     }
 }
 
-fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
+pub(super) fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
     values.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
@@ -169,7 +178,7 @@ fn front_point(row: &Row) -> Option<FrontPoint> {
 }
 
 /// Levels 1, 2 and 5 times powers of ten within a range.
-fn levels(low: f64, high: f64) -> Vec<f64> {
+pub(super) fn levels(low: f64, high: f64) -> Vec<f64> {
     if !(low > 0.0 && high >= low && high.is_finite()) {
         return Vec::new();
     }

@@ -11,6 +11,7 @@ use super::super::suites::reference_samples;
 use super::analysis::{Analysis, FrontPoint, frame_ms};
 use super::suite_name;
 use super::tables::tables;
+use super::targets::section;
 use crate::options::BenchOptions;
 
 /// Three significant digits.
@@ -129,6 +130,7 @@ pub fn markdown(
             "The adapter has no timestamp queries: only host times are given, for whole frames.\n\n",
         );
     }
+    section(&mut text, &analysis.targets);
     let has = |suite: &str| rows.iter().any(|row| row.suite == suite);
     if has("tables") {
         tables(&mut text, rows);
@@ -268,6 +270,7 @@ fn stereo(text: &mut String, rows: &[Row], analysis: &Analysis) {
             "reuse",
             "microseconds per pixel",
             "ms at none",
+            "R^2",
             "points",
         ]);
         for fill in &analysis.fill_cost {
@@ -284,6 +287,7 @@ fn stereo(text: &mut String, rows: &[Row], analysis: &Analysis) {
                     value: line.intercept,
                     standard_error: line.intercept_se,
                 })),
+                format!("{:.3}", line.r_squared),
                 line.points.to_string(),
             ]);
         }

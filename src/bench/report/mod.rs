@@ -4,6 +4,7 @@ pub mod analysis;
 mod charts;
 mod markdown;
 mod tables;
+pub mod targets;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

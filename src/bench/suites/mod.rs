@@ -16,6 +16,7 @@ use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
 use crate::xr::Headset;
 
+pub use super::scenes::INDIRECT_SCENE;
 pub use tables::{
     BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, RADII_IN_TABLE_UNITS, WAYS_TABLES, WaysTable,
 };
@@ -105,7 +106,13 @@ fn base(options: &BenchOptions) -> SuiteBase {
         settings.photon.count = SMOKE_PHOTONS;
     }
     let default_scenes: &[&str] = match options.suite {
-        Suite::Stereo | Suite::Pareto => &["builtin:cornell", "builtin:gallery", "builtin:caustic"],
+        Suite::Stereo => &["builtin:cornell", "builtin:gallery", "builtin:caustic"],
+        Suite::Pareto => &[
+            "builtin:cornell",
+            "builtin:gallery",
+            "builtin:caustic",
+            INDIRECT_SCENE,
+        ],
         Suite::Scaling | Suite::Tables | Suite::Smoke => &["builtin:cornell"],
     };
     SuiteBase {

@@ -8,7 +8,8 @@ use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{
-    Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for, three_digits, word,
+    Extent, INDIRECT_SCENE, SuiteBase, candidate, framing_headset, scene_of, settings_for,
+    three_digits, word,
 };
 use crate::options::{DirectLight, Eyes, Kernel, Method, Reuse, Settings};
 use crate::renderer::automatic_radius_m;
@@ -42,6 +43,12 @@ const SMOKE: Axes = Axes {
     spps: &[1],
     path_spps: &[1, 4, 16],
 };
+/// For the scene that is lit indirectly alone: what decides the time to an error, without what the other scenes show.
+const INDIRECT: Axes = Axes {
+    kernels: &[Kernel::Constant],
+    directs: &[DirectLight::Nee],
+    ..FULL
+};
 /// Photons that the radii of the product are automatic for; fixed over the photon counts, so that the floor of the bias
 /// shows.
 const RADIUS_PHOTONS: u32 = 1 << 16;
@@ -65,12 +72,13 @@ fn photon(settings: Settings, radius_m: f64) -> Candidate {
 }
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
-    let axes = match base.extent {
-        Extent::Full => FULL,
-        Extent::Smoke => SMOKE,
-    };
     let mut plans = Vec::new();
     for scene in &base.scenes {
+        let axes = match base.extent {
+            Extent::Full if scene == INDIRECT_SCENE => INDIRECT,
+            Extent::Full => FULL,
+            Extent::Smoke => SMOKE,
+        };
         let loaded = scene_of(scene, base)?;
         let (headset, headset_label) = framing_headset(base, &loaded)?;
         let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);

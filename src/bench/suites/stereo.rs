@@ -10,6 +10,7 @@ use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for, word};
 use crate::options::{Eyes, Reuse, Settings};
+use crate::scene::{Needs, Scene};
 use crate::xr::Headset;
 
 /// Distances between the eyes, millimetres: none, the adult mean of about 63, and one on either side of it; nearly all
@@ -26,6 +27,12 @@ pub(super) fn modes() -> Vec<Reuse> {
         .copied()
         .filter(|mode| *mode != Reuse::Off);
     std::iter::once(Reuse::Off).chain(others).collect()
+}
+
+/// Whether no surface of a scene depends on the viewing direction.
+pub(super) fn is_diffuse(scene: &Scene) -> bool {
+    let needs = Needs::of(scene);
+    !needs.glossy && !needs.dielectric && !needs.bsdfs.contains(&"user")
 }
 
 /// One candidate per reuse mode.
@@ -51,7 +58,9 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let own = headset(base)?;
     let mut plans = Vec::new();
     for scene in &base.scenes {
-        let (framing, framing_label) = framing_headset(base, &scene_of(scene, base)?)?;
+        let loaded = scene_of(scene, base)?;
+        let diffuse = is_diffuse(&loaded);
+        let (framing, framing_label) = framing_headset(base, &loaded)?;
         let group = |name: String, headset: Headset, label: &str, views: ViewPlan| {
             let motion = match views {
                 ViewPlan::Start | ViewPlan::Jitter => "still".to_owned(),
@@ -68,6 +77,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                         ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
                         ("headset", json!(label)),
                         ("motion", json!(motion)),
+                        ("diffuse", json!(diffuse)),
                     ],
                 ),
                 headset,

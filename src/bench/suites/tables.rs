@@ -104,6 +104,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let mut plans = Vec::new();
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
+        let diffuse = stereo::is_diffuse(&loaded);
         let (headset, headset_label) = framing_headset(base, &loaded)?;
         let width_m = loaded
             .bounds_in_world()
@@ -123,7 +124,8 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                     ("radius", json!(radius)),
                     ("radius_m", json!(radius_m)),
                 ];
-                let five: Vec<_> = std::iter::once(("table", json!(5)))
+                let five: Vec<_> = [("table", json!(5)), ("diffuse", json!(diffuse))]
+                    .into_iter()
                     .chain(factors.iter().cloned())
                     .collect();
                 let name = format!("{scene}, {count} photons, radius {radius}");

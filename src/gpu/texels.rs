@@ -1,0 +1,104 @@
+//! Copies of storage buffers in textures of 16 bytes a texel, for adapters that read textures faster.
+//!
+//! llvmpipe reads storage buffers one word and one thread at a time, each through memory that it has just written
+//! otherwise, which stalls; whole texels it reads at once. docs/results.md has the figures.
+
+use super::context::{GpuContext, GpuError};
+
+/// Texels of a row. The shaders hold its logarithm, `ROW_SHIFT` in `shaders/shared/records.wesl`; a test compares them.
+pub const ROW_TEXELS: u32 = 4096;
+/// Bytes of a texel: four words.
+pub const TEXEL_BYTES: u64 = 16;
+
+/// A texture that holds what a buffer holds.
+pub struct TexelCopy {
+    label: &'static str,
+    texture: Option<(wgpu::Texture, wgpu::TextureView)>,
+}
+
+impl TexelCopy {
+    /// Nothing allocated yet.
+    pub const fn new(label: &'static str) -> Self {
+        Self {
+            label,
+            texture: None,
+        }
+    }
+
+    /// Records a copy of the whole buffer; true if the texture is another one now, so that it must be bound again.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`], where the texture does not fit.
+    pub fn copy_from(
+        &mut self,
+        context: &GpuContext,
+        encoder: &mut wgpu::CommandEncoder,
+        buffer: &wgpu::Buffer,
+    ) -> Result<bool, GpuError> {
+        let texels = (buffer.size() / TEXEL_BYTES) as u32;
+        let (full, rest) = (texels / ROW_TEXELS, texels % ROW_TEXELS);
+        let rows = texels.div_ceil(ROW_TEXELS).max(1);
+        let is_new = self
+            .texture
+            .as_ref()
+            .is_none_or(|(texture, _)| texture.height() != rows);
+        context.guarded(self.label, || {
+            if is_new {
+                let texture = context.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some(self.label),
+                    size: extent(ROW_TEXELS, rows),
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format: wgpu::TextureFormat::Rgba32Uint,
+                    usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
+                    view_formats: &[],
+                });
+                let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+                self.texture = Some((texture, view));
+            }
+            let Some((texture, _)) = &self.texture else {
+                return Ok(());
+            };
+            // Whole rows, then what the last one has.
+            for (row, size) in [(0, extent(ROW_TEXELS, full)), (full, extent(rest, 1))] {
+                if size.width == 0 || size.height == 0 {
+                    continue;
+                }
+                let bytes_per_row = ROW_TEXELS * TEXEL_BYTES as u32;
+                encoder.copy_buffer_to_texture(
+                    wgpu::TexelCopyBufferInfo {
+                        buffer,
+                        layout: wgpu::TexelCopyBufferLayout {
+                            offset: u64::from(row) * u64::from(bytes_per_row),
+                            bytes_per_row: Some(bytes_per_row),
+                            rows_per_image: None,
+                        },
+                    },
+                    wgpu::TexelCopyTextureInfo {
+                        texture,
+                        mip_level: 0,
+                        origin: wgpu::Origin3d { x: 0, y: row, z: 0 },
+                        aspect: wgpu::TextureAspect::All,
+                    },
+                    size,
+                );
+            }
+            Ok(())
+        })?;
+        Ok(is_new)
+    }
+
+    /// The texture, once something was copied.
+    pub fn view(&self) -> Option<&wgpu::TextureView> {
+        self.texture.as_ref().map(|(_, view)| view)
+    }
+}
+
+fn extent(width: u32, height: u32) -> wgpu::Extent3d {
+    wgpu::Extent3d {
+        width,
+        height,
+        depth_or_array_layers: 1,
+    }
+}
