@@ -267,7 +267,7 @@ fn torn(scene: &Scene, share: f64) -> ScenePose {
     for (index, node) in scene.nodes.iter().enumerate() {
         if node.name == "joint 1" {
             let turn = DAffine3::from_rotation_z(2.5 * share);
-            pose.world_from_node[index] = pose.world_from_node[index] * turn;
+            pose.world_from_node[index] *= turn;
         }
         if node.name == "joint 2" {
             pose.world_from_node[index].translation += DVec3::new(-2.0, -0.9, 1.5) * share;
