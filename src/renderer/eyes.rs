@@ -71,8 +71,8 @@ struct Step {
 pub struct EyePlan {
     /// Passes of one sample, in order.
     pub sample: Vec<&'static Pass>,
-    /// Samples that one dispatch takes where that many are left; above 1 for the path tracer alone, and only where no pass
-    /// needs every sample's hits.
+    /// Samples that one dispatch takes where that many are left, a power of two; above 1 for the path tracer alone, and
+    /// only where no pass needs every sample's hits.
     pub run: u32,
     /// Whether the photon method's buffers are needed.
     pub photon: bool,
@@ -116,11 +116,10 @@ impl GatherSlices {
 }
 
 /// The dispatch table of a submission: sample, eye, gathering slice. The path tracer has one slice, whose number stands
-/// for the samples of the dispatch: one in the first entries, `run` in those behind them.
+/// for the samples of the dispatch: entries for one, then for two, four and so on up to `run`.
 fn sample_table(context: &GpuContext, slices: u32, run: u32) -> wgpu::Buffer {
     let mut entries = Vec::new();
-    let lengths: &[u32] = if run > 1 { &[1, run] } else { &[1] };
-    for &length in lengths {
+    for length in (0..=run.max(1).ilog2()).map(|power| 1 << power) {
         for sample in 0..SAMPLES_PER_SUBMISSION {
             for eye in [Eye::Left, Eye::Right] {
                 for slice in 0..slices {
@@ -431,11 +430,7 @@ impl Eyes {
 
     /// How many samples the next dispatches take, with `left` of them to go.
     pub fn next_run(&self, left: u32) -> u32 {
-        if left >= self.plan.run {
-            self.plan.run
-        } else {
-            1
-        }
+        1 << left.clamp(1, self.plan.run).ilog2()
     }
 
     /// Records sample `sample` (of the submission) of one eye, or as many from there on as [`Self::next_run`] said; the
@@ -463,7 +458,7 @@ impl Eyes {
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
-        let entries_before = if run > 1 { SAMPLES_PER_SUBMISSION } else { 0 };
+        let entries_before = run.ilog2() * SAMPLES_PER_SUBMISSION;
         let turn = (entries_before + sample) * 2 + eye.index();
         for step in self.steps(eye) {
             let label = format!("{}.{}", eye.name(), step.pass.name);
