@@ -616,6 +616,11 @@ impl Renderer {
         Ok(reconstruction.read_displayed(&self.context, eye, pixels)?)
     }
 
+    /// As [`Renderer::reconstruction`], to forget the frames before.
+    pub fn reconstruction_mut(&mut self) -> Option<&mut Reconstruction> {
+        self.reconstruction.as_mut()
+    }
+
     /// The passes that clean frames up, where settings ask for them.
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()

@@ -32,6 +32,7 @@ const FEATURES: &[&str] = &[
     "keeps_ends",
     "svgf",
     "still_mean",
+    "deformation",
     "record_texels",
 ];
 /// Buffers that the scene and the frame provide; passes do not list them.
