@@ -1,6 +1,7 @@
 //! What reconstruction gains over a recorded head motion, and what it costs.
 //!
-//! `cargo run --release --example reconstruction -- SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR]` renders
+//! `cargo run --release --example reconstruction -- SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR] [--shaders
+//! DIR]` renders
 //! the first frames of a native trace (`stereolux run --record`) at one sample per pixel, raw and filtered, and prints per
 //! method and filter: the mean relMSE over the frames, how many times less than raw that is, how much the error changes
 //! from frame to frame, how much the eyes disagree, and device milliseconds per megapixel and pass. References are means of
@@ -29,13 +30,14 @@ struct Options {
     size: u32,
     reference: u32,
     out: Option<PathBuf>,
+    shaders: String,
 }
 
 fn options() -> Outcome<Options> {
     let mut words = std::env::args().skip(1);
     let (Some(scene), Some(trace)) = (words.next(), words.next()) else {
         return Err(
-            "usage: reconstruction SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR]"
+            "usage: reconstruction SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR] [--shaders DIR]"
                 .into(),
         );
     };
@@ -46,6 +48,7 @@ fn options() -> Outcome<Options> {
         size: 64,
         reference: 256,
         out: None,
+        shaders: String::new(),
     };
     while let Some(flag) = words.next() {
         let value = words.next().ok_or(format!("{flag} needs a value"))?;
@@ -53,6 +56,7 @@ fn options() -> Outcome<Options> {
             "--frames" => options.frames = value.parse()?,
             "--size" => options.size = value.parse()?,
             "--reference" => options.reference = value.parse()?,
+            "--shaders" => options.shaders = value,
             "--out" => options.out = Some(value.into()),
             _ => return Err(format!("unknown flag {flag}").into()),
         }
@@ -66,7 +70,10 @@ fn open(scene: &Scene, settings: &Settings, size: u32) -> Outcome<Renderer> {
             .filter(|name| !name.is_empty())
             .map(String::as_str),
     )?;
-    let library = ShaderLibrary::embedded();
+    let library = match settings.gpu.shader_folder.as_str() {
+        "" => ShaderLibrary::embedded(),
+        folder => ShaderLibrary::with_folder(folder.as_ref())?,
+    };
     Ok(Renderer::new(
         context,
         &library,
@@ -204,6 +211,7 @@ fn main() -> Outcome<()> {
                 ..Settings::default()
             };
             settings.photon.count = 65_536;
+            settings.gpu.shader_folder.clone_from(&options.shaders);
             settings.reconstruct.svgf = svgf;
             settings.reconstruct.stereo = stereo;
             settings.reconstruct.taa = svgf;
