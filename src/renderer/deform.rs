@@ -370,7 +370,8 @@ impl Deformer {
         self.is_new || self.was_new
     }
 
-    /// Records what the frame's pose needs: nothing if the last two frames had the same.
+    /// Records what the frame's pose needs: nothing if the last two frames had the same. `keeps_previous`: someone asks
+    /// for the previous frame's positions.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if the passes were not compiled.
@@ -378,8 +379,9 @@ impl Deformer {
         &mut self,
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
+        keeps_previous: bool,
     ) -> Result<(), GpuError> {
-        if self.has_work() {
+        if self.has_work() && keeps_previous {
             let bytes = u64::from(self.vertex_count) * 16;
             recorder.copy(
                 &self.buffers.positions,

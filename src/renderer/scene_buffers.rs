@@ -449,7 +449,8 @@ impl SceneBuffers {
         else {
             return Ok(());
         };
-        deformer.record(&mut recorder, kernels)?;
+        let keeps_previous = self.table.keeps_previous();
+        deformer.record(&mut recorder, kernels, keeps_previous)?;
         recorder.submit("pose", times)?;
         // Never replaced: shapes keep their numbers of triangles and vertices.
         self.copy_to_texels(context, |name| SHAPED.contains(&name))?;
@@ -494,6 +495,12 @@ impl SceneBuffers {
             origin_in_world + 0.5 * (min + max),
             0.5 * (max - min).length(),
         );
+    }
+
+    /// Whether shaders may ask where points were in the frame before (`previous_instances`, `previous_positions`), from
+    /// the next frame on. They may until something else is said; where nobody asks, a frame is prepared with less.
+    pub fn keep_previous(&mut self, keeps: bool) {
+        self.table.keep_previous(keeps);
     }
 
     /// Forgets the frames so far: the next one has no previous one.
