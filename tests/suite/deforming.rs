@@ -1,7 +1,7 @@
 //! Skins and morph targets on the device: against the f64 twin, brute force over the deformed triangles, the previous
 //! frame, and hierarchies that are built anew.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use stereolux::bvh::reference::ExactInstance;
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
@@ -11,9 +11,9 @@ use stereolux::gpu::types::material::Vertex;
 use stereolux::options::{Force, Method, Reuse};
 use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::{Deformation, Mesh, Scene, ScenePose};
+use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
 
-use super::bvh_probe::{Random, TraceProbe};
+use super::bvh_probe::{Random, TraceProbe, soup};
 use super::moving_support::*;
 use super::support::*;
 
@@ -459,7 +459,25 @@ fn a_deformed_scene_looks_like_one_modelled_so() {
 /// or comes and goes.
 #[test]
 fn copies_in_textures_follow_what_moves() {
-    let scene = builtin("parade");
+    let mut scene = builtin("parade");
+    // Rows of the textures come before those of what deforms.
+    let mut crumbs = soup(&mut Random(74), 3000, 0.3);
+    crumbs.normals = vec![[0.0, 1.0, 0.0]; crumbs.positions.len()];
+    for mesh in scene.nodes.iter_mut().filter_map(|node| node.mesh.as_mut()) {
+        *mesh += 1;
+    }
+    scene.meshes.insert(0, crumbs);
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        mesh: Some(0),
+        parent_from_node: DAffine3::from_scale_rotation_translation(
+            DVec3::splat(0.2),
+            DQuat::IDENTITY,
+            DVec3::new(0.0, 1.6, -1.6),
+        ),
+        ..Node::default()
+    });
+    let scene = scene;
     let node = |name: &str| {
         let found = scene.nodes.iter().position(|node| node.name == name);
         found.unwrap_or_else(|| panic!("no node {name}"))
