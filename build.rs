@@ -22,6 +22,7 @@ const RENDER_CODE: &[&str] = &[
 const BENCH_CODE: &[&str] = &[
     "config/headsets",
     "src/bench/measure.rs",
+    "src/bench/moves.rs",
     "src/bench/records.rs",
     "src/bench/reference.rs",
     "src/bench/scenes.rs",

@@ -1,9 +1,22 @@
 //! Moves instances through the library, and says what that costs the host.
 //!
-//! `cargo run --release --example moving [MODEL.glb]` prints tables: one moving object beside a full rebuild, instances
-//! from 1 to 10,000 that all move, many triangles beside few in the same view, and, for a model with a skin or morph
-//! targets, what its refitted hierarchies cost over its clips beside ones built anew.
+//! `cargo run --release --example moving` prints tables: one moving object beside a full rebuild, instances from 1 to
+//! 10,000 that all move, and many triangles beside few in the same view.
+//!
+//! With a model that has a skin or morph targets as its argument it prints instead what random rays meet over the
+//! model's clips beside an exhaustive search (exit status 1 where they differ), and what its refitted hierarchies cost
+//! beside ones built anew.
 
+// The probe and the comparator of the test suite.
+#[allow(dead_code, clippy::unwrap_used)]
+#[path = "../../tests/suite/bvh_probe.rs"]
+mod bvh_probe;
+mod hits;
+#[allow(dead_code, clippy::unwrap_used)]
+#[path = "../../tests/suite/moving_support.rs"]
+mod moving_support;
+
+use std::process::ExitCode;
 use std::time::Instant;
 
 use glam::{DAffine3, DQuat, DVec3};
@@ -170,8 +183,7 @@ fn frame_ms(library: &ShaderLibrary, scenes: &[Scene]) -> Outcome<Vec<f64>> {
 }
 
 /// Cost ratios over the clips of a model: refitted over first built, and over built anew for the pose.
-fn refits(library: &ShaderLibrary, path: &str) -> Outcome<()> {
-    let scene = Scene::load(path)?;
+fn refits(library: &ShaderLibrary, scene: &Scene) -> Outcome<()> {
     println!(
         "\n| clip of {} | time, s | refitted / as built | refitted / built anew |",
         scene.name
@@ -185,7 +197,7 @@ fn refits(library: &ShaderLibrary, path: &str) -> Outcome<()> {
             };
             let context = GpuContext::open(None)?;
             let mut renderer =
-                Renderer::new(context, library, &scene, &settings, Eyes::Left, [8, 8])?;
+                Renderer::new(context, library, scene, &settings, Eyes::Left, [8, 8])?;
             let time_s = clip.length_s * f64::from(step) / 8.0;
             let pose = scene.pose_at(clip, time_s);
             renderer.set_pose(&pose);
@@ -217,8 +229,18 @@ fn refits(library: &ShaderLibrary, path: &str) -> Outcome<()> {
     Ok(())
 }
 
-fn main() -> Outcome<()> {
+fn main() -> Outcome<ExitCode> {
     let library = ShaderLibrary::embedded();
+    if let Some(path) = std::env::args().nth(1) {
+        let scene = Scene::load(path)?;
+        let agrees = hits::check(&library, &scene, &views())?;
+        if !agrees {
+            eprintln!("moving: rays met something else than the exhaustive search");
+            return Ok(ExitCode::FAILURE);
+        }
+        refits(&library, &scene)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let context = GpuContext::open(None)?;
     println!("{}\n", context.adapter.name);
     println!(
@@ -256,8 +278,5 @@ fn main() -> Outcome<()> {
         println!("| {} | {time:.1} |", scene.triangle_count());
     }
     println!("\nratio {:.2}", times[1] / times[0]);
-    if let Some(path) = std::env::args().nth(1) {
-        refits(&library, &path)?;
-    }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }

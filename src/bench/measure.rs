@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::fingerprint::{BENCH_CODE, Fingerprint};
 use super::journal::Journal;
+use super::moves::{Mover, Moves};
 use super::records::{Load, Machine, Row, differing_settings};
 use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
@@ -42,6 +43,8 @@ pub struct Candidate {
     pub settings: Settings,
     /// What the suite varies here.
     pub factors: BTreeMap<String, Value>,
+    /// What of the scene moves between rounds.
+    pub moves: Moves,
 }
 
 /// From where a group looks.
@@ -194,7 +197,8 @@ impl<'a> Lab<'a> {
             group = group
                 .with_text(&candidate.variant)
                 .with_value(&candidate.settings)
-                .with_value(&candidate.factors);
+                .with_value(&candidate.factors)
+                .with_text(&format!("{:?}", candidate.moves));
         }
         Ok(plan
             .candidates
@@ -270,6 +274,11 @@ impl<'a> Lab<'a> {
                 plan.size,
             )?);
         }
+        let movers: Vec<Mover> = plan
+            .candidates
+            .iter()
+            .map(|candidate| Mover::new(scene, candidate.moves))
+            .collect();
         let mut truth = Truth::default();
         if plan.filter.is_some() && plan.eyes == Eyes::Both {
             // The first variant renders each eye by itself, so both eyes' first hits are there.
@@ -288,7 +297,12 @@ impl<'a> Lab<'a> {
             |variant, round| {
                 let place = (round.index as usize).min(views.len() - 1);
                 let reads = still || !round.counts || round.is_last;
-                run_frame(&mut renderers[variant], &views[place], round, plan, reads)
+                let renderer = &mut renderers[variant];
+                let moved_ms = movers[variant].step(renderer, scene, round.index)?;
+                let mut frame = run_frame(renderer, &views[place], round, plan, reads)?;
+                frame.result.cpu_ms.update += moved_ms;
+                frame.host_ms += moved_ms;
+                Ok(frame)
             },
             |round, frames: Vec<Frame>| {
                 self.progress.round(plan, round);
@@ -524,6 +538,7 @@ mod tests {
                 ..Settings::default()
             },
             factors: BTreeMap::new(),
+            moves: Moves::Nothing,
         };
         GroupPlan {
             suite: "stereo",
@@ -570,7 +585,7 @@ mod tests {
         assert_eq!(known, keys(&plan()));
         assert_ne!(known[0], known[1]);
         type Change = fn(&mut GroupPlan);
-        let changes: [Change; 8] = [
+        let changes: [Change; 9] = [
             |plan| plan.rounds += 1,
             |plan| plan.size = [8, 9],
             |plan| plan.views = ViewPlan::Ahead(0.1),
@@ -580,6 +595,7 @@ mod tests {
             // Another variant in the group changes all of its keys: they are measured against each other.
             |plan| plan.candidates[1].settings.photon.count = 7,
             |plan| plan.candidates[1].settings.seed = 1,
+            |plan| plan.candidates[1].moves = Moves::One,
         ];
         for (index, change) in changes.into_iter().enumerate() {
             let mut other = plan();

@@ -12,6 +12,7 @@
 pub mod fingerprint;
 pub mod journal;
 pub mod measure;
+pub mod moves;
 pub mod plots;
 pub mod records;
 pub mod reference;

@@ -3,6 +3,8 @@
 //! llvmpipe reads storage buffers one word and one thread at a time, each through memory that it has just written
 //! otherwise, which stalls; whole texels it reads at once. docs/results.md has the figures.
 
+use std::ops::Range;
+
 use super::context::{GpuContext, GpuError};
 
 /// Texels of a row. The shaders hold its logarithm, `ROW_SHIFT` in `shaders/shared/records.wesl`; a test compares them.
@@ -25,7 +27,8 @@ impl TexelCopy {
         }
     }
 
-    /// Records a copy of the whole buffer; true if the texture is another one now, so that it must be bound again.
+    /// Records a copy of the rows that hold these bytes of the buffer, or of all that it has where the texture is another
+    /// one now: true, so that it must be bound again.
     ///
     /// # Errors
     /// [`GpuError::Validation`], where the texture does not fit.
@@ -34,6 +37,7 @@ impl TexelCopy {
         context: &GpuContext,
         encoder: &mut wgpu::CommandEncoder,
         buffer: &wgpu::Buffer,
+        bytes: Range<u64>,
     ) -> Result<bool, GpuError> {
         let texels = (buffer.size() / TEXEL_BYTES) as u32;
         let (full, rest) = (texels / ROW_TEXELS, texels % ROW_TEXELS);
@@ -42,6 +46,13 @@ impl TexelCopy {
             .texture
             .as_ref()
             .is_none_or(|(texture, _)| texture.height() != rows);
+        let (first, last) = if is_new {
+            (0, rows)
+        } else {
+            let row_bytes = u64::from(ROW_TEXELS) * TEXEL_BYTES;
+            let last = bytes.end.min(buffer.size()).div_ceil(row_bytes);
+            ((bytes.start / row_bytes) as u32, last as u32)
+        };
         context.guarded(self.label, || {
             if is_new {
                 let texture = context.device.create_texture(&wgpu::TextureDescriptor {
@@ -61,7 +72,9 @@ impl TexelCopy {
                 return Ok(());
             };
             // Whole rows, then what the last one has.
-            for (row, size) in [(0, extent(ROW_TEXELS, full)), (full, extent(rest, 1))] {
+            let whole = last.min(full).saturating_sub(first);
+            let end = if last > full { rest } else { 0 };
+            for (row, size) in [(first, extent(ROW_TEXELS, whole)), (full, extent(end, 1))] {
                 if size.width == 0 || size.height == 0 {
                     continue;
                 }

@@ -5,16 +5,19 @@
 //! stays until its cost has drifted by [`REBUILD_COST_RATIO`]; then the host builds it anew over its own f64 positions.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use glam::{DAffine3, DVec3};
 
 use super::RenderError;
 use super::kernels::KernelSet;
 use crate::bvh::refit::{Rebuilt, node_room};
-use crate::bvh::{Bounds32, MESH_STACK, MaterialMarks, MeshHierarchies};
+use crate::bvh::{Bounds32, MESH_STACK, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, DISPATCH_STRIDE, dispatch_table, linear_groups};
+use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::types::deform::{DeformMesh, RestVertex};
+use crate::gpu::types::material::Vertex;
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data,
 };
@@ -322,6 +325,39 @@ impl Deformer {
         }
     }
 
+    /// The bytes of the scene's arrays, by name, among which lies all that the passes write or a rebuilt hierarchy changes.
+    pub fn changed_bytes(&self, hierarchies: &MeshHierarchies) -> [(&'static str, Range<u64>); 4] {
+        let around = |size: usize, of: &dyn Fn(&Shape, &MeshRange) -> (u32, usize)| {
+            let ranges = self.shapes.iter().map(|shape| {
+                let (first, count) = of(shape, &hierarchies.meshes[shape.mesh]);
+                first as usize..first as usize + count
+            });
+            let all = ranges.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+            let all = all.unwrap_or_default();
+            (all.start * size) as u64..(all.end * size) as u64
+        };
+        let triangles = |_: &Shape, range: &MeshRange| {
+            let count = range.triangle_count as usize;
+            (range.first_triangle, count)
+        };
+        [
+            (
+                "mesh_nodes",
+                around(size_of::<BvhNode>(), &|_, range| {
+                    (range.root, node_room(range.triangle_count as usize))
+                }),
+            ),
+            ("triangles", around(size_of::<Triangle>(), &triangles)),
+            ("triangle_vertices", around(16, &triangles)),
+            (
+                "vertices",
+                around(size_of::<Vertex>(), &|shape, range| {
+                    (range.first_vertex, shape.record.vertex_count as usize)
+                }),
+            ),
+        ]
+    }
+
     /// Where the previous frame's positions of a mesh begin.
     pub fn first_position(&self, mesh: usize) -> Option<u32> {
         let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;
@@ -365,12 +401,12 @@ impl Deformer {
         Ok(())
     }
 
-    /// Whether this frame has anything to record.
-    pub fn has_work(&self) -> bool {
-        self.is_new || self.was_new
+    /// Whether this frame has anything to record. `keeps_previous`: someone asks for the previous frame's positions.
+    pub fn has_work(&self, keeps_previous: bool) -> bool {
+        self.is_new || (self.was_new && keeps_previous)
     }
 
-    /// Records what the frame's pose needs: nothing if the last two frames had the same.
+    /// Records what the frame's pose needs: nothing if the last two frames had the same. True if shapes change.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if the passes were not compiled.
@@ -378,8 +414,9 @@ impl Deformer {
         &mut self,
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
-    ) -> Result<(), GpuError> {
-        if self.has_work() {
+        keeps_previous: bool,
+    ) -> Result<bool, GpuError> {
+        if self.has_work(keeps_previous) && keeps_previous {
             let bytes = u64::from(self.vertex_count) * 16;
             recorder.copy(
                 &self.buffers.positions,
@@ -392,7 +429,7 @@ impl Deformer {
             self.unchecked += 1;
         }
         self.was_new = std::mem::take(&mut self.is_new);
-        Ok(())
+        Ok(self.was_new)
     }
 
     /// The passes over everything; twice the same is as good as once.

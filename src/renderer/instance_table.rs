@@ -34,6 +34,8 @@ pub struct InstanceTable {
     previous: Vec<PreviousInstance>,
     /// The last frame differed from the one before it.
     was_unsettled: bool,
+    /// Nobody asks for [`InstanceTable::previous`].
+    skips_previous: bool,
 }
 
 /// What begins with a frame.
@@ -56,6 +58,20 @@ impl InstanceTable {
             shown: vec![None; count],
             ..Self::default()
         }
+    }
+
+    /// Whether [`InstanceTable::previous`] is to be kept, from the next frame on; it is until something else is said.
+    pub fn keep_previous(&mut self, keeps: bool) {
+        if keeps && self.skips_previous {
+            self.shown.fill(None);
+            self.shown_origin = None;
+        }
+        self.skips_previous = !keeps;
+    }
+
+    /// Whether [`InstanceTable::previous`] is kept.
+    pub fn keeps_previous(&self) -> bool {
+        !self.skips_previous
     }
 
     /// One per slot; empty slots have a matrix of zeros.
@@ -164,7 +180,8 @@ impl InstanceTable {
         first_position: impl Fn(usize) -> Option<u32>,
     ) -> Begun {
         let is_new = !self.changed.is_empty() || self.shown_origin != Some(origin_in_world);
-        let previous_is_new = is_new || self.was_unsettled || self.previous.is_empty();
+        let previous_is_new =
+            self.keeps_previous() && (is_new || self.was_unsettled || self.previous.is_empty());
         if previous_is_new {
             let origin = self.shown_origin.unwrap_or(origin_in_world);
             self.previous.clear();
@@ -208,7 +225,7 @@ impl InstanceTable {
         &self.moved
     }
 
-    /// One per slot: where the previous frame had it.
+    /// One per slot: where the previous frame had it; out of date where [`InstanceTable::keep_previous`] declined it.
     pub fn previous(&self) -> &[PreviousInstance] {
         &self.previous
     }
@@ -285,6 +302,27 @@ mod tests {
         assert_eq!(was, [Some(0.75), Some(4.75)]);
         let (begun, ..) = frame(&mut table, 0.25);
         assert!(!begun.is_new && !begun.previous_is_new, "all is at rest");
+    }
+
+    #[test]
+    fn what_nobody_asks_for_is_not_kept() {
+        let mut table = InstanceTable::new(vec![source(1.0)]);
+        let begin = |table: &mut InstanceTable| table.begin_frame(DVec3::ZERO, &[], |_| None);
+        table.keep_previous(false);
+        for x in 0..3 {
+            table.place(
+                InstanceId(0),
+                DAffine3::from_translation(DVec3::X * f64::from(x)),
+            );
+            let begun = begin(&mut table);
+            assert!(begun.is_new && !begun.previous_is_new && table.previous().is_empty());
+        }
+        // Asked for again, it begins anew: the frames in between were not remembered.
+        table.keep_previous(true);
+        assert!(begin(&mut table).previous_is_new);
+        assert_eq!(x_of(&table.previous()[0]), None);
+        assert!(begin(&mut table).previous_is_new);
+        assert_eq!(x_of(&table.previous()[0]), Some(2.0));
     }
 
     #[test]

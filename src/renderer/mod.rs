@@ -164,7 +164,7 @@ impl Renderer {
             forced => forced == Force::On,
         };
         features.insert("record_texels".to_owned(), texels);
-        let buffers = SceneBuffers::new(&context, scene, &features)?;
+        let mut buffers = SceneBuffers::new(&context, scene, &features)?;
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
             .map_err(|error| RenderError::Settings(error.to_string()))?;
@@ -230,6 +230,8 @@ impl Renderer {
         if let Some(plan) = &reconstruction_plan {
             wanted.extend(plan.passes());
         }
+        let follows_motion = wanted.contains(&&passes::motion::PASS);
+        buffers.keep_previous(follows_motion);
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);

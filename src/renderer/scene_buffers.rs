@@ -1,5 +1,7 @@
 //! The scene on the device: what never changes is uploaded once, what depends on the head or moves when it does.
 
+use std::ops::Range;
+
 use glam::{DAffine3, DVec3};
 
 use super::RenderError;
@@ -64,8 +66,8 @@ const COPIED: [(&str, &str); 9] = [
 ];
 /// Those of them that follow the head and what moves.
 const PLACED: [&str; 4] = ["top_nodes", "instances", "lights", "light_alias"];
-/// Those that follow what changes its shape.
-const SHAPED: [&str; 4] = ["mesh_nodes", "triangles", "triangle_vertices", "vertices"];
+/// All of an array.
+const WHOLE: Range<u64> = 0..u64::MAX;
 
 fn is_on(features: &ShaderFeatures, name: &str) -> bool {
     features.get(name).copied().unwrap_or(false)
@@ -192,16 +194,16 @@ impl SceneBuffers {
         };
         buffers.set_pose(&scene.rest_pose());
         buffers.node_lights_moved = false;
-        buffers.copy_to_texels(context, |name| !PLACED.contains(&name))?;
+        buffers.copy_to_texels(context, |name| (!PLACED.contains(&name)).then_some(WHOLE))?;
         Ok(buffers)
     }
 
-    /// Brings the copies of the arrays that `chosen` names up to date with their buffers; to be called whenever one
-    /// changes. True if textures were replaced.
+    /// Brings the copies of the arrays that `chosen` gives bytes of up to date with their buffers; to be called whenever
+    /// one changes. True if textures were replaced.
     fn copy_to_texels(
         &mut self,
         context: &GpuContext,
-        chosen: impl Fn(&str) -> bool,
+        chosen: impl Fn(&str) -> Option<Range<u64>>,
     ) -> Result<bool, RenderError> {
         let Some(mut copies) = self.texels.take() else {
             return Ok(false);
@@ -213,8 +215,8 @@ impl SceneBuffers {
             });
         let mut replaced = false;
         for ((name, _), copy) in COPIED.into_iter().zip(&mut copies) {
-            if let Some(buffer) = self.buffer(name).filter(|_| chosen(name)) {
-                replaced |= copy.copy_from(context, &mut encoder, buffer)?;
+            if let Some((buffer, bytes)) = self.buffer(name).zip(chosen(name)) {
+                replaced |= copy.copy_from(context, &mut encoder, buffer, bytes)?;
             }
         }
         context.queue.submit([encoder.finish()]);
@@ -365,8 +367,8 @@ impl SceneBuffers {
         let is_new = begun.is_new || self.lights_moved;
         let replaced = uploads.replaced;
         self.last_upload_bytes = uploads.bytes;
-        let replaced_texels =
-            is_new && self.copy_to_texels(context, |name| PLACED.contains(&name))?;
+        let replaced_texels = is_new
+            && self.copy_to_texels(context, |name| PLACED.contains(&name).then_some(WHOLE))?;
         Ok(replaced || replaced_texels)
     }
 
@@ -442,17 +444,24 @@ impl SceneBuffers {
         kernels: &KernelSet,
         times: &mut PassTimes,
     ) -> Result<(), RenderError> {
+        let keeps_previous = self.table.keeps_previous();
         let Some(deformer) = self
             .deformer
             .as_mut()
-            .filter(|deformer| deformer.has_work())
+            .filter(|deformer| deformer.has_work(keeps_previous))
         else {
             return Ok(());
         };
-        deformer.record(&mut recorder, kernels)?;
+        let is_new = deformer.record(&mut recorder, kernels, keeps_previous)?;
         recorder.submit("pose", times)?;
-        // Never replaced: shapes keep their numbers of triangles and vertices.
-        self.copy_to_texels(context, |name| SHAPED.contains(&name))?;
+        if is_new {
+            // Never replaced: shapes keep their numbers of triangles and vertices.
+            let shaped = deformer.changed_bytes(&self.hierarchies);
+            self.copy_to_texels(context, |name| {
+                let found = shaped.iter().find(|(changed, _)| *changed == name)?;
+                Some(found.1.clone())
+            })?;
+        }
         Ok(())
     }
 
@@ -494,6 +503,12 @@ impl SceneBuffers {
             origin_in_world + 0.5 * (min + max),
             0.5 * (max - min).length(),
         );
+    }
+
+    /// Whether shaders may ask where points were in the frame before (`previous_instances`, `previous_positions`), from
+    /// the next frame on. They may until something else is said; where nobody asks, a frame is prepared with less.
+    pub fn keep_previous(&mut self, keeps: bool) {
+        self.table.keep_previous(keeps);
     }
 
     /// Forgets the frames so far: the next one has no previous one.
@@ -605,7 +620,7 @@ impl<'a> Uploads<'a> {
         &mut self,
         buffer: &mut GrowingBuffer,
         data: &[T],
-        range: std::ops::Range<usize>,
+        range: Range<usize>,
     ) -> Result<(), GpuError> {
         let count = range.len();
         let replaced = buffer.upload_range(self.context, data, range)?;

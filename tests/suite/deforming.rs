@@ -1,19 +1,19 @@
 //! Skins and morph targets on the device: against the f64 twin, brute force over the deformed triangles, the previous
 //! frame, and hierarchies that are built anew.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use stereolux::bvh::reference::ExactInstance;
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
 use stereolux::gpu::types::bvh::{BvhNode, Triangle};
 use stereolux::gpu::types::material::Vertex;
-use stereolux::options::{Method, Reuse};
+use stereolux::options::{Force, Method, Reuse};
 use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
-use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::{Deformation, Mesh, Scene, ScenePose};
+use stereolux::renderer::{Eye, InstanceId, Renderer};
+use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
 
-use super::bvh_probe::{Random, TraceProbe};
+use super::bvh_probe::{Random, TraceProbe, soup};
 use super::moving_support::*;
 use super::support::*;
 
@@ -206,7 +206,10 @@ fn hits_on_skinned_and_morphed_meshes_equal_exhaustive_search() {
 #[test]
 fn deformed_points_are_found_where_the_frame_before_had_them() {
     let scene = builtin("parade");
-    let mut renderer = small(&scene);
+    // What follows motion from frame to frame makes the renderer keep the previous one.
+    let mut settings = method(Method::Path, Reuse::Off);
+    settings.reconstruct.taa = true;
+    let mut renderer = renderer(&scene, &settings, [8, 8]);
     let context = renderer.context().clone();
     let probe = PreviousProbe::new(&context, &["deformation"]);
     let clip = scene.clip("parade").unwrap().unwrap();
@@ -378,4 +381,149 @@ fn a_moving_scene_is_the_same_twice_and_not_the_same_later() {
     // Only differences of display times count.
     assert_eq!(first, run([77, 400_000_077, 800_000_077]));
     assert_ne!(first[1], run([5, 500_000_005, 800_000_005])[1]);
+}
+
+/// The scene as a pose has it, without anything that deforms: shapes and normals are the f64 twin's.
+fn baked(scene: &Scene, pose: &ScenePose) -> Scene {
+    let own = with_own_meshes(scene).into_owned();
+    let mut still = own.clone();
+    for (index, node) in still.nodes.iter_mut().enumerate() {
+        node.parent_from_node = pose.world_from_node[index];
+        (node.parent, node.skin) = (None, None);
+        node.children.clear();
+        node.morph_weights.clear();
+        if !still.roots.contains(&index) {
+            still.roots.push(index);
+        }
+    }
+    for placed in own.instances() {
+        if !own.deforms(placed.node) {
+            continue;
+        }
+        let deformation = own.deformation(placed.node, pose);
+        let from = &own.meshes[placed.mesh];
+        let to_f32 = |all: Vec<DVec3>| all.iter().map(|v| v.as_vec3().to_array()).collect();
+        still.nodes[placed.node].parent_from_node = deformation.world_from_object;
+        still.meshes[placed.mesh] = Mesh {
+            positions: to_f32(deformation.positions(from)),
+            normals: to_f32(deformation.normals(from)),
+            joints: Vec::new(),
+            targets: Vec::new(),
+            ..from.clone()
+        };
+    }
+    still
+}
+
+/// Normals, shadows, the points that rays start from and refitted boxes at once: they would show in the picture.
+#[test]
+fn a_deformed_scene_looks_like_one_modelled_so() {
+    let scene = builtin("parade");
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+    let mut settings = method(Method::Path, Reuse::Off);
+    settings.spp = 4;
+    let size = [40, 40];
+    let image = |scene: &Scene, pose: Option<&ScenePose>| {
+        let mut renderer = renderer(scene, &settings, size);
+        if let Some(pose) = pose {
+            renderer.set_pose(pose);
+        }
+        renderer.render_frame(&views, 0, |_| {}).unwrap();
+        radiance(&renderer, Eye::Left)
+    };
+    let [pose, later] = [1.3, 1.5].map(|time_s| scene.pose_at(clip, time_s));
+    let deformed = image(&scene, Some(&pose));
+    // The same rays and random numbers; positions differ by some 1e-7 of their size, normals by 1e-4 where joints
+    // disagree, and what they reflect in proportion. A ray in a hundred may pass an edge on its other side.
+    let strays = |other: &[[f32; 3]]| {
+        let differs = |(a, b): (&[f32; 3], &[f32; 3])| {
+            let far = |(a, b): (&f32, &f32)| (a - b).abs() > 1e-3 * (1e-3 + a.abs().max(b.abs()));
+            a.iter().zip(b).any(far)
+        };
+        deformed
+            .iter()
+            .zip(other)
+            .filter(|pair| differs(*pair))
+            .count()
+    };
+    let allowed = deformed.len() / 100;
+    let found = strays(&image(&baked(&scene, &pose), None));
+    assert!(found <= allowed, "{found} pixels");
+    // Negative control: a fifth of a second later.
+    let found = strays(&image(&baked(&scene, &later), None));
+    assert!(found > 10 * allowed, "{found} pixels");
+}
+
+/// Adapters that read textures faster read copies of the scene's records: the copies follow what moves, changes its shape
+/// or comes and goes.
+#[test]
+fn copies_in_textures_follow_what_moves() {
+    let mut scene = builtin("parade");
+    // Rows of the textures come before those of what deforms.
+    let mut crumbs = soup(&mut Random(74), 3000, 0.3);
+    crumbs.normals = vec![[0.0, 1.0, 0.0]; crumbs.positions.len()];
+    for mesh in scene.nodes.iter_mut().filter_map(|node| node.mesh.as_mut()) {
+        *mesh += 1;
+    }
+    scene.meshes.insert(0, crumbs);
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        mesh: Some(0),
+        parent_from_node: DAffine3::from_scale_rotation_translation(
+            DVec3::splat(0.2),
+            DQuat::IDENTITY,
+            DVec3::new(0.0, 1.6, -1.6),
+        ),
+        ..Node::default()
+    });
+    let scene = scene;
+    let node = |name: &str| {
+        let found = scene.nodes.iter().position(|node| node.name == name);
+        found.unwrap_or_else(|| panic!("no node {name}"))
+    };
+    let lamp_mesh = scene.nodes[node("lamp")].mesh.unwrap();
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+    for render_by in [Method::Path, Method::Photon] {
+        let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
+            let settings = settings(|s| {
+                s.method = render_by;
+                s.photon.count = 1024;
+                s.force.record_texels = record_texels;
+            });
+            let mut renderer = renderer(&scene, &settings, [20, 20]);
+            let lamp = renderer.scene().instance_of_node(node("lamp")).unwrap();
+            let mut added: Option<InstanceId> = None;
+            let mut frames = Vec::new();
+            for index in 0..6 {
+                // The last two frames show the same pose: there only the lamps differ.
+                renderer.set_pose(&scene.pose_at(clip, 0.7 * f64::from(index.min(4))));
+                match index {
+                    1 => assert!(renderer.set_instance_transform(
+                        lamp,
+                        DAffine3::from_translation(DVec3::new(0.4, -0.3, 0.0)),
+                    )),
+                    2 => assert!(renderer.remove_instance(lamp)),
+                    3 => {
+                        let at = DAffine3::from_translation(DVec3::new(-0.4, -0.5, 0.2));
+                        added = Some(renderer.add_instance(lamp_mesh, at).unwrap());
+                    }
+                    5 => assert!(renderer.remove_instance(added.unwrap())),
+                    _ => {}
+                }
+                renderer.render_frame(&views, index, |_| {}).unwrap();
+                frames.push(bits(&radiance(&renderer, Eye::Left)));
+            }
+            frames
+        });
+        for (index, (plain, copied)) in plain.iter().zip(&copied).enumerate() {
+            let differ = plain.iter().zip(copied).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "{render_by:?}, frame {index}");
+        }
+        // Negative control: every frame differs from the one before, as stale copies would.
+        for pair in plain.windows(2) {
+            assert_ne!(pair[0], pair[1], "{render_by:?}");
+        }
+    }
 }

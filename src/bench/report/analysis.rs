@@ -8,6 +8,7 @@ use super::super::records::Row;
 use super::super::statistics::{
     LineFit, PowerFit, Spread, line_fit, log_interpolate, pareto_front, power_fit, spread,
 };
+use super::super::suites::REBUILT;
 use super::targets::{EqualErrorSpeed, Target, equal_error_speeds, targets};
 
 /// All of it.
@@ -347,9 +348,12 @@ fn growth(rows: &[Row]) -> Vec<Growth> {
         for cost in COSTS {
             line(cost, "ms", &|row| row.ms(cost));
         }
-        // Only the generated rooms are seen by a head that moves, and the host's work is the same for every variant.
-        if scene == "generated" && variant == "photon" {
+        // Only the generated rooms are seen by a head that moves, and the host's work is the same for both methods.
+        if scene == "generated" && variant != "path" {
             line("host_update", "ms", &|row| row.ms("host_update"));
+        }
+        // What is built whole is not uploaded.
+        if scene == "generated" && variant != "path" && variant != REBUILT {
             line("upload_bytes", "bytes", &|row| {
                 Some(row.load.upload_bytes as f64)
             });

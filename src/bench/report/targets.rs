@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::super::records::Row;
 use super::super::statistics::{LineFit, line_fit, log_interpolate, median, pareto_front};
-use super::super::suites::INDIRECT_SCENE;
+use super::super::suites::{AROUND_ONE, INDIRECT_SCENE, MOVING, REBUILT, TWO_LEVELS};
 use super::analysis::{FillCost, Growth, distinct, frame_ms, levels};
 use super::markdown::{Table, digits};
 
@@ -31,6 +31,9 @@ const INSTANCES: f64 = 100.0;
 /// Host time at the most triangles over that at the fewest, less than: a tenth of what proportion would make it is far
 /// beyond, and the noise of tenths of a millisecond within.
 const HOST_GROWTH: f64 = 2.0;
+/// Triangles that [`HOST_MS`] is stated for when one object moves among them, and those whose frame is to take less than
+/// [`TRIANGLE_GROWTH`] times as long.
+const AROUND: [f64; 2] = [34e3, 1.7e6];
 /// The path tracer's time over photon mapping's at equal error, at least.
 const EQUAL_ERROR: f64 = 2.0;
 
@@ -80,6 +83,7 @@ pub fn targets(
     all.extend(fill_cost.iter().map(filling));
     triangles(growth, &mut all);
     instances(growth, &mut all);
+    moving(growth, &mut all);
     all.extend(speeds.iter().map(equal_error));
     all
 }
@@ -303,6 +307,75 @@ fn instances(growth: &[Growth], all: &mut Vec<Target>) {
     }
 }
 
+fn at(line: &Growth, number: f64) -> Option<f64> {
+    let point = line.points.iter().find(|point| point.0 == number);
+    point.map(|point| point.1)
+}
+
+fn moving(growth: &[Growth], all: &mut Vec<Target>) {
+    let find = |series: &str, variant: &str, cost: &str| {
+        growth
+            .iter()
+            .find(|line| line.series == series && line.variant == variant && line.cost == cost)
+    };
+    if let Some(host) = find(AROUND_ONE, TWO_LEVELS, "host_update") {
+        // A small suite has fewer triangles: it is shown, and decides nothing.
+        let fewest = host.points.first().map_or(AROUND[0], |point| point.0);
+        let ms = at(host, fewest);
+        let of = |variant, cost| at(find(AROUND_ONE, variant, cost)?, fewest);
+        let in_words = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), digits);
+        all.push(Target {
+            suite: "scaling",
+            what: format!(
+                "host's work when one object and the head move, {} triangles",
+                AROUND[0]
+            ),
+            target: format!("under {HOST_MS} ms"),
+            measured: format!(
+                "{} ms and {} bytes at {fewest}; {} ms with all hierarchies built anew",
+                in_words(ms),
+                in_words(of(TWO_LEVELS, "upload_bytes")),
+                in_words(of(REBUILT, "host_update")),
+            ),
+            value: ms,
+            met: ms
+                .filter(|_| fewest == AROUND[0])
+                .map(|value| value < HOST_MS),
+        });
+    }
+    let frame = find(AROUND_ONE, TWO_LEVELS, "frame");
+    if let Some(frame) = frame.or_else(|| find(AROUND_ONE, TWO_LEVELS, "host_frame"))
+        && let Some((first, last)) = ends(&frame.points, 0.0)
+    {
+        let ratio = last.1 / first.1;
+        let covered = [first.0, last.0] == AROUND;
+        all.push(Target {
+            suite: "scaling",
+            what: "path: frame time over triangles around one object that moves".to_owned(),
+            target: format!(
+                "under {TRIANGLE_GROWTH} times from {} to {}",
+                AROUND[0], AROUND[1]
+            ),
+            measured: format!("{} times from {} to {}", digits(ratio), first.0, last.0),
+            value: Some(ratio),
+            met: covered.then_some(ratio < TRIANGLE_GROWTH),
+        });
+    }
+    if let Some(host) = find(MOVING, TWO_LEVELS, "host_update") {
+        let (x, y): (Vec<f64>, Vec<f64>) = host.points.iter().copied().unzip();
+        if let Some(fit) = line_fit(&x, &y) {
+            all.push(Target {
+                suite: "scaling",
+                what: "host's work when all instances move, over instances".to_owned(),
+                target: format!("linear (R^2 at least {LINEAR})"),
+                measured: line_in_words(&fit, 1e3, "us per instance"),
+                value: Some(fit.r_squared),
+                met: (fit.points > 2).then_some(fit.r_squared >= LINEAR),
+            });
+        }
+    }
+}
+
 /// Milliseconds in which a front, by rising time, reaches `error`: its first point's where that is good enough.
 fn time_to(front: &[(f64, f64)], error: f64) -> Option<f64> {
     match front.first() {
@@ -492,6 +565,35 @@ mod tests {
             assert_eq!(all[0].met, met, "{most} {factor}");
             assert!((all[0].value.unwrap() - factor).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn what_moves_is_judged_where_it_is_covered() {
+        let rows = |triangles: [f64; 2], host_ms: f64, slower: f64| -> Vec<Row> {
+            let mut all = Vec::new();
+            for (value, ms) in triangles.into_iter().zip([1.0, slower]) {
+                for (variant, host_ms) in [(TWO_LEVELS, host_ms), (REBUILT, 300.0 * host_ms)] {
+                    let factors = json!({"series": AROUND_ONE, AROUND_ONE: value});
+                    let mut row = row("scaling", variant, factors, ms, 1.0);
+                    row.scene = format!("generated:{value}");
+                    let host = super::super::super::statistics::spread(&[host_ms]).unwrap();
+                    row.timing.ms.insert("host_update".to_owned(), host);
+                    all.push(row);
+                }
+            }
+            all
+        };
+        for (triangles, host_ms, slower, met) in [
+            (AROUND, 0.4, 1.9, [Some(true), Some(true)]),
+            (AROUND, 0.6, 2.1, [Some(false), Some(false)]),
+            ([1e3, 16e3], 0.4, 1.9, [None, None]),
+        ] {
+            let targets = analyse(&rows(triangles, host_ms, slower)).targets;
+            let found: Vec<Option<bool>> = targets.iter().map(|target| target.met).collect();
+            assert_eq!(found, met, "{targets:?}");
+        }
+        let targets = analyse(&rows(AROUND, 0.4, 1.9)).targets;
+        assert!(targets[0].measured.contains("120"), "{targets:?}");
     }
 
     #[test]

@@ -11,12 +11,14 @@ use serde_json::Value;
 
 use super::BenchError;
 use super::measure::{Candidate, GroupPlan};
+use super::moves::Moves;
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
 use crate::xr::Headset;
 
 pub use super::scenes::INDIRECT_SCENE;
+pub use scaling::{AROUND_ONE, MOVING, REBUILT, TWO_LEVELS};
 pub use tables::{
     BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, RADII_IN_TABLE_UNITS, WAYS_TABLES, WaysTable,
 };
@@ -194,6 +196,7 @@ fn candidate(
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value))
             .collect::<BTreeMap<_, _>>(),
+        moves: Moves::Nothing,
     }
 }
 

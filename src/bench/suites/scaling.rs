@@ -1,9 +1,11 @@
-//! `scaling`: how the cost of a frame grows with triangles, instances, lights, photons and pixels.
+//! `scaling`: how the cost of a frame grows with triangles, instances, lights, photons and pixels, and what it costs
+//! that something moves.
 
 use serde_json::json;
 
 use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::moves::Moves;
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
 use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
@@ -17,6 +19,10 @@ struct Axes {
     lights: &'static [u32],
     photons: &'static [u32],
     sides: &'static [u32],
+    /// Triangles around one object that moves.
+    around_one: &'static [u32],
+    /// Instances that all move.
+    moving: &'static [u32],
 }
 
 const FULL: Axes = Axes {
@@ -25,6 +31,8 @@ const FULL: Axes = Axes {
     lights: &[1, 10, 100, 1_000, 10_000],
     photons: &[1 << 14, 1 << 16, 1 << 18, 1 << 20, 1 << 22],
     sides: &[64, 128, 256, 512, 1024],
+    around_one: &[34_000, 1_700_000],
+    moving: &[1, 10, 100, 1_000, 10_000],
 };
 const SMOKE: Axes = Axes {
     triangles: &[1_000, 4_000, 16_000],
@@ -32,6 +40,8 @@ const SMOKE: Axes = Axes {
     lights: &[1, 10, 100],
     photons: &[1 << 10, 1 << 12, 1 << 14],
     sides: &[16, 32, 64],
+    around_one: &[1_000, 16_000],
+    moving: &[1, 100],
 };
 /// Photons in the series that vary something else: the cost of tracing them is to show, not to drown the rest.
 const PHOTONS: u32 = 1 << 16;
@@ -39,6 +49,15 @@ const PHOTONS: u32 = 1 << 16;
 const SMOKE_PHOTONS: u32 = 1 << 12;
 /// The headset whose pixels end the series of pixels.
 const LARGEST_HEADSET: &str = "quest3";
+
+/// Series of triangles around one object that moves.
+pub const AROUND_ONE: &str = "triangles_around_one_that_moves";
+/// Series of instances that all move.
+pub const MOVING: &str = "instances_that_move";
+/// Variant of [`AROUND_ONE`] that does what the renderer does.
+pub const TWO_LEVELS: &str = "two levels";
+/// Variant of [`AROUND_ONE`] whose host builds all hierarchies anew beside that.
+pub const REBUILT: &str = "rebuilt whole";
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let (axes, photons) = match base.extent {
@@ -105,6 +124,40 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         lights,
         ..default
     });
+    let mut moving =
+        |series: &'static str, value: u32, made: Generated, variants: &[(&str, Moves)]| {
+            let scene = SceneSource::Generated(made);
+            let candidates = variants
+                .iter()
+                .map(|&(variant, moves)| {
+                    let factors = [("series", json!(series)), (series, json!(value))];
+                    let settings = settings(&scene.name(), Method::Path, photons);
+                    Candidate {
+                        moves,
+                        ..candidate(variant, settings, factors)
+                    }
+                })
+                .collect();
+            plans.push(GroupPlan {
+                views: ViewPlan::Jitter,
+                ..group(format!("{series} {value}"), scene, &room, candidates)
+            });
+        };
+    for &value in axes.around_one {
+        let made = Generated {
+            floor_triangles: value,
+            ..default
+        };
+        let variants = [(TWO_LEVELS, Moves::One), (REBUILT, Moves::OneRebuilt)];
+        moving(AROUND_ONE, value, made, &variants);
+    }
+    for &value in axes.moving {
+        let made = Generated {
+            boxes: value,
+            ..default
+        };
+        moving(MOVING, value, made, &[(TWO_LEVELS, Moves::All)]);
+    }
     for scene in &base.scenes {
         let source = SceneSource::Named(scene.clone());
         let view = framing_headset(base, &scene_of(scene, base)?)?;

@@ -66,8 +66,14 @@ fn in_range(
 ) -> Result<usize, SceneError> {
     let index = value.as_u64().and_then(|index| usize::try_from(index).ok());
     index.filter(|index| *index < count).ok_or_else(|| {
+        // Whatever else stands there may be of any length.
+        let found = if value.is_number() {
+            value.to_string()
+        } else {
+            "what is no number".to_owned()
+        };
         document.fault(format!(
-            "{place}: {value} is out of range, there are {count}"
+            "{place}: {found} is out of range, there are {count}"
         ))
     })
 }
