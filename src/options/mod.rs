@@ -6,6 +6,7 @@
 //! file.
 
 pub mod cli;
+mod kinds;
 pub mod layers;
 pub mod numbers;
 pub mod reconstruct;

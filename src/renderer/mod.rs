@@ -17,6 +17,7 @@ pub mod mirror;
 mod moving;
 pub mod parts;
 pub mod photon_map;
+mod photon_records;
 mod photons_over_time;
 mod raster;
 pub mod reconstruction;

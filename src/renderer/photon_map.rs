@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::kd_tree::{KdTree, walk_slices};
@@ -15,6 +14,7 @@ use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
 
 pub use super::map_config::{MapKind, PhotonMapConfig};
+pub use super::photon_records::{Photon, PhotonCounters, PhotonGrid};
 
 /// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
 const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
@@ -33,62 +33,6 @@ const PHOTONS_PER_SLICE: u64 = 60_000;
 pub const SHARED_BATCH: u64 = 64;
 /// See [`SHARED_BATCH`].
 pub const SHARED_BATCHES_PER_SLICE: u64 = 850;
-
-/// Twin of `PhotonCounters` in `shaders/shared/photon.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct PhotonCounters {
-    /// Photons in the list.
-    pub stored: u32,
-    /// Photons that found no room.
-    pub dropped: u32,
-    /// Paths whose photons were all kept; the flux is divided by this.
-    pub paths_kept: u32,
-    /// Paths traced.
-    pub paths_traced: u32,
-    /// Photons that all paths made.
-    pub demanded: u32,
-    /// Unused.
-    pub padding: [u32; 3],
-}
-
-/// Twin of `Photon` in `shaders/shared/photon.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct Photon {
-    /// Photon space, metres.
-    pub position: [f32; 3],
-    /// Direction of flight, octahedral, 16 bits each.
-    pub direction: u32,
-    /// Power, W, before division by the number of paths.
-    pub flux: [f32; 3],
-    /// Normal (13 bits each) and segments from the light (6 bits).
-    pub normal_depth: u32,
-}
-
-/// Twin of `PhotonGrid` in `shaders/shared/grid.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct PhotonGrid {
-    /// Lower corner of the padding layer, photon space, metres.
-    pub origin: [f32; 3],
-    /// 1 / cell edge, 1/m.
-    pub inverse_edge: f32,
-    /// Cells along each axis, padding included.
-    pub dims: [u32; 3],
-    /// 0 for a dense grid, else the number of hashed row starts.
-    pub hashed_rows: u32,
-    /// Table cells in use.
-    pub cell_count: u32,
-    /// 1 if there are photons.
-    pub has_photons: u32,
-    /// Cell edge, metres.
-    pub edge: f32,
-    /// Gather radius that the map was made for, metres.
-    pub radius: f32,
-    /// Indirect dispatch over photons.
-    pub photon_groups: [u32; 4],
-}
 
 /// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
