@@ -228,10 +228,13 @@ fn main() -> Outcome<()> {
                 for (image, reference) in shown.iter().zip(&references[frame]) {
                     tally.errors.push(mean(&relative_errors(image, reference)));
                 }
+                let errors = [
+                    error_image(&shown[0], &references[frame][0])?,
+                    error_image(&shown[1], &references[frame][1])?,
+                ];
                 // How the left eye's error changes: a picture whose error stays does not flicker.
-                let residual = error_image(&shown[0], &references[frame][0])?;
                 let residual: Vec<[f64; 3]> =
-                    residual.pixels.iter().map(|p| p.map(f64::from)).collect();
+                    errors[0].pixels.iter().map(|p| p.map(f64::from)).collect();
                 if let Some(before) = &tally.before {
                     let changes: Vec<f64> = residual
                         .iter()
@@ -241,10 +244,6 @@ fn main() -> Outcome<()> {
                     tally.flicker.push(mean(&changes));
                 }
                 tally.before = Some(residual);
-                let errors = [
-                    error_image(&shown[0], &references[frame][0])?,
-                    error_image(&shown[1], &references[frame][1])?,
-                ];
                 let binocular =
                     binocular_error(&errors[0], &errors[1], &references[frame][1], &pairs[frame])?;
                 tally.binocular.push(binocular.rmse);

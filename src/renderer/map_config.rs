@@ -82,18 +82,10 @@ impl PhotonMapConfig {
         }
     }
 
-    /// All passes of the map but scans, sorts and those of a kd-tree, which are bound by themselves.
-    pub(super) fn bound_passes(&self) -> impl Iterator<Item = &'static &'static Pass> {
-        self.kind
-            .batch()
-            .iter()
-            .chain(self.layout())
-            .chain(self.finish())
-    }
-
     /// All passes that the map's kernels are compiled for.
     pub fn passes(&self) -> Vec<&'static Pass> {
-        let mut all: Vec<&Pass> = self.bound_passes().copied().collect();
+        let own = self.kind.batch().iter().chain(self.layout());
+        let mut all: Vec<&Pass> = own.chain(self.finish()).copied().collect();
         all.extend(passes::SCAN.iter().chain(passes::RADIX_DIGIT));
         if self.search == Search::KdTree {
             all.extend(KdTree::passes());

@@ -26,6 +26,20 @@ fn altered(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> Result<Scene, Strin
     Scene::from_bytes("parade.glb", &file).map_err(|error| error.to_string())
 }
 
+/// Puts another time into key `key` of the first track.
+fn set_key_time(json: &Value, bin: &mut [u8], key: usize, time_s: f32) {
+    let input = json["animations"][0]["samplers"][0]["input"]
+        .as_u64()
+        .unwrap();
+    let view = json["accessors"][input as usize]["bufferView"]
+        .as_u64()
+        .unwrap();
+    let first = json["bufferViews"][view as usize]["byteOffset"]
+        .as_u64()
+        .unwrap();
+    bin[first as usize + 4 * key..][..4].copy_from_slice(&time_s.to_le_bytes());
+}
+
 fn node(scene: &Scene, name: &str) -> usize {
     let found = scene.nodes.iter().position(|node| node.name == name);
     found.unwrap()
@@ -190,33 +204,11 @@ fn every_fault_of_motion_is_one_clear_line() {
             "a second channel for the translation",
         ),
         (
-            |json, bin| {
-                let input = json["animations"][0]["samplers"][0]["input"]
-                    .as_u64()
-                    .unwrap();
-                let view = json["accessors"][input as usize]["bufferView"]
-                    .as_u64()
-                    .unwrap();
-                let at = json["bufferViews"][view as usize]["byteOffset"]
-                    .as_u64()
-                    .unwrap();
-                bin[at as usize + 4..][..4].copy_from_slice(&9f32.to_le_bytes());
-            },
+            |json, bin| set_key_time(json, bin, 1, 9f32),
             "times must ascend, but key 1 is at 9 s and the next at 2 s",
         ),
         (
-            |json, bin| {
-                let input = json["animations"][0]["samplers"][0]["input"]
-                    .as_u64()
-                    .unwrap();
-                let view = json["accessors"][input as usize]["bufferView"]
-                    .as_u64()
-                    .unwrap();
-                let at = json["bufferViews"][view as usize]["byteOffset"]
-                    .as_u64()
-                    .unwrap();
-                bin[at as usize..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
-            },
+            |json, bin| set_key_time(json, bin, 0, f32::NAN),
             "key 0 is at NaN s",
         ),
         (
