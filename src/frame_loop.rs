@@ -16,7 +16,7 @@ use crate::output::{FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
 };
-use crate::xr::{FrameSubmission, RenderTargets, XrError, XrSession};
+use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
 /// Frames whose statistics are kept for the medians of `run.json`: a session may go on for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -153,6 +153,118 @@ pub trait LoopProgress {
     fn frame(&mut self, stats: &FrameStats);
 }
 
+/// What became of one turn of the loop.
+pub enum Step {
+    /// The session has ended.
+    Ended,
+    /// The session shows nothing now, or knows no pose; the frame is ended without images.
+    Hidden,
+    /// A frame was rendered and handed over; its images are the renderer's until the next one.
+    Rendered(Box<Rendered>),
+}
+
+/// A frame that was handed over.
+pub struct Rendered {
+    /// When it is seen, nanoseconds.
+    pub display_time_ns: i64,
+    /// From where.
+    pub located: LocatedViews,
+    /// What the renderer says of it.
+    pub result: FrameResult,
+    /// Host time up to the hand-over.
+    pub cpu_ms: CpuMs,
+}
+
+impl Rendered {
+    /// What is recorded of the frame, once the caller is done with it: with `cpu_ms.write` and `cpu_ms.mirror` filled in.
+    pub fn into_stats(self, frame: u32, non_finite_pixels: usize, began: Instant) -> FrameStats {
+        let Self {
+            display_time_ns,
+            located,
+            result,
+            mut cpu_ms,
+        } = self;
+        cpu_ms.frame = milliseconds_since(began);
+        let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
+        let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
+        cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
+        FrameStats {
+            frame,
+            display_time_ns,
+            pass_ms: pass_ms(&result),
+            gpu_ms: GpuSums::of(&result.times),
+            cpu_ms,
+            photons: result.photons,
+            stereo: result.stereo,
+            non_finite_pixels,
+            pose_repeated: located.repeated,
+        }
+    }
+}
+
+/// One turn of the loop: waits for the session's next frame, renders it and hands it over. `scene_time_ns` says where the
+/// scene's animation stands in a frame, or `None` to leave the scene as it is; `sample` is told how many of the frame's
+/// samples are done.
+///
+/// # Errors
+/// [`LoopError::Session`], [`LoopError::Render`].
+pub fn step(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    library: &ShaderLibrary,
+    index: u32,
+    scene_time_ns: impl FnOnce(&FrameState) -> Option<i64>,
+    sample: impl FnMut(u32),
+) -> Result<Step, LoopError> {
+    let began = Instant::now();
+    let Some(state) = session.wait_frame()? else {
+        return Ok(Step::Ended);
+    };
+    let mut cpu_ms = CpuMs {
+        wait: milliseconds_since(began),
+        ..CpuMs::default()
+    };
+    if state.switch_reuse && !renderer.switch_reuse() {
+        log::info!("reuse is off in this run's settings; there is nothing to switch");
+    }
+    let called = Instant::now();
+    session.begin_frame()?;
+    let views = if state.should_render {
+        session.locate_views(state.predicted_display_time_ns)?
+    } else {
+        None
+    };
+    let Some(located) = views else {
+        session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
+        return Ok(Step::Hidden);
+    };
+    let targets = session.acquire_targets()?;
+    cpu_ms.session = milliseconds_since(called);
+    if let Some(time_ns) = scene_time_ns(&state) {
+        renderer.animate(time_ns);
+    }
+    let result = renderer.render_frame(&located.views, index, sample)?;
+    if let RenderTargets::Runtime(targets) = &targets {
+        let recorded = Instant::now();
+        renderer.submit_to(library, targets)?;
+        cpu_ms.submit = milliseconds_since(recorded);
+    }
+    drop(targets);
+    let called = Instant::now();
+    session.end_frame(FrameSubmission::new(
+        state.predicted_display_time_ns,
+        Some(&located),
+    ))?;
+    cpu_ms.session += milliseconds_since(called);
+    cpu_ms.renderer = result.cpu_ms;
+    Ok(Step::Rendered(Box::new(Rendered {
+        display_time_ns: state.predicted_display_time_ns,
+        located,
+        result,
+        cpu_ms,
+    })))
+}
+
 /// Runs until the session ends or the user interrupts. A `mirror` shows the frames as they come.
 ///
 /// # Errors
@@ -173,79 +285,31 @@ pub fn run(
         if crate::interrupt::requested() {
             return Ok(outcome);
         }
-        let Some(state) = session.wait_frame()? else {
-            return Ok(outcome);
-        };
-        let mut cpu_ms = CpuMs {
-            wait: milliseconds_since(began),
-            ..CpuMs::default()
-        };
-        if state.switch_reuse && !renderer.switch_reuse() {
-            log::info!("reuse is off in this run's settings; there is nothing to switch");
-        }
         if let Some(mirror) = &mut mirror {
             // Also while the session shows nothing.
             mirror.serve();
         }
-        let called = Instant::now();
-        session.begin_frame()?;
-        let views = if state.should_render {
-            session.locate_views(state.predicted_display_time_ns)?
-        } else {
-            None
+        let display_time = |state: &FrameState| Some(state.predicted_display_time_ns);
+        let told = |done| progress.sample(index, done);
+        let mut frame = match step(session, renderer, library, index, display_time, told)? {
+            Step::Ended => return Ok(outcome),
+            Step::Hidden => continue,
+            Step::Rendered(frame) => frame,
         };
-        let Some(located) = views else {
-            session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
-            continue;
-        };
-        let targets = session.acquire_targets()?;
-        cpu_ms.session = milliseconds_since(called);
-        renderer.animate(state.predicted_display_time_ns);
-        let result =
-            renderer.render_frame(&located.views, index, |done| progress.sample(index, done))?;
-        if let RenderTargets::Runtime(targets) = &targets {
-            let recorded = Instant::now();
-            renderer.submit_to(library, targets)?;
-            cpu_ms.submit = milliseconds_since(recorded);
-        }
-        drop(targets);
-        let called = Instant::now();
-        session.end_frame(FrameSubmission::new(
-            state.predicted_display_time_ns,
-            Some(&located),
-        ))?;
-        cpu_ms.session += milliseconds_since(called);
-
         // After the runtime has got its frame: the window must not delay it.
         if let Some(mirror) = &mut mirror {
             let shown = Instant::now();
             mirror.show(renderer, library)?;
-            cpu_ms.mirror = milliseconds_since(shown);
+            frame.cpu_ms.mirror = milliseconds_since(shown);
         }
-
         let written = Instant::now();
         let mut non_finite_pixels = 0;
         if options.images && index % options.every.max(1) == 0 {
             let images = read_images(renderer, options.size, &mut non_finite_pixels)?;
             output.write_frame(index, &images, options.exposure)?;
         }
-        cpu_ms.renderer = result.cpu_ms;
-        cpu_ms.write = milliseconds_since(written);
-        cpu_ms.frame = milliseconds_since(began);
-        let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
-        let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
-        cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
-        let stats = FrameStats {
-            frame: index,
-            display_time_ns: state.predicted_display_time_ns,
-            pass_ms: pass_ms(&result),
-            gpu_ms: GpuSums::of(&result.times),
-            cpu_ms,
-            photons: result.photons,
-            stereo: result.stereo,
-            non_finite_pixels,
-            pose_repeated: located.repeated,
-        };
+        frame.cpu_ms.write = milliseconds_since(written);
+        let stats = frame.into_stats(index, non_finite_pixels, began);
         output.append_stats(&stats)?;
         progress.frame(&stats);
         if outcome.last.len() == KEPT_FRAMES {

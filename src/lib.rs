@@ -16,6 +16,7 @@
 //!
 //! - [`commands`], [`options`]: the program's commands and their checked options;
 //! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
+//! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
 //! - [`metrics`], [`images`]: errors against a reference, image files;
@@ -27,6 +28,7 @@ pub mod bench;
 pub mod bvh;
 mod caught;
 pub mod commands;
+mod desktop;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;
@@ -38,4 +40,5 @@ pub mod output;
 pub mod passes;
 pub mod renderer;
 pub mod scene;
+pub mod viewer;
 pub mod xr;

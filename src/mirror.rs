@@ -15,6 +15,7 @@ use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
 use crate::caught::caught;
+use crate::desktop::{self, choose_mode, plain};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::renderer::{RenderError, Renderer};
 
@@ -91,15 +92,7 @@ impl MirrorWindow {
     /// [`MirrorError::NoWindow`].
     pub fn open() -> Result<Self, MirrorError> {
         let no_window = |reason: String| MirrorError::NoWindow(plain(&reason));
-        // winit would name Wayland too, which this program reaches through XWayland alone.
-        #[cfg(all(unix, not(target_vendor = "apple")))]
-        if std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
-            return Err(no_window("DISPLAY names no X server".to_owned()));
-        }
-        // winit panics where the display lacks an extension or the machine a library.
-        let mut event_loop = caught(|| EventLoop::new().map_err(|error| error.to_string()))
-            .and_then(|opened| opened)
-            .map_err(no_window)?;
+        let mut event_loop = desktop::event_loop().map_err(MirrorError::NoWindow)?;
         let mut events = Events::default();
         caught(|| event_loop.pump_app_events(Some(Duration::ZERO), &mut events))
             .map_err(no_window)?;
@@ -117,16 +110,6 @@ impl MirrorWindow {
     }
 }
 
-/// One line without a full stop, for brackets. winit's errors begin with the place in its sources.
-fn plain(reason: &str) -> String {
-    let line = crate::gpu::context::one_line(reason);
-    let words = line
-        .strip_prefix("os error at ")
-        .and_then(|rest| rest.split_once(".rs:")?.1.split_once(": "))
-        .map_or(line.as_str(), |(_, words)| words);
-    words.trim_end_matches('.').to_owned()
-}
-
 /// The window with a surface that the run's device draws on.
 pub struct Mirror {
     /// `None` once the mirror has ended. Dropped before its window.
@@ -139,14 +122,6 @@ pub struct Mirror {
     /// Nothing is presented before.
     not_before: Instant,
     window: MirrorWindow,
-}
-
-/// Which of `offered` is presented in: one that never waits for the display, if there is one.
-fn choose_mode(offered: &[wgpu::PresentMode]) -> wgpu::PresentMode {
-    [wgpu::PresentMode::Mailbox, wgpu::PresentMode::Immediate]
-        .into_iter()
-        .find(|mode| offered.contains(mode))
-        .unwrap_or(wgpu::PresentMode::Fifo)
 }
 
 /// The first format of `offered` that encodes sRGB itself, else the first with 8 bits, which the pass encodes.
@@ -336,23 +311,10 @@ impl Mirror {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wgpu::{PresentMode as P, TextureFormat as F};
+    use wgpu::TextureFormat as F;
 
     #[test]
-    fn reasons_are_plain() {
-        let said = "os error at /home/x/winit/src/mod.rs:788: Failed: no server.";
-        assert_eq!(plain(said), "Failed: no server");
-        assert_eq!(plain("two\nlines."), "two lines");
-    }
-
-    #[test]
-    fn a_mode_that_does_not_wait_and_a_format_that_encodes_come_first() {
-        assert_eq!(
-            choose_mode(&[P::Fifo, P::Immediate, P::Mailbox]),
-            P::Mailbox
-        );
-        assert_eq!(choose_mode(&[P::Fifo, P::Immediate]), P::Immediate);
-        assert_eq!(choose_mode(&[P::FifoRelaxed, P::Fifo]), P::Fifo);
+    fn a_format_that_encodes_comes_first() {
         assert_eq!(
             choose_format(&[F::Rgba16Float, F::Bgra8Unorm, F::Rgba8UnormSrgb]),
             Some(F::Rgba8UnormSrgb)

@@ -5,6 +5,7 @@ mod compare;
 mod info;
 mod report;
 mod run;
+mod view;
 
 use std::path::Path;
 
@@ -18,6 +19,7 @@ use crate::options::{Options, OptionsError, Settings};
 use crate::output::OutputError;
 use crate::renderer::RenderError;
 use crate::scene::{Scene, SceneError, load_environment};
+use crate::viewer::ViewError;
 use crate::xr::XrError;
 
 /// Why a command ends: the text on stderr and the exit status.
@@ -99,6 +101,16 @@ impl From<crate::xr::openxr::RuntimeError> for Failure {
     }
 }
 
+impl From<ViewError> for Failure {
+    fn from(error: ViewError) -> Self {
+        match error {
+            ViewError::Gpu(error) => error.into(),
+            ViewError::NoWindow(_) | ViewError::CannotShow { .. } => Self::unusable(error),
+            ViewError::Ended(_) => Self::failed(error),
+        }
+    }
+}
+
 impl From<MirrorError> for Failure {
     fn from(error: MirrorError) -> Self {
         Self::unusable(error)
@@ -165,9 +177,7 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),
         Options::Bench(options) => bench::bench(&options).map(|()| 0),
-        Options::View(_) => Err(Failure::failed(
-            "view: this version has no desktop viewer yet; use `run` or `render`, which write pictures to --out",
-        )),
+        Options::View(options) => view::view(&options).map(|()| 0),
     }
 }
 

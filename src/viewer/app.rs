@@ -1,0 +1,719 @@
+//! Everything of the viewer that is not a window: what is open, what is wanted, what a click means.
+//!
+//! [`App::ui`] is one pass of egui over all of it, so that a test can drive it without a display.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use egui::{Context, Key, Modifiers, Ui};
+
+use super::fly_camera::{FlyCamera, Thrust};
+use super::frames::{FrameReport, Look};
+use super::gamepad::Gamepad;
+use super::gizmo::TransformGizmo;
+use super::layout::Layout;
+use super::loading::{Loaded, Loading};
+use super::memory::Memory;
+use super::panels;
+use super::picture::Pictures;
+use super::session::{Player, Recording};
+use super::worker::{Report, Request, Wanted, Worker};
+use crate::options::Settings;
+use crate::scene::edit::{Document, Edit};
+use crate::scene::save::save_scene;
+use crate::xr::{Headset, Pose, XrSession};
+
+/// Frames whose times the statistics remember.
+pub const HISTORY: usize = 240;
+/// Seconds that a message stays; errors stay until they are closed.
+const MESSAGE_SECONDS: f64 = 6.0;
+/// Half of a headset's opening that an object fills when it is focused, radians, at least.
+const FOCUS_HALF_ANGLE_RAD: f64 = 0.35;
+
+/// What the viewer opens with.
+pub struct Start {
+    /// The scene.
+    pub document: Document,
+    /// All settings.
+    pub settings: Settings,
+    /// Whose eyes are shown.
+    pub headset: Headset,
+    /// Views to play in place of a head that is moved by hand.
+    pub recording: Option<Recording>,
+    /// Where screenshots and saved files go.
+    pub out: PathBuf,
+    /// What the window remembers.
+    pub memory: Memory,
+}
+
+/// Something that is said on the picture.
+pub struct Message {
+    /// One line.
+    pub text: String,
+    /// Stays until it is closed.
+    pub is_error: bool,
+    /// When it was said, seconds of egui's clock.
+    pub since: f64,
+}
+
+/// What the right panel shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tab {
+    /// What is selected.
+    #[default]
+    Inspector,
+    /// All settings.
+    Settings,
+}
+
+/// The scene's own clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneClock {
+    /// Runs.
+    pub is_playing: bool,
+    /// Seconds, or none while the scene is shown as its nodes have it.
+    pub seconds: Option<f64>,
+}
+
+/// What is left to the window, which has a surface and an event loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WindowCommand {
+    /// F11.
+    ToggleFullScreen,
+    /// Close.
+    Quit,
+}
+
+/// See the module.
+pub struct App {
+    pub(super) document: Document,
+    pub(super) settings: Arc<Settings>,
+    pub(super) other: Arc<Settings>,
+    pub(super) headset: Headset,
+    pub(super) camera: FlyCamera,
+    pub(super) player: Option<Player>,
+    pub(super) clock: SceneClock,
+    pub(super) selected: Option<usize>,
+    pub(super) memory: Memory,
+    pub(super) look: Look,
+    pub(super) tab: Tab,
+    pub(super) shows_help: bool,
+    pub(super) asks_to_quit: bool,
+    pub(super) frame: Option<Box<FrameReport>>,
+    pub(super) pictures: Pictures,
+    pub(super) gizmo: TransformGizmo,
+    pub(super) history: VecDeque<[f32; 4]>,
+    pub(super) messages: Vec<Message>,
+    pub(super) busy: &'static str,
+    pub(super) loading: Option<Loading>,
+    pub(super) fields: panels::Fields,
+    pub(super) out: PathBuf,
+    /// Pixels per eye of a view that stands still.
+    pub(super) size: [u32; 2],
+    pub(super) is_lost: bool,
+    gamepad: Gamepad,
+    worker: Worker,
+    sent: Option<Sent>,
+    commands: Vec<WindowCommand>,
+}
+
+/// What the worker was last told to show.
+#[derive(PartialEq)]
+struct Sent {
+    settings: Arc<Settings>,
+    other: Option<Arc<Settings>>,
+    views: [crate::xr::View; 2],
+    scene_time_ns: Option<i64>,
+    size: [u32; 2],
+    exposure: f64,
+    look: Look,
+}
+
+impl App {
+    /// Opens with `start`; `wake` is called when the picture changes.
+    ///
+    /// # Errors
+    /// If the system refuses a thread.
+    pub fn new(start: Start, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let Start {
+            document,
+            settings,
+            headset,
+            recording,
+            out,
+            memory,
+        } = start;
+        let camera = camera_of(&document);
+        let settings = Arc::new(settings);
+        let size = settings.size.unwrap_or(START_SIZE);
+        let wanted = Wanted {
+            settings: Arc::clone(&settings),
+            other: None,
+            views: headset.views_from_head(&camera.pose()),
+            scene_time_ns: None,
+            size,
+            exposure: settings.output.exposure,
+            look: Look::Picture,
+        };
+        let worker = Worker::start(Box::new(document.scene().clone()), wanted, &headset, wake)?;
+        Ok(Self {
+            other: Arc::new(other_method(&settings)),
+            settings,
+            headset,
+            camera,
+            player: recording.map(Player::new),
+            clock: SceneClock::default(),
+            selected: None,
+            memory,
+            look: Look::Picture,
+            tab: Tab::default(),
+            shows_help: false,
+            asks_to_quit: false,
+            frame: None,
+            pictures: Pictures::default(),
+            gizmo: TransformGizmo::default(),
+            history: VecDeque::new(),
+            messages: Vec::new(),
+            busy: "",
+            loading: None,
+            fields: panels::Fields::new(&out, document.original()),
+            document,
+            out,
+            size,
+            is_lost: false,
+            gamepad: Gamepad::open(),
+            worker,
+            sent: None,
+            commands: Vec::new(),
+        })
+    }
+
+    /// One pass over the window's contents.
+    pub fn ui(&mut self, ui: &mut Ui) {
+        let context = ui.ctx().clone();
+        self.take_reports(&context);
+        self.take_loaded(&context);
+        self.take_dropped(&context);
+        self.keys(&context);
+        panels::menu::show(self, ui);
+        panels::statistics::show(self, ui);
+        panels::hierarchy::show(self, ui);
+        panels::right(self, ui);
+        super::picture::show(self, ui);
+        panels::help::show(self, &context);
+        self.show_messages(&context);
+        self.advance(&context);
+        self.send();
+    }
+
+    /// What the window has to do.
+    pub fn take_commands(&mut self) -> Vec<WindowCommand> {
+        std::mem::take(&mut self.commands)
+    }
+
+    pub(super) fn command(&mut self, command: WindowCommand) {
+        self.commands.push(command);
+    }
+
+    /// What the window remembers until the next start.
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// As [`App::memory`], for what only the window knows.
+    pub fn memory_mut(&mut self) -> &mut Memory {
+        &mut self.memory
+    }
+
+    /// The scene with its history.
+    pub fn document(&self) -> &Document {
+        &self.document
+    }
+
+    /// The node that is selected.
+    pub fn selected(&self) -> Option<usize> {
+        self.selected
+    }
+
+    /// All settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The head that is moved by hand.
+    pub fn head(&self) -> Pose {
+        self.camera.pose()
+    }
+
+    /// The last frame.
+    pub fn frame(&self) -> Option<&FrameReport> {
+        self.frame.as_deref()
+    }
+
+    /// What has been said and not been closed.
+    pub fn messages(&self) -> &[Message] {
+        &self.messages
+    }
+
+    /// Whether a scene is being read or shaders are compiled.
+    pub fn is_busy(&self) -> bool {
+        !self.busy.is_empty() || self.loading.is_some()
+    }
+
+    /// What is shown of frames.
+    pub fn look(&self) -> Look {
+        self.look
+    }
+
+    /// How the eyes share the picture's area.
+    pub fn layout(&self) -> Layout {
+        self.memory.layout
+    }
+
+    /// Where the gizmo's axes end, x, y and z, points of the window; `None` while there is no gizmo.
+    pub fn gizmo_handles(&self) -> Option<[egui::Pos2; 3]> {
+        self.gizmo.handles()
+    }
+
+    pub(super) fn say(&mut self, context: &Context, text: impl Into<String>, is_error: bool) {
+        let text = text.into();
+        if is_error {
+            log::error!("{text}");
+        }
+        // The same trouble twice is said once.
+        self.messages.retain(|message| message.text != text);
+        self.messages.push(Message {
+            text,
+            is_error,
+            since: context.time(),
+        });
+        if self.messages.len() > 6 {
+            self.messages.remove(0);
+        }
+        context.request_repaint();
+    }
+
+    fn take_reports(&mut self, context: &Context) {
+        while let Some(report) = self.worker.poll() {
+            match report {
+                Report::Frame(frame) => {
+                    let ms = &frame.stats.gpu_ms;
+                    self.history.push_back(
+                        [ms.photons, ms.left, ms.right, ms.reconstruction].map(|ms| ms as f32),
+                    );
+                    if self.history.len() > HISTORY {
+                        self.history.pop_front();
+                    }
+                    self.pictures.take(context, &frame);
+                    self.frame = Some(frame);
+                }
+                Report::Busy(what) => self.busy = what,
+                Report::Done(text) => self.say(context, text, false),
+                Report::Failed(text) => {
+                    self.busy = "";
+                    self.say(context, text, true);
+                }
+                Report::Lost(text) => {
+                    self.busy = "";
+                    self.is_lost = true;
+                    let more = format!("{text}; save what you need and start again");
+                    self.say(context, more, true);
+                }
+            }
+        }
+    }
+
+    fn take_loaded(&mut self, context: &Context) {
+        let Some(loading) = &self.loading else {
+            return;
+        };
+        // Its end is not announced by an event.
+        context.request_repaint_after(std::time::Duration::from_millis(50));
+        let Some(loaded) = loading.poll() else {
+            return;
+        };
+        let name = loading.name().to_owned();
+        self.loading = None;
+        match loaded {
+            Err(error) => self.say(context, error, true),
+            Ok(Loaded::Scene(document)) => {
+                for warning in &document.scene().warnings {
+                    log::warn!("{warning}");
+                }
+                self.document = *document;
+                self.selected = None;
+                self.clock = SceneClock::default();
+                self.camera = camera_of(&self.document);
+                self.fields = panels::Fields::new(&self.out, self.document.original());
+                let mut settings = (*self.settings).clone();
+                settings.scene.clone_from(&name);
+                // Clips have names of their own in each scene.
+                settings.animation.clip = Settings::default().animation.clip;
+                self.set_settings(settings);
+                self.restart_scene();
+                self.say(context, format!("{name} opened"), false);
+            }
+            Ok(Loaded::Environment(environment, path)) => {
+                self.document.set_environment(Some(*environment));
+                let mut settings = (*self.settings).clone();
+                settings.environment.path = path;
+                self.set_settings(settings);
+                self.restart_scene();
+                self.say(context, format!("{name} lights the scene"), false);
+            }
+            Ok(Loaded::Trace(recording)) => {
+                self.player = Some(Player::new(*recording));
+                self.say(context, format!("{name}: play with Space"), false);
+            }
+        }
+    }
+
+    fn restart_scene(&mut self) {
+        let scene = Box::new(self.document.scene().clone());
+        self.worker.ask(Request::Scene(scene));
+    }
+
+    fn take_dropped(&mut self, context: &Context) {
+        let dropped = context.input(|input| input.raw.dropped_files.clone());
+        if dropped.len() > 1 {
+            self.say(context, "one file at a time, please: the first is read", false);
+        }
+        if let Some(path) = dropped.first().and_then(|file| file.path.clone()) {
+            self.open(context, path.to_string_lossy().into_owned());
+        }
+    }
+
+    /// Begins to read a scene, an environment or a recording, by its name.
+    pub fn open(&mut self, context: &Context, spec: String) {
+        // A second file takes the place of one that is still being read.
+        match Loading::begin(spec, &self.settings, &self.headset, self.camera.pose()) {
+            Ok(loading) => self.loading = Some(loading),
+            Err(error) => self.say(context, error, true),
+        }
+        context.request_repaint();
+    }
+
+    /// Carries an edit out, here and in the picture.
+    pub fn edit(&mut self, context: &Context, edit: Edit) {
+        match self.document.edit(edit.clone()) {
+            Ok(()) => self.worker.ask(Request::Edit(Box::new(edit))),
+            Err(error) => self.say(context, error.to_string(), true),
+        }
+    }
+
+    pub(super) fn undo(&mut self, context: &Context) {
+        match self.document.undo() {
+            Ok(Some(edit)) => self.worker.ask(Request::Edit(Box::new(edit))),
+            Ok(None) => {}
+            Err(error) => self.say(context, error.to_string(), true),
+        }
+        self.forget_missing();
+    }
+
+    pub(super) fn redo(&mut self, context: &Context) {
+        match self.document.redo() {
+            Ok(Some(edit)) => self.worker.ask(Request::Edit(Box::new(edit))),
+            Ok(None) => {}
+            Err(error) => self.say(context, error.to_string(), true),
+        }
+        self.forget_missing();
+    }
+
+    /// Undoing may take the selected node away.
+    pub(super) fn forget_missing(&mut self) {
+        let scene = self.document.scene();
+        if let Some(node) = self.selected
+            && !scene.reaches(node)
+        {
+            self.selected = None;
+        }
+    }
+
+    pub(super) fn set_settings(&mut self, settings: Settings) {
+        if *self.settings != settings {
+            self.settings = Arc::new(settings);
+        }
+    }
+
+    pub(super) fn screenshot(&mut self) {
+        self.worker.ask(Request::Screenshot(self.out.clone()));
+    }
+
+    pub(super) fn reload_shaders(&mut self) {
+        self.worker.ask(Request::ReloadShaders);
+    }
+
+    pub(super) fn save_scene(&mut self, context: &Context) {
+        let path = PathBuf::from(self.fields.scene_path.trim());
+        match save_scene(self.document.scene(), self.document.original(), &path) {
+            Ok(()) => {
+                self.document.mark_saved();
+                self.say(context, format!("{} written", path.display()), false);
+            }
+            Err(error) => self.say(context, error.to_string(), true),
+        }
+    }
+
+    pub(super) fn save_settings(&mut self, context: &Context) {
+        let path = PathBuf::from(self.fields.settings_path.trim());
+        let mut settings = (*self.settings).clone();
+        // What is shown is what is saved.
+        settings.size = Some(self.size);
+        match settings.save_toml(&path) {
+            Ok(()) => self.say(
+                context,
+                format!("{} written; --config reads it", path.display()),
+                false,
+            ),
+            Err(error) => self.say(context, error.to_string(), true),
+        }
+    }
+
+    pub(super) fn focus_selected(&mut self) {
+        let scene = self.document.scene();
+        let Some(bounds) = self.selected.and_then(|node| scene.bounds_below(node)) else {
+            return;
+        };
+        let radius_m = 0.5 * bounds.size().length();
+        // A light has no size; look at it from a step away.
+        let radius_m = if radius_m > 0.0 { radius_m } else { 0.2 * self.camera.speed };
+        self.camera
+            .focus(bounds.center(), radius_m, FOCUS_HALF_ANGLE_RAD);
+        self.player = None;
+    }
+
+    pub(super) fn request_quit(&mut self) {
+        if self.document.is_modified() && !self.asks_to_quit {
+            self.asks_to_quit = true;
+        } else {
+            self.commands.push(WindowCommand::Quit);
+        }
+    }
+
+    /// The window was asked to close.
+    pub fn close_requested(&mut self) {
+        self.request_quit();
+    }
+
+    fn keys(&mut self, context: &Context) {
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F1)) {
+            self.shows_help = !self.shows_help;
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F5)) {
+            self.reload_shaders();
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F11)) {
+            self.commands.push(WindowCommand::ToggleFullScreen);
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F12)) {
+            self.screenshot();
+        }
+        // Letters belong to a text field that has the keyboard.
+        if context.egui_wants_keyboard_input() {
+            return;
+        }
+        let command = Modifiers::COMMAND;
+        let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
+        if context.input_mut(|input| {
+            input.consume_key(shifted, Key::Z) || input.consume_key(command, Key::Y)
+        }) {
+            self.redo(context);
+        } else if context.input_mut(|input| input.consume_key(command, Key::Z)) {
+            self.undo(context);
+        }
+        if context.input_mut(|input| input.consume_key(command, Key::S)) {
+            self.save_scene(context);
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
+            if self.shows_help {
+                self.shows_help = false;
+            } else if self.asks_to_quit {
+                self.asks_to_quit = false;
+            } else if self.loading.is_some() {
+                self.loading = None;
+                self.say(context, "reading was cancelled", false);
+            } else if self.selected.is_some() {
+                self.selected = None;
+            } else {
+                self.request_quit();
+            }
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::T)) {
+            self.screenshot();
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F)) {
+            self.focus_selected();
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Home)) {
+            self.camera = camera_of(&self.document);
+            self.player = None;
+        }
+        for (key, mode) in super::gizmo::KEYS {
+            if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
+                self.gizmo.mode = mode;
+            }
+        }
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Delete))
+            && let Some(node) = self.selected
+        {
+            self.edit(context, Edit::Delete { node });
+            self.forget_missing();
+        }
+        if context.input_mut(|input| input.consume_key(command, Key::D))
+            && let Some(node) = self.selected
+        {
+            let copy = self.document.scene().nodes.len();
+            self.edit(context, Edit::Duplicate { node });
+            if self.document.scene().nodes.len() > copy {
+                self.selected = Some(copy);
+            }
+        }
+        if let Some(player) = &mut self.player {
+            if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Space)) {
+                player.is_playing = !player.is_playing;
+            }
+            for (key, frames) in [(Key::Comma, -1), (Key::Period, 1)] {
+                if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
+                    player.step(frames);
+                }
+            }
+        } else if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Space)) {
+            self.clock.is_playing = !self.clock.is_playing;
+        }
+    }
+
+    /// Lets time pass: keys that are held move the head, clocks run.
+    fn advance(&mut self, context: &Context) {
+        // A window that slept does not make up for it.
+        let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
+        let mut thrust = if context.egui_wants_keyboard_input() {
+            Thrust::default()
+        } else {
+            held(context)
+        };
+        let (stick, look) = self.gamepad.poll();
+        thrust.right += stick.right;
+        thrust.up += stick.up;
+        thrust.ahead += stick.ahead;
+        if thrust.is_some() || look != [0.0; 2] {
+            self.player = None;
+            self.camera.look(look.map(|rate| rate * seconds));
+            self.camera.advance(thrust, seconds);
+            context.request_repaint();
+        } else if self.gamepad.is_present() {
+            context.request_repaint_after(std::time::Duration::from_millis(30));
+        }
+        if let Some(player) = &mut self.player {
+            player.advance(seconds);
+            if player.is_playing {
+                context.request_repaint();
+            }
+        }
+        if self.clock.is_playing && !self.document.scene().animations.is_empty() {
+            *self.clock.seconds.get_or_insert(0.0) += seconds;
+            context.request_repaint();
+        }
+    }
+
+    /// Both eyes' views: of the recording, or of the head.
+    pub(super) fn views(&self) -> [crate::xr::View; 2] {
+        self.player
+            .as_ref()
+            .and_then(Player::views)
+            .unwrap_or_else(|| self.headset.views_from_head(&self.camera.pose()))
+    }
+
+    fn send(&mut self) {
+        let now = Sent {
+            settings: Arc::clone(&self.settings),
+            other: (self.memory.layout == Layout::Split).then(|| Arc::clone(&self.other)),
+            views: self.views(),
+            scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
+            size: self.size,
+            exposure: self.settings.output.exposure,
+            look: self.look,
+        };
+        if self.sent.as_ref() == Some(&now) {
+            return;
+        }
+        self.worker.want(Wanted {
+            settings: Arc::clone(&now.settings),
+            other: now.other.clone(),
+            views: now.views,
+            scene_time_ns: now.scene_time_ns,
+            size: now.size,
+            exposure: now.exposure,
+            look: now.look,
+        });
+        self.sent = Some(now);
+    }
+
+    fn show_messages(&mut self, context: &Context) {
+        let now = context.time();
+        let age = |message: &Message| now - message.since;
+        self.messages
+            .retain(|message| message.is_error || age(message) < MESSAGE_SECONDS);
+        if self.messages.iter().any(|message| !message.is_error) {
+            context.request_repaint_after(std::time::Duration::from_secs(1));
+        }
+        panels::messages(self, context);
+    }
+}
+
+/// Pixels per eye until the window has been laid out.
+const START_SIZE: [u32; 2] = [320, 320];
+
+/// The head at the scene's first camera, or where all is seen.
+fn camera_of(document: &Document) -> FlyCamera {
+    let scene = document.scene();
+    let start = scene.start_pose();
+    let size_m = scene
+        .bounds()
+        .map_or(5.0, |bounds| bounds.size().max_element());
+    FlyCamera::new(Pose::new(start.position, start.orientation), size_m)
+}
+
+/// A split view begins with the other light transport.
+fn other_method(settings: &Settings) -> Settings {
+    use crate::options::Method;
+    let mut other = settings.clone();
+    other.method = match settings.method {
+        Method::Photon => Method::Path,
+        Method::Path => Method::Photon,
+    };
+    other
+}
+
+/// Movement keys as they are held.
+fn held(context: &Context) -> Thrust {
+    context.input(|input| {
+        let axis = |plus: Key, minus: Key| {
+            f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
+        };
+        if input.modifiers.command {
+            // Ctrl and a letter is a command.
+            return Thrust::default();
+        }
+        Thrust {
+            right: axis(Key::D, Key::A),
+            up: axis(Key::E, Key::Q),
+            ahead: axis(Key::W, Key::S),
+            runs: input.modifiers.shift,
+            is_slow: input.modifiers.alt,
+        }
+    })
+}
+
+/// A recording out of a session, at most an hour of it.
+///
+/// # Errors
+/// The session's, or that it has no frames; one line.
+pub fn record(session: &mut dyn XrSession) -> Result<Recording, String> {
+    let most = (3600.0 * session.info().refresh_hz) as usize;
+    let recording = Recording::of(session, most).map_err(|error| error.to_string())?;
+    if recording.is_empty() {
+        return Err(format!("{} has no frames", recording.name));
+    }
+    Ok(recording)
+}

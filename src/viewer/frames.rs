@@ -1,0 +1,141 @@
+//! What a rendered frame brings to the window.
+
+use std::sync::Arc;
+
+use egui::ColorImage;
+
+use crate::frame_loop::FrameStats;
+use crate::renderer::{Inspection, Legend, SeenSurface};
+use crate::xr::View;
+
+/// What is shown of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Look {
+    /// The picture.
+    #[default]
+    Picture,
+    /// An intermediate result, in false colour.
+    Inspection(Inspection),
+    /// The error against a reference that is rendered meanwhile, in false colour.
+    Error,
+}
+
+impl Look {
+    /// All, in the order of the menu.
+    pub fn all() -> impl Iterator<Item = Self> {
+        [Self::Picture]
+            .into_iter()
+            .chain(Inspection::ALL.into_iter().map(Self::Inspection))
+            .chain([Self::Error])
+    }
+
+    /// Name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Picture => "Picture",
+            Self::Inspection(inspection) => inspection.name(),
+            Self::Error => "Error",
+        }
+    }
+
+    /// One line on what it shows.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Picture => "what the eye sees, tone mapped",
+            Self::Inspection(inspection) => inspection.about(),
+            Self::Error => "relative squared error against a path-traced reference that grows while nothing changes",
+        }
+    }
+}
+
+/// What one eye's pixels see.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// Pixels, width and height.
+    pub size: [u32; 2],
+    /// Scene node of each pixel, row 0 on top; `u32::MAX` where no surface is seen.
+    pub nodes: Vec<u32>,
+    /// Material of each pixel.
+    pub materials: Vec<u32>,
+    /// Distance along the ray, metres; 0 where no surface is seen.
+    pub distances_m: Vec<f32>,
+}
+
+impl Seen {
+    /// Keeps what the window needs.
+    pub fn of(size: [u32; 2], surfaces: &[SeenSurface]) -> Self {
+        Self {
+            size,
+            nodes: surfaces
+                .iter()
+                .map(|surface| surface.node.unwrap_or(u32::MAX))
+                .collect(),
+            materials: surfaces.iter().map(|surface| surface.material).collect(),
+            distances_m: surfaces.iter().map(|surface| surface.distance_m).collect(),
+        }
+    }
+
+    /// The pixel at `at`, from (0, 0) at the top left to (1, 1).
+    pub fn pixel_at(&self, at: [f32; 2]) -> Option<usize> {
+        let [x, y] = [0, 1].map(|axis| (at[axis] * self.size[axis] as f32).floor());
+        let inside = (0.0..self.size[0] as f32).contains(&x) && (0.0..self.size[1] as f32).contains(&y);
+        let index = y as usize * self.size[0] as usize + x as usize;
+        (inside && index < self.nodes.len()).then_some(index)
+    }
+
+    /// The node seen at `at`.
+    pub fn node_at(&self, at: [f32; 2]) -> Option<usize> {
+        let node = self.nodes[self.pixel_at(at)?];
+        (node != u32::MAX).then_some(node as usize)
+    }
+}
+
+/// A frame.
+pub struct FrameReport {
+    /// Number of the frame.
+    pub index: u32,
+    /// Left and right eye.
+    pub eyes: [Arc<ColorImage>; 2],
+    /// The left eye under the other settings.
+    pub other: Option<Arc<ColorImage>>,
+    /// What the colours of `eyes` mean, if they are false.
+    pub legend: Option<Legend>,
+    /// A line that is said of the picture, such as why there is nothing to see.
+    pub note: Option<String>,
+    /// What the pixels see.
+    pub seen: [Arc<Seen>; 2],
+    /// The views that were rendered.
+    pub views: [View; 2],
+    /// Pixels per eye.
+    pub size: [u32; 2],
+    /// Whether `size` is what was wanted.
+    pub is_full: bool,
+    /// Frames that were averaged.
+    pub frames: u32,
+    /// Times, photons and reuse of the last frame.
+    pub stats: FrameStats,
+    /// Device memory in use, bytes, where the driver's interface tells.
+    pub device_bytes: Option<u64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_found_by_place() {
+        let seen = Seen {
+            size: [4, 2],
+            nodes: vec![0, 1, 2, 3, u32::MAX, 5, 6, 7],
+            materials: vec![0; 8],
+            distances_m: vec![1.0; 8],
+        };
+        assert_eq!(seen.node_at([0.0, 0.0]), Some(0));
+        assert_eq!(seen.node_at([0.99, 0.99]), Some(7));
+        assert_eq!(seen.node_at([0.5, 0.25]), Some(2));
+        assert_eq!(seen.node_at([0.1, 0.75]), None, "no surface");
+        for outside in [[1.0, 0.5], [-0.01, 0.5], [0.5, 1.0], [f32::NAN, 0.5]] {
+            assert_eq!(seen.pixel_at(outside), None, "{outside:?}");
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Files that are read while the window goes on.
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::Instant;
+
+use super::app::record;
+use super::session::{Recording, is_trace};
+use crate::options::Settings;
+use crate::scene::edit::Document;
+use crate::scene::{Environment, load_environment};
+use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
+
+/// What was in the file.
+pub enum Loaded {
+    /// A scene, under the environment that the settings name.
+    Scene(Box<Document>),
+    /// Surroundings, and the path that they came from.
+    Environment(Box<Environment>, String),
+    /// Head motion.
+    Trace(Box<Recording>),
+}
+
+/// A file that is being read. Dropping it cancels: the thread's result is thrown away.
+pub struct Loading {
+    name: String,
+    since: Instant,
+    result: Receiver<Result<Loaded, String>>,
+}
+
+impl Loading {
+    /// Begins to read `spec`: a path to `.gltf`, `.glb`, `.hdr`, `.exr` or a recording, or `builtin:NAME`.
+    ///
+    /// # Errors
+    /// One line: the name says that nothing of use is in it, or the system refuses a thread.
+    pub fn begin(
+        spec: String,
+        settings: &Settings,
+        headset: &Headset,
+        start: Pose,
+    ) -> Result<Self, String> {
+        let extension = Path::new(&spec)
+            .extension()
+            .map(|extension| extension.to_string_lossy().to_lowercase());
+        let kind = match extension.as_deref() {
+            _ if spec.starts_with("builtin:") => Kind::Scene,
+            Some("gltf" | "glb") => Kind::Scene,
+            Some("hdr" | "exr") => Kind::Environment,
+            _ if is_trace(Path::new(&spec)) => Kind::Trace,
+            _ => {
+                return Err(format!(
+                    "{spec}: is no scene (.gltf, .glb), environment (.hdr, .exr) or recording (.jsonl, .csv, .txt)"
+                ));
+            }
+        };
+        let (settings, headset, path) = (settings.clone(), headset.clone(), spec.clone());
+        let (sender, result) = channel();
+        std::thread::Builder::new()
+            .name("loading".to_owned())
+            .spawn(move || {
+                let loaded = crate::caught::caught(|| read(kind, &path, &settings, headset, start))
+                    .unwrap_or_else(|panicked| {
+                        Err(format!("{path}: reading it failed ({panicked}); please report the file"))
+                    });
+                // Cancelled: nobody waits.
+                let _ = sender.send(loaded);
+            })
+            .map_err(|error| format!("{spec}: no thread to read it ({error})"))?;
+        Ok(Self {
+            name: spec,
+            since: Instant::now(),
+            result,
+        })
+    }
+
+    /// What is read.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Seconds since it began.
+    pub fn seconds(&self) -> f64 {
+        self.since.elapsed().as_secs_f64()
+    }
+
+    /// The result, once it is there. One line if it failed.
+    pub fn poll(&self) -> Option<Result<Loaded, String>> {
+        match self.result.try_recv() {
+            Ok(loaded) => Some(loaded),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(Err(format!("{}: reading it failed", self.name))),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Scene,
+    Environment,
+    Trace,
+}
+
+fn read(
+    kind: Kind,
+    path: &str,
+    settings: &Settings,
+    headset: Headset,
+    start: Pose,
+) -> Result<Loaded, String> {
+    let line = |error: &dyn std::fmt::Display| error.to_string();
+    let strength = settings.environment.strength as f32;
+    match kind {
+        Kind::Scene => {
+            let mut document = Document::load(path).map_err(|error| line(&error))?;
+            if !settings.environment.path.is_empty() {
+                let (environment, _) = load_environment(&settings.environment.path, strength)
+                    .map_err(|error| line(&error))?;
+                document.set_environment(Some(environment));
+            }
+            Ok(Loaded::Scene(Box::new(document)))
+        }
+        Kind::Environment => {
+            let (environment, warnings) =
+                load_environment(path, strength).map_err(|error| line(&error))?;
+            for warning in warnings {
+                log::warn!("{warning}");
+            }
+            Ok(Loaded::Environment(Box::new(environment), path.to_owned()))
+        }
+        Kind::Trace => {
+            let options = ReplayOptions::new(headset, start);
+            let session =
+                ReplaySession::open(Path::new(path), options).map_err(|error| line(&error))?;
+            record(&mut Validated::new(session)).map(|recording| Loaded::Trace(Box::new(recording)))
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! What the window remembers from one start to the next.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::Layout;
+use crate::images::write_atomically;
+
+/// Size, layout and open panels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Memory {
+    /// Inner size of the window, logical points.
+    pub size: [f32; 2],
+    /// Layout of the eyes.
+    pub layout: Layout,
+    /// Where the divider of a split view stands, 0 to 1.
+    pub divider: f32,
+    /// The tree of nodes is shown.
+    pub hierarchy: bool,
+    /// Inspector and settings are shown.
+    pub side: bool,
+    /// Times and counts are shown.
+    pub statistics: bool,
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self {
+            size: [1280.0, 800.0],
+            layout: Layout::default(),
+            divider: 0.5,
+            hierarchy: true,
+            side: true,
+            statistics: true,
+        }
+    }
+}
+
+impl Memory {
+    /// Where it is kept: `stereolux/viewer.toml` in the user's configuration folder (`XDG_CONFIG_HOME` or `~/.config`;
+    /// `APPDATA` on Windows). `None` if the system names no such folder.
+    pub fn path() -> Option<PathBuf> {
+        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+        let base = if cfg!(windows) {
+            PathBuf::from(set("APPDATA")?)
+        } else if let Some(folder) = set("XDG_CONFIG_HOME") {
+            PathBuf::from(folder)
+        } else {
+            PathBuf::from(set("HOME")?).join(".config")
+        };
+        Some(base.join("stereolux").join("viewer.toml"))
+    }
+
+    /// Reads it; what cannot be read or makes no sense is as in a first start, with a warning.
+    pub fn load(path: &Path) -> Self {
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::default(),
+            Err(error) => {
+                log::warn!("{}: cannot be read ({error}); the window opens as at first", path.display());
+                return Self::default();
+            }
+        };
+        let read: Self = toml::from_str(&text).unwrap_or_else(|error| {
+            let reason = error.message();
+            log::warn!("{}: {reason}; the window opens as at first", path.display());
+            Self::default()
+        });
+        let sane = |value: f32, least: f32, most: f32, other: f32| {
+            if value.is_finite() { value.clamp(least, most) } else { other }
+        };
+        let first = Self::default();
+        Self {
+            size: [
+                sane(read.size[0], 320.0, 16_384.0, first.size[0]),
+                sane(read.size[1], 240.0, 16_384.0, first.size[1]),
+            ],
+            divider: sane(read.divider, 0.0, 1.0, first.divider),
+            ..read
+        }
+    }
+
+    /// Writes it, beside and renamed.
+    ///
+    /// # Errors
+    /// One line.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|error| format!("{}: {error}", folder.display()))?;
+        }
+        let text = toml::to_string(self).map_err(|error| error.to_string())?;
+        write_atomically(path, |out| out.write_all(text.as_bytes()))
+            .map_err(|error| error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_saved_is_read_back_and_nonsense_is_not() {
+        let folder = std::env::temp_dir().join(format!("stereolux-memory-{}", std::process::id()));
+        let path = folder.join("viewer.toml");
+        assert_eq!(Memory::load(&path), Memory::default(), "none yet");
+        let memory = Memory {
+            size: [900.0, 700.0],
+            layout: Layout::Anaglyph,
+            divider: 0.25,
+            statistics: false,
+            ..Memory::default()
+        };
+        memory.save(&path).unwrap();
+        assert_eq!(Memory::load(&path), memory);
+        std::fs::write(&path, "size = [nan, 3.0]\nlayout = \"left\"\n").unwrap();
+        let mended = Memory::load(&path);
+        assert_eq!(mended.size, [Memory::default().size[0], 240.0]);
+        assert_eq!(mended.layout, Layout::Left);
+        std::fs::write(&path, "layout = \"upside-down\"").unwrap();
+        assert_eq!(Memory::load(&path), Memory::default());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

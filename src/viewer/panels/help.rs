@@ -1,0 +1,48 @@
+//! F1: what keys and mouse do.
+
+use egui::{Align2, Context, Grid, RichText, Window};
+
+use crate::viewer::app::App;
+
+/// Keys, and what they do.
+pub const KEYS: &[(&str, &str)] = &[
+    ("drag", "look around"),
+    ("W A S D, Q E", "walk; down and up"),
+    ("Shift, Alt", "run, slow"),
+    ("wheel", "move along the gaze"),
+    ("click", "select what is under the pointer"),
+    ("F", "look at the selected object"),
+    ("1 2 3", "handles: move, turn, scale (Ctrl snaps)"),
+    ("Delete, Ctrl+D", "delete, duplicate the selected object"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("Ctrl+S", "save the scene as glTF"),
+    ("Space", "play or pause a recording or the scene's animation"),
+    (", .", "one frame back, on"),
+    ("Home", "back to the scene's first view"),
+    ("T, F12", "screenshot: PNG, and EXR of both eyes"),
+    ("F1", "this help"),
+    ("F5", "read the shaders again"),
+    ("F11", "full screen"),
+    ("Esc", "close, cancel, deselect, quit"),
+    ("drop a file", "open .glb, .gltf, .hdr, .exr or a recording"),
+];
+
+/// The overlay, if it is wanted.
+pub fn show(app: &mut App, context: &Context) {
+    let mut is_open = app.shows_help;
+    Window::new("Keys and mouse")
+        .open(&mut is_open)
+        .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
+        .resizable(false)
+        .collapsible(false)
+        .show(context, |ui| {
+            Grid::new("keys").spacing([24.0, 4.0]).show(ui, |ui| {
+                for (keys, what) in KEYS {
+                    ui.label(RichText::new(*keys).monospace().strong());
+                    ui.label(*what);
+                    ui.end_row();
+                }
+            });
+        });
+    app.shows_help = is_open;
+}

@@ -1,0 +1,179 @@
+//! The scene as a tree, with search.
+
+use egui::collapsing_header::CollapsingState;
+use egui::{Panel, ScrollArea, TextEdit, Ui};
+
+use crate::scene::edit::Edit;
+use crate::scene::{Node, Scene};
+use crate::viewer::app::App;
+
+/// Nodes whose subtrees are open at first: a scene of thousands of nodes opens only its roots.
+const OPEN_UP_TO: usize = 200;
+/// Matches of a search that are listed.
+const MOST_MATCHES: usize = 500;
+
+/// The left panel.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    if !app.memory.hierarchy {
+        return;
+    }
+    Panel::left("hierarchy").default_size(210.0).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            ui.label("Scene");
+            ui.weak(&app.document.scene().name);
+        });
+        ui.add(
+            TextEdit::singleline(&mut app.fields.search)
+                .hint_text("Search nodes")
+                .desired_width(f32::INFINITY),
+        );
+        ui.separator();
+        let mut asked = Asked::default();
+        let wanted = app.fields.search.trim().to_lowercase();
+        let selected = app.selected;
+        let scrolls = std::mem::take(&mut app.fields.scroll_to_selected);
+        ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+            let scene = app.document.scene();
+            if wanted.is_empty() {
+                // Ancestors of the selection open, so that it can be seen.
+                let mut opened = Vec::new();
+                if scrolls {
+                    let mut at = selected.and_then(|node| scene.nodes.get(node)?.parent);
+                    while let Some(node) = at {
+                        opened.push(node);
+                        at = scene.nodes.get(node).and_then(|node| node.parent);
+                    }
+                }
+                let tree = Tree {
+                    scene,
+                    selected,
+                    opened: &opened,
+                    scrolls,
+                };
+                for root in &scene.roots {
+                    tree.show(ui, *root, &mut asked);
+                }
+            } else {
+                let mut matches = 0;
+                for (index, _) in scene.placed_nodes() {
+                    let node = &scene.nodes[index];
+                    if node.name.to_lowercase().contains(&wanted) {
+                        matches += 1;
+                        if matches <= MOST_MATCHES {
+                            row(ui, index, node, selected, false, &mut asked);
+                        }
+                    }
+                }
+                ui.weak(match matches {
+                    0 => "nothing has that in its name".to_owned(),
+                    n if n > MOST_MATCHES => format!("{n} nodes, the first {MOST_MATCHES} shown"),
+                    n => format!("{n} nodes"),
+                });
+            }
+        });
+        let context = ui.ctx().clone();
+        if let Some(node) = asked.select {
+            app.selected = Some(node);
+        }
+        if let Some(node) = asked.focus {
+            app.selected = Some(node);
+            app.focus_selected();
+        }
+        if let Some(edit) = asked.edit {
+            app.edit(&context, edit);
+            app.forget_missing();
+        }
+    });
+}
+
+/// What was clicked.
+#[derive(Default)]
+struct Asked {
+    select: Option<usize>,
+    focus: Option<usize>,
+    edit: Option<Edit>,
+}
+
+struct Tree<'a> {
+    scene: &'a Scene,
+    selected: Option<usize>,
+    opened: &'a [usize],
+    scrolls: bool,
+}
+
+impl Tree<'_> {
+    fn show(&self, ui: &mut Ui, index: usize, asked: &mut Asked) {
+        let Some(node) = self.scene.nodes.get(index) else {
+            return;
+        };
+        let show_row = |ui: &mut Ui, asked: &mut Asked| {
+            row(ui, index, node, self.selected, self.scrolls, asked);
+        };
+        if node.children.is_empty() {
+            ui.horizontal(|ui| {
+                ui.add_space(ui.spacing().indent);
+                show_row(ui, asked);
+            });
+            return;
+        }
+        let opens = self.scene.nodes.len() <= OPEN_UP_TO;
+        let id = ui.make_persistent_id(("node", index));
+        let mut state = CollapsingState::load_with_default_open(ui.ctx(), id, opens);
+        if self.opened.contains(&index) {
+            state.set_open(true);
+        }
+        state
+            .show_header(ui, |ui| show_row(ui, asked))
+            .body(|ui| {
+                for child in &node.children {
+                    self.show(ui, *child, asked);
+                }
+            });
+    }
+}
+
+/// One node: its kind, its name, whether it is shown.
+fn row(
+    ui: &mut Ui,
+    index: usize,
+    node: &Node,
+    selected: Option<usize>,
+    scrolls: bool,
+    asked: &mut Asked,
+) {
+    ui.horizontal(|ui| {
+        let mut is_shown = !node.is_hidden;
+        let toggle = ui.checkbox(&mut is_shown, "").on_hover_text("shown");
+        if toggle.changed() {
+            asked.edit = Some(Edit::Visibility {
+                node: index,
+                is_hidden: !is_shown,
+            });
+        }
+        let is_selected = selected == Some(index);
+        let name = if node.name.is_empty() { "(no name)" } else { &node.name };
+        let response = ui
+            .selectable_label(is_selected, name)
+            .on_hover_text(format!("{}, node {index}", kind(node)));
+        if response.clicked() {
+            asked.select = Some(index);
+        }
+        if response.double_clicked() {
+            asked.focus = Some(index);
+        }
+        if is_selected && scrolls {
+            response.scroll_to_me(Some(egui::Align::Center));
+        }
+    });
+}
+
+/// What a node is, in a word or two.
+pub fn kind(node: &Node) -> &'static str {
+    match (node.mesh, node.light, node.camera) {
+        (Some(_), _, _) if node.skin.is_some() => "skinned mesh",
+        (Some(_), _, _) => "mesh",
+        (_, Some(_), _) => "light",
+        (_, _, Some(_)) => "camera",
+        _ => "group",
+    }
+}

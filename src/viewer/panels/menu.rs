@@ -1,0 +1,232 @@
+//! The menu bar, with what is shown and how, and what plays.
+
+use egui::{Button, ComboBox, MenuBar, Panel, Slider, TextEdit, Ui};
+
+use crate::options::Motion as MotionSetting;
+use crate::scene::builtin;
+use crate::viewer::app::{App, WindowCommand, record};
+use crate::viewer::frames::Look;
+use crate::viewer::gizmo::Mode;
+use crate::viewer::layout::Layout;
+use crate::viewer::session::Player;
+use crate::xr::{Motion, SimulatedSession};
+
+/// Seconds of a simulated motion.
+const MOTION_SECONDS: f64 = 12.0;
+
+/// The top panel.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    Panel::top("menu").show(ui, |ui| {
+        MenuBar::new().ui(ui, |ui| {
+            ui.menu_button("File", |ui| file(app, ui));
+            ui.menu_button("Edit", |ui| edit(app, ui));
+            ui.menu_button("Window", |ui| window(app, ui));
+            ui.menu_button("Motion", |ui| motion(app, ui));
+            if ui.button("Help").clicked() {
+                app.shows_help = !app.shows_help;
+            }
+            ui.separator();
+            ComboBox::from_id_salt("layout")
+                .selected_text(app.memory.layout.name())
+                .show_ui(ui, |ui| {
+                    for layout in Layout::ALL {
+                        ui.selectable_value(&mut app.memory.layout, layout, layout.name())
+                            .on_hover_text(layout.about());
+                    }
+                })
+                .response
+                .on_hover_text("how the eyes share the picture");
+            ComboBox::from_id_salt("look")
+                .selected_text(app.look.name())
+                .height(600.0)
+                .show_ui(ui, |ui| {
+                    for look in Look::all() {
+                        ui.selectable_value(&mut app.look, look, look.name())
+                            .on_hover_text(look.about());
+                    }
+                })
+                .response
+                .on_hover_text("the picture, or what it is made of");
+            ui.separator();
+            for mode in Mode::ALL {
+                ui.selectable_value(&mut app.gizmo.mode, mode, mode.name());
+            }
+            ui.toggle_value(&mut app.gizmo.is_local, "Local")
+                .on_hover_text("handles along the object's axes instead of the world's");
+            ui.toggle_value(&mut app.gizmo.snaps, "Snap")
+                .on_hover_text("handles move in steps; Ctrl does the same for one drag");
+        });
+        transport(app, ui);
+    });
+}
+
+fn file(app: &mut App, ui: &mut Ui) {
+    let context = ui.ctx().clone();
+    ui.label("Open a path, or drop a file onto the window");
+    let field = ui.add(TextEdit::singleline(&mut app.fields.open_path).hint_text("scene.glb"));
+    let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+    let has_path = !app.fields.open_path.trim().is_empty();
+    if (ui.add_enabled(has_path, Button::new("Open")).clicked() || entered) && has_path {
+        let path = app.fields.open_path.trim().to_owned();
+        app.open(&context, path);
+        ui.close();
+    }
+    ui.menu_button("Embedded scenes", |ui| {
+        for name in builtin::NAMES {
+            if ui.button(*name).clicked() {
+                app.open(&context, format!("builtin:{name}"));
+                ui.close();
+            }
+        }
+    });
+    ui.separator();
+    ui.label("Scene as glTF");
+    ui.text_edit_singleline(&mut app.fields.scene_path);
+    if ui.add(Button::new("Save scene").shortcut_text("Ctrl+S")).clicked() {
+        app.save_scene(&context);
+        ui.close();
+    }
+    ui.label("Settings as TOML");
+    ui.text_edit_singleline(&mut app.fields.settings_path);
+    if ui.button("Save settings").clicked() {
+        app.save_settings(&context);
+        ui.close();
+    }
+    ui.separator();
+    if ui.add(Button::new("Screenshot").shortcut_text("T")).clicked() {
+        app.screenshot();
+        ui.close();
+    }
+    if ui.add(Button::new("Reload shaders").shortcut_text("F5")).clicked() {
+        app.reload_shaders();
+        ui.close();
+    }
+    ui.separator();
+    if ui.button("Quit").clicked() {
+        app.request_quit();
+        ui.close();
+    }
+}
+
+fn edit(app: &mut App, ui: &mut Ui) {
+    let context = ui.ctx().clone();
+    let labelled = |verb: &str, label: Option<&str>| match label {
+        Some(label) => format!("{verb}: {label}"),
+        None => verb.to_owned(),
+    };
+    let undo = labelled("Undo", app.document.undo_label());
+    let can_undo = app.document.undo_label().is_some();
+    if ui.add_enabled(can_undo, Button::new(undo).shortcut_text("Ctrl+Z")).clicked() {
+        app.undo(&context);
+        ui.close();
+    }
+    let redo = labelled("Redo", app.document.redo_label());
+    let can_redo = app.document.redo_label().is_some();
+    if ui
+        .add_enabled(can_redo, Button::new(redo).shortcut_text("Ctrl+Shift+Z"))
+        .clicked()
+    {
+        app.redo(&context);
+        ui.close();
+    }
+    ui.separator();
+    for step in app.document.history().collect::<Vec<_>>().iter().rev().take(12) {
+        ui.weak(*step);
+    }
+}
+
+fn window(app: &mut App, ui: &mut Ui) {
+    ui.checkbox(&mut app.memory.hierarchy, "Hierarchy");
+    ui.checkbox(&mut app.memory.side, "Inspector and settings");
+    ui.checkbox(&mut app.memory.statistics, "Statistics");
+    ui.separator();
+    if ui.add(Button::new("Full screen").shortcut_text("F11")).clicked() {
+        app.command(WindowCommand::ToggleFullScreen);
+        ui.close();
+    }
+}
+
+fn motion(app: &mut App, ui: &mut Ui) {
+    if ui.button("By hand").clicked() {
+        app.player = None;
+        ui.close();
+    }
+    let seed = u64::from(app.settings.seed);
+    for (name, motion, setting) in [
+        ("Yaw sweep", Motion::YawSweep, MotionSetting::Yaw),
+        ("Walk", Motion::Walk, MotionSetting::Walk),
+        ("Sway", Motion::Sway { seed }, MotionSetting::Sway),
+    ] {
+        if ui.button(name).clicked() {
+            let context = ui.ctx().clone();
+            let frames = (MOTION_SECONDS * app.headset.refresh_hz) as u64;
+            let headset = app.headset.clone();
+            let start = app.camera.pose();
+            let mut session = SimulatedSession::new(headset, motion, start, Some(frames));
+            match record(&mut session) {
+                Ok(recording) => {
+                    let mut player = Player::new(recording);
+                    player.is_playing = true;
+                    app.player = Some(player);
+                    // What is saved runs like that.
+                    let mut settings = (*app.settings).clone();
+                    settings.simulated.motion = setting;
+                    app.set_settings(settings);
+                }
+                Err(error) => app.say(&context, error, true),
+            }
+            ui.close();
+        }
+    }
+    ui.separator();
+    ui.weak("A recording (.jsonl, .csv, .txt) plays when it is dropped onto the window.");
+}
+
+/// Play, pause, step and scrub.
+fn transport(app: &mut App, ui: &mut Ui) {
+    if let Some(player) = &mut app.player {
+        ui.horizontal(|ui| {
+            play_button(ui, &mut player.is_playing);
+            if ui.button("|<").on_hover_text("one frame back (,)").clicked() {
+                player.step(-1);
+            }
+            if ui.button(">|").on_hover_text("one frame on (.)").clicked() {
+                player.step(1);
+            }
+            let mut frame = player.frame();
+            let last = player.recording.len().saturating_sub(1);
+            ui.spacing_mut().slider_width = 320.0;
+            if ui.add(Slider::new(&mut frame, 0..=last).text("frame")).changed() {
+                player.is_playing = false;
+                player.seek(frame);
+            }
+            ui.weak(format!("{:.2} s, {}", player.recording.seconds_at(frame), player.recording.name));
+        });
+        // Starting again at the end begins anew.
+        let last = player.recording.len().saturating_sub(1);
+        if player.is_playing && player.frame() == last {
+            player.seek(0);
+        }
+    } else if !app.document.scene().animations.is_empty() {
+        ui.horizontal(|ui| {
+            play_button(ui, &mut app.clock.is_playing);
+            if ui.button("Stop").on_hover_text("the scene as its nodes have it").clicked() {
+                app.clock = Default::default();
+            }
+            match &mut app.clock.seconds {
+                None => ui.weak("the scene's animation stands"),
+                Some(seconds) => {
+                    let field = egui::DragValue::new(seconds).speed(0.01).suffix(" s");
+                    ui.add(field.range(0.0..=f64::INFINITY))
+                }
+            };
+        });
+    }
+}
+
+fn play_button(ui: &mut Ui, is_playing: &mut bool) {
+    let text = if *is_playing { "Pause" } else { "Play" };
+    if ui.button(text).on_hover_text("Space").clicked() {
+        *is_playing = !*is_playing;
+    }
+}

@@ -1,0 +1,154 @@
+//! What surrounds the picture.
+
+pub mod help;
+pub mod hierarchy;
+pub mod inspector;
+pub mod menu;
+pub mod settings;
+pub mod statistics;
+
+use std::path::Path;
+
+use egui::{Align2, Color32, Context, Frame, Panel, RichText, ScrollArea, Ui, vec2};
+
+use super::app::{App, Tab};
+use super::layout::Part;
+use crate::scene::edit::Original;
+
+/// What text fields hold while they are written in, and other state of widgets.
+#[derive(Clone, Debug, Default)]
+pub struct Fields {
+    /// Search of the hierarchy.
+    pub search: String,
+    /// Search of the settings.
+    pub settings_search: String,
+    /// Path or name of a scene to open.
+    pub open_path: String,
+    /// Where the edited scene is saved.
+    pub scene_path: String,
+    /// Where settings are saved.
+    pub settings_path: String,
+    /// A setting that is being written, and the text so far.
+    pub setting: Option<(&'static str, String)>,
+    /// What was wrong with the last setting, by key.
+    pub refused: Option<(&'static str, String)>,
+    /// The settings panel shows the other settings of the split view.
+    pub edits_other: bool,
+    /// A rename in hand.
+    pub name: Option<(usize, String)>,
+    /// The tree has to show the selected node.
+    pub scroll_to_selected: bool,
+    /// The picture that has the gizmo.
+    pub gizmo_part: Option<Part>,
+    /// The divider of the split view is held.
+    pub drags_divider: bool,
+    /// A value of the inspector is being dragged.
+    pub drags_value: bool,
+}
+
+impl Fields {
+    /// Empty, with names for files beside which nothing stands yet.
+    pub fn new(out: &Path, original: &Original) -> Self {
+        let stem = original
+            .path()
+            .file_stem()
+            .map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
+        let stem = stem.trim_start_matches("builtin:").to_owned();
+        let in_out = |name: String| out.join(name).to_string_lossy().into_owned();
+        Self {
+            scene_path: in_out(format!("{stem}_edited.glb")),
+            settings_path: in_out("settings.toml".to_owned()),
+            ..Self::default()
+        }
+    }
+}
+
+/// The right panel: inspector and settings.
+pub fn right(app: &mut App, ui: &mut Ui) {
+    if !app.memory.side {
+        return;
+    }
+    Panel::right("side").default_size(320.0).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            ui.selectable_value(&mut app.tab, Tab::Inspector, "Inspector");
+            ui.selectable_value(&mut app.tab, Tab::Settings, "Settings");
+        });
+        ui.separator();
+        ScrollArea::vertical()
+            .auto_shrink(false)
+            .show(ui, |ui| match app.tab {
+                Tab::Inspector => inspector::show(app, ui),
+                Tab::Settings => settings::show(app, ui),
+            });
+    });
+}
+
+/// What has been said, over the picture.
+pub fn messages(app: &mut App, context: &Context) {
+    if let Some(loading) = &app.loading {
+        let text = format!("reading {} ({:.0} s)", loading.name(), loading.seconds());
+        let mut cancelled = false;
+        egui::Area::new("loading".into())
+            .anchor(Align2::CENTER_TOP, vec2(0.0, 60.0))
+            .show(context, |ui| {
+                Frame::popup(ui.style()).show(ui, |ui| {
+                    ui.horizontal(|ui| {
+                        ui.spinner();
+                        ui.label(text);
+                        cancelled = ui.button("Cancel").clicked();
+                    });
+                });
+            });
+        if cancelled {
+            app.loading = None;
+            app.say(context, "reading was cancelled", false);
+        }
+    }
+    if !app.messages.is_empty() {
+        let mut closed = None;
+        egui::Area::new("messages".into())
+            .anchor(Align2::CENTER_BOTTOM, vec2(0.0, -12.0))
+            .show(context, |ui| {
+                for (index, message) in app.messages.iter().enumerate() {
+                    Frame::popup(ui.style()).show(ui, |ui| {
+                        ui.horizontal(|ui| {
+                            ui.set_max_width(620.0);
+                            let color = if message.is_error {
+                                Color32::from_rgb(255, 130, 110)
+                            } else {
+                                ui.visuals().text_color()
+                            };
+                            ui.add(egui::Label::new(RichText::new(&message.text).color(color)).wrap());
+                            if message.is_error && ui.button("Close").clicked() {
+                                closed = Some(index);
+                            }
+                        });
+                    });
+                }
+            });
+        if let Some(index) = closed {
+            app.messages.remove(index);
+        }
+    }
+    if app.asks_to_quit {
+        egui::Modal::new("quit".into()).show(context, |ui| {
+            ui.heading("The scene has changes that are not saved");
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                if ui.button("Quit without saving").clicked() {
+                    app.request_quit();
+                }
+                if ui.button("Save and quit").clicked() {
+                    app.save_scene(context);
+                    if !app.document.is_modified() {
+                        app.request_quit();
+                    }
+                    app.asks_to_quit = false;
+                }
+                if ui.button("Go on").clicked() {
+                    app.asks_to_quit = false;
+                }
+            });
+        });
+    }
+}

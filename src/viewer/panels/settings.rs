@@ -1,0 +1,260 @@
+//! Every setting, grouped, with its unit, its range and one line of explanation.
+
+use std::sync::Arc;
+
+use egui::{CollapsingHeader, Color32, ComboBox, DragValue, Key, RichText, TextEdit, Ui};
+use serde_json::{Value, json};
+
+use crate::options::Settings;
+use crate::options::registry::{self, Kind, SETTINGS, Setting};
+use crate::viewer::app::App;
+use crate::viewer::layout::Layout;
+
+/// The tab.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    if app.memory.layout == Layout::Split {
+        ui.horizontal(|ui| {
+            ui.selectable_value(&mut app.fields.edits_other, false, "Left of the line");
+            ui.selectable_value(&mut app.fields.edits_other, true, "Right of the line");
+        });
+    } else {
+        app.fields.edits_other = false;
+    }
+    ui.horizontal(|ui| {
+        let reset = ui.button("Reset all").on_hover_text("all settings but the scene and the adapter");
+        if reset.clicked() {
+            let now = shown(app);
+            let kept = Settings {
+                scene: now.scene.clone(),
+                adapter: now.adapter.clone(),
+                environment: now.environment.clone(),
+                ..Settings::default()
+            };
+            store(app, kept);
+        }
+        if ui.button("Save as TOML").on_hover_text(&app.fields.settings_path).clicked() {
+            let context = ui.ctx().clone();
+            app.save_settings(&context);
+        }
+    });
+    ui.add(
+        TextEdit::singleline(&mut app.fields.settings_search)
+            .hint_text("Search settings")
+            .desired_width(f32::INFINITY),
+    );
+    let wanted = app.fields.settings_search.trim().to_lowercase();
+    let matches = |setting: &&'static Setting| {
+        wanted.is_empty()
+            || setting.key.contains(&wanted)
+            || setting.doc.to_lowercase().contains(&wanted)
+    };
+    let mut found = 0;
+    for group in groups() {
+        let rows: Vec<&'static Setting> = SETTINGS
+            .iter()
+            .filter(|setting| group_of(setting.key) == group)
+            .filter(matches)
+            .collect();
+        if rows.is_empty() {
+            continue;
+        }
+        found += rows.len();
+        let opens = matches!(group, "" | "photon");
+        let title = if group.is_empty() { "general" } else { group };
+        CollapsingHeader::new(title)
+            .id_salt(("settings", group))
+            .default_open(opens)
+            .open((!wanted.is_empty()).then_some(true))
+            .show(ui, |ui| {
+                for setting in rows {
+                    row(app, ui, setting);
+                }
+            });
+    }
+    if found == 0 {
+        ui.weak("no setting has that in its name or its explanation");
+    }
+}
+
+/// Groups in the registry's order; settings without a section come first.
+fn groups() -> Vec<&'static str> {
+    let mut groups: Vec<&str> = Vec::new();
+    for setting in SETTINGS {
+        let group = group_of(setting.key);
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+    }
+    groups
+}
+
+fn group_of(key: &'static str) -> &'static str {
+    key.split_once('.').map_or("", |(group, _)| group)
+}
+
+fn shown(app: &App) -> &Settings {
+    if app.fields.edits_other { &app.other } else { &app.settings }
+}
+
+fn store(app: &mut App, settings: Settings) {
+    if app.fields.edits_other {
+        app.other = Arc::new(settings);
+    } else {
+        app.set_settings(settings);
+    }
+}
+
+/// What opens with another program start only, and is shown without being changed.
+fn is_fixed(key: &str) -> bool {
+    // The scene is opened by the File menu, the headset's eyes are the session's.
+    matches!(key, "scene" | "headset") || key.starts_with("openxr.")
+}
+
+fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
+    let value = shown(app).value(setting.key);
+    let default = registry::default_of(setting.key);
+    let short = setting.key.rsplit('.').next().unwrap_or(setting.key);
+    let mut new = None;
+    ui.horizontal(|ui| {
+        let is_changed = value != default;
+        let name = RichText::new(short);
+        let name = if is_changed { name.strong() } else { name };
+        ui.label(name).on_hover_ui(|ui| {
+            ui.strong(setting.key);
+            ui.label(setting.doc);
+            ui.weak(format!("must be {}", setting.kind.allowed()));
+            ui.weak(format!("default {default}"));
+        });
+        if is_fixed(setting.key) {
+            ui.weak(words(&value));
+            return;
+        }
+        new = widget(app, ui, setting, &value);
+        if !setting.unit.is_empty() {
+            ui.weak(setting.unit);
+        }
+        if is_changed && ui.small_button("reset").on_hover_text(format!("back to {default}")).clicked() {
+            new = Some(default.clone());
+        }
+    });
+    if let Some(new) = new {
+        match shown(app).with(setting.key, &new) {
+            Ok(settings) => {
+                app.fields.refused = None;
+                store(app, settings);
+            }
+            Err(error) => app.fields.refused = Some((setting.key, error.to_string())),
+        }
+    }
+    if let Some((key, why)) = &app.fields.refused
+        && *key == setting.key
+    {
+        ui.colored_label(Color32::from_rgb(255, 130, 110), why);
+    }
+}
+
+fn words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => "unset".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// The widget of a setting's kind; what it was changed to.
+fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) -> Option<Value> {
+    match setting.kind {
+        Kind::Bool => {
+            let mut on = value.as_bool().unwrap_or_default();
+            ui.checkbox(&mut on, "").changed().then(|| json!(on))
+        }
+        Kind::Choice(choices) => {
+            let mut chosen = value.as_str().unwrap_or_default().to_owned();
+            ComboBox::from_id_salt(setting.key)
+                .selected_text(chosen.clone())
+                .show_ui(ui, |ui| {
+                    for choice in choices {
+                        ui.selectable_value(&mut chosen, (*choice).to_owned(), *choice);
+                    }
+                });
+            (value.as_str() != Some(&chosen)).then(|| json!(chosen))
+        }
+        Kind::Whole { min, max } => {
+            let mut number = value.as_u64().unwrap_or(min);
+            let speed = (number as f64 * 0.01).max(0.1);
+            let field = DragValue::new(&mut number).range(min..=max).speed(speed);
+            let response = ui.add(field.update_while_editing(false));
+            response.changed().then(|| json!(number))
+        }
+        Kind::Real { min, max, .. } => {
+            let mut number = value.as_f64().unwrap_or(min);
+            let speed = (number.abs() * 0.01).max(1e-4);
+            let field = DragValue::new(&mut number)
+                .range(min..=max)
+                .speed(speed)
+                .max_decimals(6);
+            let response = ui.add(field.update_while_editing(false));
+            response.changed().then(|| json!(number))
+        }
+        Kind::Text { .. } | Kind::Size { .. } => {
+            let mut text = match &app.fields.setting {
+                Some((key, text)) if *key == setting.key => text.clone(),
+                _ => size_words(value),
+            };
+            let field = TextEdit::singleline(&mut text).hint_text("unset").desired_width(140.0);
+            let response = ui.add(field);
+            if response.changed() || response.has_focus() {
+                app.fields.setting = Some((setting.key, text.clone()));
+            }
+            let is_entered = response.lost_focus();
+            if is_entered {
+                app.fields.setting = None;
+                let cancelled = ui.input(|input| input.key_pressed(Key::Escape));
+                let new = if text.trim().is_empty() && matches!(setting.kind, Kind::Size { .. }) {
+                    Value::Null
+                } else {
+                    json!(text.trim())
+                };
+                let same = size_words(value) == text.trim();
+                return (!cancelled && !same).then_some(new);
+            }
+            None
+        }
+    }
+}
+
+/// A size as `WIDTHxHEIGHT`, anything else as it is.
+fn size_words(value: &Value) -> String {
+    match value {
+        Value::Array(edges) => edges
+            .iter()
+            .map(Value::to_string)
+            .collect::<Vec<_>>()
+            .join("x"),
+        Value::Null => String::new(),
+        other => words(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_is_in_one_group_and_groups_keep_the_registry_s_order() {
+        let groups = groups();
+        assert_eq!(groups.first(), Some(&""));
+        let counted: usize = groups
+            .iter()
+            .map(|group| SETTINGS.iter().filter(|s| group_of(s.key) == *group).count())
+            .sum();
+        assert_eq!(counted, SETTINGS.len());
+    }
+
+    #[test]
+    fn sizes_are_written_as_flags_take_them() {
+        assert_eq!(size_words(&json!([640, 480])), "640x480");
+        assert_eq!(size_words(&Value::Null), "");
+        assert_eq!(size_words(&json!("photon")), "photon");
+    }
+}

@@ -1,0 +1,433 @@
+//! The picture area: the eyes in their layout, what is selected, and what the pointer does there.
+
+use std::sync::Arc;
+
+use egui::{
+    Align2, Color32, ColorImage, Context, FontId, Painter, Pos2, Rect, Response, Sense, Stroke,
+    TextureHandle, TextureOptions, Ui, pos2, vec2,
+};
+
+use super::app::App;
+use super::frames::{FrameReport, Seen};
+use super::gizmo::{Handled, Pointer};
+use super::layout::{Layout, Part, anaglyph, difference, rectangles};
+use crate::renderer::Legend;
+use crate::scene::edit::Edit;
+
+/// Frames grow in steps of so many pixels when the window is resized: every step allocates.
+const SIZE_STEP: f32 = 16.0;
+/// Without `size`, no eye's image is larger than this by default on either edge: on a software adapter, more would take
+/// seconds to refine.
+const MOST_PIXELS: f32 = 1024.0;
+/// Colour of what is selected.
+const SELECTED: Color32 = Color32::from_rgb(255, 170, 30);
+/// Half the width in which the divider of a split view can be grabbed, points.
+const GRAB_POINTS: f32 = 6.0;
+
+/// Textures of the last frame.
+#[derive(Default)]
+pub struct Pictures {
+    eyes: [Option<TextureHandle>; 2],
+    other: Option<TextureHandle>,
+    combined: Option<(Part, u32, TextureHandle)>,
+    outlines: [Option<TextureHandle>; 2],
+    outlined: Option<(u32, Option<usize>)>,
+}
+
+fn put(context: &Context, slot: &mut Option<TextureHandle>, name: &str, image: Arc<ColorImage>) {
+    let options = TextureOptions::LINEAR;
+    match slot {
+        Some(texture) => texture.set(image, options),
+        None => *slot = Some(context.load_texture(name, image, options)),
+    }
+}
+
+impl Pictures {
+    /// Takes a new frame over.
+    pub fn take(&mut self, context: &Context, frame: &FrameReport) {
+        for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
+            put(context, &mut self.eyes[eye], name, Arc::clone(&frame.eyes[eye]));
+        }
+        if let Some(other) = &frame.other {
+            put(context, &mut self.other, "other settings", Arc::clone(other));
+        }
+    }
+
+    fn texture(&mut self, context: &Context, frame: &FrameReport, part: Part) -> Option<TextureHandle> {
+        match part {
+            Part::Left | Part::Right => self.eyes[part.eye()].clone(),
+            Part::Anaglyph | Part::Difference => {
+                if let Some((of, index, texture)) = &self.combined
+                    && (*of, *index) == (part, frame.index)
+                {
+                    return Some(texture.clone());
+                }
+                let combine = if part == Part::Anaglyph { anaglyph } else { difference };
+                let image = combine(&frame.eyes[0], &frame.eyes[1]);
+                let texture = context.load_texture("both eyes", image, TextureOptions::LINEAR);
+                self.combined = Some((part, frame.index, texture.clone()));
+                Some(texture)
+            }
+        }
+    }
+
+    /// Outline of `node` and what hangs below it, as that eye sees it.
+    fn outline(
+        &mut self,
+        context: &Context,
+        frame: &FrameReport,
+        selected: Option<(usize, Vec<bool>)>,
+        eye: usize,
+    ) -> Option<TextureHandle> {
+        let (node, is_inside) = selected?;
+        let key = (frame.index, Some(node));
+        if self.outlined != Some(key) {
+            self.outlined = Some(key);
+            for eye in 0..2 {
+                let image = outline_image(&frame.seen[eye], &is_inside);
+                put(context, &mut self.outlines[eye], "outline", Arc::new(image));
+            }
+        }
+        self.outlines[eye].clone()
+    }
+}
+
+/// Transparent but for the pixels of the selection that touch others.
+fn outline_image(seen: &Seen, is_inside: &[bool]) -> ColorImage {
+    let [width, height] = seen.size.map(|edge| edge as usize);
+    let inside = |x: usize, y: usize| {
+        let node = seen.nodes[y * width + x];
+        is_inside.get(node as usize).copied().unwrap_or(false)
+    };
+    let pixels = (0..width * height)
+        .map(|index| {
+            let (x, y) = (index % width, index / width);
+            let is_edge = inside(x, y)
+                && (x == 0
+                    || y == 0
+                    || x + 1 == width
+                    || y + 1 == height
+                    || !inside(x - 1, y)
+                    || !inside(x + 1, y)
+                    || !inside(x, y - 1)
+                    || !inside(x, y + 1));
+            if is_edge { SELECTED } else { Color32::TRANSPARENT }
+        })
+        .collect();
+    ColorImage::new([width, height], pixels)
+}
+
+/// Which nodes are `node` or hang below it.
+fn below(scene: &crate::scene::Scene, node: usize) -> Vec<bool> {
+    let mut inside = vec![false; scene.nodes.len()];
+    let mut pending = vec![node];
+    while let Some(next) = pending.pop() {
+        if let Some(mark) = inside.get_mut(next)
+            && !std::mem::replace(mark, true)
+        {
+            pending.extend(&scene.nodes[next].children);
+        }
+    }
+    inside
+}
+
+/// The central part of the window.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let panel = egui::CentralPanel::default().frame(egui::Frame::NONE.fill(Color32::from_gray(12)));
+    panel.show(ui, |ui| {
+        let area = ui.available_rect_before_wrap();
+        let layout = app.memory.layout;
+        let parts = layout.parts();
+        let rectangles = rectangles(area, parts.len(), aspect(app));
+        let Some(first) = rectangles.first().copied() else {
+            return;
+        };
+        wish_size(app, first, ui.ctx().pixels_per_point());
+        let Some(frame) = app.frame.take() else {
+            let text = if app.busy.is_empty() { "rendering" } else { app.busy };
+            note(ui.painter(), area, text);
+            return;
+        };
+        let mut has_gizmo = false;
+        for (part, rect) in parts.iter().zip(&rectangles) {
+            show_part(app, ui, &frame, *part, *rect, &mut has_gizmo);
+        }
+        if !has_gizmo {
+            app.gizmo.hide();
+        }
+        if layout == Layout::Split {
+            divider(app, ui, first);
+        }
+        if let Some(legend) = &frame.legend {
+            show_legend(ui.painter(), area, legend);
+        }
+        if let Some(text) = &frame.note {
+            note(ui.painter(), area, text);
+        }
+        app.frame = Some(frame);
+        if !app.busy.is_empty() {
+            let at = area.left_bottom() + vec2(10.0, -10.0);
+            label(ui.painter(), at, Align2::LEFT_BOTTOM, app.busy);
+        }
+    });
+}
+
+/// Width over height of an eye's picture.
+fn aspect(app: &App) -> f32 {
+    if let Some([width, height]) = app.settings.size {
+        return width as f32 / height as f32;
+    }
+    let tangents = app.views()[0].fov.tangents();
+    ((tangents.right - tangents.left) / (tangents.up - tangents.down)) as f32
+}
+
+/// Asks for as many pixels as the picture covers, or as the settings say.
+fn wish_size(app: &mut App, rect: Rect, pixels_per_point: f32) {
+    app.size = app.settings.size.unwrap_or_else(|| {
+        let pixels = rect.size() * pixels_per_point;
+        let shrink = (MOST_PIXELS / pixels.max_elem()).min(1.0);
+        [pixels.x, pixels.y].map(|edge| {
+            let steps = (edge * shrink / SIZE_STEP).round().max(1.0);
+            (steps * SIZE_STEP) as u32
+        })
+    });
+}
+
+fn show_part(
+    app: &mut App,
+    ui: &mut Ui,
+    frame: &FrameReport,
+    part: Part,
+    rect: Rect,
+    has_gizmo: &mut bool,
+) {
+    let context = ui.ctx().clone();
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    let painter = ui.painter().with_clip_rect(rect);
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    if let Some(texture) = app.pictures.texture(&context, frame, part) {
+        painter.image(texture.id(), rect, whole, Color32::WHITE);
+    }
+    if app.memory.layout == Layout::Split
+        && let (Some(other), Some(_)) = (&app.pictures.other, &frame.other)
+    {
+        let from = app.memory.divider.clamp(0.0, 1.0);
+        let x = rect.min.x + rect.width() * from;
+        let right = Rect::from_min_max(pos2(x, rect.min.y), rect.max);
+        let uv = Rect::from_min_max(pos2(from, 0.0), pos2(1.0, 1.0));
+        painter.image(other.id(), right, uv, Color32::WHITE);
+    }
+    let selected = app
+        .selected
+        .map(|node| (node, below(app.document.scene(), node)));
+    if let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye()) {
+        painter.image(outline.id(), rect, whole, Color32::WHITE);
+    }
+    let handled = handles(app, &painter, frame, part, rect, &response);
+    *has_gizmo |= handled.is_some();
+    let is_handled = matches!(handled, Some(Handled::Held | Handled::Moved(_)));
+    pointer(app, &context, frame, part, rect, &response, is_handled);
+    name_under_pointer(app, &painter, frame, part, rect, &response);
+}
+
+/// Draws the gizmo into one picture, and carries out what it asks for.
+fn handles(
+    app: &mut App,
+    painter: &Painter,
+    frame: &FrameReport,
+    part: Part,
+    rect: Rect,
+    response: &Response,
+) -> Option<Handled> {
+    // In a picture made of both eyes the handles would stand in one eye's place only.
+    let is_plain = matches!(part, Part::Left | Part::Right);
+    let node = app.selected.filter(|_| is_plain && app.player.is_none())?;
+    let scene = app.document.scene();
+    if !scene.reaches(node) || scene.nodes[node].skin.is_some() {
+        return None;
+    }
+    let world = scene.rest_pose().world_from_node;
+    let context = response.ctx.clone();
+    let pointer = context.input(|input| Pointer {
+        at: input.pointer.latest_pos(),
+        is_over: response.contains_pointer(),
+        pressed: input.pointer.primary_pressed(),
+        is_down: input.pointer.primary_down(),
+        snaps: input.modifiers.command,
+    });
+    // The gizmo belongs to one picture at a time: the one in which it is dragged, else the one under the pointer.
+    let here = pointer.at.is_some_and(|at| rect.contains(at));
+    let is_first = part == app.memory.layout.parts()[0];
+    let owner = app.fields.gizmo_part;
+    if app.gizmo.is_dragging() {
+        if owner != Some(part) {
+            return None;
+        }
+    } else if here || (is_first && owner.is_none()) {
+        app.fields.gizmo_part = Some(part);
+    } else if owner != Some(part) {
+        return None;
+    }
+    let was_dragging = app.gizmo.is_dragging();
+    let handled = app
+        .gizmo
+        .show(painter, rect, &frame.views[part.eye()], world[node], pointer);
+    match (was_dragging, app.gizmo.is_dragging()) {
+        (false, true) => app.document.begin_gesture(),
+        (true, false) => app.document.end_gesture(),
+        _ => {}
+    }
+    if let Handled::Moved(world_from_node) = handled {
+        let parent = app.document.scene().nodes[node].parent;
+        let parent_from_world = parent.map(|parent| world[parent].inverse());
+        let parent_from_node = match parent_from_world {
+            Some(parent_from_world) => parent_from_world * world_from_node,
+            None => world_from_node,
+        };
+        app.edit(&context, Edit::place(node, parent_from_node));
+        context.request_repaint();
+    }
+    Some(handled)
+}
+
+/// Looks, walks and selects.
+fn pointer(
+    app: &mut App,
+    context: &Context,
+    frame: &FrameReport,
+    part: Part,
+    rect: Rect,
+    response: &Response,
+    is_handled: bool,
+) {
+    if response.clicked()
+        && !is_handled
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        response.request_focus();
+        let seen = &frame.seen[part.eye()];
+        app.selected = seen
+            .node_at(place_in(rect, at))
+            .filter(|node| app.document.scene().reaches(*node));
+        app.tab = super::app::Tab::Inspector;
+        app.fields.scroll_to_selected = true;
+    }
+    let is_free = !is_handled && !app.gizmo.is_dragging() && !app.fields.drags_divider;
+    if response.dragged() && is_free {
+        let travel = response.drag_delta();
+        if travel != egui::Vec2::ZERO {
+            app.player = None;
+            app.camera.look([f64::from(travel.x), f64::from(travel.y)]);
+        }
+    }
+    if response.hovered() {
+        let notches = context.input(|input| input.smooth_scroll_delta().y) / 50.0;
+        if notches != 0.0 {
+            app.player = None;
+            app.camera.dolly(f64::from(notches));
+        }
+    }
+}
+
+/// From (0, 0) at the top left of `rect` to (1, 1).
+fn place_in(rect: Rect, at: Pos2) -> [f32; 2] {
+    [
+        (at.x - rect.min.x) / rect.width(),
+        (at.y - rect.min.y) / rect.height(),
+    ]
+}
+
+fn name_under_pointer(
+    app: &App,
+    painter: &Painter,
+    frame: &FrameReport,
+    part: Part,
+    rect: Rect,
+    response: &Response,
+) {
+    let Some(at) = response.hover_pos() else {
+        return;
+    };
+    let seen = &frame.seen[part.eye()];
+    let Some(pixel) = seen.pixel_at(place_in(rect, at)) else {
+        return;
+    };
+    let Some(node) = app.document.scene().nodes.get(seen.nodes[pixel] as usize) else {
+        return;
+    };
+    let text = format!("{}, {:.3} m", node.name, seen.distances_m[pixel]);
+    label(painter, rect.right_top() + vec2(-8.0, 8.0), Align2::RIGHT_TOP, &text);
+}
+
+fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
+    let x = rect.min.x + rect.width() * app.memory.divider.clamp(0.0, 1.0);
+    let grab = Rect::from_center_size(
+        pos2(x, rect.center().y),
+        vec2(2.0 * GRAB_POINTS, rect.height()),
+    );
+    let response = ui
+        .interact(grab, ui.id().with("divider"), Sense::drag())
+        .on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
+    app.fields.drags_divider = response.dragged();
+    if response.dragged()
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        app.memory.divider = place_in(rect, at)[0].clamp(0.0, 1.0);
+    }
+    let painter = ui.painter();
+    painter.vline(x, rect.y_range(), Stroke::new(2.0, Color32::WHITE));
+    let [ours, theirs] = [&app.settings, &app.other].map(|settings| summary(settings));
+    let top = rect.min.y + 30.0;
+    label(painter, pos2(x - 8.0, top), Align2::RIGHT_TOP, &ours);
+    label(painter, pos2(x + 8.0, top), Align2::LEFT_TOP, &theirs);
+}
+
+/// A few words on settings.
+fn summary(settings: &crate::options::Settings) -> String {
+    let word = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+    let method = serde_json::to_value(settings.method).map(word).unwrap_or_default();
+    let filtered = if settings.reconstruct.is_on() { ", filtered" } else { "" };
+    format!("{method}, {} spp{filtered}", settings.spp)
+}
+
+fn note(painter: &Painter, area: Rect, text: &str) {
+    label(painter, area.center(), Align2::CENTER_CENTER, text);
+}
+
+/// Text on a dark plate, readable on any picture.
+fn label(painter: &Painter, at: Pos2, align: Align2, text: &str) {
+    let font = FontId::proportional(13.0);
+    let galley = painter.layout_no_wrap(text.to_owned(), font, Color32::WHITE);
+    let rect = align.anchor_size(at, galley.size());
+    painter.rect_filled(rect.expand(4.0), 3.0, Color32::from_black_alpha(170));
+    painter.galley(rect.min, galley, Color32::WHITE);
+}
+
+/// What the colours mean, in numbers.
+fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
+    let _ = (painter, area, legend);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outlines_are_the_inner_rim_of_the_selection() {
+        // A 5x5 image in which node 1 covers the 3x3 middle.
+        let nodes = (0..25)
+            .map(|i| u32::from((1..4).contains(&(i % 5)) && (1..4).contains(&(i / 5))))
+            .collect();
+        let seen = Seen {
+            size: [5, 5],
+            nodes,
+            materials: vec![0; 25],
+            distances_m: vec![1.0; 25],
+        };
+        let image = outline_image(&seen, &[false, true]);
+        let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();
+        assert_eq!(marked, [6, 7, 8, 11, 13, 16, 17, 18], "all but the middle one");
+        let none = outline_image(&seen, &[false, false]);
+        assert!(none.pixels.iter().all(|pixel| *pixel == Color32::TRANSPARENT));
+    }
+}

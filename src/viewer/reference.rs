@@ -1,0 +1,92 @@
+//! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
+
+use super::accumulate::Accumulator;
+use super::session::DesktopSession;
+use super::studio::StudioError;
+use super::worker::library;
+use crate::frame_loop;
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::images::ImageRgb;
+use crate::options::{Eyes, Method, Reuse, Settings};
+use crate::renderer::{Eye, Renderer};
+use crate::scene::Scene;
+
+/// Frames of the reference have numbers of their own, so that their noise is independent of the picture's.
+const FIRST_FRAME: u32 = 1 << 31;
+
+/// A path tracer for the same view, and its mean.
+pub struct Reference {
+    renderer: Renderer,
+    library: ShaderLibrary,
+    size: [u32; 2],
+    averaged: [Accumulator; 2],
+}
+
+impl Reference {
+    /// Settings of the reference to a picture: both eyes path traced by themselves, with nothing filtered, at the depth of
+    /// what is compared.
+    pub fn settings(settings: &Settings) -> Settings {
+        let mut reference = settings.clone();
+        if settings.method == Method::Photon {
+            reference.path.max_depth = settings.photon.max_depth;
+        }
+        reference.method = Method::Path;
+        reference.reuse = Reuse::Off;
+        reference.reconstruct = Settings::default().reconstruct;
+        reference
+    }
+
+    /// Compiles the path tracer.
+    ///
+    /// # Errors
+    /// [`StudioError::Render`].
+    pub fn new(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Result<Self, StudioError> {
+        let settings = Self::settings(settings);
+        let library = library(&settings)?;
+        let context = GpuContext::open(Some(&settings.adapter))?;
+        let renderer = Renderer::new(context, &library, scene, &settings, Eyes::Both, size)?;
+        Ok(Self {
+            renderer,
+            library,
+            size,
+            averaged: Default::default(),
+        })
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// [`StudioError`].
+    pub fn add(
+        &mut self,
+        session: &mut DesktopSession,
+        index: u32,
+        scene_time_ns: Option<i64>,
+    ) -> Result<(), StudioError> {
+        let index = FIRST_FRAME.wrapping_add(index);
+        frame_loop::step(
+            session,
+            &mut self.renderer,
+            &self.library,
+            index,
+            |_| scene_time_ns,
+            |_| {},
+        )?;
+        for (eye, averaged) in [Eye::Left, Eye::Right].into_iter().zip(&mut self.averaged) {
+            if let Some(pixels) = self.renderer.read_radiance(eye)? {
+                averaged.add(&pixels);
+            }
+        }
+        Ok(())
+    }
+
+    /// Frames so far.
+    pub fn frames(&self) -> u32 {
+        self.averaged[0].frames()
+    }
+
+    /// Mean radiance of an eye, 0 left or 1 right.
+    pub fn mean(&self, eye: usize) -> Option<ImageRgb> {
+        self.averaged[eye].mean(self.size)
+    }
+}

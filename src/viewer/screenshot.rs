@@ -1,0 +1,68 @@
+//! Pictures of what the window shows, as files.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::studio::{Studio, StudioError};
+use super::worker::Wanted;
+use crate::images::{Image, ImageError, tone_map, write_atomically, write_exr, write_png};
+use crate::xr::Pose;
+
+/// Writes `view_NNNN.png` (both eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr` (linear
+/// radiance, mean of the frames so far) and `view_NNNN.json` (from where, and how many frames) under `folder`, with the
+/// first number that is free. Returns a line for people.
+///
+/// # Errors
+/// [`StudioError::Image`] naming the file.
+pub fn write(
+    folder: &Path,
+    studio: &Studio,
+    wanted: &Wanted,
+    size: [u32; 2],
+) -> Result<String, StudioError> {
+    let cannot = |reason: String| {
+        StudioError::Image(ImageError::File {
+            path: folder.to_owned(),
+            reason,
+        })
+    };
+    std::fs::create_dir_all(folder).map_err(|error| cannot(error.to_string()))?;
+    let name = (0..10_000)
+        .map(|number| format!("view_{number:04}"))
+        .find(|name| !folder.join(format!("{name}.png")).exists())
+        .ok_or_else(|| cannot("there are 10000 screenshots already".to_owned()))?;
+    let (Some(left), Some(right)) = (studio.mean(0, size), studio.mean(1, size)) else {
+        return Err(StudioError::NoRenderer);
+    };
+    write_exr(&folder.join(format!("{name}_left.exr")), &left)?;
+    write_exr(&folder.join(format!("{name}_right.exr")), &right)?;
+    let [left_view, right_view] = &wanted.views;
+    let about = json!({
+        "frames": studio.frames(),
+        "size": size,
+        "scene": studio.scene().name,
+        "left_eye": pose_words(&Pose::new(left_view.position_in_world, left_view.orientation)),
+        "right_eye": pose_words(&Pose::new(right_view.position_in_world, right_view.orientation)),
+    });
+    write_atomically(&folder.join(format!("{name}.json")), |out| {
+        writeln!(out, "{about:#}")
+    })?;
+    // Last: its name marks the number as taken.
+    let path = folder.join(format!("{name}.png"));
+    let picture = Image::side_by_side(
+        &tone_map(&left, wanted.exposure),
+        &tone_map(&right, wanted.exposure),
+    )?;
+    write_png(&path, &picture)?;
+    Ok(format!("{} written, with an EXR of each eye", path.display()))
+}
+
+/// A pose as `--pose` takes it.
+pub fn pose_words(pose: &Pose) -> String {
+    let (p, q) = (pose.position, pose.orientation);
+    format!(
+        "{} {} {} {} {} {} {}",
+        p.x, p.y, p.z, q.x, q.y, q.z, q.w
+    )
+}

@@ -1,0 +1,261 @@
+//! The desktop as a session: views come from a head that the window moves, or from a recording that it plays.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::xr::{
+    FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo, View, XrError,
+    XrSession,
+};
+
+/// The views that the window wants, shared with the thread that renders.
+pub type SharedViews = Arc<Mutex<[View; 2]>>;
+
+/// A session that shows what the window wants. It never waits and never ends: the thread that renders decides when there
+/// is something to show.
+pub struct DesktopSession {
+    info: SessionInfo,
+    views: SharedViews,
+    frames: i64,
+    period_ns: i64,
+}
+
+impl DesktopSession {
+    /// Shows `views` on `headset`.
+    pub fn new(headset: &Headset, views: SharedViews) -> Self {
+        Self {
+            info: SessionInfo {
+                source: "desktop".to_owned(),
+                headset: headset.name.clone(),
+                refresh_hz: headset.refresh_hz,
+                recommended_size: Some(headset.size),
+                hidden: None,
+            },
+            views,
+            frames: 0,
+            period_ns: (1e9 / headset.refresh_hz).round() as i64,
+        }
+    }
+}
+
+impl XrSession for DesktopSession {
+    fn info(&self) -> &SessionInfo {
+        &self.info
+    }
+
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        let state = FrameState {
+            predicted_display_time_ns: self.frames * self.period_ns,
+            period_ns: self.period_ns,
+            should_render: true,
+            switch_reuse: false,
+        };
+        self.frames += 1;
+        Ok(Some(state))
+    }
+
+    fn begin_frame(&mut self) -> Result<(), XrError> {
+        Ok(())
+    }
+
+    fn locate_views(&mut self, _: i64) -> Result<Option<LocatedViews>, XrError> {
+        let views = *self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(Some(LocatedViews::valid(views)))
+    }
+
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
+        Ok(RenderTargets::FrameLoopOwned)
+    }
+
+    fn end_frame(&mut self, _: FrameSubmission<'_>) -> Result<(), XrError> {
+        Ok(())
+    }
+}
+
+/// All frames of a session that ends, to be played, stepped and scrubbed.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// What it is, for people.
+    pub name: String,
+    /// Display time in nanoseconds and both eyes' views; never empty.
+    frames: Vec<(i64, [View; 2])>,
+}
+
+impl Recording {
+    /// Takes all frames out of `session`.
+    ///
+    /// # Errors
+    /// Those of the session; [`XrError`] of a recording without frames is the session's own.
+    pub fn of(session: &mut dyn XrSession, most: usize) -> Result<Self, XrError> {
+        let mut frames = Vec::new();
+        while frames.len() < most
+            && let Some(state) = session.wait_frame()?
+        {
+            let time_ns = state.predicted_display_time_ns;
+            session.begin_frame()?;
+            let located = session.locate_views(time_ns)?;
+            session.end_frame(FrameSubmission::new(time_ns, None))?;
+            if let Some(located) = located {
+                frames.push((time_ns, located.views));
+            }
+        }
+        Ok(Self {
+            name: session.info().source.clone(),
+            frames,
+        })
+    }
+
+    /// Frames.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// True if there is nothing to play.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    /// Seconds from the first frame to frame `index`.
+    pub fn seconds_at(&self, index: usize) -> f64 {
+        let first = self.frames.first().map_or(0, |frame| frame.0);
+        let at = self.frames.get(index).map_or(first, |frame| frame.0);
+        (at - first) as f64 * 1e-9
+    }
+
+    /// The last frame that is due `seconds` after the first.
+    pub fn frame_at(&self, seconds: f64) -> usize {
+        let due = self
+            .frames
+            .partition_point(|frame| (frame.0 - self.frames[0].0) as f64 * 1e-9 <= seconds);
+        due.saturating_sub(1)
+    }
+
+    /// Views of a frame; beyond the end those of the last.
+    pub fn views(&self, index: usize) -> Option<[View; 2]> {
+        let index = index.min(self.frames.len().saturating_sub(1));
+        self.frames.get(index).map(|frame| frame.1)
+    }
+}
+
+/// What plays a recording.
+#[derive(Clone, Debug)]
+pub struct Player {
+    /// What is played.
+    pub recording: Arc<Recording>,
+    /// Runs with the clock.
+    pub is_playing: bool,
+    seconds: f64,
+}
+
+impl Player {
+    /// Stands at the first frame.
+    pub fn new(recording: Recording) -> Self {
+        Self {
+            recording: Arc::new(recording),
+            is_playing: false,
+            seconds: 0.0,
+        }
+    }
+
+    /// Frame that is shown.
+    pub fn frame(&self) -> usize {
+        self.recording.frame_at(self.seconds)
+    }
+
+    /// Goes to a frame.
+    pub fn seek(&mut self, frame: usize) {
+        let last = self.recording.len().saturating_sub(1);
+        self.seconds = self.recording.seconds_at(frame.min(last));
+    }
+
+    /// One frame on (or back), and pauses.
+    pub fn step(&mut self, frames: i64) {
+        self.is_playing = false;
+        let frame = self.frame() as i64 + frames;
+        self.seek(usize::try_from(frame).unwrap_or(0));
+    }
+
+    /// Lets the clock run; at the end it pauses there.
+    pub fn advance(&mut self, seconds: f64) {
+        if !self.is_playing {
+            return;
+        }
+        let end = self
+            .recording
+            .seconds_at(self.recording.len().saturating_sub(1));
+        self.seconds += seconds;
+        if self.seconds >= end {
+            self.seconds = end;
+            self.is_playing = false;
+        }
+    }
+
+    /// What is seen now.
+    pub fn views(&self) -> Option<[View; 2]> {
+        self.recording.views(self.frame())
+    }
+}
+
+/// Whether a dropped file is a recording by its name.
+pub fn is_trace(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    matches!(extension, Some("jsonl" | "txt" | "csv" | "tum"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::{Motion, Pose, SimulatedSession};
+
+    fn recording(frames: u64) -> Recording {
+        let headset = Headset::load("symmetric").unwrap();
+        let mut session =
+            SimulatedSession::new(headset, Motion::YawSweep, Pose::IDENTITY, Some(frames));
+        Recording::of(&mut session, 1000).unwrap()
+    }
+
+    #[test]
+    fn every_frame_is_found_at_its_own_time() {
+        let recording = recording(50);
+        assert_eq!(recording.len(), 50);
+        for index in 0..50 {
+            assert_eq!(recording.frame_at(recording.seconds_at(index)), index);
+        }
+        assert_eq!(recording.frame_at(-1.0), 0);
+        assert_eq!(recording.frame_at(1e9), 49);
+    }
+
+    #[test]
+    fn play_steps_and_pauses_at_the_end() {
+        let mut player = Player::new(recording(10));
+        player.step(3);
+        assert_eq!(player.frame(), 3);
+        player.step(-5);
+        assert_eq!(player.frame(), 0);
+        player.advance(1.0);
+        assert_eq!(player.frame(), 0, "paused");
+        player.is_playing = true;
+        let period = player.recording.seconds_at(1);
+        player.advance(2.5 * period);
+        assert_eq!(player.frame(), 2);
+        player.advance(60.0);
+        assert_eq!(player.frame(), 9);
+        assert!(!player.is_playing);
+        assert_eq!(player.views(), player.recording.views(9));
+    }
+
+    #[test]
+    fn the_session_shows_what_is_wanted() {
+        let headset = Headset::load("symmetric").unwrap();
+        let views = headset.views_from_head(&Pose::IDENTITY);
+        let shared: SharedViews = Arc::new(Mutex::new(views));
+        let mut session = DesktopSession::new(&headset, Arc::clone(&shared));
+        let first = session.wait_frame().unwrap().unwrap();
+        assert_eq!(session.locate_views(0).unwrap().unwrap().views, views);
+        let moved = recording(20).views(19).unwrap();
+        *shared.lock().unwrap() = moved;
+        let second = session.wait_frame().unwrap().unwrap();
+        assert!(second.predicted_display_time_ns > first.predicted_display_time_ns);
+        assert_eq!(session.locate_views(0).unwrap().unwrap().views, moved);
+    }
+}

@@ -1,0 +1,391 @@
+//! The viewer's window: events in, egui out, on a device of its own (see [`super::worker`] for why).
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::{Context, ViewportId};
+use egui_wgpu::{RendererOptions, ScreenDescriptor};
+use winit::application::ApplicationHandler;
+use winit::dpi::LogicalSize;
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
+use winit::window::{Fullscreen, Window, WindowId};
+
+use super::app::{App, Start, WindowCommand};
+use super::memory::Memory;
+use crate::caught::caught;
+use crate::desktop::{choose_mode, event_loop, plain};
+use crate::gpu::{GpuContext, GpuError};
+
+/// Why there is no window; one line each.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// No display, or none that takes a window.
+    #[error(
+        "view: no window can be opened ({0}); start from a desktop, or use `run` or `render`, which write pictures to --out without one"
+    )]
+    NoWindow(String),
+    /// The adapter cannot show images in the window.
+    #[error(
+        "view: adapter {adapter:?} cannot show images on this display ({reason}); choose another with --adapter, or use `run` or `render`, which need no display"
+    )]
+    CannotShow {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words, or ours.
+        reason: String,
+    },
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The window broke while it was open.
+    #[error("view: the window ended ({0}); what was saved is whole")]
+    Ended(String),
+}
+
+/// Opens the window and answers it until it is closed. Call on the main thread, at most once in a program. The size and
+/// layout of the window are kept at `memory_path`.
+///
+/// # Errors
+/// [`ViewError`].
+pub fn show(start: Start, adapter: &str, memory_path: Option<PathBuf>) -> Result<(), ViewError> {
+    let event_loop = event_loop::<()>().map_err(ViewError::NoWindow)?;
+    let mut state = State {
+        start: Some(start),
+        adapter: adapter.to_owned(),
+        memory_path,
+        proxy: event_loop.create_proxy(),
+        open: None,
+        error: None,
+    };
+    let ran = caught(|| event_loop.run_app(&mut state).map_err(|error| error.to_string()));
+    if let Some(open) = &mut state.open {
+        open.remember(state.memory_path.as_deref());
+    }
+    if let Some(error) = state.error.take() {
+        return Err(error);
+    }
+    // Threads and devices end before the window does.
+    drop(state.open.take());
+    match ran.and_then(|ran| ran) {
+        Ok(()) => Ok(()),
+        Err(reason) => Err(ViewError::Ended(plain(&reason))),
+    }
+}
+
+struct State {
+    /// Taken when the window opens.
+    start: Option<Start>,
+    adapter: String,
+    memory_path: Option<PathBuf>,
+    proxy: EventLoopProxy<()>,
+    open: Option<Open>,
+    error: Option<ViewError>,
+}
+
+impl State {
+    fn fail(&mut self, event_loop: &ActiveEventLoop, error: ViewError) {
+        self.error.get_or_insert(error);
+        event_loop.exit();
+    }
+}
+
+impl ApplicationHandler<()> for State {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        let Some(start) = self.start.take() else {
+            return;
+        };
+        match Open::new(event_loop, start, &self.adapter, self.proxy.clone()) {
+            Ok(open) => self.open = Some(open),
+            Err(error) => self.fail(event_loop, error),
+        }
+    }
+
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open) {
+            open.window.request_redraw();
+        }
+    }
+
+    fn user_event(&mut self, _: &ActiveEventLoop, (): ()) {
+        if let Some(open) = &self.open {
+            open.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(open) = &mut self.open else {
+            return;
+        };
+        let result = open.event(event_loop, event);
+        match result {
+            Ok(true) => {}
+            Ok(false) => event_loop.exit(),
+            Err(error) => self.fail(event_loop, error),
+        }
+    }
+
+    fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        if crate::interrupt::requested() {
+            event_loop.exit();
+        }
+        if let Some(open) = &self.open {
+            event_loop.set_control_flow(match open.repaint_at {
+                Some(at) => ControlFlow::WaitUntil(at),
+                None => ControlFlow::Wait,
+            });
+        }
+    }
+}
+
+/// Everything of an open window. Fields drop in order: the surface before the window.
+struct Open {
+    app: App,
+    painter: egui_wgpu::Renderer,
+    surface: wgpu::Surface<'static>,
+    format: wgpu::TextureFormat,
+    present_mode: wgpu::PresentMode,
+    alpha_mode: wgpu::CompositeAlphaMode,
+    configured: Option<[u32; 2]>,
+    input: egui_winit::State,
+    egui: Context,
+    gpu: GpuContext,
+    window: Arc<Window>,
+    repaint_at: Option<Instant>,
+    /// When the oldest input came that no frame has answered yet.
+    unanswered: Option<Instant>,
+}
+
+impl Open {
+    fn new(
+        event_loop: &ActiveEventLoop,
+        start: Start,
+        adapter: &str,
+        proxy: EventLoopProxy<()>,
+    ) -> Result<Self, ViewError> {
+        let [width, height] = start.memory.size;
+        let attributes = Window::default_attributes()
+            .with_title(format!("stereolux: {}", start.document.scene().name))
+            .with_inner_size(LogicalSize::new(width, height));
+        let window = caught(|| event_loop.create_window(attributes).map_err(|e| e.to_string()))
+            .and_then(|made| made)
+            .map_err(|reason| ViewError::NoWindow(plain(&reason)))?;
+        let window = Arc::new(window);
+        let gpu = GpuContext::open(Some(adapter))?;
+        let cannot = |reason: String| ViewError::CannotShow {
+            adapter: gpu.adapter.name.clone(),
+            reason: plain(&reason),
+        };
+        let (surface, capabilities) = gpu.surface(Arc::clone(&window)).map_err(cannot)?;
+        let format = choose_format(&capabilities.formats)
+            .ok_or_else(|| cannot("it does not drive the display".to_owned()))?;
+        let present_mode = choose_mode(&capabilities.present_modes);
+        log::debug!("window: {format:?}, {present_mode:?}, {}", gpu.adapter.name);
+        let egui = Context::default();
+        let input = egui_winit::State::new(
+            egui.clone(),
+            ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            window.theme(),
+            Some(gpu.device.limits().max_texture_dimension_2d as usize),
+        );
+        let painter = gpu.guarded("window", || {
+            Ok(egui_wgpu::Renderer::new(&gpu.device, format, RendererOptions::default()))
+        })?;
+        let app = App::new(start, move || {
+            // The loop may have ended.
+            let _ = proxy.send_event(());
+        })
+        .map_err(|error| ViewError::Ended(error.to_string()))?;
+        window.request_redraw();
+        Ok(Self {
+            app,
+            painter,
+            surface,
+            format,
+            present_mode,
+            alpha_mode: capabilities.alpha_modes.first().copied().unwrap_or_default(),
+            configured: None,
+            input,
+            egui,
+            gpu,
+            window,
+            repaint_at: None,
+            unanswered: None,
+        })
+    }
+
+    /// Answers an event; false to end.
+    fn event(&mut self, event_loop: &ActiveEventLoop, event: WindowEvent) -> Result<bool, ViewError> {
+        match &event {
+            WindowEvent::CloseRequested => {
+                self.app.close_requested();
+                self.window.request_redraw();
+            }
+            WindowEvent::RedrawRequested => {
+                self.paint(event_loop)?;
+                return Ok(self.obey());
+            }
+            _ => {}
+        }
+        let response = self.input.on_window_event(&self.window, &event);
+        if response.repaint {
+            if matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. }) {
+                self.unanswered.get_or_insert_with(Instant::now);
+            }
+            self.window.request_redraw();
+        }
+        Ok(true)
+    }
+
+    /// Does what the app asks of the window; false to end.
+    fn obey(&mut self) -> bool {
+        for command in self.app.take_commands() {
+            match command {
+                WindowCommand::Quit => return false,
+                WindowCommand::ToggleFullScreen => {
+                    let other = match self.window.fullscreen() {
+                        Some(_) => None,
+                        None => Some(Fullscreen::Borderless(None)),
+                    };
+                    self.window.set_fullscreen(other);
+                }
+            }
+        }
+        true
+    }
+
+    fn remember(&mut self, path: Option<&std::path::Path>) {
+        if self.window.fullscreen().is_none() {
+            let size = self
+                .window
+                .inner_size()
+                .to_logical::<f32>(self.window.scale_factor());
+            if size.width > 0.0 && size.height > 0.0 {
+                self.app.memory_mut().size = [size.width, size.height];
+            }
+        }
+        if let Some(path) = path
+            && let Err(reason) = Memory::save(self.app.memory(), path)
+        {
+            log::warn!("the window's size and layout are not kept: {reason}");
+        }
+    }
+
+    fn paint(&mut self, event_loop: &ActiveEventLoop) -> Result<(), ViewError> {
+        let size = <[u32; 2]>::from(self.window.inner_size());
+        if size.contains(&0) {
+            return Ok(());
+        }
+        let began = Instant::now();
+        let input = self.input.take_egui_input(&self.window);
+        let app = &mut self.app;
+        let output = self.egui.run_ui(input, |ui| app.ui(ui));
+        self.input.handle_platform_output_with_event_loop(
+            &self.window,
+            event_loop,
+            output.platform_output,
+        );
+        self.repaint_at = output
+            .viewport_output
+            .get(&ViewportId::ROOT)
+            .and_then(|viewport| Instant::now().checked_add(viewport.repaint_delay))
+            // A delay without end is the end of time on some systems.
+            .filter(|at| at.saturating_duration_since(began) < Duration::from_secs(3600));
+        let laid_out = began.elapsed();
+        let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
+        let screen = ScreenDescriptor {
+            size_in_pixels: size,
+            pixels_per_point: output.pixels_per_point,
+        };
+        let Self {
+            painter,
+            surface,
+            gpu,
+            ..
+        } = self;
+        let current = {
+            if self.configured != Some(size) {
+                let configuration = wgpu::SurfaceConfiguration {
+                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                    format: self.format,
+                    color_space: wgpu::SurfaceColorSpace::Auto,
+                    width: size[0],
+                    height: size[1],
+                    present_mode: self.present_mode,
+                    desired_maximum_frame_latency: 2,
+                    alpha_mode: self.alpha_mode,
+                    view_formats: Vec::new(),
+                };
+                gpu.guarded("window", || {
+                    surface.configure(&gpu.device, &configuration);
+                    Ok(())
+                })?;
+                self.configured = Some(size);
+            }
+            gpu.guarded("window", || Ok(surface.get_current_texture()))?
+        };
+        let (image, is_stale) = match current {
+            wgpu::CurrentSurfaceTexture::Success(image) => (Some(image), false),
+            wgpu::CurrentSurfaceTexture::Suboptimal(image) => (Some(image), true),
+            wgpu::CurrentSurfaceTexture::Outdated => (None, true),
+            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => (None, false),
+            wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => {
+                return Err(ViewError::Ended("its surface was lost".to_owned()));
+            }
+        };
+        gpu.guarded("window", || {
+            // Textures change whether the frame is shown or not.
+            for (id, deltas) in &output.textures_delta.set {
+                painter.update_texture(&gpu.device, &gpu.queue, *id, deltas);
+            }
+            if let Some(image) = image {
+                let mut encoder = gpu.device.create_command_encoder(&Default::default());
+                let own = painter.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
+                let view = image.texture.create_view(&Default::default());
+                let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some("window"),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: &view,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    ..Default::default()
+                });
+                painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
+                gpu.queue.submit(own.into_iter().chain([encoder.finish()]));
+                gpu.queue.present(image);
+            }
+            for id in &output.textures_delta.free {
+                painter.free_texture(id);
+            }
+            Ok(())
+        })?;
+        if is_stale {
+            self.configured = None;
+            self.window.request_redraw();
+        }
+        if let Some(since) = self.unanswered.take() {
+            log::debug!(
+                "input answered in {:.1} ms (layout {:.1} ms)",
+                since.elapsed().as_secs_f64() * 1e3,
+                laid_out.as_secs_f64() * 1e3
+            );
+        }
+        Ok(())
+    }
+}
+
+/// The first format of `offered` with 8 bits that encodes nothing itself: egui paints in display values.
+fn choose_format(offered: &[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat> {
+    use wgpu::TextureFormat as F;
+    [F::Bgra8Unorm, F::Rgba8Unorm, F::Bgra8UnormSrgb, F::Rgba8UnormSrgb]
+        .into_iter()
+        .find(|format| offered.contains(format))
+}

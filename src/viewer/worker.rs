@@ -1,0 +1,470 @@
+//! The thread that renders.
+//!
+//! The window never waits for it: what is wanted is left in one place, where the latest counts, and pictures come back
+//! over a channel. It has a device of its own, because commands of one queue run in order: on the window's device a click
+//! would be answered only after the frame in hand. (Rejected: one device and frames cut into short submissions. A pass of a
+//! large scene on a software adapter alone takes longer than a click may.)
+//!
+//! While the views change, frames are small enough to follow; once they stand still, frames grow to the full size and are
+//! averaged there.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use super::frames::{FrameReport, Look};
+use super::reference::Reference;
+use super::screenshot;
+use super::session::{DesktopSession, SharedViews};
+use super::studio::{Studio, StudioError};
+use crate::frame_loop::{self, Step};
+use crate::gpu::ShaderLibrary;
+use crate::gpu::timing::milliseconds_since;
+use crate::options::Settings;
+use crate::renderer::Inspection;
+use crate::scene::Scene;
+use crate::scene::edit::Edit;
+use crate::xr::{Headset, View};
+
+/// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
+const PREVIEW_BUDGET_MS: f64 = 100.0;
+/// The smallest preview has this many times fewer pixels along each edge.
+const COARSEST: u32 = 8;
+/// Frames that are averaged of a view that stands still; after them the thread sleeps.
+const MOST_FRAMES: u32 = 1024;
+
+/// Everything that the window wants shown. The latest counts.
+#[derive(Clone)]
+pub struct Wanted {
+    /// Settings of the renderer. Its `size` and `output.exposure` do not count: those below do.
+    pub settings: Arc<Settings>,
+    /// The other settings of a split view.
+    pub other: Option<Arc<Settings>>,
+    /// Both eyes.
+    pub views: [View; 2],
+    /// Where the scene's animation stands, nanoseconds; none leaves the scene as its nodes have it.
+    pub scene_time_ns: Option<i64>,
+    /// Pixels per eye of a view that stands still.
+    pub size: [u32; 2],
+    /// Exposure of pictures.
+    pub exposure: f64,
+    /// What is shown.
+    pub look: Look,
+}
+
+/// What happens once, in order.
+pub enum Request {
+    /// [`Wanted`] has changed.
+    Look,
+    /// Another scene, with its environment.
+    Scene(Box<Scene>),
+    /// A change of the scene.
+    Edit(Box<Edit>),
+    /// Write both eyes' images under this folder, once the frame has its full size.
+    Screenshot(PathBuf),
+    /// Read the shaders again.
+    ReloadShaders,
+    /// End.
+    Quit,
+}
+
+/// What the thread tells.
+pub enum Report {
+    /// A picture.
+    Frame(Box<FrameReport>),
+    /// Something that takes a while has begun; empty when it is over.
+    Busy(&'static str),
+    /// Something did not work; the last picture and what made it stay.
+    Failed(String),
+    /// Something is done, for people.
+    Done(String),
+    /// The device is gone, and with it the thread.
+    Lost(String),
+}
+
+/// The window's end.
+pub struct Worker {
+    wanted: Arc<Mutex<Wanted>>,
+    requests: Sender<Request>,
+    reports: Receiver<Report>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// Starts the thread. `wake` is called after every report.
+    pub fn start(
+        scene: Box<Scene>,
+        wanted: Wanted,
+        headset: &Headset,
+        wake: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let (requests, receiver) = channel();
+        let (sender, reports) = channel();
+        let views: SharedViews = Arc::new(Mutex::new(wanted.views));
+        let session = DesktopSession::new(headset, Arc::clone(&views));
+        let wanted = Arc::new(Mutex::new(wanted));
+        let shared = Arc::clone(&wanted);
+        let thread = std::thread::Builder::new()
+            .name("renderer".to_owned())
+            .spawn(move || {
+                let mut inner = Inner {
+                    wanted: shared,
+                    requests: receiver,
+                    reports: Box::new(move |report| {
+                        // The window may be gone already.
+                        let _ = sender.send(report);
+                        wake();
+                    }),
+                    views,
+                    session,
+                    studio: Studio::new(*scene),
+                    other: None,
+                    reference: None,
+                    screenshots: Vec::new(),
+                    frame_index: 0,
+                    divisor: COARSEST,
+                    shown: None,
+                    cost_ms_per_pixel: None,
+                };
+                inner.run();
+            })?;
+        Ok(Self {
+            wanted,
+            requests,
+            reports,
+            thread: Some(thread),
+        })
+    }
+
+    /// Replaces what is wanted.
+    pub fn want(&self, wanted: Wanted) {
+        *self.wanted.lock().unwrap_or_else(PoisonError::into_inner) = wanted;
+        self.ask(Request::Look);
+    }
+
+    /// Asks for something.
+    pub fn ask(&self, request: Request) {
+        // A thread that has ended has said why.
+        let _ = self.requests.send(request);
+    }
+
+    /// The next report, if there is one.
+    pub fn poll(&self) -> Option<Report> {
+        self.reports.try_recv().ok()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.ask(Request::Quit);
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            log::error!("the rendering thread ended by a fault");
+        }
+    }
+}
+
+/// What the last picture was made of: anything else begins a new one.
+#[derive(PartialEq)]
+struct Shown {
+    views: [View; 2],
+    scene_time_ns: Option<i64>,
+    size: [u32; 2],
+}
+
+/// The thread's end.
+struct Inner {
+    wanted: Arc<Mutex<Wanted>>,
+    requests: Receiver<Request>,
+    reports: Box<dyn Fn(Report) + Send>,
+    views: SharedViews,
+    session: DesktopSession,
+    studio: Studio,
+    other: Option<Studio>,
+    reference: Option<Reference>,
+    screenshots: Vec<PathBuf>,
+    frame_index: u32,
+    /// How many times smaller than wanted the next frame is, along each edge.
+    divisor: u32,
+    shown: Option<Shown>,
+    cost_ms_per_pixel: Option<f64>,
+}
+
+/// What to do next.
+enum Turn {
+    /// There is something to render.
+    Go,
+    /// Sleep until the next request.
+    Rest,
+    /// End.
+    End,
+}
+
+impl Inner {
+    fn report(&self, report: Report) {
+        (self.reports)(report);
+    }
+
+    fn run(&mut self) {
+        let mut turn = Turn::Go;
+        loop {
+            let mut request = match turn {
+                Turn::End => return,
+                Turn::Rest => match self.requests.recv() {
+                    Ok(request) => Some(request),
+                    Err(_) => return,
+                },
+                Turn::Go => self.requests.try_recv().ok(),
+            };
+            while let Some(next) = request {
+                if matches!(next, Request::Quit) {
+                    return;
+                }
+                self.serve(next);
+                request = self.requests.try_recv().ok();
+            }
+            turn = self.turn();
+        }
+    }
+
+    fn serve(&mut self, request: Request) {
+        match request {
+            Request::Look | Request::Quit => {}
+            Request::Scene(scene) => {
+                self.studio = Studio::new(*scene);
+                self.other = None;
+                self.restart();
+            }
+            Request::Edit(edit) => {
+                if let Err(error) = self.studio.edit(&edit) {
+                    self.report(Report::Failed(error.to_string()));
+                }
+                if let Some(other) = &mut self.other {
+                    // The same edit of the same scene: said once already.
+                    let _ = other.edit(&edit);
+                }
+                self.restart();
+            }
+            Request::Screenshot(folder) => self.screenshots.push(folder),
+            Request::ReloadShaders => {
+                let settings = Arc::clone(&self.wanted().settings);
+                match library(&settings).and_then(|library| self.studio.reload(library)) {
+                    Ok(()) => {
+                        self.other = None;
+                        self.report(Report::Done(match settings.gpu.shader_folder.as_str() {
+                            "" => "shaders built into the program compiled again; set gpu.shader_folder to edit them"
+                                .to_owned(),
+                            folder => format!("shaders of {folder} read again"),
+                        }));
+                    }
+                    Err(error) => self.report(Report::Failed(error.to_string())),
+                }
+                self.restart();
+            }
+        }
+    }
+
+    /// The next picture begins anew.
+    fn restart(&mut self) {
+        self.shown = None;
+        self.reference = None;
+    }
+
+    fn wanted(&self) -> Wanted {
+        self.wanted
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// One turn: makes what is missing, renders a frame, says so.
+    fn turn(&mut self) -> Turn {
+        let wanted = self.wanted();
+        let settings = Arc::new(effective(&wanted.settings, wanted.look));
+        let tried = self
+            .prepare(&settings, &wanted)
+            .and_then(|()| self.frame(&wanted));
+        match tried {
+            Ok(turn) => turn,
+            Err(error) if error.is_lost() => {
+                self.report(Report::Lost(error.to_string()));
+                Turn::End
+            }
+            Err(error) => {
+                self.report(Report::Busy(""));
+                self.report(Report::Failed(error.to_string()));
+                Turn::Rest
+            }
+        }
+    }
+
+    /// Makes the renderers fit what is wanted.
+    fn prepare(&mut self, settings: &Arc<Settings>, wanted: &Wanted) -> Result<(), StudioError> {
+        if self.studio.needs_renderer(settings) {
+            self.report(Report::Busy("compiling"));
+            self.studio.prepare(settings, wanted.size, library)?;
+            self.restart();
+        } else if self.studio.take_changes()? {
+            self.restart();
+        }
+        match &wanted.other {
+            None => self.other = None,
+            Some(other) => {
+                let own = self
+                    .other
+                    .get_or_insert_with(|| Studio::new(self.studio.scene().clone()));
+                if own.needs_renderer(other) {
+                    (self.reports)(Report::Busy("compiling the other settings"));
+                    own.prepare(other, wanted.size, library)?;
+                    self.shown = None;
+                } else if own.take_changes()? {
+                    self.shown = None;
+                }
+            }
+        }
+        self.report(Report::Busy(""));
+        Ok(())
+    }
+
+    fn frame(&mut self, wanted: &Wanted) -> Result<Turn, StudioError> {
+        let now = Shown {
+            views: wanted.views,
+            scene_time_ns: wanted.scene_time_ns,
+            size: wanted.size,
+        };
+        if self.shown.as_ref() != Some(&now) {
+            self.divisor = self.preview_divisor(wanted.size);
+            self.studio.clear();
+            if let Some(other) = &mut self.other {
+                other.clear();
+            }
+            self.reference = None;
+            self.shown = Some(now);
+        } else if self.divisor > 1 {
+            self.divisor /= 2;
+            self.studio.clear();
+            if let Some(other) = &mut self.other {
+                other.clear();
+            }
+        } else if self.is_finished(wanted) {
+            return Ok(Turn::Rest);
+        }
+        let size = wanted.size.map(|edge| (edge / self.divisor).max(1));
+        *self.views.lock().unwrap_or_else(PoisonError::into_inner) = wanted.views;
+        let began = Instant::now();
+        let index = self.frame_index;
+        self.frame_index = self.frame_index.wrapping_add(1);
+        let (session, time) = (&mut self.session, wanted.scene_time_ns);
+        let Some(stats) = self.studio.frame(session, index, time, size)? else {
+            return Ok(Turn::Rest);
+        };
+        let cost = milliseconds_since(began) / (f64::from(size[0]) * f64::from(size[1]));
+        // Frames that traced photons cost more than those that follow; the estimate forgets them soon.
+        self.cost_ms_per_pixel = Some(self.cost_ms_per_pixel.map_or(cost, |old| 0.5 * (old + cost)));
+        let other = match &mut self.other {
+            None => None,
+            Some(other) => {
+                other.frame(session, index, time, size)?;
+                Some(other.picture(wanted.exposure, size)?)
+            }
+        };
+        if wanted.look == Look::Error && self.divisor == 1 {
+            let reference = match &mut self.reference {
+                Some(reference) => reference,
+                none => none.insert(Reference::new(self.studio.scene(), &wanted.settings, size)?),
+            };
+            reference.add(session, index, time)?;
+        }
+        let mut report =
+            self.studio
+                .report(wanted, size, &self.views, stats, self.reference.as_ref())?;
+        report.other = other;
+        report.is_full = self.divisor == 1;
+        report.index = index;
+        self.report(Report::Frame(Box::new(report)));
+        if self.divisor == 1 {
+            for folder in std::mem::take(&mut self.screenshots) {
+                let written = screenshot::write(&folder, &self.studio, wanted, size);
+                self.report(match written {
+                    Ok(paths) => Report::Done(paths),
+                    Err(error) => Report::Failed(error.to_string()),
+                });
+            }
+        }
+        Ok(Turn::Go)
+    }
+
+    /// How much smaller frames have to be for the view to follow the hand.
+    fn preview_divisor(&self, size: [u32; 2]) -> u32 {
+        let Some(cost) = self.cost_ms_per_pixel else {
+            return COARSEST;
+        };
+        let pixels = f64::from(size[0]) * f64::from(size[1]);
+        let mut divisor = 1;
+        while divisor < COARSEST
+            && pixels / f64::from(divisor * divisor) * cost > PREVIEW_BUDGET_MS
+        {
+            divisor *= 2;
+        }
+        divisor
+    }
+
+    fn is_finished(&self, wanted: &Wanted) -> bool {
+        let reference_done = wanted.look != Look::Error
+            || self
+                .reference
+                .as_ref()
+                .is_some_and(|reference| reference.frames() >= MOST_FRAMES);
+        self.studio.frames() >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
+    }
+}
+
+/// The settings under which a look has something to show, or nearly those that were asked for.
+fn effective(settings: &Settings, look: Look) -> Settings {
+    match look {
+        // The averaged frames have a variance of their own.
+        Look::Picture | Look::Error | Look::Inspection(Inspection::Variance) => settings.clone(),
+        Look::Inspection(inspection) => inspection.settings_for(settings),
+    }
+}
+
+/// Shaders of the program, or of the folder that the settings name.
+///
+/// # Errors
+/// [`StudioError::Render`], naming the shader.
+pub fn library(settings: &Settings) -> Result<ShaderLibrary, StudioError> {
+    Ok(match settings.gpu.shader_folder.as_str() {
+        "" => ShaderLibrary::embedded(),
+        folder => ShaderLibrary::with_folder(Path::new(folder))?,
+    })
+}
+
+impl Studio {
+    /// One frame through the frame loop; `None` if the session shows nothing.
+    fn frame(
+        &mut self,
+        session: &mut DesktopSession,
+        index: u32,
+        scene_time_ns: Option<i64>,
+        size: [u32; 2],
+    ) -> Result<Option<frame_loop::FrameStats>, StudioError> {
+        let began = Instant::now();
+        let (renderer, library) = self.renderer_of(size)?;
+        let step = frame_loop::step(
+            session,
+            renderer,
+            library,
+            index,
+            |_| scene_time_ns,
+            |_| {},
+        )?;
+        let Step::Rendered(rendered) = step else {
+            return Ok(None);
+        };
+        let non_finite = self.accumulate()?;
+        Ok(Some(rendered.into_stats(index, non_finite, began)))
+    }
+}
