@@ -64,6 +64,7 @@ mod suite {
     pub mod progressive;
     pub mod reconstruction;
     pub mod reference;
+    pub mod resize;
     pub mod scene_builtin;
     pub mod scene_faults;
     pub mod scene_import;
