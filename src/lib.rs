@@ -18,7 +18,7 @@
 //! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
-//! - [`metrics`], [`images`]: errors against a reference, image files;
+//! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
@@ -27,6 +27,7 @@ pub mod bench;
 pub mod bvh;
 mod caught;
 pub mod commands;
+pub mod false_color;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;

@@ -96,6 +96,7 @@ impl Renderer {
         // Both are bound to the old images.
         self.submitter = None;
         self.mirror = None;
+        self.inspector.forget_frames();
         self.is_bound = false;
         Ok(())
     }
