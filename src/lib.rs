@@ -19,7 +19,7 @@
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
-//! - [`metrics`], [`images`]: errors against a reference, image files;
+//! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
@@ -29,6 +29,7 @@ pub mod bvh;
 mod caught;
 pub mod commands;
 mod desktop;
+pub mod false_color;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;

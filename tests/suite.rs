@@ -41,6 +41,8 @@ mod suite {
     pub mod hard_scales;
     pub mod hard_support;
     pub mod images_files;
+    pub mod inspect;
+    pub mod inspect_photons;
     pub mod layout;
     pub mod lights_emission;
     pub mod lights_probe;
@@ -64,6 +66,7 @@ mod suite {
     pub mod progressive;
     pub mod reconstruction;
     pub mod reference;
+    pub mod resize;
     pub mod scene_builtin;
     pub mod scene_faults;
     pub mod scene_import;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::flip::{FlipView, flip_map};
 use super::{BlockedMean, Mask, MetricsError, require_size};
-use crate::images::{ImageError, ImageRgb, luminance, read_image};
+use crate::images::{Image, ImageError, ImageRgb, luminance, read_image};
 
 /// Errors of an image against a reference.
 ///
@@ -84,6 +84,48 @@ pub fn compare_files(
     Ok(compare(&image, &reference, mask.as_ref(), view)?)
 }
 
+/// (x - r)^2 / (r^2 + floor) of one channel.
+fn relative_square(x: f64, r: f64, floor: f64) -> f64 {
+    let error = x - r;
+    // Equal values are no error whatever the scale, also where the whole reference is black.
+    if error == 0.0 {
+        return 0.0;
+    }
+    error * error / (r * r + floor)
+}
+
+/// What each pixel adds to [`Comparison::rel_mse`]: the mean over its channels of (x - r)^2 / (r^2 + 0.01 s). `None` where a
+/// channel of image or reference is NaN or infinite, or where the error is not defined (a black reference).
+///
+/// # Errors
+/// [`MetricsError::SizeMismatch`].
+pub fn rel_mse_map(
+    image: &ImageRgb,
+    reference: &ImageRgb,
+) -> Result<Image<Option<f64>>, MetricsError> {
+    require_size("the image", image, reference)?;
+    let floor = 0.01 * mean_square(reference);
+    let error = |(x, r): (&[f32; 3], &[f32; 3])| {
+        if !is_finite(x) || !is_finite(r) {
+            return None;
+        }
+        let sum: f64 = (0..3)
+            .map(|c| relative_square(f64::from(x[c]), f64::from(r[c]), floor))
+            .sum();
+        Some(sum / 3.0).filter(|error| error.is_finite())
+    };
+    Ok(Image {
+        width: reference.width,
+        height: reference.height,
+        pixels: image
+            .pixels
+            .iter()
+            .zip(&reference.pixels)
+            .map(error)
+            .collect(),
+    })
+}
+
 /// Compares an image with a reference, over the pixels of `mask` if there is one.
 ///
 /// # Errors
@@ -120,10 +162,7 @@ pub fn compare(
         let [mut relative_here, mut square_here, mut difference_here] = [0.0; 3];
         for channel in 0..3 {
             let error = x[channel] - r[channel];
-            // Equal values are no error whatever the scale, also where the whole reference is black.
-            if error != 0.0 {
-                relative_here += error * error / (r[channel] * r[channel] + floor);
-            }
+            relative_here += relative_square(x[channel], r[channel], floor);
             square_here += error * error;
             difference_here += error;
             sum[channel] += x[channel];

@@ -18,7 +18,7 @@ mod normal;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use blocks::{BlockStatistics, ZTest, mean_image, z_test};
-pub use comparison::{CompareError, Comparison, compare, compare_files};
+pub use comparison::{CompareError, Comparison, compare, compare_files, rel_mse_map};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
 pub use moments::{BiasVariance, RenderMoments};
 pub use normal::{normal_quantile, sidak_z_limit};

@@ -434,6 +434,12 @@ pub static SETTINGS: &[Setting] = &[
         "also write each eye's direct light, indirect light and albedo, frame_NNNN_EYE_{direct,indirect,albedo}.exr",
     ),
     setting(
+        "output.motion",
+        Kind::Bool,
+        "",
+        "keep where things were in the frame before, for views of motion; images stay as they are",
+    ),
+    setting(
         "force.glossy",
         FORCE,
         "",

@@ -425,6 +425,8 @@ pub struct OutputSettings {
     pub images: bool,
     /// Split radiance into direct and indirect light, and write those and the albedo; default false.
     pub parts: bool,
+    /// Keep where things were in the frame before, for views of motion; images stay as they are; default false.
+    pub motion: bool,
 }
 
 impl Default for OutputSettings {
@@ -433,6 +435,7 @@ impl Default for OutputSettings {
             exposure: 1.0,
             images: true,
             parts: false,
+            motion: false,
         }
     }
 }

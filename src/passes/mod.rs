@@ -19,6 +19,7 @@
 //! both eyes    RECONSTRUCT_SVGF, RECONSTRUCT_SHOWN, as far as settings ask for them (once, after all samples)
 //! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
 //! window       MIRROR, where a desktop window shows them                (likewise)
+//! views        INSPECTION, and `motion` once more, when a view of intermediate results is asked for, after a frame
 //! ```
 
 use std::fmt;
@@ -85,6 +86,10 @@ passes!(
     xr_submit,
     xr_submit_depth,
     mirror,
+    inspect_surfaces,
+    inspect_photons,
+    inspect_dots,
+    inspect_caustics,
 );
 
 /// What a pass is dispatched over.
@@ -288,6 +293,15 @@ pub const SUBMISSION: &[&Pass] = &[&xr_submit::PASS, &xr_submit_depth::PASS];
 
 /// Draws an eye's image into its half of a desktop window.
 pub const MIRROR: &[&Pass] = &[&mirror::PASS];
+
+/// Views of intermediate results. They run after a frame, if they are asked for, and are compiled when that happens first;
+/// [`inspect_surfaces`] comes before the others.
+pub const INSPECTION: &[&Pass] = &[
+    &inspect_surfaces::PASS,
+    &inspect_photons::PASS,
+    &inspect_dots::PASS,
+    &inspect_caustics::PASS,
+];
 
 /// Diagnosis of the filled pixels.
 pub const FILL_REASONS: &[&Pass] = &[&fill_reasons::PASS];

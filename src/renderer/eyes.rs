@@ -236,6 +236,16 @@ impl Eyes {
         self.stereo.as_ref().filter(|_| self.reuse)
     }
 
+    /// What the eyes' passes are.
+    pub fn plan(&self) -> &EyePlan {
+        &self.plan
+    }
+
+    /// Whether both eyes have images.
+    pub(super) fn has_right(&self) -> bool {
+        self.right.is_some()
+    }
+
     /// Whether the right eye reuses the left.
     pub fn reuse(&self) -> bool {
         self.reuse

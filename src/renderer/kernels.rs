@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::{GpuContext, GpuError, Kernel, ShaderLibrary};
-use crate::passes::{Over, Pass};
+use crate::passes::{self, Over, Pass};
 
 /// Feature of passes that work on a list of pixels.
 const FROM_LIST: &str = "from_list";
+/// Feature of the pass that counts the nodes which its rays enter.
+const COUNT_STEPS: &str = "count_steps";
 
 /// Compiled passes by name.
 pub struct KernelSet {
@@ -109,5 +111,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     let list =
         matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);
     own.insert(FROM_LIST.to_owned(), list);
+    let counts = pass.name == passes::inspect_surfaces::PASS.name;
+    own.insert(COUNT_STEPS.to_owned(), counts);
     own
 }

@@ -9,6 +9,8 @@ pub mod deform;
 mod eye_buffers;
 pub mod eyes;
 pub mod frame_list;
+mod inspect;
+pub mod inspection;
 pub mod instance_table;
 pub mod kd_tree;
 pub mod kernels;
@@ -52,6 +54,7 @@ pub use choices::{
     sample_passes, samples_per_dispatch, shader_features, splits_light, stereo_passes,
 };
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
+pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
 pub use kd_tree::KdTree;
 pub use kernels::KernelSet;
@@ -120,6 +123,7 @@ pub struct Renderer {
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
     mirror: Option<mirror::MirrorPass>,
+    inspector: inspect::Inspector,
     player: Option<Player>,
 }
 
@@ -232,7 +236,7 @@ impl Renderer {
             wanted.extend(plan.passes());
         }
         let follows_motion = wanted.contains(&&passes::motion::PASS);
-        buffers.keep_previous(follows_motion);
+        buffers.keep_previous(follows_motion || settings.output.motion);
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);
@@ -276,6 +280,7 @@ impl Renderer {
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
             mirror: None,
+            inspector: inspect::Inspector::default(),
             player,
             context,
         };
@@ -448,6 +453,9 @@ impl Renderer {
                 reconstruction.record(&mut recorder, &self.kernels, size)?;
             }
             recorder.submit("frame", &mut result.times)?;
+            if is_last {
+                self.inspector.note(&frame);
+            }
             progress(first);
         }
         result.cpu_ms.render = milliseconds_since(began);

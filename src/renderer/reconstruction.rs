@@ -472,6 +472,25 @@ impl Reconstruction {
             .transpose()
     }
 
+    /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`
+    /// for an eye that is not rendered, or without filtering.
+    ///
+    /// # Errors
+    /// As [`read_buffer`].
+    pub fn read_variance(
+        &self,
+        context: &GpuContext,
+        eye: Eye,
+        pixels: usize,
+    ) -> Result<Option<Vec<f32>>, GpuError> {
+        let Some(own) = self.buffers(eye).filter(|_| self.plan.svgf) else {
+            return Ok(None);
+        };
+        let moments: Vec<[f32; 4]> =
+            read_buffer(context, "moments", &own.moments[self.turn], pixels)?;
+        Ok(Some(moments.iter().map(|m| m[1] + m[3]).collect()))
+    }
+
     /// What every pixel of an eye saw: distance in metres (bits), normal, instance and flags, place in the pixel; and its
     /// motion: displacement in pixels, distance before, whether it is known. For tests and views.
     ///

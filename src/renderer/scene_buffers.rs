@@ -272,6 +272,12 @@ impl SceneBuffers {
         slot.filter(|slot| *slot != u32::MAX).map(InstanceId)
     }
 
+    /// The scene node that the frame begun last placed an instance by; `None` for one that was added without.
+    pub fn shown_node(&self, slot: u32) -> Option<u32> {
+        let shown = self.top.instances().get(slot as usize)?;
+        (shown.node != u32::MAX).then_some(shown.node)
+    }
+
     /// Moves an instance; false if there is none of that number, or it stands there already.
     pub fn place_instance(&mut self, id: InstanceId, world_from_object: DAffine3) -> bool {
         let moved = self.table.place(id, world_from_object);

@@ -1,4 +1,5 @@
-//! What a session asks of the renderer besides frames: pixels that nobody sees, switching reuse, handing images over.
+//! What a session asks of the renderer besides frames: pixels that nobody sees, switching reuse, another image size,
+//! handing images over.
 
 use crate::gpu::ShaderLibrary;
 use crate::xr::view::Tangents;
@@ -6,7 +7,7 @@ use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
 use super::raster::{Shown, ShownLight};
-use super::{Eye, RenderError, Renderer, Submitter};
+use super::{Eye, Eyes, Reconstruction, RenderError, Renderer, Submitter};
 
 /// What the lenses hide, and for which fields of view the device knows it.
 pub(super) struct Hidden {
@@ -51,6 +52,53 @@ impl Renderer {
             self.is_bound = false;
         }
         changed
+    }
+
+    /// Size of each eye's image, pixels: width, height.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Makes the frames to come `size` pixels wide and high, per eye. Scene, kernels and photon maps stay as they are; images
+    /// are allocated anew, and what reconstruction remembers of earlier frames is forgotten. The next frame is bit for
+    /// bit that of a renderer made at this size which traced its photons in the same frame. Does nothing if that is
+    /// the size already.
+    ///
+    /// # Errors
+    /// [`RenderError::Settings`] for a size without pixels, [`RenderError::Gpu`] if the images do not fit the adapter; the
+    /// old size then stays.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<(), RenderError> {
+        if size.contains(&0) {
+            return Err(RenderError::Settings(format!(
+                "an image of {}x{} has no pixels; width and height must be at least 1",
+                size[0], size[1]
+            )));
+        }
+        if size == self.size() {
+            return Ok(());
+        }
+        let both = self.eyes.has_right();
+        let mut eyes = Eyes::new(&self.context, size, self.eyes.plan().clone(), both)?;
+        eyes.set_reuse(self.eyes.reuse());
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let reconstruction = self
+            .reconstruction
+            .as_ref()
+            .map(|old| Reconstruction::new(&self.context, old.plan(), pixels, both))
+            .transpose()?;
+        self.eyes = eyes;
+        self.reconstruction = reconstruction;
+        [self.width, self.height] = size;
+        if let Some(hidden) = &mut self.hidden {
+            hidden.tangents = None;
+        }
+        // Both are bound to the old images.
+        self.submitter = None;
+        self.mirror = None;
+        self.inspector.forget_frames();
+        self.is_bound = false;
+        Ok(())
     }
 
     fn shown(&self) -> Shown<'_> {

@@ -1,0 +1,538 @@
+//! Values of a view as pictures: colour maps, scales, legends in numbers. No device is needed.
+//!
+//! [`picture`] turns an [`Inspected`] into 8-bit RGB and a [`Legend`], [`relative_error`] an image and its reference. The
+//! map for numbers grows in lightness all the way, so that its order is seen also in grey and by the colour blind.
+
+use std::fmt::Write as _;
+
+use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, srgb_encode};
+use crate::metrics::MetricsError;
+use crate::output::provenance_color;
+use crate::renderer::{Inspected, InspectedValues, Inspection};
+
+/// Colour of pixels that have no value: a dark grey that no map holds.
+pub const NO_VALUE: [u8; 3] = [38, 38, 42];
+
+/// Knots of the map, sRGB, at equal steps from 0 to 1: black, blue, violet, red, orange, yellow, white. CIE lightness L*
+/// grows by 12.5 from each to the next (a test; by 11 to the last): equal steps of a number look equally far apart. That
+/// is the reasoning of van der Walt and Smith for matplotlib's maps (SciPy 2015); the colours are our own.
+const KNOTS: [[f64; 3]; 9] = [
+    [0.0, 0.0, 0.0],
+    [28.0, 22.0, 86.0],
+    [89.0, 22.0, 134.0],
+    [154.0, 35.0, 137.0],
+    [210.0, 63.0, 108.0],
+    [240.0, 113.0, 77.0],
+    [248.0, 168.0, 68.0],
+    [250.0, 217.0, 118.0],
+    [251.0, 254.0, 219.0],
+];
+
+/// How numbers become shares of the colour map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// In proportion.
+    #[default]
+    Linear,
+    /// By their logarithm; numbers of 0 and below have the map's first colour.
+    Log,
+}
+
+/// How a view is coloured.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Coloring {
+    /// Of numbers.
+    pub scale: Scale,
+    /// Numbers at the ends of the map, in the values' unit; `None`: [`automatic_range`]. For radiance: the second is what
+    /// becomes white.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Coloring {
+    /// What suits a view: logarithms for what spans orders of magnitude.
+    #[must_use]
+    pub fn of(inspection: Inspection) -> Self {
+        let scale = match inspection {
+            Inspection::PhotonDensity | Inspection::Variance => Scale::Log,
+            _ => Scale::Linear,
+        };
+        Self { scale, range: None }
+    }
+}
+
+/// What a legend explains.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Legend {
+    /// A bar of the colour map with numbers beside it.
+    Bar {
+        /// Unit of the numbers, empty for none.
+        unit: &'static str,
+        /// Scale of the bar.
+        scale: Scale,
+        /// Numbers at the bar's ends.
+        range: [f64; 2],
+        /// Place along the bar, 0 to 1, with the number there: ascending, as short as they can be told apart.
+        ticks: Vec<(f64, String)>,
+    },
+    /// Colours as they are, with the value that is shown as white.
+    White {
+        /// Unit of the number, empty for none.
+        unit: &'static str,
+        /// The number.
+        white: f64,
+    },
+    /// Directions as 0.5 + 0.5 n: red is +X, green +Y, blue +Z.
+    Axes,
+    /// A wheel: the hue is the direction, full at `longest`.
+    Wheel {
+        /// Unit of the number.
+        unit: &'static str,
+        /// Length of the vectors with the fullest colour.
+        longest: f64,
+    },
+    /// Names by colour, in the labels' order. Empty where there are too many to tell.
+    Labels(Vec<([u8; 3], String)>),
+}
+
+/// A picture of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// 8-bit sRGB.
+    pub image: ImageRgb8,
+    /// What its colours mean.
+    pub legend: Legend,
+}
+
+/// Colour of `share` (0 to 1, clamped) of the map, 8-bit sRGB.
+#[must_use]
+pub fn map_color(share: f64) -> [u8; 3] {
+    let at = share.clamp(0.0, 1.0) * (KNOTS.len() - 1) as f64;
+    let first = (at as usize).min(KNOTS.len() - 2);
+    let part = at - first as f64;
+    let (a, b) = (KNOTS[first], KNOTS[first + 1]);
+    [0, 1, 2].map(|c| (a[c] + part * (b[c] - a[c])).round() as u8)
+}
+
+/// A range for the map: from the 1st to the 99th percentile of the numbers, linear ones from 0 if they come near it;
+/// logarithmic ones over the positive numbers, at most six decades. Never empty: [0, 1] (logarithmic [0.1, 1]) where there
+/// is nothing to see.
+#[must_use]
+pub fn automatic_range(values: impl IntoIterator<Item = f64>, scale: Scale) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values
+        .into_iter()
+        .filter(|value| value.is_finite() && (scale == Scale::Linear || *value > 0.0))
+        .collect();
+    sorted.sort_by(f64::total_cmp);
+    let percentile = |share: f64| {
+        let last = sorted.len().saturating_sub(1);
+        sorted.get((share * last as f64).round() as usize).copied()
+    };
+    let (Some(low), Some(mut high)) = (percentile(0.01), percentile(0.99)) else {
+        return match scale {
+            Scale::Linear => [0.0, 1.0],
+            Scale::Log => [0.1, 1.0],
+        };
+    };
+    match scale {
+        Scale::Linear => {
+            // Few bright pixels among many dark ones: better their own range than none.
+            if high <= low.max(0.0) {
+                high = sorted.last().copied().unwrap_or(high);
+            }
+            let low = if low >= 0.0 && low < 0.5 * high {
+                0.0
+            } else {
+                low
+            };
+            if high > low { [low, high] } else { around(low) }
+        }
+        Scale::Log => {
+            let low = low.max(high * 1e-6);
+            if high > low * 1.001 {
+                [low, high]
+            } else {
+                [high * 0.1, high]
+            }
+        }
+    }
+}
+
+/// A range that a constant picture lies in: from 0 to it.
+fn around(value: f64) -> [f64; 2] {
+    if value > 0.0 {
+        [0.0, value]
+    } else if value < 0.0 {
+        [value, 0.0]
+    } else {
+        [0.0, 1.0]
+    }
+}
+
+/// Share of the map that `value` has.
+#[must_use]
+pub fn share_of(value: f64, range: [f64; 2], scale: Scale) -> f64 {
+    let [low, high] = range;
+    let share = match scale {
+        Scale::Linear => (value - low) / (high - low),
+        Scale::Log if value > 0.0 => (value / low).ln() / (high / low).ln(),
+        Scale::Log => 0.0,
+    };
+    if share.is_finite() {
+        share.clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// Places and texts of the numbers beside a bar: at most eight, round in the decimal system, from the range's inside.
+#[must_use]
+pub fn ticks(range: [f64; 2], scale: Scale) -> Vec<(f64, String)> {
+    let [low, high] = range;
+    let numbers: Vec<f64> = match scale {
+        Scale::Linear => {
+            let rough = (high - low) / 5.0;
+            let power = 10_f64.powf(rough.log10().floor());
+            // 1, 2 or 5 times a power of ten, so that there are three to eight of them.
+            let step = [1.0, 2.0, 5.0, 10.0]
+                .map(|factor| factor * power)
+                .into_iter()
+                .find(|step| *step >= rough * 0.999)
+                .unwrap_or(power);
+            let first = (low / step - 1e-9).ceil() as i64;
+            let last = (high / step + 1e-9).floor() as i64;
+            (first..=last.min(first + 16))
+                .map(|k| k as f64 * step)
+                .collect()
+        }
+        Scale::Log => {
+            let decades = (high / low).log10();
+            // Where decades are few, halves and fifths of them too.
+            let within: &[f64] = if decades < 2.0 {
+                &[1.0, 2.0, 5.0]
+            } else {
+                &[1.0]
+            };
+            let every = (decades / 7.0).ceil().max(1.0) as i32;
+            let first = low.log10().floor() as i32;
+            let last = high.log10().ceil() as i32;
+            (first..=last)
+                .filter(|power| power.rem_euclid(every) == 0)
+                .flat_map(|power| within.iter().map(move |f| f * 10_f64.powi(power)))
+                .filter(|number| *number >= low * (1.0 - 1e-9) && *number <= high * (1.0 + 1e-9))
+                .collect()
+        }
+    };
+    let step = match (scale, numbers.as_slice()) {
+        (Scale::Linear, [first, second, ..]) => second - first,
+        _ => 0.0,
+    };
+    let mut texts: Vec<(f64, String)> = numbers
+        .into_iter()
+        .map(|number| (share_of(number, range, scale), number_text(number, step)))
+        .collect();
+    if texts.len() < 2 {
+        // A range too narrow for round numbers: its ends.
+        texts = [low, high]
+            .map(|end| {
+                (
+                    share_of(end, range, scale),
+                    number_text(end, (high - low) / 10.0),
+                )
+            })
+            .into();
+    }
+    texts
+}
+
+/// A number in as few digits as tell multiples of `step` apart; `step` 0: three significant ones.
+fn number_text(number: f64, step: f64) -> String {
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let size = number.abs().log10().floor() as i32;
+    let digits = if step > 0.0 {
+        (size - step.log10().floor() as i32).clamp(0, 12)
+    } else {
+        2
+    };
+    if (-3..6).contains(&size) {
+        let decimals = (digits - size).max(0) as usize;
+        trimmed(format!("{number:.decimals$}"))
+    } else {
+        let digits = digits as usize;
+        let text = format!("{number:.digits$e}");
+        match text.split_once('e') {
+            Some((mantissa, power)) => format!("{}e{power}", trimmed(mantissa.to_owned())),
+            None => text,
+        }
+    }
+}
+
+/// Without zeroes after the decimal point.
+fn trimmed(text: String) -> String {
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// Colour of a label, the same in every picture: hues by the golden ratio, so that neighbours in number differ most, in two
+/// lightnesses.
+#[must_use]
+pub fn label_color(label: u32) -> [u8; 3] {
+    let hue = (f64::from(label) * 0.618_033_988_749_895).fract();
+    let (saturation, value) = [(0.55, 0.95), (0.8, 0.7), (0.35, 0.75)][label as usize % 3];
+    hsv(hue, saturation, value)
+}
+
+/// Hue (turns), saturation, value as 8-bit sRGB.
+fn hsv(hue: f64, saturation: f64, value: f64) -> [u8; 3] {
+    let channel = |offset: f64| {
+        let k = (offset + hue * 6.0).rem_euclid(6.0);
+        let dip = k.min(4.0 - k).clamp(0.0, 1.0);
+        (255.0 * (value - value * saturation * dip)).round() as u8
+    };
+    [channel(5.0), channel(3.0), channel(1.0)]
+}
+
+/// Colour of a motion: hue by direction (red is to the right, then by way of yellow down), full at `longest` pixels.
+#[must_use]
+pub fn motion_color(vector: [f32; 2], longest: f64) -> [u8; 3] {
+    let (x, y) = (f64::from(vector[0]), f64::from(vector[1]));
+    let turn = y.atan2(x) / std::f64::consts::TAU;
+    let share = (x.hypot(y) / longest).clamp(0.0, 1.0);
+    hsv(turn.rem_euclid(1.0), share, 0.25 + 0.75 * share.sqrt())
+}
+
+fn picture_of<P: Copy>(
+    inspected: &Inspected,
+    values: &[P],
+    color: impl Fn(P) -> [u8; 3],
+) -> Result<ImageRgb8, ImageError> {
+    let pixels = values
+        .iter()
+        .enumerate()
+        .map(|(pixel, value)| {
+            if has_value(inspected, pixel) {
+                color(*value)
+            } else {
+                NO_VALUE
+            }
+        })
+        .collect();
+    Image::new(inspected.size[0], inspected.size[1], pixels)
+}
+
+fn has_value(inspected: &Inspected, pixel: usize) -> bool {
+    match &inspected.has_value {
+        Some(has) => has.get(pixel).copied().unwrap_or(false),
+        None => true,
+    }
+}
+
+/// The numbers of pixels that have one.
+fn known<'a, P: Copy>(inspected: &'a Inspected, values: &'a [P]) -> impl Iterator<Item = P> + 'a {
+    let with = values.iter().enumerate();
+    with.filter(|(pixel, _)| has_value(inspected, *pixel))
+        .map(|(_, value)| *value)
+}
+
+fn bar(
+    size: [u32; 2],
+    values: &[f32],
+    has: impl Fn(usize) -> bool,
+    unit: &'static str,
+    coloring: Coloring,
+) -> Result<Picture, ImageError> {
+    let scale = coloring.scale;
+    let range = coloring.range.unwrap_or_else(|| {
+        let known = values.iter().enumerate().filter(|(pixel, _)| has(*pixel));
+        automatic_range(known.map(|(_, value)| f64::from(*value)), scale)
+    });
+    let pixels = values.iter().enumerate().map(|(pixel, value)| {
+        if has(pixel) {
+            map_color(share_of(f64::from(*value), range, scale))
+        } else {
+            NO_VALUE
+        }
+    });
+    Ok(Picture {
+        image: Image::new(size[0], size[1], pixels.collect())?,
+        legend: Legend::Bar {
+            unit,
+            scale,
+            range,
+            ticks: ticks(range, scale),
+        },
+    })
+}
+
+/// Names of provenances, in the order of their numbers (`PROVENANCE_*` of the shaders).
+const PROVENANCES: [&str; 7] = [
+    "no surface",
+    "reused",
+    "outside the left image",
+    "hidden from the left eye",
+    "another surface there",
+    "depends on the direction",
+    "no sample landed",
+];
+/// More labels than this get no legend.
+const MOST_LABELS: usize = 32;
+
+/// A view as a picture with its legend.
+///
+/// # Errors
+/// [`ImageError::Shape`] if values and size do not go together.
+pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, ImageError> {
+    let unit = inspected.unit;
+    match &inspected.values {
+        InspectedValues::Scalar(values) => bar(
+            inspected.size,
+            values,
+            |pixel| has_value(inspected, pixel),
+            unit,
+            coloring,
+        ),
+        InspectedValues::Color(values) => {
+            // Reflectance is shown as it is.
+            let automatic = || {
+                if unit.is_empty() {
+                    return 1.0;
+                }
+                let bright = known(inspected, values).map(|v| f64::from(v[0].max(v[1]).max(v[2])));
+                automatic_range(bright, Scale::Linear)[1]
+            };
+            let white = coloring.range.map_or_else(automatic, |range| range[1]);
+            let encode =
+                |value: f32| (srgb_encode((f64::from(value) / white) as f32) * 255.0).round() as u8;
+            Ok(Picture {
+                image: picture_of(inspected, values, |value| value.map(encode))?,
+                legend: Legend::White { unit, white },
+            })
+        }
+        InspectedValues::Direction(values) => Ok(Picture {
+            image: picture_of(inspected, values, |n| {
+                n.map(|c| (255.0 * (0.5 + 0.5 * f64::from(c))).round() as u8)
+            })?,
+            legend: Legend::Axes,
+        }),
+        InspectedValues::Vector2(values) => {
+            let longest = coloring.range.map_or_else(
+                || {
+                    let lengths = known(inspected, values).map(|v| f64::from(v[0].hypot(v[1])));
+                    automatic_range(lengths, Scale::Linear)[1]
+                },
+                |range| range[1],
+            );
+            Ok(Picture {
+                image: picture_of(inspected, values, |v| motion_color(v, longest))?,
+                legend: Legend::Wheel { unit, longest },
+            })
+        }
+        InspectedValues::Labels(values) => {
+            let is_provenance = inspected.inspection == Inspection::Provenance;
+            let color = if is_provenance {
+                provenance_color
+            } else {
+                label_color
+            };
+            let mut labels: Vec<u32> = known(inspected, values).collect();
+            labels.sort_unstable();
+            labels.dedup();
+            let name = |label: u32| {
+                let known = PROVENANCES.get(label as usize).filter(|_| is_provenance);
+                known.map_or_else(|| label.to_string(), |name| (*name).to_owned())
+            };
+            let legend = if labels.len() > MOST_LABELS {
+                Vec::new()
+            } else {
+                labels
+                    .iter()
+                    .map(|&label| (color(label), name(label)))
+                    .collect()
+            };
+            Ok(Picture {
+                image: picture_of(inspected, values, color)?,
+                legend: Legend::Labels(legend),
+            })
+        }
+    }
+}
+
+/// What goes wrong with an error map. Each message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum ErrorMapError {
+    /// Sizes differ.
+    #[error(transparent)]
+    Metrics(#[from] MetricsError),
+    /// No picture.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// Squared relative error of each pixel, the terms whose mean is [`crate::metrics::Comparison::rel_mse`], as a picture. Of
+/// an image that is all noise they average 1 and more; 1e-2 is an error of a tenth. Pixels that are not finite, and all
+/// against a black reference, have no value.
+///
+/// # Errors
+/// [`ErrorMapError::Metrics`] if the images differ in size.
+pub fn relative_error(
+    image: &ImageRgb,
+    reference: &ImageRgb,
+    coloring: Coloring,
+) -> Result<Picture, ErrorMapError> {
+    let errors = crate::metrics::rel_mse_map(image, reference)?;
+    let values: Vec<f32> = errors
+        .pixels
+        .iter()
+        .map(|e| e.unwrap_or(0.0) as f32)
+        .collect();
+    Ok(bar(
+        [image.width, image.height],
+        &values,
+        |pixel| errors.pixels.get(pixel).is_some_and(Option::is_some),
+        "",
+        coloring,
+    )?)
+}
+
+impl Legend {
+    /// The legend in a line of text, for status bars and reports.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let with_unit = |number: f64, unit: &str| {
+            format!("{} {unit}", number_text(number, 0.0))
+                .trim_end()
+                .to_owned()
+        };
+        match self {
+            Self::Bar {
+                unit, scale, range, ..
+            } => {
+                let kind = match scale {
+                    Scale::Linear => "",
+                    Scale::Log => ", logarithmic",
+                };
+                let [low, high] = range.map(|end| with_unit(end, unit));
+                format!("{low} to {high}{kind}")
+            }
+            Self::White { unit, white } => format!("white is {}", with_unit(*white, unit)),
+            Self::Axes => "red +X, green +Y, blue +Z".to_owned(),
+            Self::Wheel { unit, longest } => {
+                format!("hue by direction, full at {}", with_unit(*longest, unit))
+            }
+            Self::Labels(labels) => {
+                let mut line = String::new();
+                for (_, name) in labels {
+                    let _ = write!(line, "{}{name}", if line.is_empty() { "" } else { ", " });
+                }
+                line
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

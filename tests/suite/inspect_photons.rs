@@ -1,0 +1,511 @@
+//! Views of photons, motion and variance, against counts and sums on the host.
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
+use stereolux::options::{Kernel, Method, Reuse, Settings};
+use stereolux::renderer::{
+    Eye, InspectedValues, Inspection, InstanceId, Photon, PhotonMap, Renderer,
+};
+use stereolux::scene::Scene;
+use stereolux::scene::builtin::plane;
+use stereolux::xr::{Pose, View};
+
+use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
+use super::photon_map::map_only;
+use super::support::*;
+
+const SIZE: [u32; 2] = [32, 32];
+
+/// A photon in f64, world space.
+struct Placed {
+    position: DVec3,
+    /// To within a step of 2 / 8191 in each coordinate.
+    normal: DVec3,
+    flux: DVec3,
+    cell: [u32; 3],
+}
+
+/// Twin of `unpack_photon_normal`.
+fn normal_of(bits: u32) -> DVec3 {
+    let part = |bits: u32| f64::from(bits & 8191) / 8191.0 * 2.0 - 1.0;
+    let (x, y) = (part(bits >> 19), part(bits >> 6));
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    let folded = |v: f64| if v >= 0.0 { v - fold } else { v + fold };
+    DVec3::new(folded(x), folded(y), z).normalize()
+}
+
+fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
+    let context = renderer.context();
+    let (origin, _) = map.traced_at().unwrap();
+    let (grid, _) = map.read_grid(context).unwrap();
+    let place = |photon: &Photon| Placed {
+        position: origin + glam::Vec3::from(photon.position).as_dvec3(),
+        normal: normal_of(photon.normal_depth),
+        flux: glam::Vec3::from(photon.flux).as_dvec3(),
+        cell: [0, 1, 2].map(|axis| {
+            let at = (photon.position[axis] - grid.origin[axis]) * grid.inverse_edge;
+            at.clamp(1.0, grid.dims[axis] as f32 - 2.0) as u32
+        }),
+    };
+    map.read_photons(context)
+        .unwrap()
+        .iter()
+        .map(place)
+        .collect()
+}
+
+/// Density and occupancy by going through all photons; `grid_rows` says whether the grid is expected to be hashed.
+fn counts_are_the_hosts(scene: &Scene, settings: &Settings, size: [u32; 2], hashed: bool) -> u32 {
+    let mut renderer = renderer(scene, settings, size);
+    let views = views(scene, 20.0);
+    frame(&mut renderer, &views);
+    // A head that has moved on: photons keep the space of the frame that traced them.
+    let mut head = start_pose(scene);
+    head.position += DVec3::new(0.03, 0.02, -0.05);
+    let views = parallel_views(head, 0.063, square_fov(20.0));
+    renderer.render_frame(&views, 1, |_| {}).unwrap();
+    let map = renderer.photon_map().unwrap();
+    let slices = map.gather_slices();
+    let (grid, _) = map.read_grid(renderer.context()).unwrap();
+    assert_eq!(grid.hashed_rows != 0, hashed);
+    let photons = placed(&renderer, map);
+    let origin = map.traced_at().unwrap().0;
+    let radius = f64::from(grid.radius);
+    let area = std::f64::consts::PI * radius * radius;
+    let eye = Eye::Right;
+    let density = scalars(&mut renderer, Inspection::PhotonDensity, eye);
+    let occupancy = scalars(&mut renderer, Inspection::GridOccupancy, eye);
+    let seen = surfaces(&mut renderer, eye);
+    let (mut certain, mut found) = (0, 0.0);
+    for (pixel, surface) in seen.iter().enumerate() {
+        if surface.instance.is_none() {
+            assert_eq!((density[pixel], occupancy[pixel]), (0.0, 0.0));
+            continue;
+        }
+        let (from, direction) = center_ray(&views[1], size, pixel);
+        let point = from + direction * f64::from(surface.distance_m);
+        let normal = glam::Vec3::from(surface.geometric_normal_in_world).as_dvec3();
+        // f32 misplaces points and photons of a room of 1 m by some 1e-6 m; packed normals turn by up to 4e-4.
+        let (mut least, mut most) = (0.0, 0.0);
+        for photon in &photons {
+            let distance = photon.position.distance(point);
+            let cosine = photon.normal.dot(normal) - settings.photon.normal_min_cos;
+            if distance < radius + 1e-5 && cosine > -1e-3 {
+                most += 1.0;
+                least += f64::from(u8::from(distance < radius - 1e-5 && cosine > 1e-3));
+            }
+        }
+        let count = f64::from(density[pixel]) * area;
+        assert!(
+            count >= least - 0.01 && count <= most + 0.01,
+            "pixel {pixel}: {count} of {least} to {most}"
+        );
+        found += count;
+        let at: Vec<f64> = (0..3)
+            .map(|axis| {
+                ((point - origin)[axis] - f64::from(grid.origin[axis]))
+                    * f64::from(grid.inverse_edge)
+            })
+            .collect();
+        if at.iter().any(|at| (at - at.round()).abs() < 1e-4) {
+            continue;
+        }
+        certain += 1;
+        let cell = [0, 1, 2].map(|axis| at[axis] as u32);
+        let inside = photons.iter().filter(|photon| photon.cell == cell).count();
+        assert_eq!(occupancy[pixel], inside as f32, "pixel {pixel}");
+    }
+    assert!(certain > seen.len() / 4 && found > 0.0, "{certain} {found}");
+    assert!(occupancy.iter().sum::<f32>() > 0.0);
+    slices
+}
+
+#[test]
+fn density_and_occupancy_are_counts_of_the_photons_there_are() {
+    let scene = builtin("cornell");
+    let dense = settings(|s| s.photon.count = 8192);
+    assert_eq!(counts_are_the_hosts(&scene, &dense, [24, 20], false), 1);
+    let hashed = settings(|s| {
+        s.photon.count = 4096;
+        s.photon.radius_m = 0.02;
+        s.photon.grid_cells_max = 1024;
+    });
+    counts_are_the_hosts(&scene, &hashed, [24, 20], true);
+    // So many photons in a cell that they are counted in slices.
+    let sliced = settings(|s| {
+        s.photon.count = 65_536;
+        s.photon.radius_m = 3.0;
+    });
+    let slices = counts_are_the_hosts(&scene, &sliced, [6, 6], false);
+    assert!(slices > 1, "{slices}");
+}
+
+/// Share of the disc around (x, y) that lies on the square of +-`half`.
+fn disc_share(x: f64, y: f64, radius: f64, half: f64) -> f64 {
+    const STEPS: i32 = 48;
+    let (mut inside, mut all) = (0.0, 0.0);
+    for i in 0..STEPS * STEPS {
+        let part = |k: i32| (f64::from(2 * k + 1) / f64::from(STEPS) - 1.0) * radius;
+        let (u, v) = (part(i % STEPS), part(i / STEPS));
+        if u * u + v * v <= radius * radius {
+            all += 1.0;
+            inside += f64::from(u8::from((x + u).abs() < half && (y + v).abs() < half));
+        }
+    }
+    inside / all
+}
+
+#[test]
+fn the_density_of_a_plane_integrates_to_its_photons() {
+    let scene = builtin("plane");
+    let radius = 1.0;
+    let mut renderer = renderer(
+        &scene,
+        &map_only(4096, |s| s.photon.radius_m = radius),
+        [128, 128],
+    );
+    // The whole plane: half an edge of 10 m in 2 m is 78.7 degrees.
+    let views = views(&scene, 80.0);
+    frame(&mut renderer, &views);
+    let density = scalars(&mut renderer, Inspection::PhotonDensity, Eye::Left);
+    // Pixels are linear in tangents, so each covers the same area of a plane that faces the eye.
+    let pixel_m = 2.0 * 80_f64.to_radians().tan() * plane::DISTANCE_M / 128.0;
+    let integral: f64 = density
+        .iter()
+        .map(|&d| f64::from(d) * pixel_m * pixel_m)
+        .sum();
+    let photons = placed(&renderer, renderer.photon_map().unwrap());
+    let expected: f64 = photons
+        .iter()
+        .map(|photon| {
+            disc_share(
+                photon.position.x,
+                photon.position.y,
+                radius,
+                plane::HALF_EDGE_M,
+            )
+        })
+        .sum();
+    // Each photon counts in as many pixels as have their centre in its disc of 5.6 pixels' radius: 100 on average, off by
+    // some 2 of them, a different number for each of 4,096 photons: 2 % / 64 in all. The 48 steps of the share do likewise.
+    assert!(photons.len() > 1000);
+    assert!(
+        (integral / expected - 1.0).abs() < 2e-3,
+        "{integral} of {expected}"
+    );
+    assert!((integral / photons.len() as f64 - 1.0).abs() < 0.1);
+}
+
+/// Photons that each pixel of a view sees, by f64, each ray to the eye traced; or without asking what lies between.
+fn host_dots(
+    scene: &Scene,
+    photons: &[Placed],
+    view: &View,
+    size: [u32; 2],
+    traces: bool,
+) -> Vec<f32> {
+    let triangles = Triangles::of(scene);
+    let mut dots = vec![0.0; (size[0] * size[1]) as usize];
+    for photon in photons {
+        let to_eye = view.position_in_world - photon.position;
+        if photon.normal.dot(to_eye) <= 0.0 {
+            continue;
+        }
+        let place = view.pixel_from_point_in_world(photon.position, size[0], size[1]);
+        let Some((x, y)) = place else {
+            continue;
+        };
+        if !(traces && triangles.blocked(photon.position, view.position_in_world, 1e-4)) {
+            dots[(y as u32 * size[0] + x as u32) as usize] += 1.0;
+        }
+    }
+    dots
+}
+
+fn sum(dots: &[f32]) -> f64 {
+    dots.iter().map(|&dot| f64::from(dot)).sum()
+}
+
+fn difference(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum()
+}
+
+#[test]
+fn dots_are_the_photons_that_the_eye_sees() {
+    let scene = builtin("cornell");
+    let mut renderer = renderer(&scene, &settings(|s| s.photon.count = 8192), [64, 64]);
+    let views = views(&scene, 21.0);
+    frame(&mut renderer, &views);
+    let photons = placed(&renderer, renderer.photon_map().unwrap());
+    for (eye, view) in [Eye::Left, Eye::Right].into_iter().zip(&views) {
+        let dots = scalars(&mut renderer, Inspection::PhotonDots, eye);
+        let expected = host_dots(&scene, &photons, view, [64, 64], true);
+        let unseen = host_dots(&scene, &photons, view, [64, 64], false);
+        // Photons a pixel's width behind an edge count though they are hidden: the boxes' outlines run through some
+        // 150 of 4,096 pixels. Which of two pixels a photon lies in is rounding.
+        let (wrong, all) = (difference(&dots, &expected), sum(&expected));
+        assert!(
+            all > 1000.0 && wrong < 0.02 * all,
+            "{eye:?}: {wrong} of {all}"
+        );
+        // Without a depth test there would be many more.
+        let hidden = difference(&unseen, &expected);
+        assert!(
+            hidden > 4.0 * wrong && hidden > 0.05 * all,
+            "{hidden} {wrong} {all}"
+        );
+    }
+}
+
+#[test]
+fn dots_of_both_maps_on_a_plane_are_all_photons_in_the_picture() {
+    // A kd-tree's photons lie in another order.
+    let plane = builtin("plane");
+    let mut renderer = renderer(
+        &plane,
+        &map_only(4096, |s| {
+            s.photon.search = stereolux::options::Search::KdTree
+        }),
+        SIZE,
+    );
+    let views = views(&plane, 45.0);
+    frame(&mut renderer, &views);
+    let photons = placed_anywhere(&renderer);
+    let dots = scalars(&mut renderer, Inspection::PhotonDots, Eye::Left);
+    let inside = |p: &DVec3| {
+        views[0]
+            .pixel_from_point_in_world(*p, SIZE[0], SIZE[1])
+            .is_some()
+    };
+    let expected = photons.iter().filter(|p| inside(p)).count() as f64;
+    // One on the very border may be rounded out.
+    assert!(
+        (sum(&dots) - expected).abs() <= 1.0 && expected > 500.0,
+        "{} {expected}",
+        sum(&dots)
+    );
+    let refused = renderer.inspect(
+        &ShaderLibrary::embedded(),
+        Inspection::GridOccupancy,
+        Eye::Left,
+    );
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("photon.search=grid")
+    );
+}
+
+fn placed_anywhere(renderer: &Renderer) -> Vec<DVec3> {
+    let map = renderer.photon_map().unwrap();
+    let (origin, _) = map.traced_at().unwrap();
+    let photons = map.read_photons(renderer.context()).unwrap();
+    photons
+        .iter()
+        .map(|p| origin + glam::Vec3::from(p.position).as_dvec3())
+        .collect()
+}
+
+#[test]
+fn caustic_light_is_the_estimate_from_the_caustic_map_alone() {
+    let scene = builtin("caustic");
+    let settings = settings(|s| {
+        s.reuse = Reuse::Off;
+        s.photon.count = 32_768;
+        s.photon.kernel = Kernel::Constant;
+        s.output.parts = true;
+    });
+    let mut renderer = renderer(&scene, &settings, SIZE);
+    let views = views(&scene, 25.0);
+    frame(&mut renderer, &views);
+    let map = renderer.caustic_map().unwrap();
+    let photons = placed(&renderer, map);
+    let radius = renderer.caustic_radius_m();
+    let paths = f64::from(map.counters().paths_kept);
+    let floor = renderer.scene().instance_of_node(0).unwrap();
+    for (eye, view) in [Eye::Left, Eye::Right].into_iter().zip(&views) {
+        let light = colors(&mut renderer, Inspection::Caustic, eye);
+        let indirect = colors(&mut renderer, Inspection::Indirect, eye);
+        let seen = surfaces(&mut renderer, eye);
+        let (mut on_floor, mut bright, mut total) = (0, 0.0_f64, 0.0);
+        for (pixel, surface) in seen.iter().enumerate() {
+            // What is gathered from this map is part of what is indirect; both are sums of the same terms.
+            for c in 0..3 {
+                assert!(light[pixel][c] <= indirect[pixel][c] * (1.0 + 1e-5) + 1e-6);
+            }
+            if surface.instance != Some(floor) {
+                continue;
+            }
+            on_floor += 1;
+            let (from, direction) = center_ray(view, SIZE, pixel);
+            let point = from + direction * f64::from(surface.distance_m);
+            // Photons within 1e-5 m of the border count or not.
+            let sum_within = |radius: f64| -> f64 {
+                photons
+                    .iter()
+                    .filter(|photon| {
+                        photon.position.distance(point) < radius && photon.normal.y > 0.9
+                    })
+                    .map(|photon| photon.flux.x)
+                    .sum()
+            };
+            let scale = f64::from(surface.albedo[0])
+                / std::f64::consts::PI
+                / (std::f64::consts::PI * radius * radius * paths);
+            let (least, most) = (
+                sum_within(radius - 1e-5) * scale,
+                sum_within(radius + 1e-5) * scale,
+            );
+            let found = f64::from(light[pixel][0]);
+            // Lambert: the same weight from every direction, but the shading correction of flat normals rounds.
+            assert!(
+                found >= least * 0.999 - 1e-9 && found <= most * 1.001 + 1e-9,
+                "{pixel}: {found} {least} {most}"
+            );
+            bright = bright.max(found);
+            total += found;
+        }
+        let mean = total / f64::from(on_floor);
+        assert!(
+            on_floor > 300 && bright > 5.0 * mean,
+            "{on_floor} {bright} {mean}"
+        );
+    }
+}
+
+#[test]
+fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
+    let scene = builtin("gallery");
+    let view = |step: f64| {
+        let mut head = start_pose(&scene);
+        head.position += DVec3::new(0.02, -0.01, 0.015) * step;
+        head.orientation *= DQuat::from_rotation_y(0.02 * step);
+        parallel_views(
+            Pose::new(head.position, head.orientation),
+            0.063,
+            square_fov(40.0),
+        )
+    };
+    let filtered = settings(|s| {
+        s.method = Method::Path;
+        s.path.max_depth = 2;
+        s.reuse = Reuse::Off;
+        s.reconstruct.taa = true;
+    });
+    let mut plain = filtered.clone();
+    plain.reconstruct.taa = false;
+    plain.output.motion = true;
+    let mut found: Vec<Vec<[f32; 2]>> = Vec::new();
+    for settings in [&filtered, &plain] {
+        let mut renderer = renderer(&scene, settings, SIZE);
+        for step in 0..2 {
+            let at = DAffine3::from_translation(DVec3::new(0.04, 0.02, 0.0) * f64::from(step))
+                * scene.instances()[3].world_from_object;
+            renderer.set_instance_transform(InstanceId(3), at);
+            renderer
+                .render_frame(&view(f64::from(step)), step, |_| {})
+                .unwrap();
+            if step == 0 {
+                let first = inspected(&mut renderer, Inspection::Motion, Eye::Left);
+                assert_eq!(
+                    first.has_value,
+                    Some(vec![false; 1024]),
+                    "nothing came before"
+                );
+            }
+        }
+        for eye in [Eye::Left, Eye::Right] {
+            let motion = inspected(&mut renderer, Inspection::Motion, eye);
+            let InspectedValues::Vector2(vectors) = motion.values else {
+                panic!("vectors");
+            };
+            let known = motion.has_value.unwrap();
+            assert!(known.iter().filter(|known| **known).count() > 1000);
+            if let Some(own) = renderer.reconstruction() {
+                let (_, read) = own
+                    .read_motion(renderer.context(), eye, 1024)
+                    .unwrap()
+                    .unwrap();
+                for ((vector, known), read) in vectors.iter().zip(&known).zip(&read) {
+                    assert_eq!((*vector, *known), ([read[0], read[1]], read[3] > 0.0));
+                }
+            }
+            let longest = vectors.iter().map(|v| v[0].hypot(v[1])).fold(0.0, f32::max);
+            assert!(longest > 0.5 && longest < 10.0, "{longest}");
+            found.push(vectors);
+        }
+    }
+    assert!(found[0] == found[2] && found[1] == found[3]);
+    assert!(found[0] != found[1]);
+}
+
+#[test]
+fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
+    let at_rest = |name: &str, frames: u32, depth: u32| {
+        let scene = builtin(name);
+        let mut renderer = renderer(
+            &scene,
+            &settings(|s| {
+                s.method = Method::Path;
+                s.path.max_depth = depth;
+                s.reuse = Reuse::Off;
+                s.reconstruct.svgf = true;
+                s.reconstruct.stereo = false;
+                s.reconstruct.moments_alpha = 0.0;
+            }),
+            SIZE,
+        );
+        let views = views(&scene, 18.0);
+        let mut frames_of_luminance = Vec::new();
+        for index in 0..frames {
+            renderer.render_frame(&views, index, |_| {}).unwrap();
+            let parts = renderer
+                .eyes()
+                .read_parts(renderer.context(), Eye::Left, 1)
+                .unwrap()
+                .unwrap();
+            let luminance: Vec<[f64; 2]> = (0..1024)
+                .map(|pixel| {
+                    [&parts.direct, &parts.indirect].map(|part| {
+                        let light = (0..3)
+                            .map(|c| {
+                                let albedo = f64::from(parts.albedo[pixel][c]).max(0.01);
+                                [0.2126, 0.7152, 0.0722][c] * f64::from(part[pixel][c]) / albedo
+                            })
+                            .sum::<f64>();
+                        light
+                    })
+                })
+                .collect();
+            frames_of_luminance.push(luminance);
+        }
+        let variance = scalars(&mut renderer, Inspection::Variance, Eye::Left);
+        (variance, frames_of_luminance)
+    };
+    // A point light on a plane: every frame is the same.
+    let (still, _) = at_rest("plane", 4, 2);
+    assert!(
+        still.iter().all(|v| (0.0..1e-9).contains(v)),
+        "{:?}",
+        still[0]
+    );
+    let (noisy, frames) = at_rest("cornell", 6, 3);
+    let count = frames.len() as f64;
+    for (pixel, &found) in noisy.iter().enumerate() {
+        let mut expected = 0.0;
+        for part in 0..2 {
+            let mean = frames.iter().map(|f| f[pixel][part]).sum::<f64>() / count;
+            let squares = frames.iter().map(|f| (f[pixel][part] - mean).powi(2));
+            expected += squares.sum::<f64>() / count;
+        }
+        // At rest every pixel's history is its own; f32's recurrence over six frames.
+        let error = (f64::from(found) - expected).abs();
+        assert!(
+            error <= 1e-3 * expected + 1e-6,
+            "{pixel}: {found} {expected}"
+        );
+    }
+    assert!(noisy.iter().filter(|v| **v > 1e-3).count() > 300);
+}

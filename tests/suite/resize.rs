@@ -1,0 +1,161 @@
+//! `Renderer::resize`: the frames of another size, without a new renderer.
+
+use stereolux::gpu::ShaderLibrary;
+use stereolux::options::{Eyes, Method, PhotonEstimate, Reuse, Settings};
+use stereolux::renderer::{Eye, RenderError, Renderer};
+use stereolux::scene::Scene;
+use stereolux::xr::View;
+
+use crate::suite::support::{
+    bits, builtin, context, frame, parallel_views, radiance, renderer, settings, square_fov,
+    start_pose,
+};
+
+const SMALL: [u32; 2] = [24, 20];
+const LARGE: [u32; 2] = [48, 33];
+
+fn views(scene: &Scene) -> [View; 2] {
+    parallel_views(start_pose(scene), 0.063, square_fov(25.0))
+}
+
+/// Both eyes' bits and what the right eye took over.
+fn picture(renderer: &Renderer) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Option<Vec<u32>>) {
+    (
+        bits(&radiance(renderer, Eye::Left)),
+        bits(&radiance(renderer, Eye::Right)),
+        renderer.eyes().read_provenance(renderer.context()).unwrap(),
+    )
+}
+
+/// Frame 0 of a renderer that has shown it at `SMALL` before, and that of one made at `LARGE`; twice each, the second as
+/// frame 1, so that history counts.
+fn resized_and_made(scene: &Scene, settings: &Settings) {
+    let views = views(scene);
+    let mut resized = renderer(scene, settings, SMALL);
+    frame(&mut resized, &views);
+    let small = picture(&resized);
+    resized.resize(LARGE).unwrap();
+    assert_eq!(resized.size(), LARGE);
+    let mut made = renderer(scene, settings, LARGE);
+    for index in 0..2 {
+        for renderer in [&mut resized, &mut made] {
+            renderer.render_frame(&views, index, |_| {}).unwrap();
+        }
+        assert!(
+            picture(&resized) == picture(&made),
+            "{:?} {:?}: frame {index}",
+            settings.method,
+            settings.reuse
+        );
+    }
+    // Another frame's noise would have been noticed.
+    let noisy = picture(&resized);
+    resized.render_frame(&views, 2, |_| {}).unwrap();
+    assert!(picture(&resized) != noisy);
+    // And back again, to what the first frame was.
+    resized.resize(SMALL).unwrap();
+    frame(&mut resized, &views);
+    let again = picture(&resized);
+    assert_eq!(again.0.len(), 24 * 20);
+    assert!(again == small, "the old size again");
+}
+
+#[test]
+fn a_resized_renderer_gives_the_frames_of_one_made_at_that_size() {
+    for (name, method, reuse) in [
+        ("gallery", Method::Photon, Reuse::Lookup),
+        ("cornell", Method::Photon, Reuse::Scatter),
+        ("cornell", Method::Path, Reuse::Off),
+    ] {
+        resized_and_made(
+            &builtin(name),
+            &settings(|s| {
+                s.method = method;
+                s.reuse = reuse;
+                s.spp = 2;
+                s.path.max_depth = 4;
+                s.photon.count = 2048;
+            }),
+        );
+    }
+}
+
+#[test]
+fn reconstruction_parts_and_heaps_follow_the_size() {
+    let scene = builtin("cornell");
+    resized_and_made(
+        &scene,
+        &settings(|s| {
+            s.reuse = Reuse::Lookup;
+            s.output.parts = true;
+            s.reconstruct.svgf = true;
+            s.reconstruct.taa = true;
+            s.reconstruct.still = true;
+        }),
+    );
+    resized_and_made(
+        &scene,
+        &settings(|s| {
+            // A radius so large that gathers run in slices, each of which keeps a heap.
+            s.photon.estimate = PhotonEstimate::Nearest;
+            s.photon.radius_m = 5.0;
+            s.photon.count = 65_536;
+        }),
+    );
+}
+
+#[test]
+fn photons_stay_and_switched_reuse_stays_switched() {
+    let scene = builtin("cornell");
+    let views = views(&scene);
+    let settings = settings(|s| s.reuse = Reuse::Lookup);
+    let mut renderer = renderer(&scene, &settings, SMALL);
+    assert!(frame(&mut renderer, &views).photons.traced);
+    assert!(renderer.switch_reuse());
+    renderer.resize(LARGE).unwrap();
+    assert!(!renderer.eyes().reuse());
+    let again = renderer.render_frame(&views, 1, |_| {}).unwrap();
+    assert!(!again.photons.traced);
+    // The right eye rendered by itself: as without reuse.
+    let off = {
+        let mut settings = settings.clone();
+        settings.reuse = Reuse::Off;
+        let mut off = super::support::renderer(&scene, &settings, LARGE);
+        off.render_frame(&views, 0, |_| {}).unwrap();
+        off.render_frame(&views, 1, |_| {}).unwrap();
+        bits(&radiance(&off, Eye::Right))
+    };
+    assert!(bits(&radiance(&renderer, Eye::Right)) == off);
+}
+
+#[test]
+fn sizes_without_pixels_are_refused_and_leave_the_old_one() {
+    let scene = builtin("cornell");
+    let mut renderer = Renderer::new(
+        context(),
+        &ShaderLibrary::embedded(),
+        &scene,
+        &settings(|_| {}),
+        Eyes::Right,
+        SMALL,
+    )
+    .unwrap();
+    let views = views(&scene);
+    frame(&mut renderer, &views);
+    let before = bits(&radiance(&renderer, Eye::Right));
+    let error = renderer.resize([0, 5]).unwrap_err();
+    assert!(matches!(error, RenderError::Settings(_)));
+    assert!(error.to_string().contains("0x5"), "{error}");
+    assert_eq!(renderer.size(), SMALL);
+    // More than the adapter binds: 16 bytes for each of these pixels.
+    assert!(renderer.resize([1 << 20, 1 << 20]).is_err());
+    assert_eq!(renderer.size(), SMALL);
+    renderer.resize(SMALL).unwrap();
+    frame(&mut renderer, &views);
+    assert!(bits(&radiance(&renderer, Eye::Right)) == before);
+    // A single eye keeps its own buffers.
+    renderer.resize(LARGE).unwrap();
+    frame(&mut renderer, &views);
+    assert_eq!(radiance(&renderer, Eye::Right).len(), 48 * 33);
+    assert!(renderer.read_radiance(Eye::Left).unwrap().is_none());
+}
