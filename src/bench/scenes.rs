@@ -166,6 +166,7 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
             has_tangents,
             has_uv1,
             has_colors,
+            repainted: _,
         } = mesh;
         let indices: Vec<[u32; 4]> = triangles
             .iter()
@@ -297,14 +298,10 @@ fn indirect() -> Scene {
         scene.roots.push(scene.nodes.len());
         scene.nodes.push(Node {
             name: name.to_owned(),
-            parent: None,
-            children: Vec::new(),
             parent_from_node: from,
             mesh,
-            light: None,
             camera,
-            skin: None,
-            morph_weights: Vec::new(),
+            ..Node::default()
         });
     };
     for index in 0..5 {
@@ -346,8 +343,6 @@ impl Generated {
             };
             scene.nodes.push(Node {
                 name: name.to_owned(),
-                parent: None,
-                children: Vec::new(),
                 parent_from_node: from,
                 mesh,
                 light,

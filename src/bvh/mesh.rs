@@ -162,19 +162,7 @@ impl MeshHierarchies {
         let end = self.nodes.len().max(root as usize + room);
         self.nodes.resize(end, BvhNode::default());
         let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();
-        let mut emitter_count = 0;
-        let emitters: Vec<u32> = mesh
-            .triangles
-            .iter()
-            .map(|triangle| {
-                if marks_of(triangle.material).emits {
-                    emitter_count += 1;
-                    emitter_count - 1
-                } else {
-                    NO_EMITTER
-                }
-            })
-            .collect();
+        let (emitters, emitter_count) = emitter_numbers(mesh, marks);
         for &index in &part.order {
             let triangle = &mesh.triangles[index as usize];
             let [v0, v1, v2] = triangle
@@ -204,6 +192,30 @@ impl MeshHierarchies {
         self.rebuilt_subtrees += part.rebuilt;
     }
 
+    /// Notes other materials or marks in a mesh's triangles; corners and boxes stay. Returns its range of triangles.
+    pub fn repaint(
+        &mut self,
+        index: usize,
+        mesh: &Mesh,
+        marks: &[MaterialMarks],
+    ) -> std::ops::Range<usize> {
+        let range = &mut self.meshes[index];
+        let first = range.first_triangle as usize;
+        let triangles = first..first + range.triangle_count as usize;
+        let (emitters, emitter_count) = emitter_numbers(mesh, marks);
+        range.emitter_count = emitter_count;
+        for at in triangles.clone() {
+            let source = self.triangle_vertices[at][3] as usize;
+            let material = mesh.triangles[source].material;
+            let marks = marks.get(material as usize).copied().unwrap_or_default();
+            let triangle = &mut self.triangles[at];
+            triangle.material = material;
+            triangle.emitter = emitters[source];
+            triangle.flags = marks.flags;
+        }
+        triangles
+    }
+
     /// Proves that every triangle lies in exactly one leaf of its mesh, inside all boxes above it, and that no path is
     /// deeper than the traversal's stack.
     ///
@@ -226,6 +238,25 @@ impl MeshHierarchies {
         }
         Ok(())
     }
+}
+
+/// For each triangle its number among those of its mesh that emit, or [`NO_EMITTER`]; and how many do.
+fn emitter_numbers(mesh: &Mesh, marks: &[MaterialMarks]) -> (Vec<u32>, u32) {
+    let mut count = 0;
+    let numbers = mesh
+        .triangles
+        .iter()
+        .map(|triangle| {
+            let marks = marks.get(triangle.material as usize);
+            if marks.is_some_and(|marks| marks.emits) {
+                count += 1;
+                count - 1
+            } else {
+                NO_EMITTER
+            }
+        })
+        .collect();
+    (numbers, count)
 }
 
 pub(super) fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {

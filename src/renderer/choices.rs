@@ -6,7 +6,7 @@ use crate::options::{
     Technique,
 };
 use crate::passes::{self, Pass};
-use crate::scene::{Needs, Scene};
+use crate::scene::{Needs, Scene, SceneFacts};
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -86,9 +86,13 @@ pub fn forms_caustics(features: &ShaderFeatures) -> bool {
 
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
 pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
+    radius_for_area_m(SceneFacts::of(scene).area_m2(scene), paths)
+}
+
+/// As [`automatic_radius_m`], for a scene whose area is known.
+pub(super) fn radius_for_area_m(area_m2: f64, paths: u32) -> f64 {
     let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
-    let radius =
-        (AUTOMATIC_GATHER * scene.surface_area_m2() / (std::f64::consts::PI * photons)).sqrt();
+    let radius = (AUTOMATIC_GATHER * area_m2 / (std::f64::consts::PI * photons)).sqrt();
     if radius.is_finite() && radius > 0.0 {
         radius
     } else {

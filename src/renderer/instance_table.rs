@@ -145,6 +145,23 @@ impl InstanceTable {
         true
     }
 
+    /// Takes over other sources, slot by slot, all at once. `was` gives the slot that an instance had before, so that it is
+    /// known where the last frame showed it.
+    pub fn replace(&mut self, sources: Vec<InstanceSource>, was: impl Fn(usize) -> Option<u32>) {
+        let count = sources.len();
+        let shown = (0..count).map(|slot| {
+            let old = was(slot)? as usize;
+            self.shown.get(old).copied().flatten()
+        });
+        self.shown = shown.collect();
+        self.sources = sources;
+        self.is_live = vec![true; count];
+        self.is_changed = vec![true; count];
+        self.changed = (0..count as u32).collect();
+        self.free.clear();
+        self.leaving.clear();
+    }
+
     /// Where a new instance's emissive triangles begin in the table of lights.
     pub fn set_first_emitter(&mut self, id: InstanceId, first_emitter: u32) {
         if let Some(source) = self.sources.get_mut(id.0 as usize) {

@@ -6,6 +6,7 @@
 
 pub mod choices;
 pub mod deform;
+mod editing;
 mod eye_buffers;
 pub mod eyes;
 pub mod frame_list;
@@ -17,6 +18,7 @@ pub mod kernels;
 mod map_config;
 pub mod mirror;
 mod moving;
+mod own_meshes;
 pub mod parts;
 pub mod photon_map;
 mod photon_records;
@@ -53,6 +55,7 @@ pub use choices::{
     automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, progressive_radius_m,
     sample_passes, samples_per_dispatch, shader_features, splits_light, stereo_passes,
 };
+pub use editing::{Applied, InPlace};
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
@@ -67,7 +70,7 @@ pub use stats::{
 };
 pub use submit::Submitter;
 
-use choices::LEAST_RADIUS_M;
+use choices::{LEAST_RADIUS_M, radius_for_area_m};
 
 /// Distance of two frames' photon keys: progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
@@ -125,6 +128,7 @@ pub struct Renderer {
     mirror: Option<mirror::MirrorPass>,
     inspector: inspect::Inspector,
     player: Option<Player>,
+    edit_base: editing::EditBase,
 }
 
 impl Renderer {
@@ -161,7 +165,8 @@ impl Renderer {
             .photon
             .check_gather()
             .map_err(RenderError::Settings)?;
-        let needs = Needs::of(scene);
+        let edit_base = editing::EditBase::new(scene);
+        let needs = Needs::with_facts(scene, &edit_base.facts);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
         let texels = match settings.force.record_texels {
@@ -245,7 +250,7 @@ impl Renderer {
         let radius_m = if settings.photon.radius_m > 0.0 {
             settings.photon.radius_m.max(LEAST_RADIUS_M)
         } else {
-            automatic_radius_m(scene, settings.photon.count)
+            radius_for_area_m(edit_base.facts.area_m2(scene), settings.photon.count)
         };
         let caustic_radius_m = if settings.photon.caustic_radius_m > 0.0 {
             settings.photon.caustic_radius_m.max(LEAST_RADIUS_M)
@@ -282,6 +287,7 @@ impl Renderer {
             mirror: None,
             inspector: inspect::Inspector::default(),
             player,
+            edit_base,
             context,
         };
         renderer.warm_up()?;
@@ -411,7 +417,8 @@ impl Renderer {
                 let photon_key = frame_index
                     .wrapping_mul(PHOTON_KEY_STRIDE)
                     .wrapping_add(first);
-                self.trace_photons(views, frame_index, photon_key, progressive, &mut result)?;
+                let anew = std::mem::take(&mut self.edit_base.outdates_photons) || progressive;
+                self.trace_photons(views, frame_index, photon_key, anew, &mut result)?;
                 let slices = self.gather_slices();
                 if self.eyes.set_gather_slices(&self.context, slices)? {
                     self.bind()?;

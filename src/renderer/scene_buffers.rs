@@ -4,23 +4,28 @@ use std::ops::Range;
 
 use glam::{DAffine3, DVec3};
 
+mod edits;
+
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
 use super::kernels::KernelSet;
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
-    LightKinds, LightSources, PackedLights, TriangleOrder, pack_environment, pack_lights,
-    pack_materials, pack_textures, pack_vertices,
+    LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
+    pack_lights, pack_textures, pack_vertices,
 };
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::timing::{FrameRecorder, PassTimes};
 use crate::gpu::types::bvh::{BvhNode, Triangle};
+use crate::gpu::types::material::Material;
 use crate::gpu::{
     GpuContext, GpuError, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data,
 };
 use crate::scene::{Scene, ScenePose};
+
+pub(super) use edits::{Edited, SceneChange};
 
 /// The scene's buffers.
 pub struct SceneBuffers {
@@ -41,7 +46,10 @@ pub struct SceneBuffers {
     triangles: wgpu::Buffer,
     triangle_vertices: wgpu::Buffer,
     vertices: wgpu::Buffer,
-    materials: wgpu::Buffer,
+    materials: GrowingBuffer,
+    packed_materials: Vec<Material>,
+    /// Without texels.
+    packed_textures: PackedTextures,
     textures: Option<(wgpu::Buffer, wgpu::Buffer)>,
     environment: Option<(wgpu::Buffer, wgpu::Buffer)>,
     top_nodes: GrowingBuffer,
@@ -93,12 +101,11 @@ impl SceneBuffers {
         let hierarchies =
             MeshHierarchies::build_with_room(&scene.meshes, &marks, |mesh| changes[mesh])?;
         let deformer = Deformer::new(context, scene, &hierarchies, &marks)?;
-        let packed_textures = if is_on(features, "textures") {
+        let mut packed_textures = if is_on(features, "textures") {
             pack_textures(scene, context.max_binding_bytes)?
         } else {
             Default::default()
         };
-        let materials = pack_materials(scene, &packed_textures);
         let packed_vertices = pack_vertices(scene);
         let environment = scene
             .environment
@@ -150,6 +157,7 @@ impl SceneBuffers {
         } else {
             None
         };
+        packed_textures.texels = Vec::new();
         let environment = match &environment {
             Some(packed) => Some((
                 storage_buffer_with_data(context, "environment texels", &packed.texels)?,
@@ -171,7 +179,9 @@ impl SceneBuffers {
                 &hierarchies.triangle_vertices,
             )?,
             vertices: storage_buffer_with_data(context, "vertices", &packed_vertices.vertices)?,
-            materials: storage_buffer_with_data(context, "materials", &materials)?,
+            materials: GrowingBuffer::new("materials"),
+            packed_materials: Vec::new(),
+            packed_textures,
             textures,
             environment,
             top_nodes: GrowingBuffer::new("top nodes"),
@@ -192,6 +202,7 @@ impl SceneBuffers {
             top: TopLevel::default(),
             packed_lights,
         };
+        buffers.write_materials(context, scene)?;
         buffers.set_pose(&scene.rest_pose());
         buffers.node_lights_moved = false;
         buffers.copy_to_texels(context, |name| (!PLACED.contains(&name)).then_some(WHOLE))?;
@@ -232,7 +243,7 @@ impl SceneBuffers {
             "triangles" => Some(&self.triangles),
             "triangle_vertices" => Some(&self.triangle_vertices),
             "vertices" => Some(&self.vertices),
-            "materials" => Some(&self.materials),
+            "materials" => self.materials.buffer(),
             "lights" => self.lights.buffer(),
             "light_alias" => self.light_alias.buffer(),
             _ => None,
@@ -245,6 +256,7 @@ impl SceneBuffers {
         if let Some(deformer) = &mut self.deformer {
             deformer.set_pose(pose, |shape| reshaped.push(shape));
         }
+        self.has_moved |= !reshaped.is_empty();
         for shape in reshaped {
             self.hierarchies.meshes[shape.mesh].bounds = Some(shape.bounds);
             self.table.note_mesh(shape.mesh as u32);
@@ -266,6 +278,13 @@ impl SceneBuffers {
             .move_nodes(|node| pose.world_from_node.get(node).copied());
     }
 
+    /// The scene node that places an instance; `None` for one that no node places, or if there is none of that number.
+    pub fn node_of_instance(&self, id: InstanceId) -> Option<usize> {
+        self.table.placement(id)?;
+        let node = self.table.sources().get(id.0 as usize)?.node;
+        (node != u32::MAX).then_some(node as usize)
+    }
+
     /// The instance that a scene node places.
     pub fn instance_of_node(&self, node: usize) -> Option<InstanceId> {
         let slot = self.slot_of_node.get(node).copied();
@@ -282,6 +301,7 @@ impl SceneBuffers {
     pub fn place_instance(&mut self, id: InstanceId, world_from_object: DAffine3) -> bool {
         let moved = self.table.place(id, world_from_object);
         if moved {
+            self.has_moved = true;
             self.packed_lights.place_instance(id.0, &world_from_object);
         }
         moved
@@ -302,6 +322,7 @@ impl SceneBuffers {
                 "no instance of mesh {mesh} can be added: the scene has {count} meshes"
             )));
         }
+        self.has_moved = true;
         let id = self.table.add(InstanceSource {
             world_from_object,
             mesh: mesh as u32,
@@ -356,7 +377,6 @@ impl SceneBuffers {
             uploads.all(&mut self.previous_instances, self.table.previous())?;
         }
         if begun.is_new || self.lights_moved {
-            self.has_moved |= !self.table.moved().is_empty();
             self.top
                 .rebuild(origin_in_world, self.table.sources(), &self.hierarchies)?;
             self.widen_light_from_afar(origin_in_world);
@@ -585,7 +605,12 @@ impl SceneBuffers {
 
     /// Inner nodes on the longest path through both levels, the upper one's estimated: it is rebuilt as the head moves.
     pub fn hierarchy_depth(&self) -> u32 {
-        let instances = self.table.sources().len().max(1).ilog2();
+        self.hierarchy_depth_of(self.table.sources().len())
+    }
+
+    /// As [`SceneBuffers::hierarchy_depth`], with another number of instances.
+    pub(super) fn hierarchy_depth_of(&self, instances: usize) -> u32 {
+        let instances = instances.max(1).ilog2();
         self.hierarchies.max_depth + instances + instances / 2
     }
 

@@ -50,7 +50,34 @@ impl Default for Trs {
     }
 }
 
+/// By how much a quaternion's length may differ from 1 to be taken as it is. Dividing by the length leaves a few times
+/// 2^-53, so that what was divided once is never divided again and numbers survive writing and reading.
+const UNIT_LENGTH: f64 = 1e-15;
+
 impl Trs {
+    /// A matrix taken apart; shear is lost.
+    pub fn of(parent_from_node: &DAffine3) -> Self {
+        let (scale, rotation, translation) = parent_from_node.to_scale_rotation_translation();
+        Self {
+            translation,
+            rotation: Self::unit(rotation).unwrap_or(DQuat::IDENTITY),
+            scale,
+        }
+    }
+
+    /// A quaternion brought to unit length; `None` if it has none.
+    pub fn unit(rotation: DQuat) -> Option<DQuat> {
+        let length = rotation.length();
+        if !(length > 1e-6 && length.is_finite()) {
+            return None;
+        }
+        Some(if (length - 1.0).abs() <= UNIT_LENGTH {
+            rotation
+        } else {
+            rotation / length
+        })
+    }
+
     /// As one matrix.
     pub fn parent_from_node(&self) -> DAffine3 {
         DAffine3::from_scale_rotation_translation(self.scale, self.rotation, self.translation)

@@ -36,6 +36,9 @@ pub struct Mesh {
     pub has_uv1: bool,
     /// Whether any primitive has `COLOR_0`.
     pub has_colors: bool,
+    /// Materials that edits have replaced in its triangles, in that order: (before, after). Who keeps something made from
+    /// the triangles sees by it, without looking at them, whether their materials are still the same.
+    pub repainted: Vec<[u32; 2]>,
 }
 
 /// A triangle of a [`Mesh`]. Zero-area triangles are kept; rays never meet them.

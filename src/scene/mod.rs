@@ -8,13 +8,16 @@
 //! - `import` turns glTF into them; every fault in the file is one line of [`SceneError`], never a panic.
 //! - [`builtin`] generates the embedded scenes and writes them as `.glb` by [`gltf_writer`].
 //! - [`environment`] reads equirectangular maps.
+//! - [`edit`] changes a scene step by step, with undo and redo.
 //! - [`needs`] says which features a scene really uses, and what is left out.
 
 pub mod animation;
 pub mod builtin;
 pub mod deform;
+pub mod edit;
 pub mod environment;
 mod error;
+pub mod facts;
 pub mod gltf_writer;
 mod import;
 mod material;
@@ -27,10 +30,11 @@ use std::path::Path;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-pub use animation::Animation;
+pub use animation::{Animation, Trs};
 pub use deform::{Deformation, MorphTarget, Skin, VertexJoints};
 pub use environment::{Environment, load_environment};
 pub use error::SceneError;
+pub use facts::SceneFacts;
 pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
 pub use mesh::{Mesh, MeshTriangle};
 pub use needs::{LeftOut, Motion, Needs};
@@ -40,7 +44,7 @@ pub use pose::ScenePose;
 /// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
 ///
 /// Fields may be added: make one with `Scene { ..., ..Scene::default() }`.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// File stem, or `builtin:NAME`.
     pub name: String,
@@ -73,7 +77,7 @@ pub struct Scene {
 }
 
 /// What the importer saw in the file and did not turn into scene data.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceFacts {
     /// Kinds of motion that the file describes.
     pub motion: Motion,
@@ -82,7 +86,7 @@ pub struct SourceFacts {
 }
 
 /// A node of the transform tree.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Node {
     /// Name in the file, or `node N`.
     pub name: String,
@@ -92,6 +96,8 @@ pub struct Node {
     pub children: Vec<usize>,
     /// Local transform.
     pub parent_from_node: DAffine3,
+    /// The same in parts, where the file or an edit gave them and not a matrix: [`Node::trs`] reads them.
+    pub parts: Option<Trs>,
     /// Index into [`Scene::meshes`].
     pub mesh: Option<usize>,
     /// Index into [`Scene::lights`].
@@ -102,6 +108,22 @@ pub struct Node {
     pub skin: Option<usize>,
     /// Weights of its mesh's morph targets, where no animation says otherwise.
     pub morph_weights: Vec<f64>,
+    /// Neither the node nor anything below it is shown, meshes and lights alike (KHR_node_visibility); cameras stay.
+    pub is_hidden: bool,
+}
+
+impl Node {
+    /// The local transform in parts: as given, else the matrix taken apart, which loses shear.
+    pub fn trs(&self) -> Trs {
+        self.exact_parts()
+            .unwrap_or_else(|| Trs::of(&self.parent_from_node))
+    }
+
+    /// The parts as given, if they make exactly the local transform.
+    pub fn exact_parts(&self) -> Option<Trs> {
+        self.parts
+            .filter(|parts| parts.parent_from_node() == self.parent_from_node)
+    }
 }
 
 /// A mesh placed in the world.
@@ -254,8 +276,17 @@ impl Scene {
         painted
     }
 
-    /// World placement of every node that the scene reaches, depth first: `(node, world_from_node)`.
+    /// World placement of every node that the scene reaches, depth first: `(node, world_from_node)`. Hidden ones too.
     pub fn placed_nodes(&self) -> Vec<(usize, DAffine3)> {
+        self.placed(|_| true)
+    }
+
+    /// As [`Scene::placed_nodes`], without the nodes that are hidden and those below them.
+    pub fn shown_nodes(&self) -> Vec<(usize, DAffine3)> {
+        self.placed(|node| !node.is_hidden)
+    }
+
+    fn placed(&self, admits: impl Fn(&Node) -> bool) -> Vec<(usize, DAffine3)> {
         let mut placed = Vec::with_capacity(self.nodes.len());
         let mut pending: Vec<(usize, DAffine3)> = self
             .roots
@@ -264,7 +295,7 @@ impl Scene {
             .map(|root| (*root, DAffine3::IDENTITY))
             .collect();
         while let Some((index, world_from_parent)) = pending.pop() {
-            let Some(node) = self.nodes.get(index) else {
+            let Some(node) = self.nodes.get(index).filter(|node| admits(node)) else {
                 continue;
             };
             let world_from_node = world_from_parent * node.parent_from_node;
@@ -279,11 +310,11 @@ impl Scene {
         placed
     }
 
-    /// Every placed mesh that holds at least one triangle, as the file has it. A skinned one's space is that of
-    /// [`Scene::deformation`].
+    /// Every mesh that is placed, not hidden and holds at least one triangle, as the file has it. A skinned one's space is
+    /// that of [`Scene::deformation`].
     pub fn instances(&self) -> Vec<Instance> {
         let rest = (!self.skins.is_empty()).then(|| self.rest_pose());
-        self.placed_nodes()
+        self.shown_nodes()
             .into_iter()
             .filter_map(|(node, world_from_node)| {
                 let mesh = self.nodes.get(node)?.mesh?;
@@ -303,9 +334,9 @@ impl Scene {
             .collect()
     }
 
-    /// Every placed punctual light.
+    /// Every punctual light that is placed and not hidden.
     pub fn light_instances(&self) -> Vec<LightInstance> {
-        self.placed_nodes()
+        self.shown_nodes()
             .into_iter()
             .filter_map(|(node, world_from_light)| {
                 let light = self.nodes.get(node)?.light?;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{AlphaMode, LightKind, Material, Scene};
+use super::{AlphaMode, LightKind, Material, Scene, SceneFacts};
 
 /// A metal below this roughness focuses light well enough for a caustic to show.
 pub const CAUSTIC_ROUGHNESS: f32 = 0.3;
@@ -123,6 +123,11 @@ pub struct Needs {
 impl Needs {
     /// Looks through the whole scene once.
     pub fn of(scene: &Scene) -> Self {
+        Self::with_facts(scene, &SceneFacts::of(scene))
+    }
+
+    /// As [`Needs::of`], from what is known of the scene's triangles: work in proportion to nodes and materials.
+    pub fn with_facts(scene: &Scene, facts: &SceneFacts) -> Self {
         let instances = scene.instances();
         let mut used = vec![false; scene.materials.len()];
         let mut needs = Self {
@@ -143,27 +148,21 @@ impl Needs {
         }
         // What alpha can be at most one of: factor below 1, a texture with translucent texels, a translucent vertex.
         let mut translucent_vertices = vec![false; scene.materials.len()];
-        for (mesh, placed) in scene
+        for (mesh, placed) in facts
             .meshes
             .iter()
             .zip(placed)
             .filter(|(_, placed)| *placed > 0)
         {
-            needs.stored_triangles += mesh.triangles.len();
-            needs.triangles += mesh.triangles.len() * placed;
-            needs.vertex_colors |=
-                mesh.has_colors && mesh.colors.iter().any(|color| *color != [1.0; 4]);
-            for triangle in &mesh.triangles {
-                let material = triangle.material as usize;
-                used[material] = true;
-                needs.lights.emissive_triangles +=
-                    placed * usize::from(scene.materials[material].is_emissive());
-                if mesh.has_colors {
-                    translucent_vertices[material] |= triangle
-                        .vertices
-                        .iter()
-                        .any(|vertex| mesh.colors[*vertex as usize][3] < 1.0);
+            needs.stored_triangles += mesh.triangles;
+            needs.triangles += mesh.triangles * placed;
+            needs.vertex_colors |= mesh.has_tints;
+            for part in &mesh.uses {
+                used[part.material] = true;
+                if scene.materials[part.material].is_emissive() {
+                    needs.lights.emissive_triangles += placed * part.triangles;
                 }
+                translucent_vertices[part.material] |= part.is_translucent;
             }
         }
         for light in scene.light_instances() {
@@ -196,7 +195,7 @@ impl Needs {
         {
             needs.materials += 1;
             needs.add_material(material);
-            needs.alpha |= alpha_matters(scene, material, translucent_vertices[index]);
+            needs.alpha |= alpha_matters(scene, facts, material, translucent_vertices[index]);
             textures.extend(
                 material
                     .texture_slots()
@@ -331,20 +330,20 @@ fn focuses(material: &Material) -> bool {
 }
 
 /// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.
-fn alpha_matters(scene: &Scene, material: &Material, translucent_vertices: bool) -> bool {
+fn alpha_matters(
+    scene: &Scene,
+    facts: &SceneFacts,
+    material: &Material,
+    translucent_vertices: bool,
+) -> bool {
     let cutoff = match material.alpha_mode {
         AlphaMode::Opaque => return false,
         AlphaMode::Mask { cutoff } => cutoff,
         AlphaMode::Blend => 1.0,
     };
     let texture_alpha = material.base_color_texture.map_or(1.0, |slot| {
-        let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
-        let least = image
-            .rgba8
-            .chunks_exact(4)
-            .map(|texel| texel[3])
-            .min()
-            .unwrap_or(255);
+        let image = scene.textures[slot.texture as usize].image as usize;
+        let least = facts.least_alpha(image, scene.images.get(image));
         f32::from(least) / 255.0
     });
     translucent_vertices || material.base_color[3] * texture_alpha < cutoff

@@ -14,7 +14,8 @@ use crate::gpu::types::light::{
     LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light,
     LightAlias,
 };
-use crate::scene::{LightKind, Mesh, Scene};
+use crate::scene::facts::loose_bounds;
+use crate::scene::{Bounds, Instance, LightKind, Mesh, Scene};
 
 use super::environment::PackedEnvironment;
 use super::textures::sample_image;
@@ -144,6 +145,15 @@ pub struct PackedLights {
     /// Records that no instance uses: first and count.
     holes: Vec<(usize, usize)>,
     uploads: LightUploads,
+    kinds: LightKinds,
+    environment: Option<Surround>,
+}
+
+/// What a light of the environment needs of its map.
+#[derive(Clone, Copy, Debug)]
+struct Surround {
+    integral: [f64; 3],
+    size: [u32; 2],
 }
 
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
@@ -168,46 +178,102 @@ pub fn emitter_ordinals(scene: &Scene, mesh: &Mesh) -> Vec<u32> {
 /// Packs the lights that `sources.kinds` admits. `origin_in_world` is the origin of render space, the head.
 pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> PackedLights {
     let scene = sources.scene;
-    let (center, radius) = bounding_sphere(scene, origin_in_world);
+    let boxes: Vec<Option<Bounds>> = scene
+        .meshes
+        .iter()
+        .map(|mesh| {
+            let positions = mesh.positions.iter().copied();
+            Bounds::of_points(positions.map(crate::scene::as_dvec3))
+        })
+        .collect();
+    let bounds = loose_bounds(scene, |mesh| boxes.get(mesh).copied().flatten());
     let mut packed = PackedLights {
-        sphere: (center, radius),
+        kinds: sources.kinds,
+        environment: sources
+            .environment
+            .filter(|_| sources.kinds.environment)
+            .map(|environment| Surround {
+                integral: environment.integral,
+                size: [environment.width, environment.height],
+            }),
+        emitters: (0..scene.meshes.len())
+            .map(|mesh| {
+                let leaf_of = sources.order.leaf_of_triangle.get(mesh);
+                sources.emitters_of(mesh, leaf_of.map_or(&[], Vec::as_slice))
+            })
+            .collect(),
         ..PackedLights::default()
     };
-
-    if let Some(environment) = sources.environment.filter(|_| sources.kinds.environment) {
-        let power = environment
-            .integral
-            .map(|integral| PI * radius * radius * integral);
-        packed.positions_in_world.push(center);
-        packed.nodes.push(usize::MAX);
-        packed.push(
-            power,
-            1.0,
-            Light {
-                kind: LIGHT_ENVIRONMENT,
-                direction: [0.0, 0.0, 1.0],
-                scene_radius: radius as f32,
-                instance: environment.width,
-                triangle: environment.height,
-                ..Light::default()
-            },
-        );
-    }
-    push_punctual(&mut packed, sources, center, radius);
-    packed.origin_dependent = packed.records.len();
-    if sources.kinds.emitters {
-        push_triangles(&mut packed, sources);
-    } else {
-        packed.emitters = scene.meshes.iter().map(|_| Vec::new()).collect();
-        packed.first_emitter = vec![NO_EMITTER; scene.instances().len()];
-        packed.placed = vec![None; packed.first_emitter.len()];
-    }
-    packed.pick_anew();
+    packed.place_all(
+        scene,
+        &scene.instances(),
+        bounding_sphere(bounds, origin_in_world),
+    );
     packed.set_origin(origin_in_world);
     packed
 }
 
+impl LightSources<'_> {
+    fn emitters_of(&self, mesh: usize, leaf_of: &[u32]) -> Vec<Emitter> {
+        if !self.kinds.emitters {
+            return Vec::new();
+        }
+        mesh_emitters(self.scene, &self.scene.meshes[mesh], leaf_of)
+    }
+}
+
+/// The emissive triangles of a mesh in its own order; `leaf_of` gives a triangle's index in leaf order.
+fn mesh_emitters(scene: &Scene, mesh: &Mesh, leaf_of: &[u32]) -> Vec<Emitter> {
+    mesh_glows(scene, mesh)
+        .into_iter()
+        .map(|glow| {
+            let leaf = leaf_of.get(glow.triangle).copied().unwrap_or_default();
+            Emitter::new(mesh, glow, leaf)
+        })
+        .collect()
+}
+
 impl PackedLights {
+    /// Makes all records from the scene's lights and `instances`, whose numbers are their places in the list, and weighs
+    /// them. Nothing but the emissive triangles of meshes is kept of what was there.
+    fn place_all(&mut self, scene: &Scene, instances: &[Instance], sphere: (DVec3, f64)) {
+        let (center, radius) = sphere;
+        *self = Self {
+            sphere,
+            kinds: self.kinds,
+            environment: self.environment,
+            emitters: std::mem::take(&mut self.emitters),
+            ..Self::default()
+        };
+        if let Some(surround) = self.environment {
+            let power = surround
+                .integral
+                .map(|integral| PI * radius * radius * integral);
+            self.positions_in_world.push(center);
+            self.nodes.push(usize::MAX);
+            self.push(
+                power,
+                1.0,
+                Light {
+                    kind: LIGHT_ENVIRONMENT,
+                    direction: [0.0, 0.0, 1.0],
+                    scene_radius: radius as f32,
+                    instance: surround.size[0],
+                    triangle: surround.size[1],
+                    ..Light::default()
+                },
+            );
+        }
+        self.push_punctual(scene);
+        self.origin_dependent = self.records.len();
+        for (index, instance) in instances.iter().enumerate() {
+            let first =
+                self.push_emitters(index as u32, instance.mesh, &instance.world_from_object);
+            self.first_emitter.push(first);
+        }
+        self.pick_anew();
+    }
+
     fn push(&mut self, power: [f64; 3], boost: f64, record: Light) {
         self.records.push(record);
         self.powers.push([0.0; 3]);
@@ -244,58 +310,54 @@ impl PackedLights {
 }
 
 /// Centre and radius of a sphere around the scene, world space.
-fn bounding_sphere(scene: &Scene, origin_in_world: DVec3) -> (DVec3, f64) {
-    scene
-        .bounds_in_world()
-        .map_or((origin_in_world, 0.0), |bounds| {
-            let center = bounds.center();
-            (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
-        })
+fn bounding_sphere(bounds: Option<Bounds>, origin_in_world: DVec3) -> (DVec3, f64) {
+    bounds.map_or((origin_in_world, 0.0), |bounds| {
+        let center = bounds.center();
+        (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
+    })
 }
 
-fn push_punctual(
-    packed: &mut PackedLights,
-    sources: &LightSources<'_>,
-    center: DVec3,
-    radius: f64,
-) {
-    for placed in sources.scene.light_instances() {
-        let Some(light) = sources.scene.lights.get(placed.light) else {
-            continue;
-        };
-        let intensity = light.intensity.map(f64::from);
-        let mut record = Light {
-            direction: direction_of(&placed.world_from_light),
-            radiance: light.intensity,
-            ..Light::default()
-        };
-        let mut position = placed.world_from_light.translation;
-        let power = match light.kind {
-            LightKind::Point if sources.kinds.points => {
-                record.kind = LIGHT_POINT;
-                intensity.map(|intensity| 4.0 * PI * intensity)
-            }
-            LightKind::Spot {
-                inner_cone_rad,
-                outer_cone_rad,
-            } if sources.kinds.spots => {
-                let (scale, offset) = spot_falloff(inner_cone_rad, outer_cone_rad);
-                record.kind = LIGHT_SPOT;
-                record.spot_scale = scale as f32;
-                record.spot_offset = offset as f32;
-                intensity.map(|intensity| intensity * spot_solid_angle(scale, offset))
-            }
-            LightKind::Directional if sources.kinds.directionals => {
-                record.kind = LIGHT_DIRECTIONAL;
-                record.scene_radius = radius as f32;
-                position = center;
-                intensity.map(|irradiance| PI * radius * radius * irradiance)
-            }
-            _ => continue,
-        };
-        packed.positions_in_world.push(position);
-        packed.nodes.push(placed.node);
-        packed.push(power, 1.0, record);
+impl PackedLights {
+    fn push_punctual(&mut self, scene: &Scene) {
+        let (center, radius) = self.sphere;
+        for placed in scene.light_instances() {
+            let Some(light) = scene.lights.get(placed.light) else {
+                continue;
+            };
+            let intensity = light.intensity.map(f64::from);
+            let mut record = Light {
+                direction: direction_of(&placed.world_from_light),
+                radiance: light.intensity,
+                ..Light::default()
+            };
+            let mut position = placed.world_from_light.translation;
+            let power = match light.kind {
+                LightKind::Point if self.kinds.points => {
+                    record.kind = LIGHT_POINT;
+                    intensity.map(|intensity| 4.0 * PI * intensity)
+                }
+                LightKind::Spot {
+                    inner_cone_rad,
+                    outer_cone_rad,
+                } if self.kinds.spots => {
+                    let (scale, offset) = spot_falloff(inner_cone_rad, outer_cone_rad);
+                    record.kind = LIGHT_SPOT;
+                    record.spot_scale = scale as f32;
+                    record.spot_offset = offset as f32;
+                    intensity.map(|intensity| intensity * spot_solid_angle(scale, offset))
+                }
+                LightKind::Directional if self.kinds.directionals => {
+                    record.kind = LIGHT_DIRECTIONAL;
+                    record.scene_radius = radius as f32;
+                    position = center;
+                    intensity.map(|irradiance| PI * radius * radius * irradiance)
+                }
+                _ => continue,
+            };
+            self.positions_in_world.push(position);
+            self.nodes.push(placed.node);
+            self.push(power, 1.0, record);
+        }
     }
 }
 
@@ -326,29 +388,6 @@ struct Glow {
     mean: [f64; 3],
     boost: f64,
     double_sided: bool,
-}
-
-fn push_triangles(packed: &mut PackedLights, sources: &LightSources<'_>) {
-    let scene = sources.scene;
-    packed.emitters = scene
-        .meshes
-        .iter()
-        .enumerate()
-        .map(|(index, mesh)| {
-            let leaf_of = sources.order.leaf_of_triangle.get(index);
-            mesh_glows(scene, mesh)
-                .into_iter()
-                .map(|glow| {
-                    let leaf = leaf_of.and_then(|leaf_of| leaf_of.get(glow.triangle));
-                    Emitter::new(mesh, glow, leaf.copied().unwrap_or_default())
-                })
-                .collect()
-        })
-        .collect();
-    for (index, instance) in scene.instances().into_iter().enumerate() {
-        let first = packed.push_emitters(index as u32, instance.mesh, &instance.world_from_object);
-        packed.first_emitter.push(first);
-    }
 }
 
 fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {

@@ -6,7 +6,7 @@ use super::Notes;
 use super::document::Document;
 
 /// Extensions that are evaluated in full.
-const SUPPORTED: [&str; 8] = [
+const SUPPORTED: [&str; 9] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -14,6 +14,7 @@ const SUPPORTED: [&str; 8] = [
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 

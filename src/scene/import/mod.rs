@@ -21,6 +21,7 @@ use std::path::Path;
 use super::{Scene, SceneError, SourceFacts};
 pub(super) use container::read_file;
 use document::Document;
+pub(super) use nodes::transform_fault;
 
 /// What the importer has found so far, beside the scene itself.
 #[derive(Default)]

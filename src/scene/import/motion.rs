@@ -1,11 +1,11 @@
 //! Skins and animations, read from the plain JSON: the typed form refuses channels without a node.
 
-use glam::{DAffine3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DMat4};
 use serde_json::Value;
 
-use super::super::animation::{Animation, Interpolation, NodeTracks, Track, Trs};
+use super::super::animation::{Animation, Interpolation, NodeTracks, Track};
 use super::super::needs::{LeftOut, Motion};
-use super::super::{Mesh, Node, SceneError, Skin, as_dvec3};
+use super::super::{Mesh, Node, SceneError, Skin};
 use super::Notes;
 use super::accessors::Reader;
 use super::document::Document;
@@ -316,7 +316,7 @@ impl Import<'_> {
             None => {
                 clip.nodes.push(NodeTracks {
                     node,
-                    rest: source.map(rest_of).unwrap_or_default(),
+                    rest: self.nodes[node].parts.unwrap_or_default(),
                     translation: None,
                     rotation: None,
                     scale: None,
@@ -417,19 +417,6 @@ impl Import<'_> {
     /// Numbers of vectors and quaternions come as such; only weights come one by one.
     fn is_scalar_list(&self, width: usize) -> bool {
         !matches!(width, 3 | 4) || self.meshes.iter().any(|mesh| mesh.targets.len() == width)
-    }
-}
-
-fn rest_of(node: &gltf::json::Node) -> Trs {
-    let rotation = node
-        .rotation
-        .map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
-    let rotation = DQuat::from_array(rotation.map(f64::from));
-    Trs {
-        translation: node.translation.map_or(DVec3::ZERO, as_dvec3),
-        // Its length has been checked with the node.
-        rotation: rotation.normalize(),
-        scale: node.scale.map_or(DVec3::ONE, as_dvec3),
     }
 }
 

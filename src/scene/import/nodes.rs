@@ -5,7 +5,7 @@ use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
 
-use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, SceneError};
+use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, SceneError, Trs};
 use super::Notes;
 use super::document::Document;
 
@@ -48,8 +48,10 @@ pub fn import(
             .as_ref()
             .and_then(|extensions| extensions.khr_lights_punctual.as_ref())
             .map(|light| light.light.value());
+        let (parent_from_node, parts) = transform_of(document, index, &name, source)?;
         nodes.push(Node {
-            parent_from_node: transform_of(document, index, &name, source)?,
+            parent_from_node,
+            parts,
             name,
             parent: None,
             children: source
@@ -63,6 +65,7 @@ pub fn import(
             camera: source.camera.map(|camera| camera.value()),
             skin: None,
             morph_weights: weights_of(document, index, source, meshes)?,
+            is_hidden: is_hidden(document, index)?,
         });
     }
     link_parents(document, &mut nodes)?;
@@ -73,6 +76,22 @@ pub fn import(
         lights,
         cameras,
     })
+}
+
+/// KHR_node_visibility: `visible`, true by default, holds for the node and all below it.
+fn is_hidden(document: &Document<'_>, index: usize) -> Result<bool, SceneError> {
+    let visible = document.raw_item("nodes", index).and_then(|node| {
+        node.get("extensions")?
+            .get("KHR_node_visibility")?
+            .get("visible")
+    });
+    match visible.map(serde_json::Value::as_bool) {
+        None => Ok(false),
+        Some(Some(visible)) => Ok(!visible),
+        Some(None) => Err(document.fault(format!(
+            "nodes[{index}].extensions.KHR_node_visibility: 'visible' must be true or false"
+        ))),
+    }
 }
 
 /// The node's weights of its mesh's morph targets, else the mesh's own, else 0 (glTF 2.0, section 3.7.2.2).
@@ -203,15 +222,46 @@ fn scene_roots(
     Ok(roots)
 }
 
+/// The numbers of `list` in f64, as the file has them: the typed form cuts them to `rounded`.
+fn precisely<const N: usize>(list: Option<&serde_json::Value>, rounded: [f32; N]) -> [f64; N] {
+    let number = |index: usize| list?.get(index)?.as_f64();
+    std::array::from_fn(|index| number(index).unwrap_or(f64::from(rounded[index])))
+}
+
+/// A node's transform in parts, as the file has them; `None` if it has a matrix, or a rotation without length.
+pub fn parts_of(document: &Document<'_>, index: usize, node: &json::Node) -> Option<Trs> {
+    if node.matrix.is_some() {
+        return None;
+    }
+    let exact = |key: &str| document.raw_item("nodes", index)?.get(key);
+    let vector = |key, value: Option<[f32; 3]>, default| {
+        value.map_or(default, |value| {
+            DVec3::from_array(precisely(exact(key), value))
+        })
+    };
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |rotation| {
+        DQuat::from_array(precisely(exact("rotation"), rotation.0))
+    });
+    Some(Trs {
+        translation: vector("translation", node.translation, DVec3::ZERO),
+        rotation: Trs::unit(rotation)?,
+        scale: vector("scale", node.scale, DVec3::ONE),
+    })
+}
+
 fn transform_of(
     document: &Document<'_>,
     index: usize,
     name: &str,
     node: &json::Node,
-) -> Result<DAffine3, SceneError> {
+) -> Result<(DAffine3, Option<Trs>), SceneError> {
     let fault = |what: &str| document.fault(format!("nodes[{index}] '{name}': {what}"));
+    let parts = parts_of(document, index, node);
     let affine = if let Some(matrix) = node.matrix {
-        let m = matrix.map(f64::from);
+        let exact = document
+            .raw_item("nodes", index)
+            .and_then(|node| node.get("matrix"));
+        let m = precisely(exact, matrix);
         let last_row = [m[3], m[7], m[11], m[15] - 1.0];
         if last_row.iter().any(|value| value.abs() > 1e-6) {
             return Err(fault(
@@ -227,20 +277,20 @@ fn transform_of(
             DVec3::new(m[12], m[13], m[14]),
         )
     } else {
-        let translation = node.translation.map_or(DVec3::ZERO, super::super::as_dvec3);
-        let scale = node.scale.map_or(DVec3::ONE, super::super::as_dvec3);
-        let rotation = node
-            .rotation
-            .map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
-        let rotation = DQuat::from_array(rotation.map(f64::from));
-        let length = rotation.length();
-        if !(length > 1e-6 && length.is_finite()) {
-            return Err(fault("the rotation quaternion has no length"));
-        }
-        DAffine3::from_scale_rotation_translation(scale, rotation / length, translation)
+        parts
+            .ok_or_else(|| fault("the rotation quaternion has no length"))?
+            .parent_from_node()
     };
+    match transform_fault(&affine) {
+        Some(what) => Err(fault(what)),
+        None => Ok((affine, parts)),
+    }
+}
+
+/// Why a local transform cannot be used, if it cannot.
+pub fn transform_fault(affine: &DAffine3) -> Option<&'static str> {
     if !affine.is_finite() {
-        return Err(fault("the transform is not finite"));
+        return Some("the transform is not finite");
     }
     let axes = affine.matrix3;
     let volume = axes.x_axis.length() * axes.y_axis.length() * axes.z_axis.length();
@@ -249,11 +299,9 @@ fn transform_of(
         && volume > 0.0
         && affine.inverse().is_finite())
     {
-        return Err(fault(
-            "the transform is singular: it flattens space (is a scale 0?)",
-        ));
+        return Some("the transform is singular: it flattens space (is a scale 0?)");
     }
-    Ok(affine)
+    None
 }
 
 fn import_camera(index: usize, camera: &json::Camera) -> Camera {

@@ -202,6 +202,51 @@ impl PackedLights {
         }
     }
 
+    /// Makes all records anew for an edited scene, as [`pack_lights`] would, with those `kinds` of punctual lights. `instances` are numbered by their places in the
+    /// list, their meshes as they were packed; `bounds` is the scene's box ([`loose_bounds`]). Work in proportion to
+    /// lights, emissive triangles of all instances included. The positions follow with the next
+    /// [`PackedLights::set_origin`].
+    pub fn repack(
+        &mut self,
+        scene: &Scene,
+        kinds: LightKinds,
+        instances: &[Instance],
+        bounds: Option<Bounds>,
+    ) {
+        self.kinds = LightKinds {
+            // These were decided when triangles and map were packed.
+            emitters: self.kinds.emitters,
+            environment: self.kinds.environment,
+            ..kinds
+        };
+        self.place_all(scene, instances, bounding_sphere(bounds, DVec3::ZERO));
+        self.uploads.alias = true;
+    }
+
+    /// Looks at a mesh's triangles again: which of them emit, and how much. For [`PackedLights::repack`].
+    pub fn look_at_mesh(&mut self, scene: &Scene, mesh: usize, leaf_of: &[u32]) {
+        if let (true, Some(emitters)) = (self.kinds.emitters, self.emitters.get_mut(mesh)) {
+            *emitters = mesh_emitters(scene, &scene.meshes[mesh], leaf_of);
+        }
+    }
+
+    /// Whether a mesh has emissive triangles.
+    pub fn emits(&self, mesh: usize) -> bool {
+        self.emitters
+            .get(mesh)
+            .is_some_and(|emitters| !emitters.is_empty())
+    }
+
+    /// Whether any mesh has emissive triangles, placed or not.
+    pub fn has_emitters(&self) -> bool {
+        self.emitters.iter().any(|emitters| !emitters.is_empty())
+    }
+
+    /// Whether the scene's box decides anything, and the sphere around `bounds` is not the one in use.
+    pub fn leaves_sphere(&self, bounds: Option<Bounds>) -> bool {
+        self.shines_from_afar() && bounding_sphere(bounds, DVec3::ZERO) != self.sphere
+    }
+
     /// Whether any light shines from infinitely far, through the scene's bounding sphere.
     pub fn shines_from_afar(&self) -> bool {
         self.records[..self.origin_dependent]

@@ -1,0 +1,386 @@
+//! Edits of the scene while it is shown.
+//!
+//! [`Renderer::apply_scene`] takes a scene over that differs from the one shown in nodes, materials and lights. No
+//! hierarchy over triangles is built and no texture uploaded: what an edit costs goes with instances, materials and lights.
+//!
+//! The next frame is the one that a renderer made from the edited scene would render, bit for bit: records get the same
+//! values in the same order, which decides what random numbers pick. Two things can set it apart. Features that were
+//! compiled in and are no longer needed ([`InPlace::spare_features`]) leave another program, whose sums round differently.
+//! And with `reconstruct.*` the frames before count, as they do when something moves.
+
+use super::choices::{radius_for_area_m, samples_per_dispatch, shader_features};
+use super::scene_buffers::{Edited, SceneChange};
+use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
+use crate::bvh::MaterialMarks;
+use crate::gpu::scene::LightKinds;
+use crate::options::Method;
+use crate::scene::facts::MeshFacts;
+use crate::scene::{Material, Needs, PunctualLight, Scene, SceneFacts};
+
+/// What became of an edited scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Applied {
+    /// The next frame shows it.
+    InPlace(InPlace),
+    /// It asks for what was not compiled or uploaded. The renderer is as it was; a new one can show the scene.
+    NeedsRebuild {
+        /// In words: "glass in the shaders is not compiled in".
+        why: String,
+    },
+}
+
+/// What an edit in place did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct InPlace {
+    /// Instances have other numbers, because some came or went: whoever keeps an [`InstanceId`] has to ask anew.
+    pub renumbered: bool,
+    /// Reconstruction goes on with the frames before: only places have changed, which it follows.
+    pub keeps_history: bool,
+    /// Shader features that are compiled in and that the scene no longer needs. They cost time and change rounding; a new
+    /// renderer does without.
+    pub spare_features: Vec<String>,
+    /// Bytes of materials and triangles uploaded by the call. Instances and lights follow with the next frame
+    /// ([`super::SceneBuffers::upload_bytes`]).
+    pub uploaded_bytes: u64,
+}
+
+/// What a renderer remembers of the scene that it shows.
+#[derive(Debug, Default)]
+pub(super) struct EditBase {
+    pub(super) facts: SceneFacts,
+    materials: Vec<Material>,
+    lights: Vec<PunctualLight>,
+    /// Node and light of each light that is shown.
+    lit_nodes: Vec<(usize, usize)>,
+    repainted: Vec<Vec<[u32; 2]>>,
+    counts: [usize; 4],
+    has_environment: bool,
+    shines: bool,
+    most_user_bsdf: u32,
+    /// Photons are of the scene before an edit.
+    pub(super) outdates_photons: bool,
+}
+
+impl EditBase {
+    /// Looks at every triangle once.
+    pub(super) fn new(scene: &Scene) -> Self {
+        let mut base = Self {
+            facts: SceneFacts::of(scene),
+            ..Self::default()
+        };
+        base.shines = shines(&Needs::with_facts(scene, &base.facts));
+        let numbers = scene.materials.iter().map(|material| material.user_bsdf);
+        base.most_user_bsdf = numbers.max().unwrap_or_default();
+        base.note(scene);
+        base
+    }
+
+    fn note(&mut self, scene: &Scene) {
+        self.materials.clone_from(&scene.materials);
+        self.lights.clone_from(&scene.lights);
+        self.lit_nodes = lit_nodes(scene);
+        self.repainted = scene
+            .meshes
+            .iter()
+            .map(|mesh| mesh.repainted.clone())
+            .collect();
+        self.counts = counts(scene);
+        self.has_environment = scene.environment.is_some();
+    }
+
+    /// Why the scene is none that the one shown can be edited into.
+    fn stranger(&self, scene: &Scene) -> Option<String> {
+        let same = self.counts == counts(scene)
+            && self.has_environment == scene.environment.is_some()
+            && self
+                .facts
+                .meshes
+                .iter()
+                .zip(&scene.meshes)
+                .all(|(facts, mesh)| facts.triangles == mesh.triangles.len());
+        (!same).then(|| {
+            "the scene has other meshes, textures, skins or surroundings than the one shown"
+                .to_owned()
+        })
+    }
+}
+
+fn counts(scene: &Scene) -> [usize; 4] {
+    [
+        scene.meshes.len(),
+        scene.textures.len(),
+        scene.images.len(),
+        scene.skins.len(),
+    ]
+}
+
+fn lit_nodes(scene: &Scene) -> Vec<(usize, usize)> {
+    let lights = scene.light_instances();
+    lights.iter().map(|lit| (lit.node, lit.light)).collect()
+}
+
+/// Whether photons have anything to start from.
+fn shines(needs: &Needs) -> bool {
+    needs.environment || needs.lights != Default::default()
+}
+
+/// Whether a triangle of `after` emits otherwise than one of `before`.
+fn glows_otherwise(before: &Material, after: &Material) -> bool {
+    let glow = |material: &Material| {
+        let emits = material.is_emissive();
+        emits.then_some((
+            material.emission,
+            material.emissive_texture,
+            material.double_sided,
+        ))
+    };
+    glow(before) != glow(after)
+}
+
+impl Renderer {
+    /// Shows an edited scene from the next frame on. `scene` has the meshes, textures, images, skins and surroundings of the
+    /// one shown; transforms, visibility, nodes, materials, lights, and the materials of a mesh's triangles
+    /// ([`crate::scene::Mesh::repainted`]) may differ. A clip that plays goes on; poses and placements that were set
+    /// through [`Renderer::set_pose`] and its like are to be set again.
+    ///
+    /// Work is in proportion to nodes, instances, materials and lights. Beyond that, triangles of a mesh are looked at when
+    /// they change their material, or one of theirs begins or ceases to emit, to be two-sided or to let rays pass; and
+    /// emissive triangles when any of them moves, comes or goes.
+    ///
+    /// # Errors
+    /// More instances or lights than the adapter binds.
+    pub fn apply_scene(&mut self, scene: &Scene) -> Result<Applied, RenderError> {
+        if let Some(why) = self.edit_base.stranger(scene) {
+            return Ok(Applied::NeedsRebuild { why });
+        }
+        let base = &self.edit_base;
+        let other_paint: Vec<bool> = scene
+            .meshes
+            .iter()
+            .zip(&base.repainted)
+            .map(|(mesh, known)| mesh.repainted != *known)
+            .collect();
+        // Facts of the meshes that have other materials now; the old ones come back if the edit cannot be shown.
+        let mut kept: Vec<(usize, MeshFacts)> = Vec::new();
+        for (index, _) in other_paint.iter().enumerate().filter(|(_, other)| **other) {
+            let facts = MeshFacts::of(&scene.meshes[index]);
+            let known = &mut self.edit_base.facts.meshes[index];
+            kept.push((index, std::mem::replace(known, facts)));
+        }
+        let needs = Needs::with_facts(scene, &self.edit_base.facts);
+        let changes = self.changes_of_meshes(scene, &other_paint);
+        let obstacle = self.obstacle(scene, &needs, &changes);
+        if let Some(why) = obstacle {
+            for (index, facts) in kept {
+                self.edit_base.facts.meshes[index] = facts;
+            }
+            return Ok(Applied::NeedsRebuild { why });
+        }
+        self.take_over(scene, &needs, &changes)
+            .map(Applied::InPlace)
+    }
+
+    /// By mesh: whether its triangles' records change, and whether what they emit does.
+    fn changes_of_meshes(&self, scene: &Scene, other_paint: &[bool]) -> [Vec<bool>; 2] {
+        let base = &self.edit_base;
+        let pairs = || base.materials.iter().zip(&scene.materials);
+        let marks: Vec<bool> = pairs()
+            .map(|(before, after)| MaterialMarks::of(before) != MaterialMarks::of(after))
+            .collect();
+        let glows: Vec<bool> = pairs()
+            .map(|(before, after)| glows_otherwise(before, after))
+            .collect();
+        let uses = |mesh: usize, changed: &[bool]| {
+            let mut uses = base.facts.meshes[mesh].uses.iter();
+            uses.any(|part| changed.get(part.material).copied().unwrap_or(false))
+        };
+        let all = |changed: &[bool]| -> Vec<bool> {
+            (0..other_paint.len())
+                .map(|mesh| other_paint[mesh] || uses(mesh, changed))
+                .collect()
+        };
+        [all(&marks), all(&glows)]
+    }
+
+    /// Why the scene cannot be shown in place.
+    fn obstacle(
+        &self,
+        scene: &Scene,
+        needs: &Needs,
+        [repainted, glow]: &[Vec<bool>; 2],
+    ) -> Option<String> {
+        let base = &self.edit_base;
+        if !self.scene.has_nodes_alone() {
+            return Some("instances were added or removed that no node places".to_owned());
+        }
+        let on = |features: &crate::gpu::shaders::ShaderFeatures, name: &str| {
+            features.get(name).copied().unwrap_or(false)
+        };
+        let wanted = shader_features(needs, &self.settings);
+        for (name, _) in wanted.iter().filter(|(_, wanted)| **wanted) {
+            if !on(&self.features, name) {
+                return Some(format!("{} is not compiled in", in_words(name)));
+            }
+        }
+        // The map of caustics takes photons over from the other one.
+        if on(&self.features, "caustics") != on(&wanted, "caustics") {
+            return Some(
+                "nothing forms caustics any more, which have a map of their own".to_owned(),
+            );
+        }
+        if base.shines != shines(needs) {
+            let what = if base.shines {
+                "no light is left"
+            } else {
+                "there was no light"
+            };
+            return Some(format!(
+                "{what}, and photons are traced for one or for none"
+            ));
+        }
+        for material in &scene.materials {
+            if material.user_bsdf > base.most_user_bsdf {
+                return Some(format!("{} has another scattering model", material.name));
+            }
+        }
+        let instances = scene.instances();
+        let mut looked_at = vec![false; scene.meshes.len()];
+        for placed in &instances {
+            let own = self
+                .scene
+                .deformer()
+                .and_then(|deformer| deformer.mesh_of(placed.node));
+            let name = &scene.nodes[placed.node].name;
+            if scene.deforms(placed.node) {
+                if own.is_none() {
+                    return Some(format!("{name} changes its shape and was not shown so far"));
+                }
+                if repainted[placed.mesh] || glow[placed.mesh] {
+                    return Some(format!(
+                        "{name} changes its shape and has another material or light"
+                    ));
+                }
+            }
+            if std::mem::replace(&mut looked_at[placed.mesh], true) {
+                continue;
+            }
+            for part in &base.facts.meshes[placed.mesh].uses {
+                let material = &scene.materials[part.material];
+                let slots = material.texture_slots();
+                let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
+                if on(&self.features, "textures")
+                    && textures.any(|texture| !self.scene.holds_texture(scene, texture))
+                {
+                    return Some(format!(
+                        "{} has a texture that was not in use",
+                        material.name
+                    ));
+                }
+            }
+        }
+        let depth = self.scene.hierarchy_depth_of(instances.len());
+        let run = self.eyes.next_run(u32::MAX);
+        if self.settings.method == Method::Path
+            && run > 1
+            && samples_per_dispatch(self.settings.path.max_depth, depth) < run
+        {
+            return Some("so many instances leave room for fewer samples in a dispatch".to_owned());
+        }
+        None
+    }
+
+    fn take_over(
+        &mut self,
+        scene: &Scene,
+        needs: &Needs,
+        [repainted, glow]: &[Vec<bool>; 2],
+    ) -> Result<InPlace, RenderError> {
+        let base = &self.edit_base;
+        let lights = base.lights != scene.lights || base.lit_nodes != lit_nodes(scene);
+        let pose = self.player.as_mut().and_then(|player| {
+            player.follow(scene);
+            player.last_pose()
+        });
+        let kinds = LightKinds {
+            emitters: true,
+            points: needs.lights.point > 0,
+            spots: needs.lights.spot > 0,
+            directionals: needs.lights.directional > 0,
+            environment: true,
+        };
+        let change = SceneChange {
+            scene,
+            facts: &base.facts,
+            repainted,
+            glow,
+            lights,
+            kinds,
+            pose: pose.as_ref(),
+        };
+        let Edited {
+            renumbered,
+            replaced,
+            uploaded_bytes,
+            relit,
+        } = self.scene.edit(&self.context, &change)?;
+        self.is_bound &= !replaced;
+        let photon = &self.settings.photon;
+        if photon.radius_m <= 0.0 {
+            self.radius_m = radius_for_area_m(base.facts.area_m2(scene), photon.count);
+        }
+        if photon.caustic_radius_m <= 0.0 {
+            self.caustic_radius_m = self.radius_m * AUTOMATIC_CAUSTIC_RADIUS;
+        }
+        let keeps_history = !renumbered && !relit;
+        if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
+            reconstruction.reset();
+        }
+        self.edit_base.note(scene);
+        self.edit_base.outdates_photons = true;
+        let wanted = shader_features(needs, &self.settings);
+        let needed = needs.shader_features();
+        let spare_features = needed
+            .iter()
+            .map(|(name, _)| *name)
+            .filter(|name| self.features.get(*name) == Some(&true) && !wanted[*name])
+            .map(str::to_owned)
+            .collect();
+        Ok(InPlace {
+            renumbered,
+            keeps_history,
+            spare_features,
+            uploaded_bytes,
+        })
+    }
+
+    /// The scene node that places an instance: what a hit's instance number says. `None` for an instance that the
+    /// application added itself, or if there is none of that number.
+    pub fn node_of_instance(&self, id: InstanceId) -> Option<usize> {
+        self.scene.node_of_instance(id)
+    }
+
+    /// The instance that a scene node places; `None` where it places none, or is hidden.
+    pub fn instance_of_node(&self, node: usize) -> Option<InstanceId> {
+        self.scene.instance_of_node(node)
+    }
+}
+
+/// A shader feature as a person would call it.
+fn in_words(feature: &str) -> &str {
+    match feature {
+        "glossy" => "gloss and metal",
+        "dielectric" => "glass",
+        "normal_maps" => "normal maps",
+        "alpha" => "surfaces that rays pass",
+        "vertex_colors" => "vertex colours",
+        "emitters" => "emissive surfaces",
+        "points" => "point lights",
+        "spots" => "spot lights",
+        "directionals" => "directional lights",
+        "uv1" => "a second set of texture coordinates",
+        "deformation" => "meshes that change their shape",
+        "user_bsdf" => "a scattering model of the user's",
+        "caustics" => "a map of caustics",
+        other => other,
+    }
+}
