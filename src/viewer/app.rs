@@ -21,7 +21,7 @@ use super::session::{Player, Recording};
 use super::worker::{Report, Request, Wanted, Worker};
 use crate::options::Settings;
 use crate::scene::edit::{Document, Edit};
-use crate::scene::save::save_scene;
+use super::pending::{SettingsPending as _, save_scene};
 use crate::xr::{Headset, Pose, XrSession};
 
 /// Frames whose times the statistics remember.
@@ -379,7 +379,7 @@ impl App {
         if dropped.len() > 1 {
             self.say(context, "one file at a time, please: the first is read", false);
         }
-        if let Some(path) = dropped.first().and_then(|file| file.path.clone()) {
+        if let Some(path) = dropped.first().map(|file| file.path().to_owned()) {
             self.open(context, path.to_string_lossy().into_owned());
         }
     }
@@ -669,7 +669,7 @@ fn camera_of(document: &Document) -> FlyCamera {
     let scene = document.scene();
     let start = scene.start_pose();
     let size_m = scene
-        .bounds()
+        .bounds_in_world()
         .map_or(5.0, |bounds| bounds.size().max_element());
     FlyCamera::new(Pose::new(start.position, start.orientation), size_m)
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use egui::ColorImage;
 
 use crate::frame_loop::FrameStats;
-use crate::renderer::{Inspection, Legend, SeenSurface};
+use crate::false_color::Legend;
+use crate::renderer::{Inspection, SeenSurface};
 use crate::xr::View;
 
 /// What is shown of a frame.
@@ -25,7 +26,7 @@ impl Look {
     pub fn all() -> impl Iterator<Item = Self> {
         [Self::Picture]
             .into_iter()
-            .chain(Inspection::ALL.into_iter().map(Self::Inspection))
+            .chain(Inspection::ALL.iter().copied().map(Self::Inspection))
             .chain([Self::Error])
     }
 
@@ -42,7 +43,7 @@ impl Look {
     pub fn about(self) -> &'static str {
         match self {
             Self::Picture => "what the eye sees, tone mapped",
-            Self::Inspection(inspection) => inspection.about(),
+            Self::Inspection(inspection) => inspection.doc(),
             Self::Error => "relative squared error against a path-traced reference that grows while nothing changes",
         }
     }

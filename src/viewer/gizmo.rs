@@ -129,8 +129,8 @@ impl TransformGizmo {
         let eye_from_place = DMat4::from_quat(axis_into);
         let pixels_per_point = painter.pixels_per_point();
         self.gizmo.update_config(GizmoConfig {
-            view_matrix: eye_from_place.into(),
-            projection_matrix: clip_from_eye.into(),
+            view_matrix: rows(eye_from_place),
+            projection_matrix: rows(clip_from_eye),
             viewport: GizmoRect {
                 min: [area.min.x, area.min.y].into(),
                 max: [area.max.x, area.max.y].into(),
@@ -248,6 +248,11 @@ fn clip_from_eye(view: &View, distance_m: f64) -> DMat4 {
         ),
         DVec4::new(0.0, 0.0, -2.0 * far * near / (far - near), 0.0),
     )
+}
+
+/// The crate has a glam of its own.
+fn rows(matrix: DMat4) -> mint::RowMatrix4<f64> {
+    mint::RowMatrix4::from(matrix.transpose().to_cols_array_2d())
 }
 
 fn to_mint(v: DVec3) -> mint::Vector3<f64> {

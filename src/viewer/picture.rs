@@ -11,7 +11,7 @@ use super::app::App;
 use super::frames::{FrameReport, Seen};
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, anaglyph, difference, rectangles};
-use crate::renderer::Legend;
+use crate::false_color::{Legend, map_color};
 use crate::scene::edit::Edit;
 
 /// Frames grow in steps of so many pixels when the window is resized: every step allocates.
@@ -366,7 +366,7 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
         vec2(2.0 * GRAB_POINTS, rect.height()),
     );
     let response = ui
-        .interact(grab, ui.id().with("divider"), Sense::drag())
+        .interact(grab, ui.scope_id().with("divider"), Sense::drag())
         .on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
     app.fields.drags_divider = response.dragged();
     if response.dragged()
@@ -403,9 +403,49 @@ fn label(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     painter.galley(rect.min, galley, Color32::WHITE);
 }
 
-/// What the colours mean, in numbers.
+/// What the colours mean, in numbers, at the right edge of the picture's area.
 fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
-    let _ = (painter, area, legend);
+    match legend {
+        Legend::Bar { unit, ticks, .. } => {
+            let bar = Rect::from_min_size(
+                area.left_top() + vec2(16.0, 40.0),
+                vec2(14.0, (area.height() - 90.0).clamp(40.0, 260.0)),
+            );
+            painter.rect_filled(bar.expand2(vec2(60.0, 26.0)).translate(vec2(50.0, 0.0)), 3.0, Color32::from_black_alpha(150));
+            // Bright on top: a value's height is its share of the range.
+            let height = |share: f64| bar.max.y - bar.height() * share as f32;
+            const STEPS: usize = 64;
+            for step in 0..STEPS {
+                let [from, to] = [step, step + 1].map(|edge| edge as f64 / STEPS as f64);
+                let [r, g, b] = map_color(0.5 * (from + to));
+                let cell = Rect::from_min_max(
+                    pos2(bar.min.x, height(to)),
+                    pos2(bar.max.x, height(from)),
+                );
+                painter.rect_filled(cell, 0.0, Color32::from_rgb(r, g, b));
+            }
+            let font = FontId::proportional(12.0);
+            let white = Color32::WHITE;
+            for (share, text) in ticks {
+                let y = height(*share);
+                painter.hline(bar.max.x..=bar.max.x + 4.0, y, Stroke::new(1.0, white));
+                painter.text(pos2(bar.max.x + 7.0, y), Align2::LEFT_CENTER, text, font.clone(), white);
+            }
+            painter.text(bar.left_top() - vec2(0.0, 8.0), Align2::LEFT_BOTTOM, unit, font, white);
+        }
+        Legend::Labels(labels) => {
+            let mut at = area.left_top() + vec2(16.0, 24.0);
+            for ([r, g, b], text) in labels {
+                let swatch = Rect::from_min_size(at, vec2(12.0, 12.0));
+                painter.rect_filled(swatch, 2.0, Color32::from_rgb(*r, *g, *b));
+                label(painter, at + vec2(20.0, -2.0), Align2::LEFT_TOP, text);
+                at.y += 24.0;
+            }
+        }
+        other => {
+            label(painter, area.left_top() + vec2(16.0, 24.0), Align2::LEFT_TOP, &other.line());
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Pictures of what the window shows, as files.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use serde_json::json;
@@ -22,7 +23,7 @@ pub fn write(
     size: [u32; 2],
 ) -> Result<String, StudioError> {
     let cannot = |reason: String| {
-        StudioError::Image(ImageError::File {
+        StudioError::Image(ImageError::Unwritable {
             path: folder.to_owned(),
             reason,
         })

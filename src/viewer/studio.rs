@@ -10,7 +10,7 @@ use super::frames::{FrameReport, Look, Seen};
 use super::reference::Reference;
 use super::session::SharedViews;
 use super::worker::Wanted;
-use crate::false_color;
+use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
 use crate::frame_loop::{FrameStats, LoopError};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
@@ -36,6 +36,9 @@ pub enum StudioError {
     /// An image of a wrong size.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A picture and its reference do not go together.
+    #[error(transparent)]
+    ErrorMap(#[from] ErrorMapError),
     /// Settings were refused before; nothing is rendered until they change.
     #[error("nothing is rendered: the last settings or shaders were refused")]
     NoRenderer,
@@ -217,7 +220,7 @@ impl Studio {
         }
         if let Some(engine) = &mut self.engine {
             match engine.renderer.apply_scene(&self.scene)? {
-                Applied::InPlace { .. } => {}
+                Applied::InPlace(_) => {}
                 Applied::NeedsRebuild { why } => {
                     log::debug!("a new renderer: {why}");
                     self.is_outgrown = true;
@@ -342,7 +345,11 @@ impl Studio {
             let colored = match wanted.look {
                 Look::Picture => None,
                 Look::Inspection(inspection) => match self.inspect(inspection, eye, size) {
-                    Ok(inspected) => Some(false_color::picture(&inspected, legend.as_ref())),
+                    Ok(inspected) => {
+                        let coloring = shared(Coloring::of(inspection), legend.as_ref());
+                        Some(false_color::picture(&inspected, coloring)?)
+                    }
+                    // Such as provenance, which the left eye does not have.
                     Err(StudioError::Render(RenderError::Settings(why))) => {
                         note = Some(why);
                         None
@@ -350,9 +357,19 @@ impl Studio {
                     Err(error) => return Err(error),
                 },
                 Look::Error => match (reference, self.mean(eye, size)) {
-                    (Some(reference), Some(mean)) => reference.mean(eye).map(|converged| {
-                        false_color::error_picture(&mean, &converged, legend.as_ref())
-                    }),
+                    (Some(reference), Some(mean)) => {
+                        let log = Coloring {
+                            scale: Scale::Log,
+                            range: None,
+                        };
+                        let coloring = shared(log, legend.as_ref());
+                        match reference.mean(eye) {
+                            Some(converged) => {
+                                Some(false_color::relative_error(&mean, &converged, coloring)?)
+                            }
+                            None => None,
+                        }
+                    }
                     _ => {
                         note = Some("the reference begins once the view stands still".to_owned());
                         None
@@ -360,10 +377,9 @@ impl Studio {
                 },
             };
             eyes.push(Arc::new(match colored {
-                Some((picture, scale)) => {
-                    // Both eyes share one scale, or they could not be compared.
-                    legend.get_or_insert(scale);
-                    color_image(&picture)
+                Some(picture) => {
+                    legend.get_or_insert(picture.legend);
+                    color_image(&picture.image)
                 }
                 None => color_image(&self.shown(eye, wanted.exposure, size)?),
             }));
@@ -401,8 +417,10 @@ impl Studio {
             })?;
             return Ok(Inspected {
                 inspection,
+                eye: if eye == 0 { Eye::Left } else { Eye::Right },
                 size,
                 values: InspectedValues::Scalar(values),
+                unit: "(W/(m² sr))²",
                 has_value: None,
             });
         }
@@ -410,6 +428,17 @@ impl Studio {
         let eye = if eye == 0 { Eye::Left } else { Eye::Right };
         Ok(engine.renderer.inspect(&engine.library, inspection, eye)?)
     }
+}
+
+/// Both eyes share one scale, or they could not be compared: the second takes the first one's.
+fn shared(coloring: Coloring, first: Option<&Legend>) -> Coloring {
+    let range = match first {
+        Some(Legend::Bar { range, .. }) => Some(*range),
+        Some(Legend::White { white, .. }) => Some([0.0, *white]),
+        Some(Legend::Wheel { longest, .. }) => Some([0.0, *longest]),
+        _ => None,
+    };
+    Coloring { range, ..coloring }
 }
 
 /// Whether two sets of settings make the same renderer: size and exposure are given to each frame.

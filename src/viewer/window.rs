@@ -339,7 +339,9 @@ impl Open {
         gpu.guarded("window", || {
             // Textures change whether the frame is shown or not.
             for (id, deltas) in &output.textures_delta.set {
-                painter.update_texture(&gpu.device, &gpu.queue, *id, deltas);
+                for delta in deltas {
+                    painter.update_texture(&gpu.device, &gpu.queue, *id, delta);
+                }
             }
             if let Some(image) = image {
                 let mut encoder = gpu.device.create_command_encoder(&Default::default());

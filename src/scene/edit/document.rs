@@ -192,36 +192,39 @@ impl Document {
         self.gesture = None;
     }
 
-    /// Takes the last step back; false if there is none. Ends a gesture.
+    /// Takes the last step back and returns the edit that did it, for others who keep the same scene; `None` if there is no
+    /// step. Ends a gesture.
     ///
     /// # Errors
     /// [`EditError::Stale`] only if the history does not fit the scene, which nothing here lets happen.
-    pub fn undo(&mut self) -> Result<bool, EditError> {
+    pub fn undo(&mut self) -> Result<Option<Edit>, EditError> {
         self.end_gesture();
         let Some(step) = self.undo.pop_back() else {
-            return Ok(false);
+            return Ok(None);
         };
         step.undo.clone().apply(&mut self.scene)?;
         self.state = step.before;
         self.revision += 1;
+        let done = step.undo.clone();
         self.redo.push(step);
-        Ok(true)
+        Ok(Some(done))
     }
 
-    /// Takes the step that was undone last again; false if there is none. Ends a gesture.
+    /// Takes the step that was undone last again; returns as [`Document::undo`]. Ends a gesture.
     ///
     /// # Errors
     /// As [`Document::undo`].
-    pub fn redo(&mut self) -> Result<bool, EditError> {
+    pub fn redo(&mut self) -> Result<Option<Edit>, EditError> {
         self.end_gesture();
         let Some(step) = self.redo.pop() else {
-            return Ok(false);
+            return Ok(None);
         };
         step.redo.clone().apply(&mut self.scene)?;
         self.state = step.after;
         self.revision += 1;
+        let done = step.redo.clone();
         self.undo.push_back(step);
-        Ok(true)
+        Ok(Some(done))
     }
 
     /// What undo would take back, for a menu; `None` if there is nothing.

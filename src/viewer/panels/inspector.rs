@@ -4,7 +4,8 @@ use egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, Response, TextEd
 use glam::{DQuat, DVec3, EulerRot};
 
 use super::hierarchy::kind;
-use crate::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement, Trs};
+use crate::scene::Trs;
+use crate::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement};
 use crate::scene::{LightKind, Material, PunctualLight};
 use crate::viewer::app::App;
 

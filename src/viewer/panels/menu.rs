@@ -73,7 +73,7 @@ fn file(app: &mut App, ui: &mut Ui) {
     }
     ui.menu_button("Embedded scenes", |ui| {
         for name in builtin::NAMES {
-            if ui.button(*name).clicked() {
+            if ui.button(name).clicked() {
                 app.open(&context, format!("builtin:{name}"));
                 ui.close();
             }

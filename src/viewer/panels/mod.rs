@@ -88,7 +88,7 @@ pub fn messages(app: &mut App, context: &Context) {
     if let Some(loading) = &app.loading {
         let text = format!("reading {} ({:.0} s)", loading.name(), loading.seconds());
         let mut cancelled = false;
-        egui::Area::new("loading".into())
+        egui::Area::new(egui::Id::unique("loading"))
             .anchor(Align2::CENTER_TOP, vec2(0.0, 60.0))
             .show(context, |ui| {
                 Frame::popup(ui.style()).show(ui, |ui| {
@@ -106,7 +106,7 @@ pub fn messages(app: &mut App, context: &Context) {
     }
     if !app.messages.is_empty() {
         let mut closed = None;
-        egui::Area::new("messages".into())
+        egui::Area::new(egui::Id::unique("messages"))
             .anchor(Align2::CENTER_BOTTOM, vec2(0.0, -12.0))
             .show(context, |ui| {
                 for (index, message) in app.messages.iter().enumerate() {
@@ -131,7 +131,7 @@ pub fn messages(app: &mut App, context: &Context) {
         }
     }
     if app.asks_to_quit {
-        egui::Modal::new("quit".into()).show(context, |ui| {
+        egui::Modal::new(egui::Id::unique("quit")).show(context, |ui| {
             ui.heading("The scene has changes that are not saved");
             ui.add_space(8.0);
             ui.horizontal(|ui| {

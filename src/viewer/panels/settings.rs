@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use crate::options::Settings;
 use crate::options::registry::{self, Kind, SETTINGS, Setting};
 use crate::viewer::app::App;
+use crate::viewer::pending::SettingsPending as _;
 use crate::viewer::layout::Layout;
 
 /// The tab.

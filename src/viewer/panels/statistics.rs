@@ -118,9 +118,9 @@ fn counts(frame: &FrameReport, ui: &mut Ui) {
         ("  edge", because.edge.to_string()),
         ("  view dependent", because.view_dependent.to_string()),
         ("  gap", because.gap.to_string()),
-        ("Photons emitted", photons.emitted.to_string()),
-        ("Photons stored", photons.stored.to_string()),
-        ("Photons dropped", photons.dropped.to_string()),
+        ("Photons emitted", photons.map.emitted.to_string()),
+        ("Photons stored", photons.map.stored.to_string()),
+        ("Photons dropped", photons.map.dropped.to_string()),
     ];
     ui.vertical(|ui| {
         ui.label(RichText::new("Stereo reuse and photons").strong());
