@@ -61,6 +61,35 @@ impl fmt::Display for Place<'_> {
 }
 
 impl Layers {
+    /// Begins with these settings in place of the defaults.
+    #[must_use]
+    pub fn of(settings: &Settings) -> Self {
+        Self {
+            tree: serde_json::to_value(settings).unwrap_or(Value::Null),
+            changed: Vec::new(),
+        }
+    }
+
+    /// Puts one value on, checked as [`Self::add_set`] checks it; `null` unsets a setting that is unset by default.
+    ///
+    /// # Errors
+    /// As [`Self::add_set`].
+    pub fn add_value(&mut self, key: &str, value: &Value) -> Result<(), OptionsError> {
+        if value.is_null() && registry::find(key).is_some() && registry::default_of(key).is_null() {
+            self.write(key, Value::Null);
+            return Ok(());
+        }
+        self.put(key, &written_json(value), &value.to_string(), &Place::Set)
+    }
+
+    fn write(&mut self, key: &str, value: Value) {
+        let mut at = &mut self.tree;
+        for part in key.split('.') {
+            at = &mut at[part];
+        }
+        *at = value;
+    }
+
     /// Whether a layer above the defaults has set this key.
     #[must_use]
     pub fn is_set(&self, key: &str) -> bool {
@@ -215,11 +244,7 @@ impl Layers {
                 allowed: setting.kind.allowed(),
             },
         })?;
-        let mut at = &mut self.tree;
-        for part in setting.key.split('.') {
-            at = &mut at[part];
-        }
-        *at = value;
+        self.write(setting.key, value);
         if !self.is_set(setting.key) {
             self.changed.push(setting.key);
         }
@@ -291,6 +316,21 @@ fn written(value: &DeValue<'_>) -> Written {
             Written::List(list.iter().map(|item| written(item.get_ref())).collect())
         }
         DeValue::Datetime(_) | DeValue::Table(_) => Written::Other,
+    }
+}
+
+fn written_json(value: &Value) -> Written {
+    match value {
+        Value::Bool(value) => Written::Bool(*value),
+        Value::String(text) => Written::Text(text.clone()),
+        Value::Number(number) => match (number.as_i64(), number.as_u64(), number.as_f64()) {
+            (Some(whole), ..) => Written::Whole(whole.into()),
+            (_, Some(whole), _) => Written::Whole(whole.into()),
+            (.., Some(real)) => Written::Real(real),
+            _ => Written::Other,
+        },
+        Value::Array(list) => Written::List(list.iter().map(written_json).collect()),
+        Value::Null | Value::Object(_) => Written::Other,
     }
 }
 

@@ -12,6 +12,8 @@ pub mod numbers;
 pub mod reconstruct;
 pub mod registry;
 pub mod resolve;
+mod save;
+mod sections;
 pub mod settings;
 
 pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, Suite, TraceUp, parse};
@@ -21,6 +23,7 @@ pub use resolve::{
     BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,
     TraceOptions, ViewOptions, resolve,
 };
+pub use save::Extent;
 pub use settings::{
     DirectLight, Force, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
     Search, Settings, Technique,
@@ -77,6 +80,14 @@ pub enum OptionsError {
         /// The value as given, quoted.
         value: String,
         /// What is wrong and what is allowed.
+        reason: String,
+    },
+    /// A settings file that cannot be written.
+    #[error("{path}: settings cannot be written: {reason}")]
+    Unwritable {
+        /// Path as given.
+        path: String,
+        /// What went wrong.
         reason: String,
     },
     /// Flags or settings that do not go together.

@@ -605,16 +605,10 @@ pub fn nearest(unknown: &str, section: bool) -> &'static str {
 /// The default of a setting as JSON, `null` where unset.
 #[must_use]
 pub fn default_of(key: &str) -> Value {
-    let tree = serde_json::to_value(Settings::default()).unwrap_or(Value::Null);
-    let mut at = &tree;
-    for part in key.split('.') {
-        match at.get(part) {
-            Some(next) => at = next,
-            None => return Value::Null,
-        }
-    }
-    at.clone()
+    value_of(&Settings::default(), key)
 }
+
+pub use super::sections::{Section, section_of, sections, value_of};
 
 /// A setting as `info --settings` prints it.
 #[derive(Clone, Debug, Serialize)]

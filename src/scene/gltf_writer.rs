@@ -500,9 +500,7 @@ impl GlbWriter {
         if !self.bin.is_empty() {
             root["buffers"] = json!([{ "byteLength": self.bin.len() }]);
         }
-        let mut text = root.to_string().into_bytes();
-        pad(&mut text, b' ');
-        assemble(&text, &self.bin)
+        assemble(root.to_string().into_bytes(), self.bin)
     }
 
     fn uses(&mut self, extension: &'static str) {
@@ -616,7 +614,10 @@ impl GlbWriter {
 }
 
 /// Header, JSON chunk, binary chunk (glTF 2.0, section 4.4). Both payloads must be padded to four bytes.
-fn assemble(json: &[u8], bin: &[u8]) -> Result<Vec<u8>, SceneError> {
+/// A `.glb` of its two chunks; they are padded to whole words (glTF 2.0, section 4.4.3).
+pub(super) fn assemble(mut json: Vec<u8>, mut bin: Vec<u8>) -> Result<Vec<u8>, SceneError> {
+    pad(&mut json, b' ');
+    pad(&mut bin, 0);
     let bin_chunk = if bin.is_empty() { 0 } else { 8 + bin.len() };
     let total = u32::try_from(12 + 8 + json.len() + bin_chunk).map_err(|_| SceneError::Write {
         what: "the scene is larger than 4 GiB".to_owned(),
@@ -625,7 +626,7 @@ fn assemble(json: &[u8], bin: &[u8]) -> Result<Vec<u8>, SceneError> {
     file.extend_from_slice(b"glTF");
     file.extend_from_slice(&2_u32.to_le_bytes());
     file.extend_from_slice(&total.to_le_bytes());
-    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", bin)] {
+    for (kind, chunk) in [(b"JSON", &json), (b"BIN\0", &bin)] {
         if !chunk.is_empty() {
             // Fits: the total does.
             file.extend_from_slice(&(chunk.len() as u32).to_le_bytes());
@@ -650,10 +651,12 @@ fn on_grid(v: &DVec3) -> [f32; 3] {
 }
 
 /// The shortest decimal that reads back as the same f32.
-fn number(value: f32) -> Value {
+/// The shortest decimal that reads back as this f32.
+pub(super) fn number(value: f32) -> Value {
     json!(value.to_string().parse::<f64>().unwrap_or_default())
 }
 
-fn numbers(values: &[f32]) -> Value {
+/// As [`number`].
+pub(super) fn numbers(values: &[f32]) -> Value {
     Value::Array(values.iter().map(|value| number(*value)).collect())
 }

@@ -8,7 +8,7 @@
 //! - `import` turns glTF into them; every fault in the file is one line of [`SceneError`], never a panic.
 //! - [`builtin`] generates the embedded scenes and writes them as `.glb` by [`gltf_writer`].
 //! - [`environment`] reads equirectangular maps.
-//! - [`edit`] changes a scene step by step, with undo and redo.
+//! - [`edit`] changes a scene step by step, with undo and redo; `save` writes it back.
 //! - [`needs`] says which features a scene really uses, and what is left out.
 
 pub mod animation;
@@ -25,6 +25,7 @@ mod mesh;
 pub mod needs;
 mod player;
 mod pose;
+mod save;
 
 use std::path::Path;
 
@@ -40,6 +41,7 @@ pub use mesh::{Mesh, MeshTriangle};
 pub use needs::{LeftOut, Motion, Needs};
 pub use player::Player;
 pub use pose::ScenePose;
+pub(crate) use save::write_beside;
 
 /// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
 ///

@@ -87,3 +87,26 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
         source: notes.source,
     })
 }
+
+/// A file taken apart for writing it again.
+pub(super) struct RawParts {
+    /// All of its JSON, `extras` and all.
+    pub json: serde_json::Value,
+    /// One per buffer, cut to its declared length.
+    pub buffers: Vec<Vec<u8>>,
+    /// One per image: the bytes of those that lie in files of their own.
+    pub images: Vec<Option<Vec<u8>>>,
+}
+
+/// Takes a file apart: its JSON as it stands, and the bytes that it refers to.
+pub(super) fn raw_parts(path: &Path, bytes: &[u8]) -> Result<RawParts, SceneError> {
+    let file = container::split(path, bytes, &mut Notes::default())?;
+    let json = serde_json::from_slice(file.json)
+        .map_err(|error| SceneError::invalid(path, format!("not glTF: JSON error: {error}")))?;
+    let document = Document::parse(path, file.json)?;
+    Ok(RawParts {
+        json,
+        buffers: resources::load_buffers(&document, file.blob)?,
+        images: resources::read_image_files(&document)?,
+    })
+}

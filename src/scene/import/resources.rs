@@ -50,6 +50,18 @@ pub fn load_buffers(
     Ok(buffers)
 }
 
+/// The bytes of every image that lies in a file of its own; none for those in a buffer or a `data:` URI.
+pub fn read_image_files(document: &Document<'_>) -> Result<Vec<Option<Vec<u8>>>, SceneError> {
+    let images = document.root.images.iter().enumerate();
+    images
+        .map(|(index, image)| {
+            let file = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
+            let read = |uri: &String| read_uri(document, &format!("images[{index}]"), uri);
+            file.map(read).transpose()
+        })
+        .collect()
+}
+
 fn read_uri(document: &Document<'_>, place: &str, uri: &str) -> Result<Vec<u8>, SceneError> {
     match container::decode_data_uri(uri) {
         Some(Ok((_, bytes))) => Ok(bytes),

@@ -1,0 +1,170 @@
+//! Nodes, the scene's roots, and lights.
+
+use serde_json::{Value, json};
+
+use super::super::gltf_writer::{number, numbers};
+use super::super::{LightKind, Node, PunctualLight, Scene};
+use super::{Original, entry, extension, factor_and_strength, list_mut, note_used};
+
+const VISIBILITY: &str = "KHR_node_visibility";
+const LIGHTS: &str = "KHR_lights_punctual";
+
+/// Writes what was edited of nodes, roots and lights.
+pub fn patch(root: &mut Value, original: &Original, scene: &Scene) {
+    let mut used = Vec::new();
+    if !scene.nodes.is_empty() {
+        entry(root, "nodes", || json!([]));
+    }
+    let mut regrouped = scene.roots != original.roots;
+    for (index, node) in scene.nodes.iter().enumerate() {
+        let before = original.nodes.get(index);
+        if before == Some(node) {
+            continue;
+        }
+        regrouped |= before.is_none_or(|before| before.children != node.children);
+        if before.is_none()
+            && let Some(list) = root["nodes"].as_array_mut()
+        {
+            list.push(json!({}));
+        }
+        if let Some(value) = list_mut(root, "nodes").get_mut(index) {
+            patch_node(value, before, node, &mut used);
+        }
+    }
+    // Without a scene every node without a parent is shown, deleted ones too.
+    if regrouped && root.get("scenes").is_none() {
+        root["scenes"] = json!([{ "nodes": original.roots }]);
+        root["scene"] = json!(0);
+    }
+    if scene.roots != original.roots {
+        let chosen = root.get("scene").and_then(Value::as_u64).unwrap_or(0) as usize;
+        if let Some(shown) = list_mut(root, "scenes").get_mut(chosen) {
+            set_list(shown, "nodes", &scene.roots);
+        }
+    }
+    for (index, light) in scene.lights.iter().enumerate() {
+        let before = original.lights.get(index);
+        if before == Some(light) {
+            continue;
+        }
+        let all = entry(extension(root, LIGHTS, &mut used), "lights", || json!([]));
+        if let Some(all) = all.as_array_mut() {
+            while all.len() <= index {
+                all.push(json!({}));
+            }
+            patch_light(&mut all[index], before, light);
+        }
+    }
+    note_used(root, &used);
+}
+
+/// glTF has no empty lists.
+fn set_list(object: &mut Value, key: &str, list: &[usize]) {
+    if !list.is_empty() {
+        object[key] = json!(list);
+    } else if let Some(object) = object.as_object_mut() {
+        object.shift_remove(key);
+    }
+}
+
+fn patch_node(value: &mut Value, before: Option<&Node>, node: &Node, used: &mut Vec<&'static str>) {
+    if before.is_none_or(|before| before.name != node.name) {
+        value["name"] = json!(node.name);
+    }
+    let is_placed_anew = |before: &Node| {
+        before.parent_from_node != node.parent_from_node || before.parts != node.parts
+    };
+    if before.is_none_or(is_placed_anew) {
+        patch_transform(value, before, node);
+    }
+    if before.map_or(&[][..], |before| &before.children) != node.children {
+        set_list(value, "children", &node.children);
+    }
+    if before.is_some_and(|before| before.is_hidden) != node.is_hidden {
+        extension(value, VISIBILITY, used)["visible"] = json!(!node.is_hidden);
+    }
+    if before.is_some() {
+        return;
+    }
+    for (key, index) in [("mesh", node.mesh), ("camera", node.camera)] {
+        if let Some(index) = index {
+            value[key] = json!(index);
+        }
+    }
+    if !node.morph_weights.is_empty() {
+        value["weights"] = json!(node.morph_weights);
+    }
+    if let Some(light) = node.light {
+        extension(value, LIGHTS, used)["light"] = json!(light);
+    }
+}
+
+fn patch_transform(value: &mut Value, before: Option<&Node>, node: &Node) {
+    let Some(parts) = node.exact_parts() else {
+        remove(value, &["translation", "rotation", "scale"]);
+        let [x, y, z] = [
+            node.parent_from_node.x_axis,
+            node.parent_from_node.y_axis,
+            node.parent_from_node.z_axis,
+        ];
+        let at = node.parent_from_node.translation;
+        value["matrix"] = json!([
+            x.x, x.y, x.z, 0.0, y.x, y.y, y.z, 0.0, z.x, z.y, z.z, 0.0, at.x, at.y, at.z, 1.0
+        ]);
+        return;
+    };
+    remove(value, &["matrix"]);
+    // A new node stands at its parent's place where nothing is said; so does one that had a matrix.
+    let known = match before {
+        Some(before) => before.exact_parts(),
+        None => Some(super::super::Trs::default()),
+    };
+    let same = known.unwrap_or_default();
+    let all = before.is_some() && known.is_none();
+    if all || parts.translation != same.translation {
+        value["translation"] = json!(parts.translation.to_array());
+    }
+    if all || parts.rotation != same.rotation {
+        value["rotation"] = json!(parts.rotation.to_array());
+    }
+    if all || parts.scale != same.scale {
+        value["scale"] = json!(parts.scale.to_array());
+    }
+}
+
+fn remove(value: &mut Value, keys: &[&str]) {
+    if let Some(object) = value.as_object_mut() {
+        for key in keys {
+            object.shift_remove(*key);
+        }
+    }
+}
+
+fn patch_light(value: &mut Value, before: Option<&PunctualLight>, light: &PunctualLight) {
+    if before.is_none_or(|before| before.name != light.name) {
+        value["name"] = json!(light.name);
+    }
+    if before.is_none_or(|before| before.intensity != light.intensity) {
+        let (color, intensity) = factor_and_strength(light.intensity);
+        value["color"] = numbers(&color);
+        value["intensity"] = number(intensity);
+    }
+    if before.is_some_and(|before| before.kind == light.kind) {
+        return;
+    }
+    match light.kind {
+        LightKind::Point => value["type"] = json!("point"),
+        LightKind::Directional => value["type"] = json!("directional"),
+        LightKind::Spot {
+            inner_cone_rad,
+            outer_cone_rad,
+        } => {
+            value["type"] = json!("spot");
+            let spot = entry(value, "spot", || json!({}));
+            spot["innerConeAngle"] = number(inner_cone_rad);
+            spot["outerConeAngle"] = number(outer_cone_rad);
+            return;
+        }
+    }
+    remove(value, &["spot"]);
+}
