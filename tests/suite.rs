@@ -76,6 +76,9 @@ mod suite {
     pub mod stereo_exact;
     pub mod support;
     pub mod techniques;
+    pub mod viewer_app;
+    pub mod viewer_window;
+    pub mod virtual_screen;
     pub mod xr_headset;
     pub mod xr_replay;
     pub mod xr_simulated;

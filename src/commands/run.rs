@@ -12,7 +12,7 @@ use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{
     Eyes, Motion as MotionSetting, RenderOptions, RunOptions, SessionChoice, Settings,
-    TraceBody as TraceBodyOption, TraceUp as TraceUpOption,
+    TraceBody as TraceBodyOption, TraceOptions, TraceUp as TraceUpOption,
 };
 use crate::output::OutputFolder;
 use crate::renderer::Renderer;
@@ -209,17 +209,7 @@ fn session(
     };
     match (options.session, &options.trace) {
         (SessionChoice::Replay, Some(trace)) => {
-            let mut replay = ReplayOptions::new(headset.clone(), start);
-            replay.up = trace.up.map(|up| match up {
-                TraceUpOption::Y => TraceUp::Y,
-                TraceUpOption::Z => TraceUp::Z,
-            });
-            replay.body = trace.body.map(|body| match body {
-                TraceBodyOption::Openxr => TraceBody::OpenXr,
-                TraceBodyOption::Optical => TraceBody::Optical,
-                TraceBodyOption::EyeFromBody(rotation) => TraceBody::Quaternion(rotation),
-            });
-            replay.recenter = trace.recenter;
+            let mut replay = replay_options(trace, headset.clone(), start);
             replay.frame_limit = options.frames.map(u64::from);
             replay.pacing = pacing;
             let session = ReplaySession::open(&trace.path, replay)?;
@@ -245,6 +235,22 @@ fn session(
             Ok((Box::new(session), source))
         }
     }
+}
+
+/// How a recording is read.
+pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
+    let mut replay = ReplayOptions::new(headset, start);
+    replay.up = trace.up.map(|up| match up {
+        TraceUpOption::Y => TraceUp::Y,
+        TraceUpOption::Z => TraceUp::Z,
+    });
+    replay.body = trace.body.map(|body| match body {
+        TraceBodyOption::Openxr => TraceBody::OpenXr,
+        TraceBodyOption::Optical => TraceBody::Optical,
+        TraceBodyOption::EyeFromBody(rotation) => TraceBody::Quaternion(rotation),
+    });
+    replay.recenter = trace.recenter;
+    replay
 }
 
 fn render_session(

@@ -1,14 +1,16 @@
 //! `view`: the desktop viewer.
 
 use super::Failure;
+use super::run::replay_options;
 use crate::interrupt;
 use crate::options::ViewOptions;
 use crate::output::OutputFolder;
 use crate::scene::edit::Document;
 use crate::scene::load_environment;
 use crate::viewer::memory::Memory;
+use crate::viewer::session::Recording;
 use crate::viewer::{Start, show};
-use crate::xr::Headset;
+use crate::xr::{Headset, Pose, ReplaySession, Validated};
 
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
@@ -28,6 +30,16 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         log::warn!("{warning}");
     }
     OutputFolder::check(&options.out)?;
+    let recording = match &options.trace {
+        Some(trace) => {
+            let start = document.scene().start_pose();
+            let start = Pose::new(start.position, start.orientation);
+            let replay = replay_options(trace, headset.clone(), start);
+            let session = ReplaySession::open(&trace.path, replay)?;
+            Some(Recording::of(&mut Validated::new(session))?)
+        }
+        None => None,
+    };
     let path = Memory::path();
     let memory = path.as_deref().map(Memory::load).unwrap_or_default();
     interrupt::catch();
@@ -36,7 +48,7 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
             document,
             settings: settings.clone(),
             headset,
-            recording: None,
+            recording,
             out: options.out.clone(),
             memory,
         },

@@ -43,7 +43,9 @@ Examples:
 const VIEW_EXAMPLES: &str = "\
 Examples:
   stereolux view --scene helmet.glb
-  stereolux view --scene builtin:gallery --set environment.path=sky.hdr";
+  stereolux view --scene builtin:gallery --set environment.path=sky.hdr
+  stereolux view --trace walk.jsonl
+A recording waits at its first frame; it plays, steps and scrubs in the window. F1 there lists keys and mouse.";
 
 const BENCH_EXAMPLES: &str = "\
 Every frame that is measured traces its photons anew. Variants of a group take turns, frame by frame, and ratios are
@@ -205,10 +207,9 @@ pub struct SessionArgs {
     /// Where poses come from
     #[arg(long, value_enum, default_value_t = SessionChoice::Auto)]
     pub session: SessionChoice,
-    /// Replay this recording: a native trace (JSON Lines, from --record), a TUM trajectory or a EuRoC ground-truth CSV.
-    /// TUM and EuRoC hold head poses; the headset profile adds the eyes
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
-    pub trace: Option<PathBuf>,
+    /// Recording flags.
+    #[command(flatten)]
+    pub recording: TraceArgs,
     /// Write the views that were really used to this native trace
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     pub record: Option<PathBuf>,
@@ -227,6 +228,15 @@ pub struct SessionArgs {
     /// Motion of the simulated headset [default: sway]
     #[arg(long, value_enum)]
     pub motion: Option<Motion>,
+}
+
+/// Flags of a recording, of `run` and `view`.
+#[derive(Clone, Debug, Default, Args)]
+pub struct TraceArgs {
+    /// Replay this recording: a native trace (JSON Lines, from --record), a TUM trajectory or a EuRoC ground-truth CSV.
+    /// TUM and EuRoC hold head poses; the headset profile adds the eyes
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
+    pub trace: Option<PathBuf>,
     /// World axis that points up in the trace [default: z for TUM and EuRoC, y for native]
     #[arg(long, value_enum)]
     pub trace_up: Option<TraceUp>,
@@ -413,6 +423,9 @@ pub struct ViewArgs {
     /// Shared flags.
     #[command(flatten)]
     pub shared: SharedArgs,
+    /// Recording flags.
+    #[command(flatten, next_help_heading = "Recording")]
+    pub recording: TraceArgs,
 }
 
 /// Why the command line did not become a [`Cli`]: help was asked for, or it is unusable.

@@ -1,6 +1,6 @@
 //! Every setting with its kind, range, unit and one line of explanation.
 //!
-//! One list drives validation, the listing under `--help` and `info --settings`, and later the viewer's panels.
+//! One list drives validation, the listing under `--help` and `info --settings`, and the viewer's panel.
 //! Defaults are not repeated here: they are read from [`Settings::default`].
 
 use std::fmt::Write as _;

@@ -7,7 +7,7 @@ use glam::DQuat;
 
 use super::cli::{
     BenchArgs, Cli, Command, CompareArgs, Eyes, InfoArgs, LayerArgs, RenderArgs, RunArgs,
-    SessionArgs, SessionChoice, SharedArgs, Suite, TraceUp, ViewArgs,
+    SessionArgs, SessionChoice, SharedArgs, Suite, TraceArgs, TraceUp, ViewArgs,
 };
 use super::layers::Layers;
 use super::numbers::{self, FovAngles, HeadPose};
@@ -154,7 +154,9 @@ pub struct InfoOptions {
 pub struct ViewOptions {
     /// All settings.
     pub settings: Settings,
-    /// Output directory, for snapshots.
+    /// Views to play.
+    pub trace: Option<TraceOptions>,
+    /// Output directory, for screenshots and what is saved.
     pub out: PathBuf,
 }
 
@@ -282,10 +284,10 @@ fn resolve_run(args: RunArgs) -> Result<RunOptions, OptionsError> {
     let frames = count("--frames", flags.frames.as_ref())?;
     let every = count("--every", flags.every.as_ref())?.unwrap_or(1);
     let session = session(&flags)?;
-    let trace = trace(&flags)?;
+    let trace = trace(&flags.recording)?;
     if let Some(record) = &flags.record {
         require_path("--record", record)?;
-        if flags.trace.as_ref() == Some(record) {
+        if flags.recording.trace.as_ref() == Some(record) {
             return Err(OptionsError::Conflict(format!(
                 "--record {} is the file that --trace reads; give --record another name",
                 quoted(&record.to_string_lossy())
@@ -307,7 +309,7 @@ fn resolve_run(args: RunArgs) -> Result<RunOptions, OptionsError> {
 
 fn session(flags: &SessionArgs) -> Result<SessionChoice, OptionsError> {
     let conflict = |text: &str| Err(OptionsError::Conflict(text.to_owned()));
-    let session = match (flags.session, flags.trace.is_some()) {
+    let session = match (flags.session, flags.recording.trace.is_some()) {
         (SessionChoice::Auto, true) => SessionChoice::Replay,
         (SessionChoice::Replay, false) => {
             return conflict("--session replay needs a recording; add --trace FILE");
@@ -324,19 +326,6 @@ fn session(flags: &SessionArgs) -> Result<SessionChoice, OptionsError> {
         }
         (chosen, _) => chosen,
     };
-    if session != SessionChoice::Replay {
-        for (given, flag) in [
-            (flags.trace_up.is_some(), "--trace-up"),
-            (flags.trace_body.is_some(), "--trace-body"),
-            (flags.trace_recenter.is_some(), "--trace-recenter"),
-        ] {
-            if given {
-                return Err(OptionsError::Conflict(format!(
-                    "{flag} needs a recording to apply to; add --trace FILE"
-                )));
-            }
-        }
-    }
     if flags.motion.is_some() && matches!(session, SessionChoice::Replay | SessionChoice::Openxr) {
         return conflict(
             "--motion moves the simulated headset; give --session simulated or leave --motion out",
@@ -350,8 +339,19 @@ fn session(flags: &SessionArgs) -> Result<SessionChoice, OptionsError> {
     Ok(session)
 }
 
-fn trace(flags: &SessionArgs) -> Result<Option<TraceOptions>, OptionsError> {
+fn trace(flags: &TraceArgs) -> Result<Option<TraceOptions>, OptionsError> {
     let Some(path) = flags.trace.clone() else {
+        for (given, flag) in [
+            (flags.trace_up.is_some(), "--trace-up"),
+            (flags.trace_body.is_some(), "--trace-body"),
+            (flags.trace_recenter.is_some(), "--trace-recenter"),
+        ] {
+            if given {
+                return Err(OptionsError::Conflict(format!(
+                    "{flag} needs a recording to apply to; add --trace FILE"
+                )));
+            }
+        }
         return Ok(None);
     };
     require_path("--trace", &path)?;
@@ -513,6 +513,7 @@ fn resolve_info(args: InfoArgs) -> Result<InfoOptions, OptionsError> {
 fn resolve_view(args: ViewArgs) -> Result<ViewOptions, OptionsError> {
     Ok(ViewOptions {
         settings: shared_layers(&args.shared)?.finish()?,
+        trace: trace(&args.recording)?,
         out: args.shared.out,
     })
 }

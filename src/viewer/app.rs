@@ -12,17 +12,16 @@ use super::fly_camera::{FlyCamera, Thrust};
 use super::frames::{FrameReport, Look};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
-use super::layout::Layout;
+use super::layout::{Layout, Part};
 use super::loading::{Loaded, Loading};
 use super::memory::Memory;
 use super::panels;
 use super::picture::Pictures;
 use super::session::{Player, Recording};
 use super::worker::{Report, Request, Wanted, Worker};
-use crate::options::Settings;
+use crate::options::{Extent, Settings};
 use crate::scene::edit::{Document, Edit};
-use super::pending::{SettingsPending as _, save_scene};
-use crate::xr::{Headset, Pose, XrSession};
+use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.
 pub const HISTORY: usize = 240;
@@ -112,6 +111,8 @@ pub struct App {
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     pub(super) is_lost: bool,
+    /// Where the last pass drew which picture.
+    pub(super) shown_at: Vec<(Part, egui::Rect)>,
     gamepad: Gamepad,
     worker: Worker,
     sent: Option<Sent>,
@@ -182,6 +183,7 @@ impl App {
             out,
             size,
             is_lost: false,
+            shown_at: Vec::new(),
             gamepad: Gamepad::open(),
             worker,
             sent: None,
@@ -261,6 +263,26 @@ impl App {
         !self.busy.is_empty() || self.loading.is_some()
     }
 
+    /// Selects a node, or nothing.
+    pub fn select(&mut self, node: Option<usize>) {
+        self.selected = node.filter(|node| self.document.scene().reaches(*node));
+    }
+
+    /// Shows something else of frames.
+    pub fn set_look(&mut self, look: Look) {
+        self.look = look;
+    }
+
+    /// Shows another tab of the right panel.
+    pub fn set_tab(&mut self, tab: Tab) {
+        self.tab = tab;
+    }
+
+    /// Opens or closes the list of keys.
+    pub fn show_help(&mut self, shows: bool) {
+        self.shows_help = shows;
+    }
+
     /// What is shown of frames.
     pub fn look(&self) -> Look {
         self.look
@@ -274,6 +296,16 @@ impl App {
     /// Where the gizmo's axes end, x, y and z, points of the window; `None` while there is no gizmo.
     pub fn gizmo_handles(&self) -> Option<[egui::Pos2; 3]> {
         self.gizmo.handles()
+    }
+
+    /// Which pictures are shown, and where in the window, points.
+    pub fn shown_at(&self) -> &[(Part, egui::Rect)] {
+        &self.shown_at
+    }
+
+    /// The settings to the right of a split view's divider.
+    pub fn other_settings(&self) -> &Settings {
+        &self.other
     }
 
     pub(super) fn say(&mut self, context: &Context, text: impl Into<String>, is_error: bool) {
@@ -446,11 +478,8 @@ impl App {
 
     pub(super) fn save_scene(&mut self, context: &Context) {
         let path = PathBuf::from(self.fields.scene_path.trim());
-        match save_scene(self.document.scene(), self.document.original(), &path) {
-            Ok(()) => {
-                self.document.mark_saved();
-                self.say(context, format!("{} written", path.display()), false);
-            }
+        match self.document.save(&path) {
+            Ok(()) => self.say(context, format!("{} written", path.display()), false),
             Err(error) => self.say(context, error.to_string(), true),
         }
     }
@@ -460,7 +489,7 @@ impl App {
         let mut settings = (*self.settings).clone();
         // What is shown is what is saved.
         settings.size = Some(self.size);
-        match settings.save_toml(&path) {
+        match settings.save(&path, Extent::Changed) {
             Ok(()) => self.say(
                 context,
                 format!("{} written; --config reads it", path.display()),
@@ -703,17 +732,4 @@ fn held(context: &Context) -> Thrust {
             is_slow: input.modifiers.alt,
         }
     })
-}
-
-/// A recording out of a session, at most an hour of it.
-///
-/// # Errors
-/// The session's, or that it has no frames; one line.
-pub fn record(session: &mut dyn XrSession) -> Result<Recording, String> {
-    let most = (3600.0 * session.info().refresh_hz) as usize;
-    let recording = Recording::of(session, most).map_err(|error| error.to_string())?;
-    if recording.is_empty() {
-        return Err(format!("{} has no frames", recording.name));
-    }
-    Ok(recording)
 }

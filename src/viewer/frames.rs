@@ -31,11 +31,16 @@ impl Look {
     }
 
     /// Name for people.
-    pub fn name(self) -> &'static str {
+    pub fn name(self) -> String {
         match self {
-            Self::Picture => "Picture",
-            Self::Inspection(inspection) => inspection.name(),
-            Self::Error => "Error",
+            Self::Picture => "Picture".to_owned(),
+            Self::Inspection(Inspection::BvhSteps) => "BVH steps".to_owned(),
+            Self::Inspection(inspection) => {
+                let words = inspection.name().replace('-', " ");
+                let (first, rest) = words.split_at(1);
+                first.to_uppercase() + rest
+            }
+            Self::Error => "Error".to_owned(),
         }
     }
 

@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use super::app::record;
 use super::session::{Recording, is_trace};
 use crate::options::Settings;
 use crate::scene::edit::Document;
@@ -131,7 +130,9 @@ fn read(
             let options = ReplayOptions::new(headset, start);
             let session =
                 ReplaySession::open(Path::new(path), options).map_err(|error| line(&error))?;
-            record(&mut Validated::new(session)).map(|recording| Loaded::Trace(Box::new(recording)))
+            let recording =
+                Recording::of(&mut Validated::new(session)).map_err(|error| line(&error))?;
+            Ok(Loaded::Trace(Box::new(recording)))
         }
     }
 }

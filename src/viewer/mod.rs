@@ -17,7 +17,6 @@ pub mod layout;
 mod loading;
 pub mod memory;
 pub mod panels;
-mod pending;
 mod picture;
 mod reference;
 mod scene_facts;

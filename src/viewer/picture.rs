@@ -11,6 +11,8 @@ use super::app::App;
 use super::frames::{FrameReport, Seen};
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, anaglyph, difference, rectangles};
+use glam::{DAffine3, DVec3};
+
 use crate::false_color::{Legend, map_color};
 use crate::scene::edit::Edit;
 
@@ -139,6 +141,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let layout = app.memory.layout;
         let parts = layout.parts();
         let rectangles = rectangles(area, parts.len(), aspect(app));
+        app.shown_at = parts.iter().copied().zip(rectangles.iter().copied()).collect();
         let Some(first) = rectangles.first().copied() else {
             return;
         };
@@ -247,6 +250,18 @@ fn handles(
         return None;
     }
     let world = scene.rest_pose().world_from_node;
+    // The handles stand in the middle of what is seen, wherever the node's own origin is.
+    let pivot_in_node = match app.fields.pivot {
+        Some((of, pivot)) if of == node => pivot,
+        _ => {
+            let middle = scene.bounds_below(node).map(|bounds| bounds.center());
+            let node_from_world = world[node].inverse();
+            let pivot = middle.map_or(DVec3::ZERO, |middle| node_from_world.transform_point3(middle));
+            app.fields.pivot = Some((node, pivot));
+            pivot
+        }
+    };
+    let world_from_pivot = world[node] * DAffine3::from_translation(pivot_in_node);
     let context = response.ctx.clone();
     let pointer = context.input(|input| Pointer {
         at: input.pointer.latest_pos(),
@@ -269,15 +284,15 @@ fn handles(
         return None;
     }
     let was_dragging = app.gizmo.is_dragging();
-    let handled = app
-        .gizmo
-        .show(painter, rect, &frame.views[part.eye()], world[node], pointer);
+    let view = &frame.views[part.eye()];
+    let handled = app.gizmo.show(painter, rect, view, world_from_pivot, pointer);
     match (was_dragging, app.gizmo.is_dragging()) {
         (false, true) => app.document.begin_gesture(),
         (true, false) => app.document.end_gesture(),
         _ => {}
     }
-    if let Handled::Moved(world_from_node) = handled {
+    if let Handled::Moved(world_from_pivot) = handled {
+        let world_from_node = world_from_pivot * DAffine3::from_translation(-pivot_in_node);
         let parent = app.document.scene().nodes[node].parent;
         let parent_from_world = parent.map(|parent| world[parent].inverse());
         let parent_from_node = match parent_from_world {

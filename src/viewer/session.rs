@@ -77,16 +77,17 @@ impl XrSession for DesktopSession {
 pub struct Recording {
     /// What it is, for people.
     pub name: String,
-    /// Display time in nanoseconds and both eyes' views; never empty.
+    /// Display time in nanoseconds and both eyes' views.
     frames: Vec<(i64, [View; 2])>,
 }
 
 impl Recording {
-    /// Takes all frames out of `session`.
+    /// Takes the frames out of `session`, an hour of them at most.
     ///
     /// # Errors
-    /// Those of the session; [`XrError`] of a recording without frames is the session's own.
-    pub fn of(session: &mut dyn XrSession, most: usize) -> Result<Self, XrError> {
+    /// Those of the session.
+    pub fn of(session: &mut dyn XrSession) -> Result<Self, XrError> {
+        let most = (3600.0 * session.info().refresh_hz) as usize;
         let mut frames = Vec::new();
         while frames.len() < most
             && let Some(state) = session.wait_frame()?
@@ -124,9 +125,10 @@ impl Recording {
 
     /// The last frame that is due `seconds` after the first.
     pub fn frame_at(&self, seconds: f64) -> usize {
+        let first = self.frames.first().map_or(0, |frame| frame.0);
         let due = self
             .frames
-            .partition_point(|frame| (frame.0 - self.frames[0].0) as f64 * 1e-9 <= seconds);
+            .partition_point(|frame| (frame.0 - first) as f64 * 1e-9 <= seconds);
         due.saturating_sub(1)
     }
 
@@ -211,7 +213,7 @@ mod tests {
         let headset = Headset::load("symmetric").unwrap();
         let mut session =
             SimulatedSession::new(headset, Motion::YawSweep, Pose::IDENTITY, Some(frames));
-        Recording::of(&mut session, 1000).unwrap()
+        Recording::of(&mut session).unwrap()
     }
 
     #[test]

@@ -339,7 +339,10 @@ impl Studio {
             .unwrap_or_else(std::sync::PoisonError::into_inner);
         let seen = self.seen(size)?;
         let mut legend = None;
-        let mut note = None;
+        let is_dark = self.engine()?.renderer.scene().light_count() == 0;
+        let mut note = is_dark.then(|| {
+            "the scene holds no light: drop an .hdr onto the window, or add a light to a node".to_owned()
+        });
         let mut eyes = Vec::with_capacity(2);
         for eye in 0..2 {
             let colored = match wanted.look {

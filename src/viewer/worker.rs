@@ -34,6 +34,9 @@ const PREVIEW_BUDGET_MS: f64 = 100.0;
 const COARSEST: u32 = 8;
 /// Frames that are averaged of a view that stands still; after them the thread sleeps.
 const MOST_FRAMES: u32 = 1024;
+/// Steps down in rank for the rendering thread: the window's gets about ten times its share of a core.
+#[cfg(target_os = "linux")]
+const NICE: i32 = 10;
 
 /// Everything that the window wants shown. The latest counts.
 #[derive(Clone)]
@@ -109,6 +112,7 @@ impl Worker {
         let thread = std::thread::Builder::new()
             .name("renderer".to_owned())
             .spawn(move || {
+                yield_to_window();
                 let mut inner = Inner {
                     wanted: shared,
                     requests: receiver,
@@ -164,6 +168,16 @@ impl Drop for Worker {
         {
             log::error!("the rendering thread ended by a fault");
         }
+    }
+}
+
+/// Lets the window's thread come first where both compute on the same cores. A software adapter's threads are started by
+/// this one and inherit its rank.
+fn yield_to_window() {
+    // Elsewhere a rank belongs to the whole program.
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::nice(NICE) {
+        log::debug!("the rendering thread keeps its rank: {error}");
     }
 }
 

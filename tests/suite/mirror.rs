@@ -1,8 +1,6 @@
 //! The desktop mirror: its pass against the PNG path, and its window on a virtual screen.
 
-use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use stereolux::gpu::ShaderLibrary;
@@ -10,10 +8,7 @@ use stereolux::images::{Image, aces_filmic, tone_map};
 use stereolux::options::{Method, Reuse};
 use stereolux::renderer::Eye;
 use stereolux::xr::view::Fov;
-use x11rb::connection::Connection as _;
-use x11rb::protocol::xproto::{
-    AtomEnum, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, EventMask,
-};
+use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt as _};
 use x11rb::wrapper::ConnectionExt as _;
 
 use crate::suite::openxr_picture::{Screen, block_scene, fault};
@@ -25,6 +20,7 @@ use crate::suite::openxr_support::{
 use crate::suite::support::{
     Folder, bits, builtin, frame, method, parallel_views, radiance, renderer, start_pose, stereolux,
 };
+use crate::suite::virtual_screen::{Xvfb, ask_to_close, find_window};
 
 const IMAGE: [u32; 2] = [32, 24];
 
@@ -118,99 +114,23 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
     }
 }
 
-/// A virtual screen of 1280x720; it goes when this is dropped.
-struct Xvfb {
-    process: Child,
-    display: String,
-    screen: PathBuf,
-}
-
-impl Xvfb {
-    fn start(folder: &Folder) -> Self {
-        let mut process = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x720x24"])
-            .args(["-nolisten", "tcp", "-fbdir"])
-            .arg(folder.path())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("Xvfb is needed; scripts/test.sh installs it");
-        let mut number = String::new();
-        BufReader::new(process.stdout.take().unwrap())
-            .read_line(&mut number)
-            .unwrap();
-        Self {
-            process,
-            display: format!(":{}", number.trim()),
-            screen: folder.join("Xvfb_screen0"),
+/// Looks until both halves show the scene; the last fault if they do not within some seconds.
+fn shows(xvfb: &Xvfb, columns: usize, rows: usize) -> Result<Screen, String> {
+    let mut last = String::new();
+    let began = Instant::now();
+    while began.elapsed() < Duration::from_secs(20) {
+        let screen = Screen::read(&xvfb.screen);
+        match fault(&screen, halves(columns), rows) {
+            None => return Ok(screen),
+            Some(what) => last = what,
         }
+        std::thread::sleep(Duration::from_millis(50));
     }
-
-    /// Looks until both halves show the scene; the last fault if they do not within some seconds.
-    fn shows(&self, columns: usize, rows: usize) -> Result<Screen, String> {
-        let mut last = String::new();
-        let began = Instant::now();
-        while began.elapsed() < Duration::from_secs(20) {
-            let screen = Screen::read(&self.screen);
-            match fault(&screen, halves(columns), rows) {
-                None => return Ok(screen),
-                Some(what) => last = what,
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        Err(last)
-    }
-}
-
-impl Drop for Xvfb {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
+    Err(last)
 }
 
 fn halves(columns: usize) -> [std::ops::Range<usize>; 2] {
     [0..columns / 2, columns / 2..columns]
-}
-
-/// The mirror's window, as another client of the display sees it.
-fn find_window(display: &str) -> (x11rb::rust_connection::RustConnection, u32) {
-    let (connection, screen) = x11rb::connect(Some(display)).unwrap();
-    let root = connection.setup().roots[screen].root;
-    let began = Instant::now();
-    while began.elapsed() < Duration::from_secs(20) {
-        let children = connection.query_tree(root).unwrap().reply().unwrap();
-        for window in children.children {
-            let name = connection
-                .get_property(false, window, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64)
-                .unwrap()
-                .reply();
-            if name.is_ok_and(|name| name.value.starts_with(b"stereolux")) {
-                return (connection, window);
-            }
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    panic!("no window of stereolux on {display}");
-}
-
-/// Says what a window manager says when its close button is pressed.
-fn ask_to_close(display: &str) {
-    let (connection, window) = find_window(display);
-    let atom = |name: &str| {
-        let cookie = connection.intern_atom(false, name.as_bytes()).unwrap();
-        cookie.reply().unwrap().atom
-    };
-    let message = ClientMessageEvent::new(
-        32,
-        window,
-        atom("WM_PROTOCOLS"),
-        [atom("WM_DELETE_WINDOW"), 0, 0, 0, 0],
-    );
-    connection
-        .send_event(false, window, EventMask::NO_EVENT, message)
-        .unwrap();
-    connection.sync().unwrap();
 }
 
 fn resize(display: &str, width: u32, height: u32) {
@@ -243,14 +163,14 @@ fn the_window_shows_the_scene_follows_its_size_and_may_be_closed() {
         .spawn()
         .unwrap();
     wait_until(&mut child, "five frames", || frames_so_far(&out) >= 5);
-    let whole = xvfb.shows(1280, 720);
+    let whole = shows(&xvfb, 1280, 720);
     // The judge would notice an exchange.
     let exchanged = whole.map(|screen| {
         let [left, right] = halves(1280);
         fault(&screen, [right, left], 720)
     });
     resize(&xvfb.display, 600, 400);
-    let smaller = xvfb.shows(600, 400).map(|_| ());
+    let smaller = shows(&xvfb, 600, 400).map(|_| ());
     ask_to_close(&xvfb.display);
     let closed_at = frames_so_far(&out);
     wait_until(&mut child, "twenty more frames", || {
@@ -299,7 +219,7 @@ fn the_window_shows_what_an_openxr_session_renders() {
         .spawn()
         .unwrap();
     wait_until(&mut child, "five frames", || frames_so_far(&out) >= 5);
-    let screen = xvfb.shows(1280, 720).map(|_| ());
+    let screen = shows(&xvfb, 1280, 720).map(|_| ());
     let pid = std::fs::read_to_string(folder.join("pid")).unwrap();
     Command::new("kill").arg(pid.trim()).status().unwrap();
     let output = child.wait_with_output().unwrap();
@@ -315,7 +235,7 @@ fn without_a_display_the_mirror_is_refused_in_one_line() {
     let folder = Folder::new("mirror-none");
     let out = folder.join("out");
     for (display, says) in [
-        (None, "DISPLAY names no X server"),
+        (None, "neither DISPLAY nor WAYLAND_DISPLAY names a display"),
         (Some(":4077"), "Failed to open connection to X server"),
     ] {
         let mut command = Command::new(PROGRAM);

@@ -91,7 +91,8 @@ impl Screen {
         }
     }
 
-    fn at(&self, x: usize, y: usize) -> [u8; 3] {
+    /// Red, green and blue of a pixel.
+    pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
         let at = y * self.row_bytes + 4 * x;
         let p = &self.pixels[at..at + 4];
         if self.is_little_endian {
@@ -112,7 +113,7 @@ fn centre(
     let (mut x_sum, mut y_sum, mut count) = (0.0, 0.0, 0);
     for y in 0..rows {
         for x in columns.clone() {
-            let found = screen.at(x, y).map(|channel| channel > 128);
+            let found = screen.pixel(x, y).map(|channel| channel > 128);
             if found == color {
                 x_sum += (x - columns.start) as f64;
                 y_sum += y as f64;

@@ -292,8 +292,17 @@ fn material_panel(
         });
 }
 
+/// A colour to be picked, and its numbers.
 fn color(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
-    edits.watch(&ui.color_edit_button_rgb(rgb))
+    let mut changed = false;
+    ui.horizontal(|ui| {
+        changed |= edits.watch(&ui.color_edit_button_rgb(rgb));
+        for channel in rgb {
+            let field = DragValue::new(channel).range(0.0..=1.0).speed(0.005).max_decimals(4);
+            changed |= edits.watch(&ui.add(field));
+        }
+    });
+    changed
 }
 
 /// Three numbers of any size from 0.

@@ -4,11 +4,11 @@ use egui::{Button, ComboBox, MenuBar, Panel, Slider, TextEdit, Ui};
 
 use crate::options::Motion as MotionSetting;
 use crate::scene::builtin;
-use crate::viewer::app::{App, WindowCommand, record};
+use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::Look;
 use crate::viewer::gizmo::Mode;
 use crate::viewer::layout::Layout;
-use crate::viewer::session::Player;
+use crate::viewer::session::{Player, Recording};
 use crate::xr::{Motion, SimulatedSession};
 
 /// Seconds of a simulated motion.
@@ -163,7 +163,7 @@ fn motion(app: &mut App, ui: &mut Ui) {
             let headset = app.headset.clone();
             let start = app.camera.pose();
             let mut session = SimulatedSession::new(headset, motion, start, Some(frames));
-            match record(&mut session) {
+            match Recording::of(&mut session) {
                 Ok(recording) => {
                     let mut player = Player::new(recording);
                     player.is_playing = true;
@@ -173,7 +173,7 @@ fn motion(app: &mut App, ui: &mut Ui) {
                     settings.simulated.motion = setting;
                     app.set_settings(settings);
                 }
-                Err(error) => app.say(&context, error, true),
+                Err(error) => app.say(&context, error.to_string(), true),
             }
             ui.close();
         }

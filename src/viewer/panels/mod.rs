@@ -38,6 +38,8 @@ pub struct Fields {
     pub name: Option<(usize, String)>,
     /// The tree has to show the selected node.
     pub scroll_to_selected: bool,
+    /// Middle of the selected node and what is below it, in the node's own space.
+    pub pivot: Option<(usize, glam::DVec3)>,
     /// The picture that has the gizmo.
     pub gizmo_part: Option<Part>,
     /// The divider of the split view is held.

@@ -6,9 +6,8 @@ use egui::{CollapsingHeader, Color32, ComboBox, DragValue, Key, RichText, TextEd
 use serde_json::{Value, json};
 
 use crate::options::Settings;
-use crate::options::registry::{self, Kind, SETTINGS, Setting};
+use crate::options::registry::{self, Kind, Setting};
 use crate::viewer::app::App;
-use crate::viewer::pending::SettingsPending as _;
 use crate::viewer::layout::Layout;
 
 /// The tab.
@@ -50,21 +49,19 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             || setting.doc.to_lowercase().contains(&wanted)
     };
     let mut found = 0;
-    for group in groups() {
-        let rows: Vec<&'static Setting> = SETTINGS
+    for section in registry::sections() {
+        let rows: Vec<&'static Setting> = section
+            .keys
             .iter()
-            .filter(|setting| group_of(setting.key) == group)
+            .filter_map(|key| registry::find(key))
             .filter(matches)
             .collect();
         if rows.is_empty() {
             continue;
         }
         found += rows.len();
-        let opens = matches!(group, "" | "photon");
-        let title = if group.is_empty() { "general" } else { group };
-        CollapsingHeader::new(title)
-            .id_salt(("settings", group))
-            .default_open(opens)
+        CollapsingHeader::new(section.title)
+            .default_open(matches!(section.name, "" | "photon"))
             .open((!wanted.is_empty()).then_some(true))
             .show(ui, |ui| {
                 for setting in rows {
@@ -75,22 +72,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if found == 0 {
         ui.weak("no setting has that in its name or its explanation");
     }
-}
-
-/// Groups in the registry's order; settings without a section come first.
-fn groups() -> Vec<&'static str> {
-    let mut groups: Vec<&str> = Vec::new();
-    for setting in SETTINGS {
-        let group = group_of(setting.key);
-        if !groups.contains(&group) {
-            groups.push(group);
-        }
-    }
-    groups
-}
-
-fn group_of(key: &'static str) -> &'static str {
-    key.split_once('.').map_or("", |(group, _)| group)
 }
 
 fn shown(app: &App) -> &Settings {
@@ -240,17 +221,6 @@ fn size_words(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_setting_is_in_one_group_and_groups_keep_the_registry_s_order() {
-        let groups = groups();
-        assert_eq!(groups.first(), Some(&""));
-        let counted: usize = groups
-            .iter()
-            .map(|group| SETTINGS.iter().filter(|s| group_of(s.key) == *group).count())
-            .sum();
-        assert_eq!(counted, SETTINGS.len());
-    }
 
     #[test]
     fn sizes_are_written_as_flags_take_them() {

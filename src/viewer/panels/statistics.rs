@@ -1,7 +1,7 @@
 //! What the last frames cost, and what became of the right eye's pixels.
 
 use egui::{Color32, Grid, Panel, RichText, ScrollArea, Ui};
-use egui_plot::{HLine, Legend, Line, Plot, PlotPoints};
+use egui_plot::{Corner, HLine, Legend, Line, Plot, PlotPoints};
 
 use crate::frame_loop::FrameStats;
 use crate::viewer::app::App;
@@ -70,7 +70,7 @@ fn plot(app: &App, ui: &mut Ui) {
     Plot::new("times")
         .width(330.0)
         .height(130.0)
-        .legend(Legend::default())
+        .legend(Legend::default().position(Corner::LeftTop).background_alpha(0.4))
         .include_y(0.0)
         .allow_drag(false)
         .allow_zoom(false)

@@ -1,0 +1,306 @@
+//! Draws the viewer without a window, for the pictures in `docs/viewer/`: every layout, every panel, and every view of
+//! intermediate results.
+//!
+//! `cargo run --release --example viewer_pictures -- docs/viewer`
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use egui::{Context, RawInput, Rect, pos2, vec2};
+use egui_wgpu::{RendererOptions, ScreenDescriptor};
+use stereolux::gpu::GpuContext;
+use stereolux::images::{Image, ImageRgb8, write_png};
+use stereolux::options::Settings;
+use stereolux::renderer::Inspection;
+use stereolux::scene::edit::Document;
+use stereolux::viewer::app::Tab;
+use stereolux::viewer::frames::Look;
+use stereolux::viewer::layout::Layout;
+use stereolux::viewer::memory::Memory;
+use stereolux::viewer::{App, Start};
+use stereolux::xr::Headset;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// Size of the window, pixels.
+const WINDOW: [u32; 2] = [1120, 680];
+/// Frames that are averaged before a picture is taken.
+const FRAMES: u32 = 24;
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+/// A window that is only a texture.
+struct Canvas {
+    app: App,
+    egui: Context,
+    painter: egui_wgpu::Renderer,
+    gpu: GpuContext,
+    texture: wgpu::Texture,
+    began: Instant,
+}
+
+impl Canvas {
+    fn new(app: App) -> Outcome<Self> {
+        let gpu = GpuContext::open(None)?;
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("canvas"),
+            size: wgpu::Extent3d {
+                width: WINDOW[0],
+                height: WINDOW[1],
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        let painter = egui_wgpu::Renderer::new(&gpu.device, FORMAT, RendererOptions::default());
+        Ok(Self {
+            app,
+            egui: Context::default(),
+            painter,
+            gpu,
+            texture,
+            began: Instant::now(),
+        })
+    }
+
+    /// One pass; the pointer is nowhere.
+    fn pass(&mut self) {
+        let size = vec2(WINDOW[0] as f32, WINDOW[1] as f32);
+        let input = RawInput {
+            screen_rect: Some(Rect::from_min_size(pos2(0.0, 0.0), size)),
+            time: Some(self.began.elapsed().as_secs_f64()),
+            focused: true,
+
+            ..RawInput::default()
+        };
+        let app = &mut self.app;
+        let output = self.egui.run_ui(input, |ui| app.ui(ui));
+        let (device, queue) = (&self.gpu.device, &self.gpu.queue);
+        for (id, deltas) in &output.textures_delta.set {
+            for delta in deltas {
+                self.painter.update_texture(device, queue, *id, delta);
+            }
+        }
+        let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
+        let screen = ScreenDescriptor {
+            size_in_pixels: WINDOW,
+            pixels_per_point: output.pixels_per_point,
+        };
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let own = self.painter.update_buffers(device, queue, &mut encoder, &jobs, &screen);
+        let view = self.texture.create_view(&Default::default());
+        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("canvas"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations::default(),
+            })],
+            ..Default::default()
+        });
+        self.painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
+        queue.submit(own.into_iter().chain([encoder.finish()]));
+        for id in &output.textures_delta.free {
+            self.painter.free_texture(id);
+        }
+    }
+
+    /// Lets the viewer run until `done`.
+    fn until(&mut self, what: &str, done: impl Fn(&App) -> bool) -> Outcome<()> {
+        let began = Instant::now();
+        loop {
+            self.pass();
+            if done(&self.app) {
+                return Ok(());
+            }
+            if began.elapsed() > Duration::from_secs(600) {
+                return Err(format!("{what}: waited in vain").into());
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for a clean picture of what was just asked for.
+    fn settle(&mut self) -> Outcome<()> {
+        // Frames in hand may have begun before.
+        self.pass();
+        let index = self.app.frame().map_or(0, |frame| frame.index);
+        self.until("a picture", |app| {
+            let frame = app.frame();
+            !app.is_busy()
+                && frame.is_some_and(|f| f.is_full && f.index > index + 2 && f.frames >= FRAMES)
+        })?;
+        // Textures of the last report, and widgets that need a second pass for their size.
+        self.pass();
+        self.pass();
+        Ok(())
+    }
+
+    fn image(&self) -> Outcome<ImageRgb8> {
+        let row = (4 * WINDOW[0]).next_multiple_of(256);
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("canvas"),
+            size: u64::from(row) * u64::from(WINDOW[1]),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            self.texture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: None,
+                },
+            },
+            self.texture.size(),
+        );
+        self.gpu.queue.submit([encoder.finish()]);
+        buffer.slice(..).map_async(wgpu::MapMode::Read, |_| ());
+        self.gpu.wait("canvas")?;
+        let bytes = buffer.slice(..).get_mapped_range()?;
+        let pixels = (0..WINDOW[1] * WINDOW[0])
+            .map(|i| {
+                let at = ((i / WINDOW[0]) * row + 4 * (i % WINDOW[0])) as usize;
+                [bytes[at], bytes[at + 1], bytes[at + 2]]
+            })
+            .collect();
+        Ok(Image::new(WINDOW[0], WINDOW[1], pixels)?)
+    }
+
+    fn save(&self, folder: &Path, name: &str) -> Outcome<()> {
+        let path = folder.join(format!("{name}.png"));
+        write_png(&path, &self.image()?)?;
+        println!("{}", path.display());
+        Ok(())
+    }
+}
+
+fn node(app: &App, name: &str) -> Option<usize> {
+    let nodes = &app.document().scene().nodes;
+    nodes.iter().position(|node| node.name == name)
+}
+
+/// A part of an image, each of its pixels the mean of `by` x `by`.
+fn cut(image: &ImageRgb8, rect: Rect, by: u32) -> Outcome<ImageRgb8> {
+    let [left, top] = [rect.min.x, rect.min.y].map(|edge| edge.max(0.0) as u32);
+    let (width, height) = (rect.width() as u32 / by, rect.height() as u32 / by);
+    let mut pixels = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let mut sums = [0_u32; 3];
+            for tap in 0..by * by {
+                let at = (left + by * x + tap % by, top + by * y + tap / by);
+                let pixel = image.get(at.0, at.1).unwrap_or_default();
+                for (sum, channel) in sums.iter_mut().zip(pixel) {
+                    *sum += u32::from(channel);
+                }
+            }
+            pixels.push(sums.map(|sum| (sum / (by * by)) as u8));
+        }
+    }
+    Ok(Image::new(width, height, pixels)?)
+}
+
+/// Pictures in rows of `columns`.
+fn sheet(pictures: &[ImageRgb8], columns: usize) -> Outcome<ImageRgb8> {
+    let first = pictures.first().ok_or("no pictures")?;
+    let (width, height) = (first.width as usize, first.height as usize);
+    let rows = pictures.len().div_ceil(columns);
+    let mut pixels = vec![[0; 3]; columns * width * rows * height];
+    for (index, picture) in pictures.iter().enumerate() {
+        let (left, top) = (index % columns * width, index / columns * height);
+        for y in 0..height.min(picture.height as usize) {
+            for x in 0..width.min(picture.width as usize) {
+                pixels[(top + y) * columns * width + left + x] =
+                    picture.pixels[y * picture.width as usize + x];
+            }
+        }
+    }
+    Ok(Image::new((columns * width) as u32, (rows * height) as u32, pixels)?)
+}
+
+fn main() -> Outcome<()> {
+    env_logger::init();
+    let folder = PathBuf::from(std::env::args().nth(1).ok_or("usage: viewer_pictures FOLDER")?);
+    std::fs::create_dir_all(&folder)?;
+    let settings = Settings {
+        scene: "builtin:gallery".to_owned(),
+        ..Settings::default()
+    };
+    let app = App::new(
+        Start {
+            document: Document::load(&settings.scene)?,
+            settings,
+            headset: Headset::load("symmetric")?.with_fov(-32.0, 32.0, 28.0, -28.0)?,
+            recording: None,
+            out: folder.clone(),
+            memory: Memory::default(),
+        },
+        || (),
+    )?;
+    let mut canvas = Canvas::new(app)?;
+    for layout in Layout::ALL {
+        canvas.app.memory_mut().layout = layout;
+        canvas.settle()?;
+        if layout == Layout::Split {
+            canvas.until("the other method", |app| {
+                app.frame().is_some_and(|frame| frame.other.is_some() && frame.frames >= FRAMES)
+            })?;
+            canvas.pass();
+        }
+        let name = layout.name().to_lowercase().replace(' ', "_");
+        canvas.save(&folder, &format!("layout_{name}"))?;
+    }
+    canvas.app.memory_mut().layout = Layout::SideBySide;
+    let vase = node(&canvas.app, "vase").or_else(|| node(&canvas.app, "ball"));
+    canvas.app.select(vase.or(Some(0)));
+    canvas.settle()?;
+    canvas.save(&folder, "panel_inspector")?;
+    canvas.app.set_tab(Tab::Settings);
+    canvas.pass();
+    canvas.settle()?;
+    canvas.save(&folder, "panel_settings")?;
+    canvas.app.select(None);
+    canvas.app.show_help(true);
+    canvas.settle()?;
+    canvas.save(&folder, "panel_help")?;
+    canvas.app.show_help(false);
+    canvas.app.set_tab(Tab::Inspector);
+
+    // Views: the picture's area alone, a smaller one each, with its legend.
+    let memory = canvas.app.memory_mut();
+    memory.layout = Layout::Left;
+    memory.hierarchy = false;
+    memory.side = false;
+    memory.statistics = false;
+    let mut views = Vec::new();
+    for look in Look::all() {
+        // Provenance is the right eye's.
+        let is_right = look == Look::Inspection(Inspection::Provenance);
+        canvas.app.memory_mut().layout = if is_right { Layout::Right } else { Layout::Left };
+        canvas.app.set_look(look);
+        if look == Look::Error {
+            canvas.until("a reference", |app| {
+                app.frame().is_some_and(|f| f.legend.is_some() && f.frames >= 4 * FRAMES)
+            })?;
+        }
+        canvas.settle()?;
+        let (_, rect) = canvas.app.shown_at()[0];
+        // The legend lies left of the picture.
+        let area = Rect::from_min_max(pos2(0.0, rect.min.y), rect.max);
+        views.push(cut(&canvas.image()?, area, 3)?);
+        println!("{}", look.name());
+    }
+    let path = folder.join("views.png");
+    write_png(&path, &sheet(&views, 4)?)?;
+    println!("{}", path.display());
+    Ok(())
+}
