@@ -172,7 +172,8 @@ impl Inspection {
     }
 }
 
-/// What the ray through a pixel's centre meets.
+/// What the ray through a pixel's centre meets. Alpha-blended surfaces count where at least a sixteenth of the light meets
+/// them: samples leave it to chance, but who points at a pane means the pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeenSurface {
     /// Number of the instance; `None` if the ray meets nothing. The fields from here to `albedo` mean nothing then.
