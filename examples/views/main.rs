@@ -85,9 +85,11 @@ fn run(name: &str, folder: &Path, size: [u32; 2], environment: Option<&str>) -> 
     let noisy = image(&renderer)?;
     write_png(&folder.join("picture_left.png"), &tone_map(&noisy, 1.0))?;
     drop(renderer);
-    let mut better = Settings::default();
-    better.spp = 16;
-    better.seed = 1;
+    let better = Settings {
+        spp: 16,
+        seed: 1,
+        ..Settings::default()
+    };
     let mut reference = open(&better)?;
     reference.render_frame(&views(&scene, 1.0), 0, |_| {})?;
     let coloring = Coloring {

@@ -238,11 +238,13 @@ mod tests {
 
     #[test]
     fn settings_for_a_view_lack_nothing_and_change_nothing_that_is_not_needed() {
-        let mut poor = Settings::default();
-        poor.method = Method::Path;
+        let mut poor = Settings {
+            method: Method::Path,
+            reuse: Reuse::Off,
+            ..Settings::default()
+        };
         poor.photon.search = Search::KdTree;
         poor.force.caustics = Force::Off;
-        poor.reuse = Reuse::Off;
         for &view in Inspection::ALL {
             let changed = view.settings_for(&poor);
             assert_eq!(view.missing(&changed), None, "{view:?}");
