@@ -473,13 +473,12 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
             let luminance: Vec<[f64; 2]> = (0..1024)
                 .map(|pixel| {
                     [&parts.direct, &parts.indirect].map(|part| {
-                        let light = (0..3)
+                        (0..3)
                             .map(|c| {
                                 let albedo = f64::from(parts.albedo[pixel][c]).max(0.01);
                                 [0.2126, 0.7152, 0.0722][c] * f64::from(part[pixel][c]) / albedo
                             })
-                            .sum::<f64>();
-                        light
+                            .sum::<f64>()
                     })
                 })
                 .collect();
