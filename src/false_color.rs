@@ -43,8 +43,8 @@ pub enum Scale {
 pub struct Coloring {
     /// Of numbers.
     pub scale: Scale,
-    /// Numbers at the ends of the map, in the values' unit; `None`: [`automatic_range`]. For radiance: the second is what
-    /// becomes white.
+    /// Numbers at the ends of the map, in the values' unit; `None`: [`automatic_range`]. For light and motion the second
+    /// alone counts: what becomes white ([`automatic_white`]), and the fullest colour.
     pub range: Option<[f64; 2]>,
 }
 
@@ -154,6 +154,26 @@ pub fn automatic_range(values: impl IntoIterator<Item = f64>, scale: Scale) -> [
                 [high * 0.1, high]
             }
         }
+    }
+}
+
+/// What becomes white of light: the geometric mean of the pixels that are lit over 0.18, at most the brightest. Lamps in the
+/// picture hardly move it. Reinhard et al. 2002, "Photographic tone reproduction for digital images", equations 1 and 2.
+#[must_use]
+pub fn automatic_white(values: impl IntoIterator<Item = f64>) -> f64 {
+    const KEY: f64 = 0.18;
+    let (mut sum, mut count, mut most) = (0.0, 0.0, 0.0_f64);
+    for value in values {
+        if value > 0.0 && value.is_finite() {
+            sum += value.ln();
+            count += 1.0;
+            most = most.max(value);
+        }
+    }
+    if count > 0.0 {
+        ((sum / count).exp() / KEY).min(most)
+    } else {
+        1.0
     }
 }
 
@@ -401,8 +421,9 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
                 if unit.is_empty() {
                     return 1.0;
                 }
-                let bright = known(inspected, values).map(|v| f64::from(v[0].max(v[1]).max(v[2])));
-                automatic_range(bright, Scale::Linear)[1]
+                automatic_white(
+                    known(inspected, values).map(|v| f64::from(v[0].max(v[1]).max(v[2]))),
+                )
             };
             let white = coloring.range.map_or_else(automatic, |range| range[1]);
             let encode =

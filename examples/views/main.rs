@@ -1,7 +1,7 @@
 //! Pictures of every view of intermediate results of a scene, through the library.
 //!
-//! `cargo run --release --example views -- SCENE FOLDER [WIDTH HEIGHT]` renders two frames, the head moving a little in between,
-//! writes FOLDER/NAME_EYE.png for every view of both eyes, the picture itself and its error against a better one, and
+//! `cargo run --release --example views -- SCENE FOLDER [WIDTH HEIGHT [ENVIRONMENT]]` renders two frames, the head moving a little
+//! in between, writes FOLDER/NAME_EYE.png for every view of both eyes, the picture itself and its error against a better one, and
 //! prints what their colours mean.
 
 use std::path::Path;
@@ -13,7 +13,7 @@ use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, tone_map, write_png};
 use stereolux::options::{Eyes, Settings};
 use stereolux::renderer::{Eye, Inspection, Renderer};
-use stereolux::scene::Scene;
+use stereolux::scene::{Scene, load_environment};
 use stereolux::xr::{Fov, View};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -39,12 +39,15 @@ fn write(folder: &Path, name: &str, picture: &Picture) -> Outcome<()> {
     Ok(())
 }
 
-fn run(name: &str, folder: &Path, size: [u32; 2]) -> Outcome<()> {
+fn run(name: &str, folder: &Path, size: [u32; 2], environment: Option<&str>) -> Outcome<()> {
     std::fs::create_dir_all(folder)?;
-    let scene = match name.strip_prefix("builtin:") {
+    let mut scene = match name.strip_prefix("builtin:") {
         Some(builtin) => Scene::builtin(builtin)?,
         None => Scene::load(Path::new(name))?,
     };
+    if let Some(path) = environment {
+        scene.environment = Some(load_environment(path, 1.0)?.0);
+    }
     let library = ShaderLibrary::embedded();
     let mut settings = Settings::default();
     for view in Inspection::ALL {
@@ -82,9 +85,11 @@ fn run(name: &str, folder: &Path, size: [u32; 2]) -> Outcome<()> {
     let noisy = image(&renderer)?;
     write_png(&folder.join("picture_left.png"), &tone_map(&noisy, 1.0))?;
     drop(renderer);
-    let mut better = Settings::default();
-    better.spp = 16;
-    better.seed = 1;
+    let better = Settings {
+        spp: 16,
+        seed: 1,
+        ..Settings::default()
+    };
     let mut reference = open(&better)?;
     reference.render_frame(&views(&scene, 1.0), 0, |_| {})?;
     let coloring = Coloring {
@@ -110,7 +115,9 @@ fn main() -> ExitCode {
         eprintln!("views: give a scene and a folder for the pictures");
         return ExitCode::from(2);
     };
-    match run(scene, Path::new(folder), [side(2, 256), side(3, 192)]) {
+    let size = [side(2, 256), side(3, 192)];
+    let environment = arguments.get(4).map(String::as_str);
+    match run(scene, Path::new(folder), size, environment) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("views: {error}");

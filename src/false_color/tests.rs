@@ -139,6 +139,18 @@ fn ranges_leave_out_what_is_rare_and_are_never_empty() {
 }
 
 #[test]
+fn lamps_hardly_move_what_is_white() {
+    let lit = |lamps: usize| {
+        let values = (0..1000).map(move |i| if i < lamps { 500.0 } else { 0.09 });
+        automatic_white(values.chain([0.0; 500]))
+    };
+    assert!((lit(0) - 0.09).abs() < 1e-12, "an even picture is white");
+    // A twentieth of lamps: (500 / 0.09)^0.05 is 1.54.
+    assert!((lit(50) - 0.09 / 0.18 * 1.54).abs() < 0.01, "{}", lit(50));
+    assert_eq!(automatic_white([0.0, -1.0, f64::NAN]), 1.0);
+}
+
+#[test]
 fn numbers_become_colours_of_the_map_and_gaps_stay_gaps() {
     let depth = inspected(
         Inspection::Depth,

@@ -13,6 +13,7 @@ use super::kernels::{shader_name, specialised};
 use super::{Eye, InstanceId, PhotonMap, RenderError, Renderer};
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::dispatch_table;
+use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::types::frame::Frame;
 use crate::gpu::types::reconstruction::Reconstruction as ReconstructionUniform;
 use crate::gpu::{
@@ -68,6 +69,8 @@ pub(super) struct Inspector {
     frames: [Option<Frame>; 2],
     frame_count: u64,
     kernels: BTreeMap<&'static str, Kernel>,
+    /// What they were compiled with.
+    features: ShaderFeatures,
     images: Option<Images>,
     /// Frame and eye whose surfaces the images hold.
     traced: Option<(u64, Eye)>,
@@ -87,6 +90,12 @@ impl Inspector {
         self.traced = None;
     }
 
+    /// The next view compiles its passes anew.
+    pub(super) fn forget_kernels(&mut self) {
+        self.kernels.clear();
+        self.traced = None;
+    }
+
     /// Compiles `pass` if that has not been done yet.
     fn kernel(
         &mut self,
@@ -94,6 +103,10 @@ impl Inspector {
         library: &ShaderLibrary,
         pass: &'static Pass,
     ) -> Result<&Kernel, GpuError> {
+        if self.features != *renderer.features() {
+            self.kernels.clear();
+            self.features = renderer.features().clone();
+        }
         if !self.kernels.contains_key(pass.name) {
             let features = specialised(pass, renderer.features(), false);
             let name = shader_name(pass);
@@ -156,11 +169,7 @@ impl Inspector {
         library: &ShaderLibrary,
         eye: Eye,
     ) -> Result<(), RenderError> {
-        let Some(frame) = self.frames[0] else {
-            return Err(RenderError::Settings(
-                "there is nothing to look at yet: render a frame of this size first".to_owned(),
-            ));
-        };
+        let frame = self.frame()?;
         if self.traced == Some((self.frame_count, eye)) {
             return Ok(());
         }
@@ -182,6 +191,15 @@ impl Inspector {
         self.run(renderer, library, pass, &Resources::new(), eye, (1, None))?;
         self.traced = Some((self.frame_count, eye));
         Ok(())
+    }
+
+    /// The last frame.
+    fn frame(&self) -> Result<Frame, RenderError> {
+        self.frames[0].ok_or_else(|| {
+            RenderError::Settings(
+                "there is nothing to look at yet: render a frame of this size first".to_owned(),
+            )
+        })
     }
 
     fn surfaces(&self, renderer: &Renderer) -> Result<Vec<SeenSurface>, GpuError> {
@@ -245,9 +263,14 @@ impl Inspector {
             )));
         };
         let pixels = renderer.width as usize * renderer.height as usize;
-        // Also says so if there is no frame yet.
-        self.trace(renderer, library, eye)?;
-        let images = self.images()?;
+        self.frame()?;
+        let is_read_back = matches!(
+            inspection,
+            Inspection::Direct | Inspection::Indirect | Inspection::Provenance
+        );
+        if !is_read_back {
+            self.trace(renderer, library, eye)?;
+        }
         let read4 = |buffer| read_buffer::<[f32; 4]>(context, "inspection", buffer, pixels);
         let read4u = |buffer| read_buffer::<[u32; 4]>(context, "inspection", buffer, pixels);
         let rgb = |read: Vec<[f32; 4]>| -> Vec<[f32; 3]> {
@@ -269,24 +292,24 @@ impl Inspector {
             }
             Inspection::Albedo => {
                 has_value = Some(self.sees_surface(context)?);
-                InspectedValues::Color(rgb(read4(&images.colors)?))
+                InspectedValues::Color(rgb(read4(&self.images()?.colors)?))
             }
             Inspection::Normal => {
                 has_value = Some(self.sees_surface(context)?);
-                InspectedValues::Direction(rgb(read4(&images.normals)?))
+                InspectedValues::Direction(rgb(read4(&self.images()?.normals)?))
             }
             Inspection::Depth => {
                 has_value = Some(self.sees_surface(context)?);
-                let normals = read4(&images.normals)?;
+                let normals = read4(&self.images()?.normals)?;
                 InspectedValues::Scalar(normals.iter().map(|normal| normal[3]).collect())
             }
             Inspection::Instance => {
                 has_value = Some(self.sees_surface(context)?);
-                let hits = read4u(&images.hits)?;
+                let hits = read4u(&self.images()?.hits)?;
                 InspectedValues::Labels(hits.iter().map(|hit| hit[0]).collect())
             }
             Inspection::BvhSteps => {
-                let marks = read4u(&images.marks)?;
+                let marks = read4u(&self.images()?.marks)?;
                 scalar(marks.iter().map(|mark| mark[1]).collect())
             }
             Inspection::PhotonDensity | Inspection::GridOccupancy => {
@@ -295,8 +318,8 @@ impl Inspector {
                 if inspection == Inspection::GridOccupancy {
                     scalar(around.iter().map(|counts| counts[1]).collect())
                 } else {
-                    let radius_m = self.frames[0].map_or(0.0, |frame| frame.photon_radius);
-                    let area_m2 = std::f64::consts::PI * f64::from(radius_m).powi(2);
+                    let radius_m = f64::from(self.frame()?.photon_radius);
+                    let area_m2 = std::f64::consts::PI * radius_m * radius_m;
                     let density = |counts: &[u32; 2]| (f64::from(counts[0]) / area_m2) as f32;
                     InspectedValues::Scalar(around.iter().map(density).collect())
                 }
@@ -421,9 +444,7 @@ impl Inspector {
         eye: Eye,
     ) -> Result<Vec<[f32; 4]>, RenderError> {
         let context = &renderer.context;
-        let Some(now) = self.frames[0] else {
-            return Ok(Vec::new());
-        };
+        let now = self.frame()?;
         let before = self.frames[1].unwrap_or(now);
         let uniform = ReconstructionUniform {
             previous_left: before.left,
@@ -532,6 +553,12 @@ impl Renderer {
         self.with_inspector(|inspector, renderer| {
             inspector.inspect(renderer, library, inspection, eye)
         })
+    }
+
+    /// Drops the compiled passes of views: the next view compiles its own from the library that it is given. For shaders
+    /// that have changed.
+    pub fn recompile_views(&mut self) {
+        self.inspector.forget_kernels();
     }
 
     /// Settings that the renderer was made with.

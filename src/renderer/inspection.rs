@@ -172,7 +172,8 @@ impl Inspection {
     }
 }
 
-/// What the ray through a pixel's centre meets.
+/// What the ray through a pixel's centre meets. Alpha-blended surfaces count where at least a sixteenth of the light meets
+/// them: samples leave it to chance, but who points at a pane means the pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeenSurface {
     /// Number of the instance; `None` if the ray meets nothing. The fields from here to `albedo` mean nothing then.
@@ -237,11 +238,13 @@ mod tests {
 
     #[test]
     fn settings_for_a_view_lack_nothing_and_change_nothing_that_is_not_needed() {
-        let mut poor = Settings::default();
-        poor.method = Method::Path;
+        let mut poor = Settings {
+            method: Method::Path,
+            reuse: Reuse::Off,
+            ..Settings::default()
+        };
         poor.photon.search = Search::KdTree;
         poor.force.caustics = Force::Off;
-        poor.reuse = Reuse::Off;
         for &view in Inspection::ALL {
             let changed = view.settings_for(&poor);
             assert_eq!(view.missing(&changed), None, "{view:?}");

@@ -8,8 +8,8 @@ use crate::passes::{self, Over, Pass};
 
 /// Feature of passes that work on a list of pixels.
 const FROM_LIST: &str = "from_list";
-/// Feature of the pass that counts the nodes which its rays enter.
-const COUNT_STEPS: &str = "count_steps";
+/// Feature of the pass that looks on: its rays count the nodes that they enter and do not leave blended surfaces to chance.
+const INSPECTS: &str = "inspects";
 
 /// Compiled passes by name.
 pub struct KernelSet {
@@ -111,7 +111,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     let list =
         matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);
     own.insert(FROM_LIST.to_owned(), list);
-    let counts = pass.name == passes::inspect_surfaces::PASS.name;
-    own.insert(COUNT_STEPS.to_owned(), counts);
+    let inspects = pass.name == passes::inspect_surfaces::PASS.name;
+    own.insert(INSPECTS.to_owned(), inspects);
     own
 }

@@ -9,9 +9,10 @@ use stereolux::options::{Eyes, Force, Method, Reuse};
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
-use stereolux::scene::{Scene, builtin::plane};
+use stereolux::scene::{AlphaMode, Material, Scene, builtin::plane};
 use stereolux::xr::{Pose, View};
 
+use super::hard_support::{add, quad};
 use super::support::*;
 
 pub const SIZE: [u32; 2] = [40, 32];
@@ -276,6 +277,29 @@ fn depth_normals_steps_and_instances_of_a_plane_in_closed_form() {
 }
 
 #[test]
+fn blended_panes_are_there_by_their_coverage_and_not_by_chance() {
+    let pane = |coverage: f32| {
+        let mut scene = builtin("plane");
+        let mut glass = Material::lambert("pane", [0.25; 3]);
+        glass.base_color[3] = coverage;
+        glass.alpha_mode = AlphaMode::Blend;
+        let corner = DVec3::new(-5.0, -5.0, -1.0);
+        let square = quad(corner, DVec3::X * 10.0, DVec3::Y * 10.0);
+        add(&mut scene, &square, glass);
+        let mut renderer = renderer(&scene, &method(Method::Path, Reuse::Off), SIZE);
+        frame(&mut renderer, &views(&scene, 40.0));
+        let mut seen: Vec<u32> = surfaces(&mut renderer, Eye::Left)
+            .iter()
+            .map(|surface| surface.instance.unwrap().0)
+            .collect();
+        seen.dedup();
+        seen
+    };
+    assert_eq!(pane(0.3), [1]);
+    assert_eq!(pane(0.05), [0]);
+}
+
+#[test]
 fn albedo_is_the_textured_base_colour_and_parts_add_up() {
     let scene = builtin("gallery");
     let settings = settings(|s| {
@@ -410,6 +434,17 @@ fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
     assert!(renderer.inspect_surfaces(&library, Eye::Left).is_err());
     frame(&mut renderer, &views);
     assert_eq!(surfaces(&mut renderer, Eye::Left).len(), 80);
+    // A broken shader is an error that names it, as soon as passes are compiled again, and a good one works again.
+    let mut broken = ShaderLibrary::embedded();
+    broken.insert("passes/inspect_surfaces", "fn main() { let x = ; }");
+    let depth = |renderer: &mut Renderer, library: &ShaderLibrary| {
+        renderer.inspect(library, Inspection::Depth, Eye::Left)
+    };
+    depth(&mut renderer, &broken).unwrap();
+    renderer.recompile_views();
+    let error = depth(&mut renderer, &broken).unwrap_err().to_string();
+    assert!(error.contains("inspect_surfaces"), "{error}");
+    depth(&mut renderer, &library).unwrap();
     // One eye alone.
     let context = context();
     let mut one = Renderer::new(context, &library, &scene, &poor, Eyes::Right, [12, 12]).unwrap();
