@@ -277,6 +277,9 @@ fn a_document_undoes_and_redoes_with_one_step_per_drag() {
     let start = builtin("cornell");
     let mut document = document(start.clone());
     let block = node(&start, "short block");
+    // A copy elsewhere follows by the edits alone.
+    let mut copy = start.clone();
+    assert!(document.take_changes().is_empty());
     let at = |x: f64| {
         let mut parts = start.nodes[block].trs();
         parts.translation.x += x;
@@ -313,6 +316,10 @@ fn a_document_undoes_and_redoes_with_one_step_per_drag() {
     assert!(document.redo().unwrap() && document.redo().unwrap());
     assert!(!document.is_modified(), "back at what was saved");
     assert!(!document.redo().unwrap());
+    for change in document.take_changes() {
+        change.apply(&mut copy).unwrap();
+    }
+    assert!(copy == *document.scene() && document.take_changes().is_empty());
 
     // Dragged back to where it was: no step remains.
     let steps = document.history().count();

@@ -93,7 +93,6 @@ fn only_what_differs_is_written_with_its_explanation() {
             "spp = 4",
             "",
             "[photon]",
-            "",
             "# photons emitted per frame (photons, a whole number from 0 to 67108864)",
             "count = 1000",
         ]

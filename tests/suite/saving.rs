@@ -395,9 +395,7 @@ fn a_saved_scene_renders_the_same_picture() {
         "negative control"
     );
     // The program reads it too.
-    let out = folder.join("out");
-    let output = stereolux(&["info", "--scene", path.to_str().unwrap(), "--json"]);
-    let _ = out;
+    let output = stereolux(&["info", "--scene", path.to_str().unwrap()]);
     assert!(
         output.status.success(),
         "{}",

@@ -72,6 +72,8 @@ pub struct Document {
     gesture: Option<u64>,
     gestures: u64,
     revision: u64,
+    /// What was applied since it was last asked for, if anybody asks.
+    changes: Option<Vec<Edit>>,
 }
 
 impl Document {
@@ -108,6 +110,7 @@ impl Document {
             gesture: None,
             gestures: 0,
             revision: 0,
+            changes: None,
         }
     }
 
@@ -129,6 +132,20 @@ impl Document {
         &self.original
     }
 
+    /// For a copy of the scene elsewhere, in another thread for one: from the first call on, the edits that were applied
+    /// since the last call, undone and redone ones too. Applied in order to a copy made at the first call, they bring it up
+    /// to date; no mesh and no image is copied for it.
+    pub fn take_changes(&mut self) -> Vec<Edit> {
+        self.changes.replace(Vec::new()).unwrap_or_default()
+    }
+
+    fn note(&mut self, applied: &Edit) {
+        self.revision += 1;
+        if let Some(changes) = &mut self.changes {
+            changes.push(applied.clone());
+        }
+    }
+
     /// Grows with every change, undone and redone ones too: who has shown one number need not look again.
     #[must_use]
     pub fn revision(&self) -> u64 {
@@ -147,7 +164,7 @@ impl Document {
         if undo == redo {
             return Ok(());
         }
-        self.revision += 1;
+        self.note(&redo);
         self.redo.clear();
         self.last_state += 1;
         let before = self.state;
@@ -203,7 +220,7 @@ impl Document {
         };
         step.undo.clone().apply(&mut self.scene)?;
         self.state = step.before;
-        self.revision += 1;
+        self.note(&step.undo);
         self.redo.push(step);
         Ok(true)
     }
@@ -219,7 +236,7 @@ impl Document {
         };
         step.redo.clone().apply(&mut self.scene)?;
         self.state = step.after;
-        self.revision += 1;
+        self.note(&step.redo);
         self.undo.push_back(step);
         Ok(true)
     }
