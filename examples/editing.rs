@@ -136,7 +136,7 @@ fn edit_of(
         }
         "hide" => Edit::Visibility {
             node,
-            is_hidden: round % 2 == 0,
+            is_hidden: round.is_multiple_of(2),
         },
         "own material" => {
             let used = scene.meshes[mesh].triangles[0].material as usize;
