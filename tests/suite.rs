@@ -34,6 +34,8 @@ mod suite {
     pub mod cornell;
     pub mod deforming;
     pub mod determinism;
+    pub mod edited_frames;
+    pub mod editing;
     pub mod forced_features;
     pub mod gathers;
     pub mod hard_cases;
@@ -59,6 +61,7 @@ mod suite {
     pub mod openxr_submit;
     pub mod openxr_support;
     pub mod options_flags;
+    pub mod options_saving;
     pub mod options_settings;
     pub mod parts;
     pub mod photon_map;
@@ -67,6 +70,7 @@ mod suite {
     pub mod reconstruction;
     pub mod reference;
     pub mod resize;
+    pub mod saving;
     pub mod scene_builtin;
     pub mod scene_faults;
     pub mod scene_import;

@@ -269,7 +269,10 @@ impl Scene {
         for mesh in self.meshes.iter_mut().filter(|found| found.name == mesh) {
             painted += mesh.triangles.len();
             for triangle in &mut mesh.triangles {
-                triangle.material = added;
+                let before = std::mem::replace(&mut triangle.material, added);
+                if before != added && !mesh.repainted.contains(&[before, added]) {
+                    mesh.repainted.push([before, added]);
+                }
             }
         }
         if painted > 0 {

@@ -138,7 +138,7 @@ impl App {
     /// If the system refuses a thread.
     pub fn new(start: Start, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let Start {
-            document,
+            mut document,
             settings,
             headset,
             recording,
@@ -157,6 +157,8 @@ impl App {
             exposure: settings.output.exposure,
             look: Look::Picture,
         };
+        // From here on they count.
+        document.take_changes();
         let worker = Worker::start(Box::new(document.scene().clone()), wanted, &headset, wake)?;
         Ok(Self {
             other: Arc::new(other_method(&settings)),
@@ -402,6 +404,8 @@ impl App {
     }
 
     fn restart_scene(&mut self) {
+        // What the scene has been through is in it already.
+        self.document.take_changes();
         let scene = Box::new(self.document.scene().clone());
         self.worker.ask(Request::Scene(scene));
     }
@@ -428,26 +432,21 @@ impl App {
 
     /// Carries an edit out, here and in the picture.
     pub fn edit(&mut self, context: &Context, edit: Edit) {
-        match self.document.edit(edit.clone()) {
-            Ok(()) => self.worker.ask(Request::Edit(Box::new(edit))),
-            Err(error) => self.say(context, error.to_string(), true),
+        if let Err(error) = self.document.edit(edit) {
+            self.say(context, error.to_string(), true);
         }
     }
 
     pub(super) fn undo(&mut self, context: &Context) {
-        match self.document.undo() {
-            Ok(Some(edit)) => self.worker.ask(Request::Edit(Box::new(edit))),
-            Ok(None) => {}
-            Err(error) => self.say(context, error.to_string(), true),
+        if let Err(error) = self.document.undo() {
+            self.say(context, error.to_string(), true);
         }
         self.forget_missing();
     }
 
     pub(super) fn redo(&mut self, context: &Context) {
-        match self.document.redo() {
-            Ok(Some(edit)) => self.worker.ask(Request::Edit(Box::new(edit))),
-            Ok(None) => {}
-            Err(error) => self.say(context, error.to_string(), true),
+        if let Err(error) = self.document.redo() {
+            self.say(context, error.to_string(), true);
         }
         self.forget_missing();
     }
@@ -654,6 +653,9 @@ impl App {
     }
 
     fn send(&mut self) {
+        for edit in self.document.take_changes() {
+            self.worker.ask(Request::Edit(Box::new(edit)));
+        }
         let now = Sent {
             settings: Arc::clone(&self.settings),
             other: (self.memory.layout == Layout::Split).then(|| Arc::clone(&self.other)),

@@ -154,8 +154,11 @@ fn the_two_maps_share_out_the_light_of_one() {
             .collect()
     };
     for direct in [DirectLight::Nee, DirectLight::Map] {
-        let one: Vec<f64> = flux(Force::Off, direct, 0..6).iter().map(|f| f.0).collect();
-        let two = flux(Force::On, direct, 6..12);
+        let one: Vec<f64> = flux(Force::Off, direct, 0..10)
+            .iter()
+            .map(|f| f.0)
+            .collect();
+        let two = flux(Force::On, direct, 10..20);
         let both: Vec<f64> = two
             .iter()
             .map(|(photons, caustics)| photons + caustics)
@@ -166,7 +169,7 @@ fn the_two_maps_share_out_the_light_of_one() {
             let (mean, error) = statistics(values);
             (mean - expected) / (error + expected_error).sqrt()
         };
-        // Student's t with 10 degrees of freedom lies beyond 5 with probability 5e-4.
+        // Student's t with 18 degrees of freedom lies beyond 5 with probability 1e-4.
         assert!(
             z(&both).abs() < 5.0,
             "{direct:?}: {} standard errors",

@@ -191,7 +191,7 @@ fn check_material(scene: &Scene, material: &Material) -> Result<(), EditError> {
             "the index of refraction must be 1 or more, or 0",
         ));
     }
-    if !(material.attenuation_distance_m > 0.0) {
+    if material.attenuation_distance_m.is_nan() || material.attenuation_distance_m <= 0.0 {
         return Err(value(name, "the attenuation distance must be above 0"));
     }
     if !material.normal_scale.is_finite() {

@@ -72,6 +72,8 @@ pub struct Document {
     gesture: Option<u64>,
     gestures: u64,
     revision: u64,
+    /// What was applied since it was last asked for, if anybody asks.
+    changes: Option<Vec<Edit>>,
 }
 
 impl Document {
@@ -108,6 +110,7 @@ impl Document {
             gesture: None,
             gestures: 0,
             revision: 0,
+            changes: None,
         }
     }
 
@@ -129,6 +132,20 @@ impl Document {
         &self.original
     }
 
+    /// For a copy of the scene elsewhere, in another thread for one: from the first call on, the edits that were applied
+    /// since the last call, undone and redone ones too. Applied in order to a copy made at the first call, they bring it up
+    /// to date; no mesh and no image is copied for it.
+    pub fn take_changes(&mut self) -> Vec<Edit> {
+        self.changes.replace(Vec::new()).unwrap_or_default()
+    }
+
+    fn note(&mut self, applied: &Edit) {
+        self.revision += 1;
+        if let Some(changes) = &mut self.changes {
+            changes.push(applied.clone());
+        }
+    }
+
     /// Grows with every change, undone and redone ones too: who has shown one number need not look again.
     #[must_use]
     pub fn revision(&self) -> u64 {
@@ -147,7 +164,7 @@ impl Document {
         if undo == redo {
             return Ok(());
         }
-        self.revision += 1;
+        self.note(&redo);
         self.redo.clear();
         self.last_state += 1;
         let before = self.state;
@@ -192,39 +209,36 @@ impl Document {
         self.gesture = None;
     }
 
-    /// Takes the last step back and returns the edit that did it, for others who keep the same scene; `None` if there is no
-    /// step. Ends a gesture.
+    /// Takes the last step back; false if there is none. Ends a gesture.
     ///
     /// # Errors
     /// [`EditError::Stale`] only if the history does not fit the scene, which nothing here lets happen.
-    pub fn undo(&mut self) -> Result<Option<Edit>, EditError> {
+    pub fn undo(&mut self) -> Result<bool, EditError> {
         self.end_gesture();
         let Some(step) = self.undo.pop_back() else {
-            return Ok(None);
+            return Ok(false);
         };
         step.undo.clone().apply(&mut self.scene)?;
         self.state = step.before;
-        self.revision += 1;
-        let done = step.undo.clone();
+        self.note(&step.undo);
         self.redo.push(step);
-        Ok(Some(done))
+        Ok(true)
     }
 
-    /// Takes the step that was undone last again; returns as [`Document::undo`]. Ends a gesture.
+    /// Takes the step that was undone last again; false if there is none. Ends a gesture.
     ///
     /// # Errors
     /// As [`Document::undo`].
-    pub fn redo(&mut self) -> Result<Option<Edit>, EditError> {
+    pub fn redo(&mut self) -> Result<bool, EditError> {
         self.end_gesture();
         let Some(step) = self.redo.pop() else {
-            return Ok(None);
+            return Ok(false);
         };
         step.redo.clone().apply(&mut self.scene)?;
         self.state = step.after;
-        self.revision += 1;
-        let done = step.redo.clone();
+        self.note(&step.redo);
         self.undo.push_back(step);
-        Ok(Some(done))
+        Ok(true)
     }
 
     /// What undo would take back, for a menu; `None` if there is nothing.

@@ -1,0 +1,200 @@
+//! Settings written as TOML and changed by key: both by the registry's own checks.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+use stereolux::options::layers::Layers;
+use stereolux::options::registry::{self, Kind, SETTINGS, sections};
+use stereolux::options::{Extent, Settings};
+
+use super::bvh_probe::Random;
+use super::support::{Folder, stereolux};
+
+fn from_toml(text: &str) -> Settings {
+    let mut layers = Layers::default();
+    layers.add_toml(text, "saved.toml").unwrap();
+    layers.finish().unwrap()
+}
+
+/// A value that the setting takes.
+fn random_value(random: &mut Random, kind: Kind) -> Value {
+    match kind {
+        Kind::Bool => json!(random.below(2) == 0),
+        Kind::Whole { min, max } => match random.below(4) {
+            0 => json!(min),
+            1 => json!(max),
+            _ => json!(min + random.bits() % (max - min + 1)),
+        },
+        Kind::Real {
+            min,
+            max,
+            inclusive,
+        } => match random.below(4) {
+            0 if inclusive => json!(min),
+            1 if inclusive => json!(max),
+            2 => json!(min + (max - min) * 1e-7 * (0.1 + random.unit())),
+            _ => json!(min + (max - min) * (0.001 + 0.998 * random.unit())),
+        },
+        Kind::Choice(words) => json!(words[random.below(words.len())]),
+        Kind::Text { .. } => {
+            let parts = [
+                "a", "ü", "\"", "\\", "#", "'", " b", "\t", "\n", "=", "]", "builtin:",
+            ];
+            let mut text = String::from("x");
+            for _ in 0..random.below(6) {
+                text.push_str(parts[random.below(parts.len())]);
+            }
+            json!(text)
+        }
+        Kind::Size { max } => {
+            let mut side = || 1 + random.bits() % u64::from(max);
+            json!([side(), side()])
+        }
+    }
+}
+
+#[test]
+fn random_settings_survive_writing_and_reading() {
+    let mut random = Random(3);
+    let mut taken = 0;
+    for _ in 0..300 {
+        let mut settings = Settings::default();
+        for setting in SETTINGS {
+            if random.below(3) == 0 {
+                let value = random_value(&mut random, setting.kind);
+                // Ways to gather that do not go together are refused, and the settings stay.
+                if let Ok(changed) = settings.with(setting.key, &value) {
+                    settings = changed;
+                    taken += 1;
+                }
+            }
+        }
+        for extent in [Extent::Changed, Extent::All] {
+            let text = settings.to_toml(extent);
+            assert_eq!(from_toml(&text), settings, "{text}");
+        }
+    }
+    assert!(taken > 300 * SETTINGS.len() / 4, "{taken}");
+}
+
+#[test]
+fn only_what_differs_is_written_with_its_explanation() {
+    let plain = Settings::default();
+    assert_eq!(plain.to_toml(Extent::Changed).lines().count(), 1);
+    let changed = plain.with("photon.count", &json!(1000)).unwrap();
+    let changed = changed.with("spp", &json!(4)).unwrap();
+    let text = changed.to_toml(Extent::Changed);
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(
+        lines[1..],
+        [
+            "",
+            "# primary samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)",
+            "spp = 4",
+            "",
+            "[photon]",
+            "# photons emitted per frame (photons, a whole number from 0 to 67108864)",
+            "count = 1000",
+        ]
+    );
+    let all = plain.to_toml(Extent::All);
+    for setting in SETTINGS {
+        let key = setting.key.rsplit('.').next().unwrap();
+        let unset = registry::default_of(setting.key).is_null();
+        assert_eq!(all.contains(&format!("\n{key} = ")), !unset, "{key}");
+        assert!(all.contains(setting.doc) != unset);
+    }
+}
+
+#[test]
+fn settings_are_changed_by_key_with_the_checks_of_set() {
+    let plain = Settings::default();
+    for (key, value, argument) in [
+        ("photon.count", json!(-1), "photon.count=-1"),
+        ("photon.radius_m", json!("wide"), "photon.radius_m=\"wide\""),
+        ("method", json!("raster"), "method=\"raster\""),
+        (
+            "photon.progressive_alpha",
+            json!(1),
+            "photon.progressive_alpha=1",
+        ),
+        ("photon.cuont", json!(1), "photon.cuont=1"),
+        ("size", json!([0, 5]), "size=[0,5]"),
+        ("scene", json!(""), "scene=\"\""),
+    ] {
+        let mut layers = Layers::default();
+        let by_set = layers.add_set(argument).unwrap_err();
+        assert_eq!(plain.with(key, &value).unwrap_err(), by_set);
+    }
+    let fused = plain.with("photon.schedule", &json!("fused")).unwrap();
+    let error = fused.with("photon.search", &json!("kd-tree")).unwrap_err();
+    assert!(error.to_string().contains("goes with"), "{error}");
+
+    let sized = plain.with("size", &json!([640, 480])).unwrap();
+    assert_eq!(sized.value("size"), json!([640, 480]));
+    assert_eq!(sized.with("size", &Value::Null).unwrap(), plain);
+    assert!(plain.with("spp", &Value::Null).is_err());
+    for setting in SETTINGS {
+        let value = plain.value(setting.key);
+        assert_eq!(value, registry::default_of(setting.key));
+        assert_eq!(plain.with(setting.key, &value).unwrap(), plain);
+    }
+}
+
+#[test]
+fn sections_hold_every_setting_once() {
+    let found: Vec<&str> = sections().iter().flat_map(|s| s.keys.clone()).collect();
+    let all: Vec<&str> = SETTINGS.iter().map(|setting| setting.key).collect();
+    assert_eq!(found, all);
+    for section in sections() {
+        assert!(
+            section.title != section.name,
+            "{} has no heading",
+            section.name
+        );
+        assert!(
+            section
+                .keys
+                .iter()
+                .all(|key| registry::section_of(key) == section.name)
+        );
+    }
+}
+
+#[test]
+fn a_saved_file_works_from_another_folder() {
+    let mut settings = Settings {
+        scene: "scenes/room.glb".to_owned(),
+        headset: "mine.toml".to_owned(),
+        ..Settings::default()
+    };
+    settings.environment.path = "/absolute/sky.hdr".to_owned();
+    let placed = settings.with_paths_in(Path::new("/home/me"));
+    assert_eq!(placed.scene, "/home/me/scenes/room.glb");
+    assert_eq!(placed.headset, "/home/me/mine.toml");
+    assert_eq!(placed.environment.path, "/absolute/sky.hdr");
+    assert_eq!(placed.gpu.shader_folder, "");
+    let names = Settings::default();
+    assert_eq!(names.with_paths_in(Path::new("/home/me")), names);
+
+    let folder = Folder::new("options-saving");
+    let path = folder.join("mine.toml");
+    let saved = names.with("photon.count", &json!(777)).unwrap();
+    saved.save(&path, Extent::Changed).unwrap();
+    assert_eq!(from_toml(&std::fs::read_to_string(&path).unwrap()), saved);
+    let output = stereolux(&["info", "--config", path.to_str().unwrap()]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let error = saved
+        .save(folder.path(), Extent::All)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("settings cannot be written") && !error.contains('\n'),
+        "{error}"
+    );
+    assert_eq!(folder.files(), ["mine.toml"]);
+}

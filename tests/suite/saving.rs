@@ -1,0 +1,427 @@
+//! Saved scenes: what was edited is in the file and reads back the same, and nothing else has changed.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use serde_json::{Value, json};
+use stereolux::renderer::Eye;
+use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
+use stereolux::scene::{AlphaMode, LightKind, Scene, Trs};
+
+use super::editing::{lamp, node};
+use super::support::{
+    Folder, bits, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    stereolux,
+};
+
+/// The scene without what a file does not hold: its own name, and what the editor notes for renderers.
+fn plain(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    scene.name.clear();
+    scene.warnings.clear();
+    for mesh in &mut scene.meshes {
+        mesh.repainted.clear();
+    }
+    scene
+}
+
+fn json_of(glb: &[u8]) -> Value {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&glb[20..20 + length]).unwrap()
+}
+
+fn assert_reads_back(document: &Document, what: &str) {
+    for bytes in [document.to_glb().unwrap(), document.to_gltf().unwrap()] {
+        let read = Scene::from_bytes("saved", &bytes).unwrap();
+        let (read, wanted) = (plain(&read), plain(document.scene()));
+        assert_eq!(read.nodes, wanted.nodes, "{what}");
+        assert_eq!(read.materials, wanted.materials, "{what}");
+        assert_eq!(read.lights, wanted.lights, "{what}");
+        assert!(read == wanted, "{what}");
+    }
+}
+
+/// One of every kind of edit, with numbers that no f32 holds.
+fn edit_everything(document: &mut Document, nodes: [&str; 3]) {
+    let [first, second, third] = nodes.map(|name| node(document.scene(), name));
+    let parts = Trs {
+        translation: DVec3::new(0.1, -1.0 / 3.0, 2e-7),
+        rotation: DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7),
+        scale: DVec3::new(1.1, 0.9, 1.0 / 7.0),
+    };
+    let sheared = DMat3::from_cols(
+        DVec3::new(1.0, 0.2, 0.0),
+        DVec3::new(0.1, 1.0, 0.3),
+        DVec3::new(0.0, 0.0, 0.7),
+    );
+    let mesh = document.scene().nodes[first].mesh.unwrap();
+    let material = document.scene().meshes[mesh].triangles[0].material as usize;
+    let own = document.scene().materials.len();
+    let mut painted = document.scene().materials[material].clone();
+    painted.name = "painted".to_owned();
+    painted.base_color = [0.1, 0.2, 0.7, 0.5];
+    painted.emission = [17.3, 0.1, 0.0];
+    painted.specular_color = [0.3, 1.7, 1.0];
+    painted.alpha_mode = AlphaMode::Mask { cutoff: 0.3 };
+    painted.double_sided = !painted.double_sided;
+    painted.thickness = 0.1;
+    painted.attenuation_distance_m = 0.3;
+    painted.attenuation_color = [0.9, 0.1, 0.4];
+    painted.ior = 1.45;
+    let added = document.scene().nodes.len();
+    let new = |name: &str, content| NewNode {
+        name: name.to_owned(),
+        to: Placement::Parts(parts),
+        content,
+    };
+    let spot = lamp(LightKind::Spot {
+        inner_cone_rad: 0.1,
+        outer_cone_rad: 0.7,
+    });
+    for edit in [
+        Edit::Transform {
+            node: first,
+            to: Placement::Parts(parts),
+        },
+        Edit::Transform {
+            node: second,
+            to: Placement::Matrix(DAffine3::from_mat3_translation(sheared, DVec3::Y * 0.1)),
+        },
+        Edit::Rename {
+            node: second,
+            name: "renamed \"ü\"".to_owned(),
+        },
+        Edit::Visibility {
+            node: third,
+            is_hidden: true,
+        },
+        Edit::OwnMaterial { mesh, material },
+        Edit::Material {
+            material: own,
+            to: Box::new(painted),
+        },
+        Edit::Add {
+            parent: None,
+            node: new("group", NewContent::Empty),
+        },
+        Edit::Add {
+            parent: Some(added),
+            node: new("torch", NewContent::Light(spot)),
+        },
+        Edit::Add {
+            parent: Some(added),
+            node: new("again", NewContent::Mesh(mesh)),
+        },
+        Edit::Duplicate { node: added },
+        Edit::Light {
+            light: document.scene().lights.len(),
+            to: lamp(LightKind::Directional),
+        },
+        Edit::Delete { node: added + 1 },
+    ] {
+        document.edit(edit).unwrap();
+    }
+}
+
+#[test]
+fn every_edit_is_saved_and_read_back() {
+    let folder = Folder::new("saving");
+    for (name, nodes) in [
+        ("builtin:cornell", ["short block", "tall block", "ceiling"]),
+        ("builtin:gallery", ["vase", "bench", "glass sphere"]),
+        ("builtin:parade", ["floor", "box", "ball"]),
+        ("tests/reference/textures.gltf", ["", "", ""]),
+        ("tests/reference/lights.gltf", ["", "", ""]),
+    ] {
+        let mut document = Document::load(name).unwrap();
+        assert_reads_back(&document, name);
+        let named: Vec<String> = document
+            .scene()
+            .instances()
+            .iter()
+            .map(|placed| document.scene().nodes[placed.node].name.clone())
+            .collect();
+        let nodes: [&str; 3] = std::array::from_fn(|at| {
+            let known = document.scene().nodes.iter().any(|n| n.name == nodes[at]);
+            if known {
+                nodes[at]
+            } else {
+                named[at % named.len()].as_str()
+            }
+        });
+        edit_everything(&mut document, nodes);
+        assert_reads_back(&document, name);
+        assert!(document.is_modified());
+        let path = folder.join("scene.glb");
+        document.save(&path).unwrap();
+        assert!(!document.is_modified());
+        // Undone, the scene is the first one again, and so is its file.
+        while document.undo().unwrap() {}
+        let untouched = Document::load(name).unwrap();
+        assert_eq!(document.to_glb().unwrap(), untouched.to_glb().unwrap());
+        // And what was saved can be edited and saved on.
+        let mut again = Document::load(path.to_str().unwrap()).unwrap();
+        let hidden = again
+            .scene()
+            .nodes
+            .iter()
+            .position(|n| n.is_hidden)
+            .unwrap();
+        let show = Edit::Visibility {
+            node: hidden,
+            is_hidden: false,
+        };
+        again.edit(show).unwrap();
+        assert_reads_back(&again, name);
+    }
+    assert_eq!(folder.files(), ["scene.glb"]);
+}
+
+#[test]
+fn presets_with_and_without_textures_are_read_back() {
+    let mut document = Document::load("builtin:gallery").unwrap();
+    let count = document.scene().materials.len();
+    for material in 0..count {
+        for preset in MaterialPreset::ALL {
+            let to = preset.applied_to(&document.scene().materials[material]);
+            let to = Box::new(to);
+            document.edit(Edit::Material { material, to }).unwrap();
+            let read = Scene::from_bytes("saved", &document.to_glb().unwrap()).unwrap();
+            let (mut wanted, mut found) = (
+                document.scene().materials[material].clone(),
+                read.materials[material].clone(),
+            );
+            // Textures that no material reads are not numbered any more.
+            assert_eq!(
+                wanted.base_color_texture.is_some(),
+                found.base_color_texture.is_some()
+            );
+            assert_eq!(
+                wanted.normal_texture.is_some(),
+                found.normal_texture.is_some()
+            );
+            for side in [&mut wanted, &mut found] {
+                side.base_color_texture = None;
+                side.normal_texture = None;
+            }
+            assert_eq!(wanted, found);
+            document.undo().unwrap();
+        }
+    }
+}
+
+/// A file of several parts: data in two files and an image, a matrix, an animation, another scene, extras and extensions
+/// that nobody knows.
+fn patchwork(folder: &Folder) -> Value {
+    let glb = stereolux::scene::builtin::write_builtin_glb("parade").unwrap();
+    let mut root = json_of(&glb);
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let bin = &glb[28 + length..];
+    // The odd bytes in front of the second buffer make its place in the saved file another one.
+    std::fs::write(folder.join("first.bin"), [1, 2, 3]).unwrap();
+    std::fs::write(folder.join("the second.bin"), bin).unwrap();
+    root["buffers"] = json!([
+        { "byteLength": 3, "uri": "first.bin", "extras": { "keep": 1 } },
+        { "byteLength": bin.len(), "uri": "the%20second.bin" },
+    ]);
+    for view in root["bufferViews"].as_array_mut().unwrap() {
+        view["buffer"] = json!(1);
+    }
+    let pixel = image::RgbImage::from_pixel(2, 2, image::Rgb([200, 100, 50]));
+    pixel.save(folder.join("dots.png")).unwrap();
+    root["images"] = json!([{ "uri": "dots.png" }]);
+    root["textures"] = json!([{ "source": 0 }]);
+    root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    root["materials"][0]["extensions"]["KHR_materials_clearcoat"] =
+        json!({ "clearcoatFactor": 0.5 });
+    root["extensionsUsed"] = json!(["KHR_materials_clearcoat", "ACME_unknown"]);
+    root["extras"] = json!({ "author": "somebody", "list": [1, 2.5] });
+    root["extensions"]["ACME_unknown"] = json!({ "nodes": [0, 1] });
+    let still = root["nodes"].as_array().unwrap().len();
+    root["nodes"].as_array_mut().unwrap().push(json!({
+        "name": "by matrix", "mesh": 0, "extras": { "tag": "kept" },
+        "matrix": [0.5, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 0.5, 0, 0.1, 2, 0.3, 1],
+    }));
+    root["scenes"][0]["nodes"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!(still));
+    root["scenes"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "name": "other", "nodes": [still] }));
+    std::fs::write(folder.join("scene.gltf"), root.to_string()).unwrap();
+    root
+}
+
+#[test]
+fn what_was_not_edited_stays_and_the_file_stands_alone() {
+    let folder = Folder::new("saving-patchwork");
+    let before = patchwork(&folder);
+    let source = folder.join("scene.gltf");
+    let mut document = Document::load(source.to_str().unwrap()).unwrap();
+    let box_node = node(document.scene(), "box");
+    let mut parts = document.scene().nodes[box_node].trs();
+    parts.translation.x = 0.1;
+    let to = Placement::Parts(parts);
+    document
+        .edit(Edit::Transform { node: box_node, to })
+        .unwrap();
+    let mut material = document.scene().materials[0].clone();
+    material.roughness = 0.3;
+    document
+        .edit(Edit::Material {
+            material: 0,
+            to: Box::new(material),
+        })
+        .unwrap();
+    let saved = document.to_glb().unwrap();
+    let wanted = plain(document.scene());
+    // Alone: everything beside it is gone.
+    for name in ["first.bin", "the second.bin", "dots.png", "scene.gltf"] {
+        std::fs::remove_file(folder.join(name)).unwrap();
+    }
+    let read = Scene::from_bytes("alone", &saved).unwrap();
+    assert!(plain(&read) == wanted);
+    assert_eq!(wanted.images[0].name, "dots.png");
+    // Only these differ in the JSON.
+    let after = json_of(&saved);
+    let mut expected = before.clone();
+    expected["nodes"][box_node]["translation"] = json!(parts.translation.to_array());
+    expected["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = json!(0.3);
+    for key in [
+        "nodes",
+        "materials",
+        "meshes",
+        "animations",
+        "skins",
+        "scenes",
+        "extras",
+        "extensions",
+        "extensionsUsed",
+        "accessors",
+        "textures",
+    ] {
+        assert_eq!(after[key], expected[key], "{key}");
+    }
+    assert_eq!(after["buffers"].as_array().unwrap().len(), 1);
+    assert_eq!(after["buffers"][0]["extras"]["keep"], 1);
+    // A second file whose parts have gone says so.
+    let error = document
+        .save(&folder.join("late.glb"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("first.bin") && !error.contains('\n'),
+        "{error}"
+    );
+    let error = document
+        .save(&folder.join("scene.obj"))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains(".glb or .gltf"), "{error}");
+    assert_eq!(folder.files(), [""; 0]);
+}
+
+#[test]
+fn deleted_nodes_show_nowhere_and_keep_everybodys_number() {
+    let folder = Folder::new("saving-deleted");
+    patchwork(&folder);
+    let source = folder.join("scene.gltf");
+    let mut document = Document::load(source.to_str().unwrap()).unwrap();
+    let gone = node(document.scene(), "by matrix");
+    let instances = document.scene().instances().len();
+    document.edit(Edit::Delete { node: gone }).unwrap();
+    assert_reads_back(&document, "deleted");
+    let read = Scene::from_bytes("saved", &document.to_glb().unwrap()).unwrap();
+    assert_eq!(read.instances().len(), instances - 1);
+    assert_eq!(read.nodes.len(), document.scene().nodes.len());
+    // A file without scenes shows every root; once one is deleted it needs a scene.
+    let text = r#"{"asset":{"version":"2.0"},"nodes":[{"name":"a"},{"name":"b","children":[2]},{"name":"c"}]}"#;
+    std::fs::write(&source, text).unwrap();
+    let mut document = Document::load(source.to_str().unwrap()).unwrap();
+    document.edit(Edit::Delete { node: 2 }).unwrap();
+    assert_reads_back(&document, "without scenes");
+    document.edit(Edit::Delete { node: 0 }).unwrap();
+    assert_reads_back(&document, "without scenes");
+    document.edit(Edit::Delete { node: 1 }).unwrap();
+    assert_reads_back(&document, "without anything");
+}
+
+#[test]
+fn the_default_material_is_written_where_it_is_edited() {
+    let glb = stereolux::scene::builtin::write_builtin_glb("plane").unwrap();
+    let folder = Folder::new("saving-default");
+    let mut root = json_of(&glb);
+    let bin = &glb[28 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize..];
+    std::fs::write(folder.join("data.bin"), bin).unwrap();
+    root["buffers"][0]["uri"] = json!("data.bin");
+    let primitive = root["meshes"][0]["primitives"][0].as_object_mut().unwrap();
+    primitive.remove("material");
+    std::fs::write(folder.join("scene.gltf"), root.to_string()).unwrap();
+    let path = folder.join("scene.gltf");
+    let load = || Document::load(path.to_str().unwrap()).unwrap();
+    let material = load().scene().meshes[0].triangles[0].material as usize;
+    let mut document = load();
+    let mut to = document.scene().materials[material].clone();
+    assert_eq!(to.name, "default");
+    to.roughness = 0.5;
+    let to = Box::new(to);
+    document.edit(Edit::Material { material, to }).unwrap();
+    assert_reads_back(&document, "edited");
+    let mut document = load();
+    document
+        .edit(Edit::OwnMaterial { mesh: 0, material })
+        .unwrap();
+    assert_reads_back(&document, "copied");
+}
+
+#[test]
+fn a_saved_scene_renders_the_same_picture() {
+    let folder = Folder::new("saving-render");
+    let mut document = Document::load("builtin:cornell").unwrap();
+    edit_everything(&mut document, ["short block", "tall block", "ceiling"]);
+    let path = folder.join("edited.glb");
+    document.save(&path).unwrap();
+    let read = Scene::load(&path).unwrap();
+    let views = parallel_views(start_pose(&read), 0.06, square_fov(35.0));
+    let picture = |scene: &Scene| {
+        let mut renderer = renderer(scene, &settings(|_| {}), [64, 64]);
+        frame(&mut renderer, &views);
+        bits(&radiance(&renderer, Eye::Left))
+    };
+    let saved = picture(&read);
+    assert!(saved == picture(document.scene()));
+    assert!(
+        saved != picture(&Scene::builtin("cornell").unwrap()),
+        "negative control"
+    );
+    // The program reads it too.
+    let output = stereolux(&["info", "--scene", path.to_str().unwrap()]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn the_extension_for_visibility_is_read() {
+    let text = |visible: &str| {
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+            "extensionsUsed":["KHR_node_visibility"],"extensionsRequired":["KHR_node_visibility"],
+            "nodes":[{{"extensions":{{"KHR_node_visibility":{{{visible}}}}}}}]}}"#
+        )
+    };
+    let load = |visible: &str| Scene::from_bytes("v.gltf", text(visible).as_bytes());
+    for (visible, is_hidden) in [
+        (r#""visible":false"#, true),
+        (r#""visible":true"#, false),
+        ("", false),
+    ] {
+        let scene = load(visible).unwrap();
+        assert_eq!(scene.nodes[0].is_hidden, is_hidden);
+        assert!(scene.source.left_out.is_empty());
+    }
+    let error = load(r#""visible":1"#).unwrap_err().to_string();
+    assert!(error.contains("'visible' must be true or false"), "{error}");
+}
