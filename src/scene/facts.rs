@@ -169,7 +169,7 @@ impl MeshFacts {
 
 /// Areas of a mesh's triangles by direction, so that its area under any matrix is known without looking at triangles
 /// again: exactly (up to rounding) where scaling is uniform, or where each bin's triangles look one way, as a box's do; a
-/// sphere that is flattened to a hundredth is off by less than 5 %.
+/// sphere that is flattened to a hundredth is 8 % short, and a radius goes with the root of that.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct AreaSketch {
     /// Sum of area vectors, and of areas, by the signs of the normal's larger components; opposite directions share a bin.
@@ -235,6 +235,8 @@ mod tests {
             let ratio = facts.area_m2(&scene) / exact(&scene);
             assert!((ratio - 1.0).abs() < most, "{name}: {ratio}");
         }
+        // What is left of a flattened sphere is the integral of |cos| to its axis. Of that the band within 22.5 degrees of
+        // the equator holds sin^2 = 15 %, and counts for nothing, because its two sides share their bins.
         let mut scene = Scene::builtin("sphere").unwrap();
         let facts = SceneFacts::of(&scene);
         for scale in [DVec3::new(1.0, 0.01, 1.0), DVec3::new(3.0, 0.2, 1.0)] {
@@ -242,7 +244,7 @@ mod tests {
                 scene.nodes[root].parent_from_node = DAffine3::from_scale(scale);
             }
             let ratio = facts.area_m2(&scene) / exact(&scene);
-            assert!((ratio - 1.0).abs() < 0.05, "{scale}: {ratio}");
+            assert!((ratio - 1.0).abs() < 0.15, "{scale}: {ratio}");
         }
     }
 
