@@ -127,13 +127,9 @@ impl Canvas {
 
     /// Waits for a clean picture of what was just asked for.
     fn settle(&mut self) -> Outcome<()> {
-        // Frames in hand may have begun before.
         self.pass();
-        let index = self.app.frame().map_or(0, |frame| frame.index);
         self.until("a picture", |app| {
-            let frame = app.frame();
-            !app.is_busy()
-                && frame.is_some_and(|f| f.is_full && f.index > index + 2 && f.frames >= FRAMES)
+            app.is_up_to_date() && app.frame().is_some_and(|frame| frame.frames >= FRAMES)
         })?;
         // Textures of the last report, and widgets that need a second pass for their size.
         self.pass();

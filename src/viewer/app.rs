@@ -116,6 +116,10 @@ pub struct App {
     gamepad: Gamepad,
     worker: Worker,
     sent: Option<Sent>,
+    /// Counts requests and changes of what is wanted.
+    asked: u64,
+    /// The count that came with what is wanted last.
+    told: u64,
     commands: Vec<WindowCommand>,
 }
 
@@ -149,6 +153,7 @@ impl App {
         let settings = Arc::new(settings);
         let size = settings.size.unwrap_or(START_SIZE);
         let wanted = Wanted {
+            number: 0,
             settings: Arc::clone(&settings),
             other: None,
             views: headset.views_from_head(&camera.pose()),
@@ -189,6 +194,8 @@ impl App {
             gamepad: Gamepad::open(),
             worker,
             sent: None,
+            asked: 0,
+            told: 0,
             commands: Vec::new(),
         })
     }
@@ -255,6 +262,12 @@ impl App {
         self.frame.as_deref()
     }
 
+    /// Whether the last frame shows, in full size, everything that was asked for.
+    pub fn is_up_to_date(&self) -> bool {
+        let frame = self.frame.as_deref();
+        !self.is_busy() && frame.is_some_and(|frame| frame.is_full && frame.number == self.asked)
+    }
+
     /// What has been said and not been closed.
     pub fn messages(&self) -> &[Message] {
         &self.messages
@@ -295,7 +308,7 @@ impl App {
         self.memory.layout
     }
 
-    /// Where the gizmo's axes end, x, y and z, points of the window; `None` while there is no gizmo.
+    /// Where the gizmo's axes can be grabbed, x, y and z, points of the window; `None` while there is no gizmo.
     pub fn gizmo_handles(&self) -> Option<[egui::Pos2; 3]> {
         self.gizmo.handles()
     }
@@ -403,11 +416,16 @@ impl App {
         }
     }
 
+    fn ask(&mut self, request: Request) {
+        self.asked += 1;
+        self.worker.ask(request);
+    }
+
     fn restart_scene(&mut self) {
         // What the scene has been through is in it already.
         self.document.take_changes();
         let scene = Box::new(self.document.scene().clone());
-        self.worker.ask(Request::Scene(scene));
+        self.ask(Request::Scene(scene));
     }
 
     fn take_dropped(&mut self, context: &Context) {
@@ -468,11 +486,11 @@ impl App {
     }
 
     pub(super) fn screenshot(&mut self) {
-        self.worker.ask(Request::Screenshot(self.out.clone()));
+        self.ask(Request::Screenshot(self.out.clone()));
     }
 
     pub(super) fn reload_shaders(&mut self) {
-        self.worker.ask(Request::ReloadShaders);
+        self.ask(Request::ReloadShaders);
     }
 
     pub(super) fn save_scene(&mut self, context: &Context) {
@@ -538,7 +556,7 @@ impl App {
             self.screenshot();
         }
         // Letters belong to a text field that has the keyboard.
-        if context.egui_wants_keyboard_input() {
+        if context.text_edit_focused() {
             return;
         }
         let command = Modifiers::COMMAND;
@@ -615,7 +633,7 @@ impl App {
     fn advance(&mut self, context: &Context) {
         // A window that slept does not make up for it.
         let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
-        let mut thrust = if context.egui_wants_keyboard_input() {
+        let mut thrust = if context.text_edit_focused() {
             Thrust::default()
         } else {
             held(context)
@@ -654,7 +672,7 @@ impl App {
 
     fn send(&mut self) {
         for edit in self.document.take_changes() {
-            self.worker.ask(Request::Edit(Box::new(edit)));
+            self.ask(Request::Edit(Box::new(edit)));
         }
         let now = Sent {
             settings: Arc::clone(&self.settings),
@@ -665,10 +683,13 @@ impl App {
             exposure: self.settings.output.exposure,
             look: self.look,
         };
-        if self.sent.as_ref() == Some(&now) {
+        if self.sent.as_ref() == Some(&now) && self.told == self.asked {
             return;
         }
+        self.asked += 1;
+        self.told = self.asked;
         self.worker.want(Wanted {
+            number: self.asked,
             settings: Arc::clone(&now.settings),
             other: now.other.clone(),
             views: now.views,

@@ -98,6 +98,8 @@ impl Seen {
 
 /// A frame.
 pub struct FrameReport {
+    /// [`Wanted::number`](super::worker::Wanted) of what it shows.
+    pub number: u64,
     /// Number of the frame.
     pub index: u32,
     /// Left and right eye.

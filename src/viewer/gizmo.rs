@@ -179,13 +179,13 @@ impl TransformGizmo {
                 area.min.y + area.height() * (0.5 - 0.5 * y as f32),
             )
         };
-        // A length of SIZE_POINTS across the view at the object's depth.
+        // On the arrows' shafts, by their length across the view at the object's depth.
         let tangents = view.fov.tangents();
         let m_per_point =
             -in_eye.z * (tangents.right - tangents.left) / f64::from(area.width().max(1.0));
         let turn = if self.is_local { rotation } else { DQuat::IDENTITY };
         self.handles = Some([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| {
-            project(from_eye + turn * axis * (m_per_point * f64::from(SIZE_POINTS)))
+            project(from_eye + turn * axis * (m_per_point * 0.6 * f64::from(SIZE_POINTS)))
         }));
         match moved.and_then(|(_, targets)| targets.first().copied()) {
             Some(to) => {

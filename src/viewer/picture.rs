@@ -319,7 +319,12 @@ fn pointer(
         && !is_handled
         && let Some(at) = response.interact_pointer_pos()
     {
-        response.request_focus();
+        // Keys move the head again, whatever was written in.
+        context.memory_mut(|memory| {
+            if let Some(field) = memory.focused() {
+                memory.surrender_focus(field);
+            }
+        });
         let seen = &frame.seen[part.eye()];
         app.selected = seen
             .node_at(place_in(rect, at))

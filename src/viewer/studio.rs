@@ -390,6 +390,7 @@ impl Studio {
         let engine = self.engine()?;
         let allocated = engine.renderer.context().device.generate_allocator_report();
         Ok(FrameReport {
+            number: wanted.number,
             index: stats.frame,
             eyes: [Arc::clone(&eyes[0]), Arc::clone(&eyes[1])],
             other: None,

@@ -41,6 +41,8 @@ const NICE: i32 = 10;
 /// Everything that the window wants shown. The latest counts.
 #[derive(Clone)]
 pub struct Wanted {
+    /// Grows with every change of what follows and with every request that came before it.
+    pub number: u64,
     /// Settings of the renderer. Its `size` and `output.exposure` do not count: those below do.
     pub settings: Arc<Settings>,
     /// The other settings of a split view.
@@ -233,6 +235,8 @@ impl Inner {
                 },
                 Turn::Go => self.requests.try_recv().ok(),
             };
+            // Read before the other requests: whatever was asked for before it is then served before it is shown.
+            let wanted = self.wanted();
             while let Some(next) = request {
                 if matches!(next, Request::Quit) {
                     return;
@@ -240,7 +244,7 @@ impl Inner {
                 self.serve(next);
                 request = self.requests.try_recv().ok();
             }
-            turn = self.turn();
+            turn = self.turn(&wanted);
         }
     }
 
@@ -295,12 +299,11 @@ impl Inner {
     }
 
     /// One turn: makes what is missing, renders a frame, says so.
-    fn turn(&mut self) -> Turn {
-        let wanted = self.wanted();
+    fn turn(&mut self, wanted: &Wanted) -> Turn {
         let settings = Arc::new(effective(&wanted.settings, wanted.look));
         let tried = self
-            .prepare(&settings, &wanted)
-            .and_then(|()| self.frame(&wanted));
+            .prepare(&settings, wanted)
+            .and_then(|()| self.frame(wanted));
         match tried {
             Ok(turn) => turn,
             Err(error) if error.is_lost() => {
@@ -317,11 +320,13 @@ impl Inner {
 
     /// Makes the renderers fit what is wanted.
     fn prepare(&mut self, settings: &Arc<Settings>, wanted: &Wanted) -> Result<(), StudioError> {
+        // An edit may ask for a new renderer: first the edits.
+        if self.studio.take_changes()? {
+            self.restart();
+        }
         if self.studio.needs_renderer(settings) {
             self.report(Report::Busy("compiling"));
             self.studio.prepare(settings, wanted.size, library)?;
-            self.restart();
-        } else if self.studio.take_changes()? {
             self.restart();
         }
         match &wanted.other {
@@ -330,11 +335,12 @@ impl Inner {
                 let own = self
                     .other
                     .get_or_insert_with(|| Studio::new(self.studio.scene().clone()));
+                if own.take_changes()? {
+                    self.shown = None;
+                }
                 if own.needs_renderer(other) {
                     (self.reports)(Report::Busy("compiling the other settings"));
                     own.prepare(other, wanted.size, library)?;
-                    self.shown = None;
-                } else if own.take_changes()? {
                     self.shown = None;
                 }
             }
@@ -397,7 +403,6 @@ impl Inner {
                 .report(wanted, size, &self.views, stats, self.reference.as_ref())?;
         report.other = other;
         report.is_full = self.divisor == 1;
-        report.index = index;
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
             for folder in std::mem::take(&mut self.screenshots) {

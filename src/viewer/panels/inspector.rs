@@ -296,7 +296,12 @@ fn material_panel(
 fn color(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
     let mut changed = false;
     ui.horizontal(|ui| {
-        changed |= edits.watch(&ui.color_edit_button_rgb(rgb));
+        // The button rounds what it only shows.
+        let mut picked = *rgb;
+        if edits.watch(&ui.color_edit_button_rgb(&mut picked)) {
+            *rgb = picked;
+            changed = true;
+        }
         for channel in rgb {
             let field = DragValue::new(channel).range(0.0..=1.0).speed(0.005).max_decimals(4);
             changed |= edits.watch(&ui.add(field));

@@ -70,7 +70,7 @@ pub fn right(app: &mut App, ui: &mut Ui) {
     if !app.memory.side {
         return;
     }
-    Panel::right("side").default_size(320.0).show(ui, |ui| {
+    Panel::right("side").default_size(370.0).show(ui, |ui| {
         ui.horizontal(|ui| {
             ui.selectable_value(&mut app.tab, Tab::Inspector, "Inspector");
             ui.selectable_value(&mut app.tab, Tab::Settings, "Settings");
