@@ -11,9 +11,8 @@ use crate::caught::caught;
 pub(crate) fn event_loop<T: 'static>() -> Result<EventLoop<T>, String> {
     #[cfg(all(unix, not(target_vendor = "apple")))]
     {
-        let names_one = |variable: &str| {
-            std::env::var_os(variable).is_some_and(|display| !display.is_empty())
-        };
+        let names_one =
+            |variable: &str| std::env::var_os(variable).is_some_and(|display| !display.is_empty());
         if !names_one("DISPLAY") && !names_one("WAYLAND_DISPLAY") && !names_one("WAYLAND_SOCKET") {
             return Err("neither DISPLAY nor WAYLAND_DISPLAY names a display".to_owned());
         }

@@ -26,7 +26,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 /// Size of the window, pixels.
 const WINDOW: [u32; 2] = [1120, 680];
 /// Frames that are averaged before a picture is taken.
-const FRAMES: u32 = 24;
+const FRAMES: u32 = 8;
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// A window that is only a texture.
@@ -91,7 +91,9 @@ impl Canvas {
             pixels_per_point: output.pixels_per_point,
         };
         let mut encoder = device.create_command_encoder(&Default::default());
-        let own = self.painter.update_buffers(device, queue, &mut encoder, &jobs, &screen);
+        let own = self
+            .painter
+            .update_buffers(device, queue, &mut encoder, &jobs, &screen);
         let view = self.texture.create_view(&Default::default());
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("canvas"),
@@ -103,7 +105,8 @@ impl Canvas {
             })],
             ..Default::default()
         });
-        self.painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
+        self.painter
+            .render(&mut pass.forget_lifetime(), &jobs, &screen);
         queue.submit(own.into_iter().chain([encoder.finish()]));
         for id in &output.textures_delta.free {
             self.painter.free_texture(id);
@@ -121,7 +124,8 @@ impl Canvas {
             if began.elapsed() > Duration::from_secs(600) {
                 return Err(format!("{what}: waited in vain").into());
             }
-            std::thread::sleep(Duration::from_millis(10));
+            // On a software adapter drawing takes the time away from rendering.
+            std::thread::sleep(Duration::from_millis(250));
         }
     }
 
@@ -220,15 +224,25 @@ fn sheet(pictures: &[ImageRgb8], columns: usize) -> Outcome<ImageRgb8> {
             }
         }
     }
-    Ok(Image::new((columns * width) as u32, (rows * height) as u32, pixels)?)
+    Ok(Image::new(
+        (columns * width) as u32,
+        (rows * height) as u32,
+        pixels,
+    )?)
 }
 
 fn main() -> Outcome<()> {
     env_logger::init();
-    let folder = PathBuf::from(std::env::args().nth(1).ok_or("usage: viewer_pictures FOLDER")?);
+    let folder = PathBuf::from(
+        std::env::args()
+            .nth(1)
+            .ok_or("usage: viewer_pictures FOLDER")?,
+    );
     std::fs::create_dir_all(&folder)?;
     let settings = Settings {
         scene: "builtin:gallery".to_owned(),
+        // One size for all layouts: frames of one serve the next.
+        size: Some([288, 256]),
         ..Settings::default()
     };
     let app = App::new(
@@ -248,7 +262,8 @@ fn main() -> Outcome<()> {
         canvas.settle()?;
         if layout == Layout::Split {
             canvas.until("the other method", |app| {
-                app.frame().is_some_and(|frame| frame.other.is_some() && frame.frames >= FRAMES)
+                app.frame()
+                    .is_some_and(|frame| frame.other.is_some() && frame.frames >= FRAMES)
             })?;
             canvas.pass();
         }
@@ -281,11 +296,16 @@ fn main() -> Outcome<()> {
     for look in Look::all() {
         // Provenance is the right eye's.
         let is_right = look == Look::Inspection(Inspection::Provenance);
-        canvas.app.memory_mut().layout = if is_right { Layout::Right } else { Layout::Left };
+        canvas.app.memory_mut().layout = if is_right {
+            Layout::Right
+        } else {
+            Layout::Left
+        };
         canvas.app.set_look(look);
         if look == Look::Error {
             canvas.until("a reference", |app| {
-                app.frame().is_some_and(|f| f.legend.is_some() && f.frames >= 4 * FRAMES)
+                app.frame()
+                    .is_some_and(|f| f.legend.is_some() && f.frames >= 4 * FRAMES)
             })?;
         }
         canvas.settle()?;

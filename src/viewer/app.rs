@@ -431,7 +431,11 @@ impl App {
     fn take_dropped(&mut self, context: &Context) {
         let dropped = context.input(|input| input.raw.dropped_files.clone());
         if dropped.len() > 1 {
-            self.say(context, "one file at a time, please: the first is read", false);
+            self.say(
+                context,
+                "one file at a time, please: the first is read",
+                false,
+            );
         }
         if let Some(path) = dropped.first().map(|file| file.path().to_owned()) {
             self.open(context, path.to_string_lossy().into_owned());
@@ -523,7 +527,11 @@ impl App {
         };
         let radius_m = 0.5 * bounds.size().length();
         // A light has no size; look at it from a step away.
-        let radius_m = if radius_m > 0.0 { radius_m } else { 0.2 * self.camera.speed };
+        let radius_m = if radius_m > 0.0 {
+            radius_m
+        } else {
+            0.2 * self.camera.speed
+        };
         self.camera
             .focus(bounds.center(), radius_m, FOCUS_HALF_ANGLE_RAD);
         self.player = None;

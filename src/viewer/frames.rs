@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use egui::ColorImage;
 
-use crate::frame_loop::FrameStats;
 use crate::false_color::Legend;
+use crate::frame_loop::FrameStats;
 use crate::renderer::{Inspection, SeenSurface};
 use crate::xr::View;
 
@@ -49,7 +49,9 @@ impl Look {
         match self {
             Self::Picture => "what the eye sees, tone mapped",
             Self::Inspection(inspection) => inspection.doc(),
-            Self::Error => "relative squared error against a path-traced reference that grows while nothing changes",
+            Self::Error => {
+                "relative squared error against a path-traced reference that grows while nothing changes"
+            }
         }
     }
 }
@@ -84,7 +86,8 @@ impl Seen {
     /// The pixel at `at`, from (0, 0) at the top left to (1, 1).
     pub fn pixel_at(&self, at: [f32; 2]) -> Option<usize> {
         let [x, y] = [0, 1].map(|axis| (at[axis] * self.size[axis] as f32).floor());
-        let inside = (0.0..self.size[0] as f32).contains(&x) && (0.0..self.size[1] as f32).contains(&y);
+        let inside =
+            (0.0..self.size[0] as f32).contains(&x) && (0.0..self.size[1] as f32).contains(&y);
         let index = y as usize * self.size[0] as usize + x as usize;
         (inside && index < self.nodes.len()).then_some(index)
     }

@@ -75,7 +75,10 @@ impl Gamepad {
         movement(
             [axis(Axis::LeftStickX), axis(Axis::LeftStickY)],
             [axis(Axis::RightStickX), axis(Axis::RightStickY)],
-            [trigger(Button::LeftTrigger2), trigger(Button::RightTrigger2)],
+            [
+                trigger(Button::LeftTrigger2),
+                trigger(Button::RightTrigger2),
+            ],
         )
     }
 }

@@ -183,7 +183,11 @@ impl TransformGizmo {
         let tangents = view.fov.tangents();
         let m_per_point =
             -in_eye.z * (tangents.right - tangents.left) / f64::from(area.width().max(1.0));
-        let turn = if self.is_local { rotation } else { DQuat::IDENTITY };
+        let turn = if self.is_local {
+            rotation
+        } else {
+            DQuat::IDENTITY
+        };
         self.handles = Some([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| {
             project(from_eye + turn * axis * (m_per_point * 0.6 * f64::from(SIZE_POINTS)))
         }));
@@ -213,7 +217,8 @@ impl TransformGizmo {
 
     fn draw(&self, painter: &Painter, area: Rect) {
         let drawn = self.gizmo.draw();
-        let color = |[r, g, b, a]: [f32; 4]| Color32::from(Rgba::from_rgba_premultiplied(r, g, b, a));
+        let color =
+            |[r, g, b, a]: [f32; 4]| Color32::from(Rgba::from_rgba_premultiplied(r, g, b, a));
         let vertices = drawn
             .vertices
             .iter()

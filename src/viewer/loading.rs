@@ -59,7 +59,9 @@ impl Loading {
             .spawn(move || {
                 let loaded = crate::caught::caught(|| read(kind, &path, &settings, headset, start))
                     .unwrap_or_else(|panicked| {
-                        Err(format!("{path}: reading it failed ({panicked}); please report the file"))
+                        Err(format!(
+                            "{path}: reading it failed ({panicked}); please report the file"
+                        ))
                     });
                 // Cancelled: nobody waits.
                 let _ = sender.send(loaded);
@@ -87,7 +89,9 @@ impl Loading {
         match self.result.try_recv() {
             Ok(loaded) => Some(loaded),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err(format!("{}: reading it failed", self.name))),
+            Err(TryRecvError::Disconnected) => {
+                Some(Err(format!("{}: reading it failed", self.name)))
+            }
         }
     }
 }

@@ -60,7 +60,10 @@ impl Memory {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::default(),
             Err(error) => {
-                log::warn!("{}: cannot be read ({error}); the window opens as at first", path.display());
+                log::warn!(
+                    "{}: cannot be read ({error}); the window opens as at first",
+                    path.display()
+                );
                 return Self::default();
             }
         };
@@ -70,7 +73,11 @@ impl Memory {
             Self::default()
         });
         let sane = |value: f32, least: f32, most: f32, other: f32| {
-            if value.is_finite() { value.clamp(least, most) } else { other }
+            if value.is_finite() {
+                value.clamp(least, most)
+            } else {
+                other
+            }
         };
         let first = Self::default();
         Self {

@@ -48,14 +48,29 @@ impl Pictures {
     /// Takes a new frame over.
     pub fn take(&mut self, context: &Context, frame: &FrameReport) {
         for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
-            put(context, &mut self.eyes[eye], name, Arc::clone(&frame.eyes[eye]));
+            put(
+                context,
+                &mut self.eyes[eye],
+                name,
+                Arc::clone(&frame.eyes[eye]),
+            );
         }
         if let Some(other) = &frame.other {
-            put(context, &mut self.other, "other settings", Arc::clone(other));
+            put(
+                context,
+                &mut self.other,
+                "other settings",
+                Arc::clone(other),
+            );
         }
     }
 
-    fn texture(&mut self, context: &Context, frame: &FrameReport, part: Part) -> Option<TextureHandle> {
+    fn texture(
+        &mut self,
+        context: &Context,
+        frame: &FrameReport,
+        part: Part,
+    ) -> Option<TextureHandle> {
         match part {
             Part::Left | Part::Right => self.eyes[part.eye()].clone(),
             Part::Anaglyph | Part::Difference => {
@@ -64,7 +79,11 @@ impl Pictures {
                 {
                     return Some(texture.clone());
                 }
-                let combine = if part == Part::Anaglyph { anaglyph } else { difference };
+                let combine = if part == Part::Anaglyph {
+                    anaglyph
+                } else {
+                    difference
+                };
                 let image = combine(&frame.eyes[0], &frame.eyes[1]);
                 let texture = context.load_texture("both eyes", image, TextureOptions::LINEAR);
                 self.combined = Some((part, frame.index, texture.clone()));
@@ -113,7 +132,11 @@ fn outline_image(seen: &Seen, is_inside: &[bool]) -> ColorImage {
                     || !inside(x + 1, y)
                     || !inside(x, y - 1)
                     || !inside(x, y + 1));
-            if is_edge { SELECTED } else { Color32::TRANSPARENT }
+            if is_edge {
+                SELECTED
+            } else {
+                Color32::TRANSPARENT
+            }
         })
         .collect();
     ColorImage::new([width, height], pixels)
@@ -141,13 +164,21 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let layout = app.memory.layout;
         let parts = layout.parts();
         let rectangles = rectangles(area, parts.len(), aspect(app));
-        app.shown_at = parts.iter().copied().zip(rectangles.iter().copied()).collect();
+        app.shown_at = parts
+            .iter()
+            .copied()
+            .zip(rectangles.iter().copied())
+            .collect();
         let Some(first) = rectangles.first().copied() else {
             return;
         };
         wish_size(app, first, ui.ctx().pixels_per_point());
         let Some(frame) = app.frame.take() else {
-            let text = if app.busy.is_empty() { "rendering" } else { app.busy };
+            let text = if app.busy.is_empty() {
+                "rendering"
+            } else {
+                app.busy
+            };
             note(ui.painter(), area, text);
             return;
         };
@@ -256,7 +287,9 @@ fn handles(
         _ => {
             let middle = scene.bounds_below(node).map(|bounds| bounds.center());
             let node_from_world = world[node].inverse();
-            let pivot = middle.map_or(DVec3::ZERO, |middle| node_from_world.transform_point3(middle));
+            let pivot = middle.map_or(DVec3::ZERO, |middle| {
+                node_from_world.transform_point3(middle)
+            });
             app.fields.pivot = Some((node, pivot));
             pivot
         }
@@ -285,7 +318,9 @@ fn handles(
     }
     let was_dragging = app.gizmo.is_dragging();
     let view = &frame.views[part.eye()];
-    let handled = app.gizmo.show(painter, rect, view, world_from_pivot, pointer);
+    let handled = app
+        .gizmo
+        .show(painter, rect, view, world_from_pivot, pointer);
     match (was_dragging, app.gizmo.is_dragging()) {
         (false, true) => app.document.begin_gesture(),
         (true, false) => app.document.end_gesture(),
@@ -376,7 +411,12 @@ fn name_under_pointer(
         return;
     };
     let text = format!("{}, {:.3} m", node.name, seen.distances_m[pixel]);
-    label(painter, rect.right_top() + vec2(-8.0, 8.0), Align2::RIGHT_TOP, &text);
+    label(
+        painter,
+        rect.right_top() + vec2(-8.0, 8.0),
+        Align2::RIGHT_TOP,
+        &text,
+    );
 }
 
 fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
@@ -405,8 +445,14 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
 /// A few words on settings.
 fn summary(settings: &crate::options::Settings) -> String {
     let word = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
-    let method = serde_json::to_value(settings.method).map(word).unwrap_or_default();
-    let filtered = if settings.reconstruct.is_on() { ", filtered" } else { "" };
+    let method = serde_json::to_value(settings.method)
+        .map(word)
+        .unwrap_or_default();
+    let filtered = if settings.reconstruct.is_on() {
+        ", filtered"
+    } else {
+        ""
+    };
     format!("{method}, {} spp{filtered}", settings.spp)
 }
 
@@ -431,17 +477,19 @@ fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
                 area.left_top() + vec2(16.0, 40.0),
                 vec2(14.0, (area.height() - 90.0).clamp(40.0, 260.0)),
             );
-            painter.rect_filled(bar.expand2(vec2(60.0, 26.0)).translate(vec2(50.0, 0.0)), 3.0, Color32::from_black_alpha(150));
+            painter.rect_filled(
+                bar.expand2(vec2(60.0, 26.0)).translate(vec2(50.0, 0.0)),
+                3.0,
+                Color32::from_black_alpha(150),
+            );
             // Bright on top: a value's height is its share of the range.
             let height = |share: f64| bar.max.y - bar.height() * share as f32;
             const STEPS: usize = 64;
             for step in 0..STEPS {
                 let [from, to] = [step, step + 1].map(|edge| edge as f64 / STEPS as f64);
                 let [r, g, b] = map_color(0.5 * (from + to));
-                let cell = Rect::from_min_max(
-                    pos2(bar.min.x, height(to)),
-                    pos2(bar.max.x, height(from)),
-                );
+                let cell =
+                    Rect::from_min_max(pos2(bar.min.x, height(to)), pos2(bar.max.x, height(from)));
                 painter.rect_filled(cell, 0.0, Color32::from_rgb(r, g, b));
             }
             let font = FontId::proportional(12.0);
@@ -449,9 +497,21 @@ fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
             for (share, text) in ticks {
                 let y = height(*share);
                 painter.hline(bar.max.x..=bar.max.x + 4.0, y, Stroke::new(1.0, white));
-                painter.text(pos2(bar.max.x + 7.0, y), Align2::LEFT_CENTER, text, font.clone(), white);
+                painter.text(
+                    pos2(bar.max.x + 7.0, y),
+                    Align2::LEFT_CENTER,
+                    text,
+                    font.clone(),
+                    white,
+                );
             }
-            painter.text(bar.left_top() - vec2(0.0, 8.0), Align2::LEFT_BOTTOM, unit, font, white);
+            painter.text(
+                bar.left_top() - vec2(0.0, 8.0),
+                Align2::LEFT_BOTTOM,
+                unit,
+                font,
+                white,
+            );
         }
         Legend::Labels(labels) => {
             let mut at = area.left_top() + vec2(16.0, 24.0);
@@ -463,7 +523,12 @@ fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
             }
         }
         other => {
-            label(painter, area.left_top() + vec2(16.0, 24.0), Align2::LEFT_TOP, &other.line());
+            label(
+                painter,
+                area.left_top() + vec2(16.0, 24.0),
+                Align2::LEFT_TOP,
+                &other.line(),
+            );
         }
     }
 }
@@ -486,8 +551,16 @@ mod tests {
         };
         let image = outline_image(&seen, &[false, true]);
         let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();
-        assert_eq!(marked, [6, 7, 8, 11, 13, 16, 17, 18], "all but the middle one");
+        assert_eq!(
+            marked,
+            [6, 7, 8, 11, 13, 16, 17, 18],
+            "all but the middle one"
+        );
         let none = outline_image(&seen, &[false, false]);
-        assert!(none.pixels.iter().all(|pixel| *pixel == Color32::TRANSPARENT));
+        assert!(
+            none.pixels
+                .iter()
+                .all(|pixel| *pixel == Color32::TRANSPARENT)
+        );
     }
 }

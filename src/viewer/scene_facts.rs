@@ -13,7 +13,10 @@ impl Scene {
             };
             match found.parent {
                 Some(parent) => {
-                    let holds = self.nodes.get(parent).is_some_and(|p| p.children.contains(&at));
+                    let holds = self
+                        .nodes
+                        .get(parent)
+                        .is_some_and(|p| p.children.contains(&at));
                     if !holds {
                         return false;
                     }
@@ -39,11 +42,18 @@ impl Scene {
             pending.extend(&found.children);
             match found.mesh.and_then(|mesh| self.meshes.get(mesh)) {
                 Some(mesh) => {
-                    let positions = mesh.positions.iter().map(|p| glam::Vec3::from(*p).as_dvec3());
+                    let positions = mesh
+                        .positions
+                        .iter()
+                        .map(|p| glam::Vec3::from(*p).as_dvec3());
                     if let Some(Bounds { min, max }) = Bounds::of_points(positions) {
                         points.extend((0..8).map(|corner| {
                             let pick = |axis: usize| {
-                                if corner >> axis & 1 == 0 { min[axis] } else { max[axis] }
+                                if corner >> axis & 1 == 0 {
+                                    min[axis]
+                                } else {
+                                    max[axis]
+                                }
                             };
                             let corner = glam::DVec3::new(pick(0), pick(1), pick(2));
                             world[index].transform_point3(corner)

@@ -56,14 +56,14 @@ pub fn write(
         &tone_map(&right, wanted.exposure),
     )?;
     write_png(&path, &picture)?;
-    Ok(format!("{} written, with an EXR of each eye", path.display()))
+    Ok(format!(
+        "{} written, with an EXR of each eye",
+        path.display()
+    ))
 }
 
 /// A pose as `--pose` takes it.
 pub fn pose_words(pose: &Pose) -> String {
     let (p, q) = (pose.position, pose.orientation);
-    format!(
-        "{} {} {} {} {} {} {}",
-        p.x, p.y, p.z, q.x, q.y, q.z, q.w
-    )
+    format!("{} {} {} {} {} {} {}", p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 }

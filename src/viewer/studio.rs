@@ -18,8 +18,8 @@ use crate::options::{Eyes, Settings};
 use crate::renderer::{
     Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
-use crate::scene::edit::{Edit, EditError};
 use crate::scene::Scene;
+use crate::scene::edit::{Edit, EditError};
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -179,14 +179,7 @@ impl Studio {
         library: ShaderLibrary,
     ) -> Result<Engine, StudioError> {
         let context = GpuContext::open(Some(&settings.adapter))?;
-        let renderer = Renderer::new(
-            context,
-            &library,
-            &self.scene,
-            settings,
-            Eyes::Both,
-            size,
-        )?;
+        let renderer = Renderer::new(context, &library, &self.scene, settings, Eyes::Both, size)?;
         Ok(Engine {
             renderer,
             library,
@@ -284,9 +277,10 @@ impl Studio {
     /// An eye's picture: tone mapped, or what TAA makes for the display.
     fn shown(&self, eye: usize, exposure: f64, size: [u32; 2]) -> Result<ImageRgb8, StudioError> {
         let engine = self.engine.as_ref().ok_or(StudioError::NoRenderer)?;
-        let displayed = engine
-            .renderer
-            .read_displayed(if eye == 0 { Eye::Left } else { Eye::Right })?;
+        let displayed =
+            engine
+                .renderer
+                .read_displayed(if eye == 0 { Eye::Left } else { Eye::Right })?;
         Ok(match displayed {
             Some(pixels) => encode_display(&Image::new(size[0], size[1], pixels)?),
             None => {
@@ -341,7 +335,8 @@ impl Studio {
         let mut legend = None;
         let is_dark = self.engine()?.renderer.scene().light_count() == 0;
         let mut note = is_dark.then(|| {
-            "the scene holds no light: drop an .hdr onto the window, or add a light to a node".to_owned()
+            "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
+                .to_owned()
         });
         let mut eyes = Vec::with_capacity(2);
         for eye in 0..2 {
@@ -417,7 +412,9 @@ impl Studio {
             && inspection.missing(&engine.settings).is_some()
         {
             let values = self.averaged[eye].variance().ok_or_else(|| {
-                RenderError::Settings("variance needs two frames of a view that stands still".to_owned())
+                RenderError::Settings(
+                    "variance needs two frames of a view that stands still".to_owned(),
+                )
             })?;
             return Ok(Inspected {
                 inspection,

@@ -59,7 +59,11 @@ pub fn show(start: Start, adapter: &str, memory_path: Option<PathBuf>) -> Result
         open: None,
         error: None,
     };
-    let ran = caught(|| event_loop.run_app(&mut state).map_err(|error| error.to_string()));
+    let ran = caught(|| {
+        event_loop
+            .run_app(&mut state)
+            .map_err(|error| error.to_string())
+    });
     if let Some(open) = &mut state.open {
         open.remember(state.memory_path.as_deref());
     }
@@ -168,9 +172,13 @@ impl Open {
         let attributes = Window::default_attributes()
             .with_title(format!("stereolux: {}", start.document.scene().name))
             .with_inner_size(LogicalSize::new(width, height));
-        let window = caught(|| event_loop.create_window(attributes).map_err(|e| e.to_string()))
-            .and_then(|made| made)
-            .map_err(|reason| ViewError::NoWindow(plain(&reason)))?;
+        let window = caught(|| {
+            event_loop
+                .create_window(attributes)
+                .map_err(|e| e.to_string())
+        })
+        .and_then(|made| made)
+        .map_err(|reason| ViewError::NoWindow(plain(&reason)))?;
         let window = Arc::new(window);
         let gpu = GpuContext::open(Some(adapter))?;
         let cannot = |reason: String| ViewError::CannotShow {
@@ -192,7 +200,11 @@ impl Open {
             Some(gpu.device.limits().max_texture_dimension_2d as usize),
         );
         let painter = gpu.guarded("window", || {
-            Ok(egui_wgpu::Renderer::new(&gpu.device, format, RendererOptions::default()))
+            Ok(egui_wgpu::Renderer::new(
+                &gpu.device,
+                format,
+                RendererOptions::default(),
+            ))
         })?;
         let app = App::new(start, move || {
             // The loop may have ended.
@@ -206,7 +218,11 @@ impl Open {
             surface,
             format,
             present_mode,
-            alpha_mode: capabilities.alpha_modes.first().copied().unwrap_or_default(),
+            alpha_mode: capabilities
+                .alpha_modes
+                .first()
+                .copied()
+                .unwrap_or_default(),
             configured: None,
             input,
             egui,
@@ -218,7 +234,11 @@ impl Open {
     }
 
     /// Answers an event; false to end.
-    fn event(&mut self, event_loop: &ActiveEventLoop, event: WindowEvent) -> Result<bool, ViewError> {
+    fn event(
+        &mut self,
+        event_loop: &ActiveEventLoop,
+        event: WindowEvent,
+    ) -> Result<bool, ViewError> {
         match &event {
             WindowEvent::CloseRequested => {
                 self.app.close_requested();
@@ -232,7 +252,10 @@ impl Open {
         }
         let response = self.input.on_window_event(&self.window, &event);
         if response.repaint {
-            if matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. }) {
+            if matches!(
+                event,
+                WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. }
+            ) {
                 self.unanswered.get_or_insert_with(Instant::now);
             }
             self.window.request_redraw();
@@ -331,7 +354,9 @@ impl Open {
             wgpu::CurrentSurfaceTexture::Success(image) => (Some(image), false),
             wgpu::CurrentSurfaceTexture::Suboptimal(image) => (Some(image), true),
             wgpu::CurrentSurfaceTexture::Outdated => (None, true),
-            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => (None, false),
+            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {
+                (None, false)
+            }
             wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => {
                 return Err(ViewError::Ended("its surface was lost".to_owned()));
             }
@@ -345,7 +370,8 @@ impl Open {
             }
             if let Some(image) = image {
                 let mut encoder = gpu.device.create_command_encoder(&Default::default());
-                let own = painter.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
+                let own =
+                    painter.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
                 let view = image.texture.create_view(&Default::default());
                 let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                     label: Some("window"),
@@ -387,7 +413,12 @@ impl Open {
 /// The first format of `offered` with 8 bits that encodes nothing itself: egui paints in display values.
 fn choose_format(offered: &[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat> {
     use wgpu::TextureFormat as F;
-    [F::Bgra8Unorm, F::Rgba8Unorm, F::Bgra8UnormSrgb, F::Rgba8UnormSrgb]
-        .into_iter()
-        .find(|format| offered.contains(format))
+    [
+        F::Bgra8Unorm,
+        F::Rgba8Unorm,
+        F::Bgra8UnormSrgb,
+        F::Rgba8UnormSrgb,
+    ]
+    .into_iter()
+    .find(|format| offered.contains(format))
 }

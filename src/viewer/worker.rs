@@ -383,7 +383,10 @@ impl Inner {
         };
         let cost = milliseconds_since(began) / (f64::from(size[0]) * f64::from(size[1]));
         // Frames that traced photons cost more than those that follow; the estimate forgets them soon.
-        self.cost_ms_per_pixel = Some(self.cost_ms_per_pixel.map_or(cost, |old| 0.5 * (old + cost)));
+        self.cost_ms_per_pixel = Some(
+            self.cost_ms_per_pixel
+                .map_or(cost, |old| 0.5 * (old + cost)),
+        );
         let other = match &mut self.other {
             None => None,
             Some(other) => {
@@ -423,8 +426,7 @@ impl Inner {
         };
         let pixels = f64::from(size[0]) * f64::from(size[1]);
         let mut divisor = 1;
-        while divisor < COARSEST
-            && pixels / f64::from(divisor * divisor) * cost > PREVIEW_BUDGET_MS
+        while divisor < COARSEST && pixels / f64::from(divisor * divisor) * cost > PREVIEW_BUDGET_MS
         {
             divisor *= 2;
         }
@@ -472,14 +474,7 @@ impl Studio {
     ) -> Result<Option<frame_loop::FrameStats>, StudioError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
-        let step = frame_loop::step(
-            session,
-            renderer,
-            library,
-            index,
-            |_| scene_time_ns,
-            |_| {},
-        )?;
+        let step = frame_loop::step(session, renderer, library, index, |_| scene_time_ns, |_| {})?;
         let Step::Rendered(rendered) = step else {
             return Ok(None);
         };

@@ -79,7 +79,10 @@ fn until(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
             .iter()
             .map(|message| message.text.as_str())
             .collect();
-        assert!(began.elapsed() < PATIENCE, "{what}: waited in vain; {said:?}");
+        assert!(
+            began.elapsed() < PATIENCE,
+            "{what}: waited in vain; {said:?}"
+        );
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -146,7 +149,9 @@ fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
     viewer.step();
     const STEPS: u32 = 6;
     for step in 1..=STEPS {
-        viewer.event(egui::Event::PointerMoved(from + by * (step as f32 / STEPS as f32)));
+        viewer.event(egui::Event::PointerMoved(
+            from + by * (step as f32 / STEPS as f32),
+        ));
         viewer.step();
     }
     viewer.event(button(from + by, false));
@@ -197,7 +202,10 @@ fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
     let way = walked.position - start.position;
     assert!(way.dot(ahead) > 0.01, "{way}");
     // Straight ahead, to rounding.
-    assert!(way.cross(ahead).length() < 1e-9 * way.length().max(1.0), "{way}");
+    assert!(
+        way.cross(ahead).length() < 1e-9 * way.length().max(1.0),
+        "{way}"
+    );
     let left_eye = narrow().views_from_head(&walked)[0];
     settle(&mut viewer);
     assert_eq!(shown(viewer.state()).views[0], left_eye);
@@ -218,7 +226,11 @@ fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
     assert!((-40.0..-25.0).contains(&turn), "{turn}");
     press(&mut viewer, Modifiers::NONE, Key::Home);
     assert_eq!(viewer.state().head(), start);
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
 }
 
 #[test]
@@ -273,7 +285,10 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
         of_wall.iter().sum::<f64>() / of_wall.len() as f64
     };
     let frame = shown(viewer.state());
-    let [was, is] = [blue_of(&before, frame), blue_of(&frame.eyes[0].pixels, frame)];
+    let [was, is] = [
+        blue_of(&before, frame),
+        blue_of(&frame.eyes[0].pixels, frame),
+    ];
     assert!(is > was + 20.0, "{was} {is}");
 
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
@@ -284,8 +299,15 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
     // Noise of two means of path traced frames, far under the step above.
     assert!((back - was).abs() < 10.0, "{was} {back}");
     press(&mut viewer, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
-    assert_eq!(viewer.state().document().scene().materials[material].base_color[2], 0.9);
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert_eq!(
+        viewer.state().document().scene().materials[material].base_color[2],
+        0.9
+    );
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
 }
 
 #[test]
@@ -318,7 +340,11 @@ fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     assert_eq!(viewer.state().document().scene().nodes[node], from);
     assert!(!viewer.state().document().is_modified());
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
 }
 
 #[test]
@@ -331,10 +357,17 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
         choose(&mut viewer, now, layout.name());
         assert_eq!(viewer.state().layout(), layout);
         viewer.step();
-        let parts: Vec<Part> = viewer.state().shown_at().iter().map(|(part, _)| *part).collect();
+        let parts: Vec<Part> = viewer
+            .state()
+            .shown_at()
+            .iter()
+            .map(|(part, _)| *part)
+            .collect();
         assert_eq!(parts, layout.parts());
     }
-    until(&mut viewer, "the other method's picture", |app| shown(app).other.is_some());
+    until(&mut viewer, "the other method's picture", |app| {
+        shown(app).other.is_some()
+    });
     assert_eq!(viewer.state().other_settings().method, Method::Path);
     choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
     let mut pictures: Vec<(Look, Arc<egui::ColorImage>)> = Vec::new();
@@ -363,7 +396,11 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
         }
         pictures.push((look, picture));
     }
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
 }
 
 /// Picks `wanted` in the box that shows `now`.
@@ -432,7 +469,11 @@ fn what_is_saved_renders_to_the_picture_that_was_shown() {
     viewer.step();
     viewer.get_by_label("Save as TOML").click();
     viewer.step();
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
     let (settings, scene) = (
         folder.join("settings.toml"),
         folder.join("cornell_edited.glb"),
@@ -483,7 +524,11 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
     press(&mut viewer, Modifiers::NONE, Key::T);
     let png = folder.join("view_0000.png");
     until(&mut viewer, "a screenshot", |app| {
-        png.exists() && app.messages().iter().any(|m| m.text.contains("view_0000.png"))
+        png.exists()
+            && app
+                .messages()
+                .iter()
+                .any(|m| m.text.contains("view_0000.png"))
     });
     let picture = read_image(&png).unwrap();
     assert_eq!([picture.width, picture.height], [2 * SIZE[0], SIZE[1]]);
@@ -504,7 +549,9 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
     }
     // The next one has the next number.
     press(&mut viewer, Modifiers::NONE, Key::F12);
-    until(&mut viewer, "another", |_| folder.join("view_0001.png").exists());
+    until(&mut viewer, "another", |_| {
+        folder.join("view_0001.png").exists()
+    });
 }
 
 #[derive(Debug)]
@@ -538,22 +585,33 @@ fn a_broken_file_is_refused_and_a_good_one_opens() {
         (folder.join("notes.doc"), "is no scene"),
     ] {
         drop_file(&mut viewer, &path);
-        until(&mut viewer, "an error", |app| errors(app).iter().any(|e| e.contains(says)));
+        until(&mut viewer, "an error", |app| {
+            errors(app).iter().any(|e| e.contains(says))
+        });
     }
     assert_eq!(viewer.state().document().scene().name, "builtin:cornell");
     assert_eq!(shown(viewer.state()).seen[0].size, SIZE);
     settle(&mut viewer);
 
     let good = folder.join("gallery.glb");
-    Document::load("builtin:gallery").unwrap().save(&good).unwrap();
+    Document::load("builtin:gallery")
+        .unwrap()
+        .save(&good)
+        .unwrap();
     drop_file(&mut viewer, &good);
-    until(&mut viewer, "the scene", |app| app.document().scene().name != "builtin:cornell");
+    until(&mut viewer, "the scene", |app| {
+        app.document().scene().name != "builtin:cornell"
+    });
     assert_eq!(viewer.state().settings().scene, good.to_string_lossy());
     settle(&mut viewer);
     // Every node that is seen is the new scene's.
     let nodes = viewer.state().document().scene().nodes.len() as u32;
     let seen = &shown(viewer.state()).seen[0];
-    assert!(seen.nodes.iter().all(|node| *node < nodes || *node == u32::MAX));
+    assert!(
+        seen.nodes
+            .iter()
+            .all(|node| *node < nodes || *node == u32::MAX)
+    );
     assert!(seen.nodes.iter().any(|node| *node != u32::MAX));
 }
 
@@ -603,7 +661,11 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     settle(&mut viewer);
     assert!(count(viewer.state(), "tall block") > 50);
-    assert!(errors(viewer.state()).is_empty(), "{:?}", errors(viewer.state()));
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
 }
 
 #[test]
@@ -635,7 +697,9 @@ fn a_broken_shader_says_so_and_the_last_good_one_stays() {
     std::fs::write(&path, good.replacen("fn main(", "// Changed.\nfn main(", 1)).unwrap();
     press(&mut viewer, Modifiers::NONE, Key::F5);
     until(&mut viewer, "the mended shader", |app| {
-        app.messages().iter().any(|message| message.text.contains("read again"))
+        app.messages()
+            .iter()
+            .any(|message| message.text.contains("read again"))
     });
     settle(&mut viewer);
 }
@@ -647,10 +711,18 @@ fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     press(&mut viewer, Modifiers::NONE, Key::F1);
     viewer.step();
-    assert!(viewer.query_by_label("screenshot: PNG, and EXR of both eyes").is_some());
+    assert!(
+        viewer
+            .query_by_label("screenshot: PNG, and EXR of both eyes")
+            .is_some()
+    );
     press(&mut viewer, Modifiers::NONE, Key::Escape);
     viewer.step();
-    assert!(viewer.query_by_label("screenshot: PNG, and EXR of both eyes").is_none());
+    assert!(
+        viewer
+            .query_by_label("screenshot: PNG, and EXR of both eyes")
+            .is_none()
+    );
     let at = place_of(viewer.state(), "tall block");
     click_at(&mut viewer, at);
     press(&mut viewer, Modifiers::NONE, Key::Delete);

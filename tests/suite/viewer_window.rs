@@ -62,7 +62,11 @@ impl Desk {
         connection.sync().unwrap();
         let setup = connection.setup();
         let (first, count) = (setup.min_keycode, setup.max_keycode - setup.min_keycode + 1);
-        let map = connection.get_keyboard_mapping(first, count).unwrap().reply().unwrap();
+        let map = connection
+            .get_keyboard_mapping(first, count)
+            .unwrap()
+            .reply()
+            .unwrap();
         let per_key = usize::from(map.keysyms_per_keycode);
         let keys = map
             .keysyms
@@ -70,7 +74,11 @@ impl Desk {
             .zip(first..)
             .map(|(symbols, code)| (symbols[0], code))
             .collect();
-        let extension = connection.query_extension(b"XTEST").unwrap().reply().unwrap();
+        let extension = connection
+            .query_extension(b"XTEST")
+            .unwrap()
+            .reply()
+            .unwrap();
         assert!(extension.present);
         Self {
             child,
@@ -103,8 +111,16 @@ impl Desk {
 
     /// Presses or releases the key of an X keysym.
     fn key(&self, keysym: u32, pressed: bool) {
-        let (_, code) = self.keys.iter().find(|(symbol, _)| *symbol == keysym).unwrap();
-        let kind = if pressed { KEY_PRESS_EVENT } else { KEY_RELEASE_EVENT };
+        let (_, code) = self
+            .keys
+            .iter()
+            .find(|(symbol, _)| *symbol == keysym)
+            .unwrap();
+        let kind = if pressed {
+            KEY_PRESS_EVENT
+        } else {
+            KEY_RELEASE_EVENT
+        };
         self.send(kind, *code, 0, 0);
     }
 
@@ -119,7 +135,11 @@ impl Desk {
     }
 
     fn button(&self, number: u8, pressed: bool) {
-        let kind = if pressed { BUTTON_PRESS_EVENT } else { BUTTON_RELEASE_EVENT };
+        let kind = if pressed {
+            BUTTON_PRESS_EVENT
+        } else {
+            BUTTON_RELEASE_EVENT
+        };
         self.send(kind, number, 0, 0);
     }
 
@@ -135,8 +155,16 @@ impl Desk {
         let began = Instant::now();
         while !done(self) {
             let ended = self.child.try_wait().unwrap();
-            assert!(ended.is_none(), "{what}: it ended, {ended:?}\n{}", read(&self.log));
-            assert!(began.elapsed() < PATIENCE, "{what}: waited in vain\n{}", read(&self.log));
+            assert!(
+                ended.is_none(),
+                "{what}: it ended, {ended:?}\n{}",
+                read(&self.log)
+            );
+            assert!(
+                began.elapsed() < PATIENCE,
+                "{what}: waited in vain\n{}",
+                read(&self.log)
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -148,7 +176,10 @@ impl Desk {
     /// Kilobytes of memory that the process has in use.
     fn resident_kb(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
-        let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
+        let line = status
+            .lines()
+            .find(|line| line.starts_with("VmRSS:"))
+            .unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
@@ -160,7 +191,11 @@ impl Desk {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(began.elapsed() < PATIENCE, "it does not close\n{}", read(&self.log));
+            assert!(
+                began.elapsed() < PATIENCE,
+                "it does not close\n{}",
+                read(&self.log)
+            );
             std::thread::sleep(Duration::from_millis(50));
         };
         let said = read(&self.log);
@@ -229,7 +264,9 @@ fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
     // Walking towards the room makes it larger.
     desk.point(500, 300);
     desk.key(keysym::W, true);
-    desk.until("the room to grow", |desk| lit(&desk.look()) > at_start * 5 / 4);
+    desk.until("the room to grow", |desk| {
+        lit(&desk.look()) > at_start * 5 / 4
+    });
     desk.key(keysym::W, false);
 
     // F1 lists the keys: bright letters on what was black above the room.
@@ -253,7 +290,9 @@ fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
         text.filter(|(x, y)| screen.pixel(*x, *y)[0] > 150).count()
     };
     let empty = inspector(&before);
-    desk.until("the inspector", |desk| inspector(&desk.look()) > empty + 200);
+    desk.until("the inspector", |desk| {
+        inspector(&desk.look()) > empty + 200
+    });
 
     desk.press(keysym::F12);
     let png = folder.join("out").join("view_0000.png");

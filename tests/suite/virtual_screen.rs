@@ -47,7 +47,6 @@ impl Drop for Xvfb {
     }
 }
 
-
 /// The program's window, as another client of the display sees it.
 pub fn find_window(display: &str) -> (x11rb::rust_connection::RustConnection, u32) {
     let (connection, screen) = x11rb::connect(Some(display)).unwrap();
@@ -87,4 +86,3 @@ pub fn ask_to_close(display: &str) {
         .unwrap();
     connection.sync().unwrap();
 }
-

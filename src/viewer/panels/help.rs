@@ -16,7 +16,10 @@ pub const KEYS: &[(&str, &str)] = &[
     ("Delete, Ctrl+D", "delete, duplicate the selected object"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     ("Ctrl+S", "save the scene as glTF"),
-    ("Space", "play or pause a recording or the scene's animation"),
+    (
+        "Space",
+        "play or pause a recording or the scene's animation",
+    ),
     (", .", "one frame back, on"),
     ("Home", "back to the scene's first view"),
     ("T, F12", "screenshot: PNG, and EXR of both eyes"),

@@ -122,13 +122,11 @@ impl Tree<'_> {
         if self.opened.contains(&index) {
             state.set_open(true);
         }
-        state
-            .show_header(ui, |ui| show_row(ui, asked))
-            .body(|ui| {
-                for child in &node.children {
-                    self.show(ui, *child, asked);
-                }
-            });
+        state.show_header(ui, |ui| show_row(ui, asked)).body(|ui| {
+            for child in &node.children {
+                self.show(ui, *child, asked);
+            }
+        });
     }
 }
 
@@ -151,7 +149,11 @@ fn row(
             });
         }
         let is_selected = selected == Some(index);
-        let name = if node.name.is_empty() { "(no name)" } else { &node.name };
+        let name = if node.name.is_empty() {
+            "(no name)"
+        } else {
+            &node.name
+        };
         let response = ui
             .selectable_label(is_selected, name)
             .on_hover_text(format!("{}, node {index}", kind(node)));

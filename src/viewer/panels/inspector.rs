@@ -56,7 +56,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let users = scene
                 .meshes
                 .iter()
-                .filter(|mesh| mesh.triangles.iter().any(|t| t.material as usize == material))
+                .filter(|mesh| {
+                    mesh.triangles
+                        .iter()
+                        .any(|t| t.material as usize == material)
+                })
                 .count();
             material_panel(mesh, material, found, users, ui, &mut edits);
         }
@@ -85,7 +89,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             });
             edits.selects_new = true;
         }
-        if ui.button("Add child").on_hover_text("an empty group").clicked() {
+        if ui
+            .button("Add child")
+            .on_hover_text("an empty group")
+            .clicked()
+        {
             edits.one = Some(Edit::Add {
                 parent: Some(node),
                 node: NewNode {
@@ -96,7 +104,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             });
             edits.selects_new = true;
         }
-        if ui.add(Button::new("Duplicate").shortcut_text("Ctrl+D")).clicked() {
+        if ui
+            .add(Button::new("Duplicate").shortcut_text("Ctrl+D"))
+            .clicked()
+        {
             edits.one = Some(Edit::Duplicate { node });
             edits.selects_new = true;
         }
@@ -149,41 +160,45 @@ fn carry_out(app: &mut App, ui: &Ui, edits: Edits) {
 }
 
 fn transform(node: usize, from: Trs, ui: &mut Ui, edits: &mut Edits) {
-    CollapsingHeader::new("Transform").default_open(true).show(ui, |ui| {
-        let mut to = from;
-        let mut changed = false;
-        Grid::new("transform").num_columns(4).show(ui, |ui| {
-            ui.label("Position, m");
-            changed |= vector(ui, edits, &mut to.translation, 0.01);
-            ui.end_row();
-            // Turned about y, then x, then z, as a head is: yaw, pitch, roll.
-            let (yaw, pitch, roll) = from.rotation.to_euler(EulerRot::YXZ);
-            let mut degrees = DVec3::new(pitch, yaw, roll).map(f64::to_degrees);
-            ui.label("Rotation, degrees");
-            if vector(ui, edits, &mut degrees, 0.5) {
-                let [pitch, yaw, roll] = degrees.map(f64::to_radians).to_array();
-                to.rotation = DQuat::from_euler(EulerRot::YXZ, yaw, pitch, roll);
-                changed = true;
-            }
-            ui.end_row();
-            ui.label("Scale");
-            changed |= vector(ui, edits, &mut to.scale, 0.01);
-            ui.end_row();
-        });
-        if changed {
-            edits.one = Some(Edit::Transform {
-                node,
-                to: Placement::Parts(to),
+    CollapsingHeader::new("Transform")
+        .default_open(true)
+        .show(ui, |ui| {
+            let mut to = from;
+            let mut changed = false;
+            Grid::new("transform").num_columns(4).show(ui, |ui| {
+                ui.label("Position, m");
+                changed |= vector(ui, edits, &mut to.translation, 0.01);
+                ui.end_row();
+                // Turned about y, then x, then z, as a head is: yaw, pitch, roll.
+                let (yaw, pitch, roll) = from.rotation.to_euler(EulerRot::YXZ);
+                let mut degrees = DVec3::new(pitch, yaw, roll).map(f64::to_degrees);
+                ui.label("Rotation, degrees");
+                if vector(ui, edits, &mut degrees, 0.5) {
+                    let [pitch, yaw, roll] = degrees.map(f64::to_radians).to_array();
+                    to.rotation = DQuat::from_euler(EulerRot::YXZ, yaw, pitch, roll);
+                    changed = true;
+                }
+                ui.end_row();
+                ui.label("Scale");
+                changed |= vector(ui, edits, &mut to.scale, 0.01);
+                ui.end_row();
             });
-        }
-    });
+            if changed {
+                edits.one = Some(Edit::Transform {
+                    node,
+                    to: Placement::Parts(to),
+                });
+            }
+        });
 }
 
 /// Three numbers; true if one changed.
 fn vector(ui: &mut Ui, edits: &mut Edits, value: &mut DVec3, speed: f64) -> bool {
     let mut changed = false;
     for axis in 0..3 {
-        let field = DragValue::new(&mut value[axis]).speed(speed).max_decimals(4);
+        let field = DragValue::new(&mut value[axis])
+            .speed(speed)
+            .max_decimals(4);
         changed |= edits.watch(&ui.add(field));
     }
     changed
@@ -204,7 +219,10 @@ fn materials_of(app: &App, node: usize) -> Vec<(usize, usize)> {
         }
     }
     counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    counts.into_iter().map(|(material, _)| (mesh, material)).collect()
+    counts
+        .into_iter()
+        .map(|(material, _)| (mesh, material))
+        .collect()
 }
 
 fn material_panel(
@@ -221,65 +239,111 @@ fn material_panel(
         .show(ui, |ui| {
             let mut to = from.clone();
             let mut changed = false;
-            Grid::new(("material values", index)).num_columns(2).show(ui, |ui| {
-                ui.label("Type");
-                let now = MaterialPreset::of(from);
-                let mut wanted = now;
-                ComboBox::from_id_salt(("type", index))
-                    .selected_text(now.name())
-                    .show_ui(ui, |ui| {
-                        for preset in MaterialPreset::ALL {
-                            ui.selectable_value(&mut wanted, preset, preset.name());
-                        }
-                    });
-                if wanted != now {
-                    to = wanted.applied_to(from);
-                    changed = true;
-                }
-                ui.end_row();
-                let [r, g, b, a] = to.base_color;
-                let mut rgb = [r, g, b];
-                ui.label("Base colour").on_hover_text("linear RGB, times the texture if there is one");
-                if color(ui, edits, &mut rgb) {
-                    to.base_color = [rgb[0], rgb[1], rgb[2], a];
-                    changed = true;
-                }
-                ui.end_row();
-                let mut share = |ui: &mut Ui, name: &str, about: &str, value: &mut f32, most: f32| {
-                    ui.label(name).on_hover_text(about);
-                    let field = DragValue::new(value).range(0.0..=most).speed(0.005).max_decimals(4);
+            Grid::new(("material values", index))
+                .num_columns(2)
+                .show(ui, |ui| {
+                    ui.label("Type");
+                    let now = MaterialPreset::of(from);
+                    let mut wanted = now;
+                    ComboBox::from_id_salt(("type", index))
+                        .selected_text(now.name())
+                        .show_ui(ui, |ui| {
+                            for preset in MaterialPreset::ALL {
+                                ui.selectable_value(&mut wanted, preset, preset.name());
+                            }
+                        });
+                    if wanted != now {
+                        to = wanted.applied_to(from);
+                        changed = true;
+                    }
+                    ui.end_row();
+                    let [r, g, b, a] = to.base_color;
+                    let mut rgb = [r, g, b];
+                    ui.label("Base colour")
+                        .on_hover_text("linear RGB, times the texture if there is one");
+                    if color(ui, edits, &mut rgb) {
+                        to.base_color = [rgb[0], rgb[1], rgb[2], a];
+                        changed = true;
+                    }
+                    ui.end_row();
+                    let mut share =
+                        |ui: &mut Ui, name: &str, about: &str, value: &mut f32, most: f32| {
+                            ui.label(name).on_hover_text(about);
+                            let field = DragValue::new(value)
+                                .range(0.0..=most)
+                                .speed(0.005)
+                                .max_decimals(4);
+                            changed |= edits.watch(&ui.add(field));
+                            ui.end_row();
+                        };
+                    share(
+                        ui,
+                        "Metallic",
+                        "0 dielectric to 1 metal",
+                        &mut to.metallic,
+                        1.0,
+                    );
+                    share(
+                        ui,
+                        "Roughness",
+                        "0 mirror to 1 dull; GGX alpha is its square",
+                        &mut to.roughness,
+                        1.0,
+                    );
+                    share(
+                        ui,
+                        "Specular",
+                        "strength of the dielectric's reflection; 0 is ideal Lambert",
+                        &mut to.specular,
+                        1.0,
+                    );
+                    share(
+                        ui,
+                        "Transmission",
+                        "share of light that passes through: glass at 1",
+                        &mut to.transmission,
+                        1.0,
+                    );
+                    ui.label("Index of refraction");
+                    let field = DragValue::new(&mut to.ior)
+                        .range(1.0..=4.0)
+                        .speed(0.005)
+                        .max_decimals(4);
                     changed |= edits.watch(&ui.add(field));
                     ui.end_row();
-                };
-                share(ui, "Metallic", "0 dielectric to 1 metal", &mut to.metallic, 1.0);
-                share(ui, "Roughness", "0 mirror to 1 dull; GGX alpha is its square", &mut to.roughness, 1.0);
-                share(ui, "Specular", "strength of the dielectric's reflection; 0 is ideal Lambert", &mut to.specular, 1.0);
-                share(ui, "Transmission", "share of light that passes through: glass at 1", &mut to.transmission, 1.0);
-                ui.label("Index of refraction");
-                let field = DragValue::new(&mut to.ior).range(1.0..=4.0).speed(0.005).max_decimals(4);
-                changed |= edits.watch(&ui.add(field));
-                ui.end_row();
-                ui.label("Emission").on_hover_text("radiance, W/(m² sr), linear RGB");
-                changed |= radiance(ui, edits, &mut to.emission);
-                ui.end_row();
-            });
+                    ui.label("Emission")
+                        .on_hover_text("radiance, W/(m² sr), linear RGB");
+                    changed |= radiance(ui, edits, &mut to.emission);
+                    ui.end_row();
+                });
             let textures = [
                 ("base colour", from.base_color_texture.is_some()),
-                ("metallic and roughness", from.metallic_roughness_texture.is_some()),
+                (
+                    "metallic and roughness",
+                    from.metallic_roughness_texture.is_some(),
+                ),
                 ("normal", from.normal_texture.is_some()),
                 ("emission", from.emissive_texture.is_some()),
             ];
-            let textured: Vec<&str> =
-                textures.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect();
+            let textured: Vec<&str> = textures
+                .iter()
+                .filter(|(_, has)| *has)
+                .map(|(name, _)| *name)
+                .collect();
             if !textured.is_empty() {
                 ui.weak(format!("textures: {}", textured.join(", ")));
             }
             if users > 1 {
                 ui.horizontal(|ui| {
                     ui.weak(format!("{users} meshes have it"));
-                    let own = ui.button("Make its own").on_hover_text("a copy for this mesh alone");
+                    let own = ui
+                        .button("Make its own")
+                        .on_hover_text("a copy for this mesh alone");
                     if own.clicked() {
-                        edits.one = Some(Edit::OwnMaterial { mesh, material: index });
+                        edits.one = Some(Edit::OwnMaterial {
+                            mesh,
+                            material: index,
+                        });
                     }
                 });
             }
@@ -303,7 +367,10 @@ fn color(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
             changed = true;
         }
         for channel in rgb {
-            let field = DragValue::new(channel).range(0.0..=1.0).speed(0.005).max_decimals(4);
+            let field = DragValue::new(channel)
+                .range(0.0..=1.0)
+                .speed(0.005)
+                .max_decimals(4);
             changed |= edits.watch(&ui.add(field));
         }
     });
@@ -332,56 +399,61 @@ fn light_panel(index: usize, from: &PunctualLight, ui: &mut Ui, edits: &mut Edit
         .show(ui, |ui| {
             let mut to = from.clone();
             let mut changed = false;
-            Grid::new(("light values", index)).num_columns(2).show(ui, |ui| {
-                let name = |kind: &LightKind| match kind {
-                    LightKind::Point => "point",
-                    LightKind::Spot { .. } => "spot",
-                    LightKind::Directional => "directional",
-                };
-                ui.label("Kind");
-                ComboBox::from_id_salt(("kind", index))
-                    .selected_text(name(&from.kind))
-                    .show_ui(ui, |ui| {
-                        let spot = LightKind::Spot {
-                            inner_cone_rad: 0.5 * NEW_CONE_RAD,
-                            outer_cone_rad: NEW_CONE_RAD,
-                        };
-                        for kind in [LightKind::Point, spot, LightKind::Directional] {
-                            let is_now = name(&kind) == name(&from.kind);
-                            if ui.selectable_label(is_now, name(&kind)).clicked() && !is_now {
-                                to.kind = kind;
+            Grid::new(("light values", index))
+                .num_columns(2)
+                .show(ui, |ui| {
+                    let name = |kind: &LightKind| match kind {
+                        LightKind::Point => "point",
+                        LightKind::Spot { .. } => "spot",
+                        LightKind::Directional => "directional",
+                    };
+                    ui.label("Kind");
+                    ComboBox::from_id_salt(("kind", index))
+                        .selected_text(name(&from.kind))
+                        .show_ui(ui, |ui| {
+                            let spot = LightKind::Spot {
+                                inner_cone_rad: 0.5 * NEW_CONE_RAD,
+                                outer_cone_rad: NEW_CONE_RAD,
+                            };
+                            for kind in [LightKind::Point, spot, LightKind::Directional] {
+                                let is_now = name(&kind) == name(&from.kind);
+                                if ui.selectable_label(is_now, name(&kind)).clicked() && !is_now {
+                                    to.kind = kind;
+                                    changed = true;
+                                }
+                            }
+                        });
+                    ui.end_row();
+                    ui.label("Intensity").on_hover_text(
+                        "linear RGB: W/sr, or W/m² at normal incidence for directional light",
+                    );
+                    changed |= radiance(ui, edits, &mut to.intensity);
+                    ui.end_row();
+                    if let LightKind::Spot {
+                        inner_cone_rad,
+                        outer_cone_rad,
+                    } = &mut to.kind
+                    {
+                        for (name, angle) in [
+                            ("Inner cone", &mut *inner_cone_rad),
+                            ("Outer cone", &mut *outer_cone_rad),
+                        ] {
+                            let mut degrees = angle.to_degrees();
+                            ui.label(name).on_hover_text("half angle");
+                            let field = DragValue::new(&mut degrees)
+                                .range(0.0..=90.0)
+                                .speed(0.2)
+                                .suffix("°");
+                            if edits.watch(&ui.add(field)) {
+                                *angle = degrees.to_radians();
                                 changed = true;
                             }
+                            ui.end_row();
                         }
-                    });
-                ui.end_row();
-                ui.label("Intensity").on_hover_text(
-                    "linear RGB: W/sr, or W/m² at normal incidence for directional light",
-                );
-                changed |= radiance(ui, edits, &mut to.intensity);
-                ui.end_row();
-                if let LightKind::Spot {
-                    inner_cone_rad,
-                    outer_cone_rad,
-                } = &mut to.kind
-                {
-                    for (name, angle) in [
-                        ("Inner cone", &mut *inner_cone_rad),
-                        ("Outer cone", &mut *outer_cone_rad),
-                    ] {
-                        let mut degrees = angle.to_degrees();
-                        ui.label(name).on_hover_text("half angle");
-                        let field = DragValue::new(&mut degrees).range(0.0..=90.0).speed(0.2).suffix("°");
-                        if edits.watch(&ui.add(field)) {
-                            *angle = degrees.to_radians();
-                            changed = true;
-                        }
-                        ui.end_row();
+                        // glTF has no inner cone that is wider than the outer one.
+                        *inner_cone_rad = inner_cone_rad.min(*outer_cone_rad);
                     }
-                    // glTF has no inner cone that is wider than the outer one.
-                    *inner_cone_rad = inner_cone_rad.min(*outer_cone_rad);
-                }
-            });
+                });
             if changed {
                 edits.one = Some(Edit::Light { light: index, to });
             }

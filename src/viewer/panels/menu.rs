@@ -82,7 +82,10 @@ fn file(app: &mut App, ui: &mut Ui) {
     ui.separator();
     ui.label("Scene as glTF");
     ui.text_edit_singleline(&mut app.fields.scene_path);
-    if ui.add(Button::new("Save scene").shortcut_text("Ctrl+S")).clicked() {
+    if ui
+        .add(Button::new("Save scene").shortcut_text("Ctrl+S"))
+        .clicked()
+    {
         app.save_scene(&context);
         ui.close();
     }
@@ -93,11 +96,17 @@ fn file(app: &mut App, ui: &mut Ui) {
         ui.close();
     }
     ui.separator();
-    if ui.add(Button::new("Screenshot").shortcut_text("T")).clicked() {
+    if ui
+        .add(Button::new("Screenshot").shortcut_text("T"))
+        .clicked()
+    {
         app.screenshot();
         ui.close();
     }
-    if ui.add(Button::new("Reload shaders").shortcut_text("F5")).clicked() {
+    if ui
+        .add(Button::new("Reload shaders").shortcut_text("F5"))
+        .clicked()
+    {
         app.reload_shaders();
         ui.close();
     }
@@ -116,7 +125,10 @@ fn edit(app: &mut App, ui: &mut Ui) {
     };
     let undo = labelled("Undo", app.document.undo_label());
     let can_undo = app.document.undo_label().is_some();
-    if ui.add_enabled(can_undo, Button::new(undo).shortcut_text("Ctrl+Z")).clicked() {
+    if ui
+        .add_enabled(can_undo, Button::new(undo).shortcut_text("Ctrl+Z"))
+        .clicked()
+    {
         app.undo(&context);
         ui.close();
     }
@@ -130,7 +142,14 @@ fn edit(app: &mut App, ui: &mut Ui) {
         ui.close();
     }
     ui.separator();
-    for step in app.document.history().collect::<Vec<_>>().iter().rev().take(12) {
+    for step in app
+        .document
+        .history()
+        .collect::<Vec<_>>()
+        .iter()
+        .rev()
+        .take(12)
+    {
         ui.weak(*step);
     }
 }
@@ -140,7 +159,10 @@ fn window(app: &mut App, ui: &mut Ui) {
     ui.checkbox(&mut app.memory.side, "Inspector and settings");
     ui.checkbox(&mut app.memory.statistics, "Statistics");
     ui.separator();
-    if ui.add(Button::new("Full screen").shortcut_text("F11")).clicked() {
+    if ui
+        .add(Button::new("Full screen").shortcut_text("F11"))
+        .clicked()
+    {
         app.command(WindowCommand::ToggleFullScreen);
         ui.close();
     }
@@ -187,7 +209,11 @@ fn transport(app: &mut App, ui: &mut Ui) {
     if let Some(player) = &mut app.player {
         ui.horizontal(|ui| {
             play_button(ui, &mut player.is_playing);
-            if ui.button("|<").on_hover_text("one frame back (,)").clicked() {
+            if ui
+                .button("|<")
+                .on_hover_text("one frame back (,)")
+                .clicked()
+            {
                 player.step(-1);
             }
             if ui.button(">|").on_hover_text("one frame on (.)").clicked() {
@@ -196,11 +222,18 @@ fn transport(app: &mut App, ui: &mut Ui) {
             let mut frame = player.frame();
             let last = player.recording.len().saturating_sub(1);
             ui.spacing_mut().slider_width = 320.0;
-            if ui.add(Slider::new(&mut frame, 0..=last).text("frame")).changed() {
+            if ui
+                .add(Slider::new(&mut frame, 0..=last).text("frame"))
+                .changed()
+            {
                 player.is_playing = false;
                 player.seek(frame);
             }
-            ui.weak(format!("{:.2} s, {}", player.recording.seconds_at(frame), player.recording.name));
+            ui.weak(format!(
+                "{:.2} s, {}",
+                player.recording.seconds_at(frame),
+                player.recording.name
+            ));
         });
         // Starting again at the end begins anew.
         let last = player.recording.len().saturating_sub(1);
@@ -210,7 +243,11 @@ fn transport(app: &mut App, ui: &mut Ui) {
     } else if !app.document.scene().animations.is_empty() {
         ui.horizontal(|ui| {
             play_button(ui, &mut app.clock.is_playing);
-            if ui.button("Stop").on_hover_text("the scene as its nodes have it").clicked() {
+            if ui
+                .button("Stop")
+                .on_hover_text("the scene as its nodes have it")
+                .clicked()
+            {
                 app.clock = Default::default();
             }
             match &mut app.clock.seconds {

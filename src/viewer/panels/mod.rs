@@ -51,10 +51,10 @@ pub struct Fields {
 impl Fields {
     /// Empty, with names for files beside which nothing stands yet.
     pub fn new(out: &Path, original: &Original) -> Self {
-        let stem = original
-            .path()
-            .file_stem()
-            .map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
+        let stem = original.path().file_stem().map_or_else(
+            || "scene".into(),
+            |stem| stem.to_string_lossy().into_owned(),
+        );
         let stem = stem.trim_start_matches("builtin:").to_owned();
         let in_out = |name: String| out.join(name).to_string_lossy().into_owned();
         Self {
@@ -120,7 +120,9 @@ pub fn messages(app: &mut App, context: &Context) {
                             } else {
                                 ui.visuals().text_color()
                             };
-                            ui.add(egui::Label::new(RichText::new(&message.text).color(color)).wrap());
+                            ui.add(
+                                egui::Label::new(RichText::new(&message.text).color(color)).wrap(),
+                            );
                             if message.is_error && ui.button("Close").clicked() {
                                 closed = Some(index);
                             }

@@ -21,7 +21,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         app.fields.edits_other = false;
     }
     ui.horizontal(|ui| {
-        let reset = ui.button("Reset all").on_hover_text("all settings but the scene and the adapter");
+        let reset = ui
+            .button("Reset all")
+            .on_hover_text("all settings but the scene and the adapter");
         if reset.clicked() {
             let now = shown(app);
             let kept = Settings {
@@ -32,7 +34,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             };
             store(app, kept);
         }
-        if ui.button("Save as TOML").on_hover_text(&app.fields.settings_path).clicked() {
+        if ui
+            .button("Save as TOML")
+            .on_hover_text(&app.fields.settings_path)
+            .clicked()
+        {
             let context = ui.ctx().clone();
             app.save_settings(&context);
         }
@@ -75,7 +81,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 }
 
 fn shown(app: &App) -> &Settings {
-    if app.fields.edits_other { &app.other } else { &app.settings }
+    if app.fields.edits_other {
+        &app.other
+    } else {
+        &app.settings
+    }
 }
 
 fn store(app: &mut App, settings: Settings) {
@@ -115,7 +125,12 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         if !setting.unit.is_empty() {
             ui.weak(setting.unit);
         }
-        if is_changed && ui.small_button("reset").on_hover_text(format!("back to {default}")).clicked() {
+        if is_changed
+            && ui
+                .small_button("reset")
+                .on_hover_text(format!("back to {default}"))
+                .clicked()
+        {
             new = Some(default.clone());
         }
     });
@@ -183,7 +198,9 @@ fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) 
                 Some((key, text)) if *key == setting.key => text.clone(),
                 _ => size_words(value),
             };
-            let field = TextEdit::singleline(&mut text).hint_text("unset").desired_width(140.0);
+            let field = TextEdit::singleline(&mut text)
+                .hint_text("unset")
+                .desired_width(140.0);
             let response = ui.add(field);
             if response.changed() || response.has_focus() {
                 app.fields.setting = Some((setting.key, text.clone()));

@@ -70,7 +70,11 @@ fn plot(app: &App, ui: &mut Ui) {
     Plot::new("times")
         .width(330.0)
         .height(130.0)
-        .legend(Legend::default().position(Corner::LeftTop).background_alpha(0.4))
+        .legend(
+            Legend::default()
+                .position(Corner::LeftTop)
+                .background_alpha(0.4),
+        )
         .include_y(0.0)
         .allow_drag(false)
         .allow_zoom(false)
@@ -141,8 +145,14 @@ fn budget(app: &App, frame: &FrameReport, ui: &mut Ui) {
     let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
     ui.vertical(|ui| {
         ui.label(RichText::new("Frame budget").strong());
-        ui.label(format!("{}: {:.0} Hz, {budget_ms:.2} ms", headset.name, headset.refresh_hz));
-        ui.label(format!("last frame: {:.1} times the budget", total_ms / budget_ms));
+        ui.label(format!(
+            "{}: {:.0} Hz, {budget_ms:.2} ms",
+            headset.name, headset.refresh_hz
+        ));
+        ui.label(format!(
+            "last frame: {:.1} times the budget",
+            total_ms / budget_ms
+        ));
         let share = pixels(frame.size) / pixels(headset.size);
         ui.label(format!("at {:.1} % of the headset's pixels", 100.0 * share));
         if let Some(bytes) = frame.device_bytes {
