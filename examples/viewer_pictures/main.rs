@@ -175,7 +175,12 @@ impl Canvas {
         Ok(Image::new(WINDOW[0], WINDOW[1], pixels)?)
     }
 
-    fn save(&self, folder: &Path, name: &str) -> Outcome<()> {
+    fn save(&mut self, folder: &Path, name: &str) -> Outcome<()> {
+        // Windows of egui fade in.
+        for _ in 0..3 {
+            std::thread::sleep(Duration::from_millis(200));
+            self.pass();
+        }
         let path = folder.join(format!("{name}.png"));
         write_png(&path, &self.image()?)?;
         println!("{}", path.display());

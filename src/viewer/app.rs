@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use egui::{Context, Key, Modifiers, Ui};
+use egui::{Context, Ui};
 
 use super::fly_camera::{FlyCamera, Thrust};
 use super::frames::{FrameReport, Look};
@@ -206,7 +206,7 @@ impl App {
         self.take_reports(&context);
         self.take_loaded(&context);
         self.take_dropped(&context);
-        self.keys(&context);
+        self.answer_keys(&context);
         panels::menu::show(self, ui);
         panels::statistics::show(self, ui);
         panels::hierarchy::show(self, ui);
@@ -550,93 +550,6 @@ impl App {
         self.request_quit();
     }
 
-    fn keys(&mut self, context: &Context) {
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F1)) {
-            self.shows_help = !self.shows_help;
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F5)) {
-            self.reload_shaders();
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F11)) {
-            self.commands.push(WindowCommand::ToggleFullScreen);
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F12)) {
-            self.screenshot();
-        }
-        // Letters belong to a text field that has the keyboard.
-        if context.text_edit_focused() {
-            return;
-        }
-        let command = Modifiers::COMMAND;
-        let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
-        if context.input_mut(|input| {
-            input.consume_key(shifted, Key::Z) || input.consume_key(command, Key::Y)
-        }) {
-            self.redo(context);
-        } else if context.input_mut(|input| input.consume_key(command, Key::Z)) {
-            self.undo(context);
-        }
-        if context.input_mut(|input| input.consume_key(command, Key::S)) {
-            self.save_scene(context);
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
-            if self.shows_help {
-                self.shows_help = false;
-            } else if self.asks_to_quit {
-                self.asks_to_quit = false;
-            } else if self.loading.is_some() {
-                self.loading = None;
-                self.say(context, "reading was cancelled", false);
-            } else if self.selected.is_some() {
-                self.selected = None;
-            } else {
-                self.request_quit();
-            }
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::T)) {
-            self.screenshot();
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F)) {
-            self.focus_selected();
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Home)) {
-            self.camera = camera_of(&self.document);
-            self.player = None;
-        }
-        for (key, mode) in super::gizmo::KEYS {
-            if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
-                self.gizmo.mode = mode;
-            }
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Delete))
-            && let Some(node) = self.selected
-        {
-            self.edit(context, Edit::Delete { node });
-            self.forget_missing();
-        }
-        if context.input_mut(|input| input.consume_key(command, Key::D))
-            && let Some(node) = self.selected
-        {
-            let copy = self.document.scene().nodes.len();
-            self.edit(context, Edit::Duplicate { node });
-            if self.document.scene().nodes.len() > copy {
-                self.selected = Some(copy);
-            }
-        }
-        if let Some(player) = &mut self.player {
-            if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Space)) {
-                player.is_playing = !player.is_playing;
-            }
-            for (key, frames) in [(Key::Comma, -1), (Key::Period, 1)] {
-                if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
-                    player.step(frames);
-                }
-            }
-        } else if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Space)) {
-            self.clock.is_playing = !self.clock.is_playing;
-        }
-    }
-
     /// Lets time pass: keys that are held move the head, clocks run.
     fn advance(&mut self, context: &Context) {
         // A window that slept does not make up for it.
@@ -644,7 +557,7 @@ impl App {
         let mut thrust = if context.text_edit_focused() {
             Thrust::default()
         } else {
-            held(context)
+            super::keys::held(context)
         };
         let (stick, look) = self.gamepad.poll();
         thrust.right += stick.right;
@@ -725,7 +638,7 @@ impl App {
 const START_SIZE: [u32; 2] = [320, 320];
 
 /// The head at the scene's first camera, or where all is seen.
-fn camera_of(document: &Document) -> FlyCamera {
+pub(super) fn camera_of(document: &Document) -> FlyCamera {
     let scene = document.scene();
     let start = scene.start_pose();
     let size_m = scene
@@ -743,24 +656,4 @@ fn other_method(settings: &Settings) -> Settings {
         Method::Path => Method::Photon,
     };
     other
-}
-
-/// Movement keys as they are held.
-fn held(context: &Context) -> Thrust {
-    context.input(|input| {
-        let axis = |plus: Key, minus: Key| {
-            f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
-        };
-        if input.modifiers.command {
-            // Ctrl and a letter is a command.
-            return Thrust::default();
-        }
-        Thrust {
-            right: axis(Key::D, Key::A),
-            up: axis(Key::E, Key::Q),
-            ahead: axis(Key::W, Key::S),
-            runs: input.modifiers.shift,
-            is_slow: input.modifiers.alt,
-        }
-    })
 }

@@ -63,8 +63,6 @@ pub struct Seen {
     pub size: [u32; 2],
     /// Scene node of each pixel, row 0 on top; `u32::MAX` where no surface is seen.
     pub nodes: Vec<u32>,
-    /// Material of each pixel.
-    pub materials: Vec<u32>,
     /// Distance along the ray, metres; 0 where no surface is seen.
     pub distances_m: Vec<f32>,
 }
@@ -78,7 +76,6 @@ impl Seen {
                 .iter()
                 .map(|surface| surface.node.unwrap_or(u32::MAX))
                 .collect(),
-            materials: surfaces.iter().map(|surface| surface.material).collect(),
             distances_m: surfaces.iter().map(|surface| surface.distance_m).collect(),
         }
     }
@@ -138,7 +135,6 @@ mod tests {
         let seen = Seen {
             size: [4, 2],
             nodes: vec![0, 1, 2, 3, u32::MAX, 5, 6, 7],
-            materials: vec![0; 8],
             distances_m: vec![1.0; 8],
         };
         assert_eq!(seen.node_at([0.0, 0.0]), Some(0));

@@ -13,6 +13,7 @@ pub mod fly_camera;
 pub mod frames;
 mod gamepad;
 pub mod gizmo;
+mod keys;
 pub mod layout;
 mod loading;
 pub mod memory;

@@ -546,7 +546,6 @@ mod tests {
         let seen = Seen {
             size: [5, 5],
             nodes,
-            materials: vec![0; 25],
             distances_m: vec![1.0; 25],
         };
         let image = outline_image(&seen, &[false, true]);

@@ -80,6 +80,18 @@ impl Reference {
         Ok(())
     }
 
+    /// Pixels per eye.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Forgets the frames: the view has changed.
+    pub fn clear(&mut self) {
+        for averaged in &mut self.averaged {
+            averaged.clear();
+        }
+    }
+
     /// Frames so far.
     pub fn frames(&self) -> u32 {
         self.averaged[0].frames()

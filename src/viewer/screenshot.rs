@@ -63,7 +63,7 @@ pub fn write(
 }
 
 /// A pose as `--pose` takes it.
-pub fn pose_words(pose: &Pose) -> String {
+fn pose_words(pose: &Pose) -> String {
     let (p, q) = (pose.position, pose.orientation);
     format!("{} {} {} {} {} {} {}", p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 }

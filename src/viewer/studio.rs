@@ -2,16 +2,17 @@
 //! of settings.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use egui::{Color32, ColorImage};
 
 use super::accumulate::Accumulator;
 use super::frames::{FrameReport, Look, Seen};
 use super::reference::Reference;
-use super::session::SharedViews;
+use super::session::{DesktopSession, SharedViews};
 use super::worker::Wanted;
 use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
-use crate::frame_loop::{FrameStats, LoopError};
+use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
 use crate::options::{Eyes, Settings};
@@ -228,7 +229,7 @@ impl Studio {
     ///
     /// # Errors
     /// [`StudioError::NoRenderer`], [`StudioError::Render`].
-    pub fn renderer_of(
+    fn renderer_of(
         &mut self,
         size: [u32; 2],
     ) -> Result<(&mut Renderer, &ShaderLibrary), StudioError> {
@@ -244,11 +245,32 @@ impl Studio {
         self.engine.as_mut().ok_or(StudioError::NoRenderer)
     }
 
+    /// One frame through the frame loop, added to the mean; `None` if the session shows nothing.
+    ///
+    /// # Errors
+    /// [`StudioError`].
+    pub fn frame(
+        &mut self,
+        session: &mut DesktopSession,
+        index: u32,
+        scene_time_ns: Option<i64>,
+        size: [u32; 2],
+    ) -> Result<Option<FrameStats>, StudioError> {
+        let began = Instant::now();
+        let (renderer, library) = self.renderer_of(size)?;
+        let step = frame_loop::step(session, renderer, library, index, |_| scene_time_ns, |_| {})?;
+        let Step::Rendered(rendered) = step else {
+            return Ok(None);
+        };
+        let non_finite = self.accumulate()?;
+        Ok(Some(rendered.into_stats(index, non_finite, began)))
+    }
+
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.
     ///
     /// # Errors
     /// [`StudioError::Render`].
-    pub fn accumulate(&mut self) -> Result<usize, StudioError> {
+    fn accumulate(&mut self) -> Result<usize, StudioError> {
         let engine = self.engine.as_ref().ok_or(StudioError::NoRenderer)?;
         let mut non_finite = 0;
         // What is reconstructed is an average already.

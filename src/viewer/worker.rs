@@ -19,7 +19,6 @@ use super::reference::Reference;
 use super::screenshot;
 use super::session::{DesktopSession, SharedViews};
 use super::studio::{Studio, StudioError};
-use crate::frame_loop::{self, Step};
 use crate::gpu::ShaderLibrary;
 use crate::gpu::timing::milliseconds_since;
 use crate::options::Settings;
@@ -361,7 +360,14 @@ impl Inner {
             if let Some(other) = &mut self.other {
                 other.clear();
             }
-            self.reference = None;
+            // Its renderer stays, unless the size is another.
+            self.reference = self
+                .reference
+                .take()
+                .filter(|kept| kept.size() == wanted.size);
+            if let Some(reference) = &mut self.reference {
+                reference.clear();
+            }
             self.shown = Some(now);
         } else if self.divisor > 1 {
             self.divisor /= 2;
@@ -461,24 +467,4 @@ pub fn library(settings: &Settings) -> Result<ShaderLibrary, StudioError> {
         "" => ShaderLibrary::embedded(),
         folder => ShaderLibrary::with_folder(Path::new(folder))?,
     })
-}
-
-impl Studio {
-    /// One frame through the frame loop; `None` if the session shows nothing.
-    fn frame(
-        &mut self,
-        session: &mut DesktopSession,
-        index: u32,
-        scene_time_ns: Option<i64>,
-        size: [u32; 2],
-    ) -> Result<Option<frame_loop::FrameStats>, StudioError> {
-        let began = Instant::now();
-        let (renderer, library) = self.renderer_of(size)?;
-        let step = frame_loop::step(session, renderer, library, index, |_| scene_time_ns, |_| {})?;
-        let Step::Rendered(rendered) = step else {
-            return Ok(None);
-        };
-        let non_finite = self.accumulate()?;
-        Ok(Some(rendered.into_stats(index, non_finite, began)))
-    }
 }
