@@ -19,6 +19,7 @@ use super::panels;
 use super::picture::Pictures;
 use super::session::{Player, Recording};
 use super::worker::{Report, Request, Wanted, Worker};
+use crate::options::settings::EnvironmentSettings;
 use crate::options::{Extent, Settings};
 use crate::scene::edit::{Document, Edit};
 use crate::xr::{Headset, Pose};
@@ -90,6 +91,8 @@ pub struct App {
     pub(super) settings: Arc<Settings>,
     pub(super) other: Arc<Settings>,
     pub(super) headset: Headset,
+    /// What the environment that is shown was read by.
+    environment: EnvironmentSettings,
     pub(super) camera: FlyCamera,
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
@@ -167,6 +170,7 @@ impl App {
         let worker = Worker::start(Box::new(document.scene().clone()), wanted, &headset, wake)?;
         Ok(Self {
             other: Arc::new(other_method(&settings)),
+            environment: settings.environment.clone(),
             settings,
             headset,
             camera,
@@ -206,6 +210,7 @@ impl App {
         self.take_reports(&context);
         self.take_loaded(&context);
         self.take_dropped(&context);
+        self.follow_environment(&context);
         self.answer_keys(&context);
         panels::menu::show(self, ui);
         panels::statistics::show(self, ui);
@@ -381,6 +386,9 @@ impl App {
             return;
         };
         let name = loading.name().to_owned();
+        if loaded.is_err() {
+            self.cancel_loading();
+        }
         self.loading = None;
         match loaded {
             Err(error) => self.say(context, error, true),
@@ -397,15 +405,14 @@ impl App {
                 settings.scene.clone_from(&name);
                 // Clips have names of their own in each scene.
                 settings.animation.clip = Settings::default().animation.clip;
-                self.set_settings(settings);
+                self.set_settings(context, settings);
+                self.environment = self.settings.environment.clone();
                 self.restart_scene();
                 self.say(context, format!("{name} opened"), false);
             }
-            Ok(Loaded::Environment(environment, path)) => {
+            Ok(Loaded::Environment(environment, settings)) => {
                 self.document.set_environment(Some(*environment));
-                let mut settings = (*self.settings).clone();
-                settings.environment.path = path;
-                self.set_settings(settings);
+                self.environment = settings;
                 self.restart_scene();
                 self.say(context, format!("{name} lights the scene"), false);
             }
@@ -444,12 +451,61 @@ impl App {
 
     /// Begins to read a scene, an environment or a recording, by its name.
     pub fn open(&mut self, context: &Context, spec: String) {
+        let is_map = std::path::Path::new(&spec)
+            .extension()
+            .is_some_and(|extension| extension == "hdr" || extension == "exr");
+        if is_map {
+            // A setting, which `follow_environment` carries out.
+            self.cancel_loading();
+            let mut settings = (*self.settings).clone();
+            settings.environment.path = spec;
+            self.set_settings(context, settings);
+            return;
+        }
         // A second file takes the place of one that is still being read.
         match Loading::begin(spec, &self.settings, &self.headset, self.camera.pose()) {
             Ok(loading) => self.loading = Some(loading),
             Err(error) => self.say(context, error, true),
         }
         context.request_repaint();
+    }
+
+    /// Reads the environment that the settings name, if that is another one now.
+    fn follow_environment(&mut self, context: &Context) {
+        let wanted = &self.settings.environment;
+        if self.environment == *wanted || self.loading.is_some() {
+            return;
+        }
+        if wanted.path.is_empty() {
+            self.environment = wanted.clone();
+            self.document.set_environment(None);
+            self.restart_scene();
+            return;
+        }
+        let path = wanted.path.clone();
+        match Loading::begin(path, &self.settings, &self.headset, self.camera.pose()) {
+            Ok(loading) => self.loading = Some(loading),
+            Err(error) => {
+                self.keep_environment();
+                self.say(context, error, true);
+            }
+        }
+    }
+
+    /// The settings name the environment that is shown.
+    fn keep_environment(&mut self) {
+        let mut settings = (*self.settings).clone();
+        settings.environment = self.environment.clone();
+        self.settings = Arc::new(settings);
+    }
+
+    /// What is being read is not wanted any more.
+    pub(super) fn cancel_loading(&mut self) {
+        if let Some(loading) = self.loading.take()
+            && loading.is_environment()
+        {
+            self.keep_environment();
+        }
     }
 
     /// Carries an edit out, here and in the picture.
@@ -483,7 +539,13 @@ impl App {
         }
     }
 
-    pub(super) fn set_settings(&mut self, settings: Settings) {
+    pub(super) fn set_settings(&mut self, context: &Context, settings: Settings) {
+        if settings.headset != self.settings.headset {
+            match Headset::load(&settings.headset) {
+                Ok(headset) => self.headset = headset,
+                Err(error) => return self.say(context, error.to_string(), true),
+            }
+        }
         if *self.settings != settings {
             self.settings = Arc::new(settings);
         }

@@ -44,7 +44,7 @@ impl App {
             } else if self.asks_to_quit {
                 self.asks_to_quit = false;
             } else if self.loading.is_some() {
-                self.loading = None;
+                self.cancel_loading();
                 self.say(context, "reading was cancelled", false);
             } else if self.selected.is_some() {
                 self.selected = None;

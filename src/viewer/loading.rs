@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::session::{Recording, is_trace};
 use crate::options::Settings;
+use crate::options::settings::EnvironmentSettings;
 use crate::scene::edit::Document;
 use crate::scene::{Environment, load_environment};
 use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
@@ -14,8 +15,8 @@ use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
 pub enum Loaded {
     /// A scene, under the environment that the settings name.
     Scene(Box<Document>),
-    /// Surroundings, and the path that they came from.
-    Environment(Box<Environment>, String),
+    /// Surroundings, and the settings that they were read by.
+    Environment(Box<Environment>, EnvironmentSettings),
     /// Head motion.
     Trace(Box<Recording>),
 }
@@ -23,12 +24,14 @@ pub enum Loaded {
 /// A file that is being read. Dropping it cancels: the thread's result is thrown away.
 pub struct Loading {
     name: String,
+    is_environment: bool,
     since: Instant,
     result: Receiver<Result<Loaded, String>>,
 }
 
 impl Loading {
-    /// Begins to read `spec`: a path to `.gltf`, `.glb`, `.hdr`, `.exr` or a recording, or `builtin:NAME`.
+    /// Begins to read `spec`: a path to `.gltf`, `.glb`, `.hdr`, `.exr` or a recording, or `builtin:NAME`. Environments
+    /// are read as strong as `settings` say.
     ///
     /// # Errors
     /// One line: the name says that nothing of use is in it, or the system refuses a thread.
@@ -69,9 +72,15 @@ impl Loading {
             .map_err(|error| format!("{spec}: no thread to read it ({error})"))?;
         Ok(Self {
             name: spec,
+            is_environment: matches!(kind, Kind::Environment),
             since: Instant::now(),
             result,
         })
+    }
+
+    /// Whether it is an environment that is read.
+    pub fn is_environment(&self) -> bool {
+        self.is_environment
     }
 
     /// What is read.
@@ -128,7 +137,10 @@ fn read(
             for warning in warnings {
                 log::warn!("{warning}");
             }
-            Ok(Loaded::Environment(Box::new(environment), path.to_owned()))
+            Ok(Loaded::Environment(
+                Box::new(environment),
+                settings.environment.clone(),
+            ))
         }
         Kind::Trace => {
             let options = ReplayOptions::new(headset, start);

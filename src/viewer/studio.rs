@@ -464,12 +464,19 @@ fn shared(coloring: Coloring, first: Option<&Legend>) -> Coloring {
     Coloring { range, ..coloring }
 }
 
-/// Whether two sets of settings make the same renderer: size and exposure are given to each frame.
+/// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
     let stripped = |settings: &Settings| {
         let mut settings = settings.clone();
-        settings.size = None;
-        settings.output.exposure = 1.0;
+        // Given with each frame, brought by the scene, or the session's.
+        let other = Settings::default();
+        settings.size = other.size;
+        settings.output.exposure = other.output.exposure;
+        settings.scene = other.scene;
+        settings.environment = other.environment;
+        settings.headset = other.headset;
+        settings.simulated = other.simulated;
+        settings.openxr = other.openxr;
         settings
     };
     stripped(one) == stripped(other)
@@ -494,11 +501,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exposure_and_size_make_no_new_renderer_and_everything_else_does() {
+    fn only_what_is_compiled_or_traced_otherwise_makes_a_new_renderer() {
         let base = Settings::default();
         let mut other = base.clone();
         other.size = Some([3, 4]);
         other.output.exposure = 2.0;
+        other.environment.strength = 2.0;
         assert!(same_renderer(&base, &other));
         other.photon.count += 1;
         assert!(!same_renderer(&base, &other));

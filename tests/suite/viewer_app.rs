@@ -9,7 +9,7 @@ use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use glam::DVec3;
-use stereolux::images::{aces_filmic, read_image, srgb_encode};
+use stereolux::images::{ImageRgb, aces_filmic, read_image, srgb_encode, write_exr};
 use stereolux::options::layers::Layers;
 use stereolux::options::{Method, Settings};
 use stereolux::renderer::{Eye, Inspection};
@@ -613,6 +613,65 @@ fn a_broken_file_is_refused_and_a_good_one_opens() {
             .all(|node| *node < nodes || *node == u32::MAX)
     );
     assert!(seen.nodes.iter().any(|node| *node != u32::MAX));
+}
+
+#[test]
+fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
+    let folder = Folder::new("viewer-environment");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let corner = |app: &App| shown(app).eyes[0].pixels[0];
+    assert_eq!(corner(viewer.state()), egui::Color32::BLACK);
+    let sky = folder.join("sky.exr");
+    write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
+    drop_file(&mut viewer, &sky);
+    until(&mut viewer, "the sky", |app| {
+        app.is_up_to_date() && corner(app) != egui::Color32::BLACK
+    });
+    let byte = |linear: f32| (srgb_encode(aces_filmic(linear)) * 255.0).round() as u8;
+    assert_eq!(corner(viewer.state()).r(), byte(0.2));
+    let path = sky.to_string_lossy();
+    assert_eq!(viewer.state().settings().environment.path, path);
+
+    viewer.get_by_label("Settings").click();
+    viewer.step();
+    viewer.step();
+    let search = viewer
+        .get_all_by_role(egui::accesskit::Role::TextInput)
+        .filter(|field| field.rect().min.x > 800.0)
+        .min_by(|a, b| a.rect().min.y.total_cmp(&b.rect().min.y))
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, search);
+    viewer.event(egui::Event::Text("environment.strength".to_owned()));
+    viewer.step();
+    viewer.step();
+    let strength = viewer
+        .get_all_by_role(egui::accesskit::Role::SpinButton)
+        .find(|field| field.rect().min.x > 800.0)
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, strength);
+    viewer.step();
+    press(&mut viewer, Modifiers::COMMAND, Key::A);
+    viewer.event(egui::Event::Text("2".to_owned()));
+    viewer.step();
+    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    until(&mut viewer, "a stronger sky", |app| {
+        app.is_up_to_date() && corner(app).r() == byte(0.4)
+    });
+    assert_eq!(viewer.state().settings().environment.strength, 2.0);
+
+    let broken = folder.join("broken.hdr");
+    std::fs::write(&broken, b"#?RADIANCE\nno map").unwrap();
+    drop_file(&mut viewer, &broken);
+    until(&mut viewer, "an error", |app| {
+        errors(app).iter().any(|error| error.contains("broken.hdr"))
+    });
+    assert_eq!(viewer.state().settings().environment.path, path);
+    settle(&mut viewer);
+    assert_eq!(corner(viewer.state()).r(), byte(0.4));
 }
 
 #[test]

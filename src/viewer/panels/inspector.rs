@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3, EulerRot};
 use super::hierarchy::kind;
 use crate::scene::Trs;
 use crate::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement};
-use crate::scene::{LightKind, Material, PunctualLight};
+use crate::scene::{LightKind, Material, Mesh, PunctualLight};
 use crate::viewer::app::App;
 
 /// Radiant intensity of a light that is added, W/sr: lights a room of a few metres.
@@ -50,19 +50,16 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         });
     }
     transform(node, shown.trs(), ui, &mut edits);
-    let mesh_materials = materials_of(app, node);
-    for (mesh, material) in mesh_materials {
-        if let Some(found) = scene.materials.get(material) {
-            let users = scene
-                .meshes
-                .iter()
-                .filter(|mesh| {
-                    mesh.triangles
-                        .iter()
-                        .any(|t| t.material as usize == material)
-                })
-                .count();
-            material_panel(mesh, material, found, users, ui, &mut edits);
+    let revision = app.document.revision();
+    let known = app.fields.materials.take();
+    let materials = match known {
+        // Counting looks at all triangles.
+        Some((of, at, materials)) if (of, at) == (node, revision) => materials,
+        _ => materials_of(app, node),
+    };
+    for [mesh, material, users] in &materials {
+        if let Some(found) = scene.materials.get(*material) {
+            material_panel(*mesh, *material, found, *users, ui, &mut edits);
         }
     }
     if let Some(light) = shown.light
@@ -70,6 +67,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     {
         light_panel(light, found, ui, &mut edits);
     }
+    app.fields.materials = Some((node, revision, materials));
     ui.separator();
     let mut focus = false;
     ui.horizontal_wrapped(|ui| {
@@ -204,8 +202,8 @@ fn vector(ui: &mut Ui, edits: &mut Edits, value: &mut DVec3, speed: f64) -> bool
     changed
 }
 
-/// Mesh and materials of the node, the ones with most triangles first.
-fn materials_of(app: &App, node: usize) -> Vec<(usize, usize)> {
+/// Mesh and materials of the node, the ones with most triangles first, and how many meshes have each.
+fn materials_of(app: &App, node: usize) -> Vec<[usize; 3]> {
     let scene = app.document.scene();
     let Some(mesh) = scene.nodes.get(node).and_then(|node| node.mesh) else {
         return Vec::new();
@@ -219,9 +217,16 @@ fn materials_of(app: &App, node: usize) -> Vec<(usize, usize)> {
         }
     }
     counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let has = |mesh: &&Mesh, material: usize| {
+        let mut triangles = mesh.triangles.iter();
+        triangles.any(|triangle| triangle.material as usize == material)
+    };
     counts
         .into_iter()
-        .map(|(material, _)| (mesh, material))
+        .map(|(material, _)| {
+            let users = scene.meshes.iter().filter(|mesh| has(mesh, material));
+            [mesh, material, users.count()]
+        })
         .collect()
 }
 

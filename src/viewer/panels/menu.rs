@@ -193,7 +193,7 @@ fn motion(app: &mut App, ui: &mut Ui) {
                     // What is saved runs like that.
                     let mut settings = (*app.settings).clone();
                     settings.simulated.motion = setting;
-                    app.set_settings(settings);
+                    app.set_settings(&context, settings);
                 }
                 Err(error) => app.say(&context, error.to_string(), true),
             }

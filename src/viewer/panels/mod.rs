@@ -34,6 +34,8 @@ pub struct Fields {
     pub refused: Option<(&'static str, String)>,
     /// The settings panel shows the other settings of the split view.
     pub edits_other: bool,
+    /// Mesh and materials of a node at a revision of the scene, with how many meshes have each.
+    pub materials: Option<(usize, u64, Vec<[usize; 3]>)>,
     /// A rename in hand.
     pub name: Option<(usize, String)>,
     /// The tree has to show the selected node.
@@ -44,8 +46,6 @@ pub struct Fields {
     pub gizmo_part: Option<Part>,
     /// The divider of the split view is held.
     pub drags_divider: bool,
-    /// A value of the inspector is being dragged.
-    pub drags_value: bool,
 }
 
 impl Fields {
@@ -102,7 +102,7 @@ pub fn messages(app: &mut App, context: &Context) {
                 });
             });
         if cancelled {
-            app.loading = None;
+            app.cancel_loading();
             app.say(context, "reading was cancelled", false);
         }
     }

@@ -9,6 +9,7 @@ use crate::options::Settings;
 use crate::options::registry::{self, Kind, Setting};
 use crate::viewer::app::App;
 use crate::viewer::layout::Layout;
+use crate::xr::Headset;
 
 /// The tab.
 pub fn show(app: &mut App, ui: &mut Ui) {
@@ -32,7 +33,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 environment: now.environment.clone(),
                 ..Settings::default()
             };
-            store(app, kept);
+            store(app, ui, kept);
         }
         if ui
             .button("Save as TOML")
@@ -88,18 +89,18 @@ fn shown(app: &App) -> &Settings {
     }
 }
 
-fn store(app: &mut App, settings: Settings) {
+fn store(app: &mut App, ui: &Ui, settings: Settings) {
     if app.fields.edits_other {
         app.other = Arc::new(settings);
     } else {
-        app.set_settings(settings);
+        app.set_settings(ui.ctx(), settings);
     }
 }
 
 /// What opens with another program start only, and is shown without being changed.
 fn is_fixed(key: &str) -> bool {
-    // The scene is opened by the File menu, the headset's eyes are the session's.
-    matches!(key, "scene" | "headset") || key.starts_with("openxr.")
+    // The scene is opened by the File menu.
+    key == "scene" || key.starts_with("openxr.")
 }
 
 fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
@@ -138,7 +139,7 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         match shown(app).with(setting.key, &new) {
             Ok(settings) => {
                 app.fields.refused = None;
-                store(app, settings);
+                store(app, ui, settings);
             }
             Err(error) => app.fields.refused = Some((setting.key, error.to_string())),
         }
@@ -160,6 +161,17 @@ fn words(value: &Value) -> String {
 
 /// The widget of a setting's kind; what it was changed to.
 fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) -> Option<Value> {
+    if setting.key == "headset" {
+        let mut chosen = value.as_str().unwrap_or_default().to_owned();
+        ComboBox::from_id_salt(setting.key)
+            .selected_text(chosen.clone())
+            .show_ui(ui, |ui| {
+                for name in Headset::names() {
+                    ui.selectable_value(&mut chosen, name.to_owned(), name);
+                }
+            });
+        return (value.as_str() != Some(&chosen)).then(|| json!(chosen));
+    }
     match setting.kind {
         Kind::Bool => {
             let mut on = value.as_bool().unwrap_or_default();
