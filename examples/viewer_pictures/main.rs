@@ -310,7 +310,7 @@ fn main() -> Outcome<()> {
         if look == Look::Error {
             canvas.until("a reference", |app| {
                 app.frame()
-                    .is_some_and(|f| f.legend.is_some() && f.frames >= 4 * FRAMES)
+                    .is_some_and(|f| f.legend.is_some() && f.frames >= FRAMES)
             })?;
         }
         canvas.settle()?;
