@@ -113,7 +113,6 @@ pub struct App {
     pub(super) out: PathBuf,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
-    pub(super) is_lost: bool,
     /// Where the last pass drew which picture.
     pub(super) shown_at: Vec<(Part, egui::Rect)>,
     gamepad: Gamepad,
@@ -193,7 +192,6 @@ impl App {
             document,
             out,
             size,
-            is_lost: false,
             shown_at: Vec::new(),
             gamepad: Gamepad::open(),
             worker,
@@ -368,7 +366,6 @@ impl App {
                 }
                 Report::Lost(text) => {
                     self.busy = "";
-                    self.is_lost = true;
                     let more = format!("{text}; save what you need and start again");
                     self.say(context, more, true);
                 }

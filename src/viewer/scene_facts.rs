@@ -76,12 +76,20 @@ mod tests {
     fn boxes_lie_around_what_is_below() {
         let scene = Scene::builtin("cornell").unwrap();
         let all = scene.bounds_in_world().unwrap();
-        for root in &scene.roots {
+        for root in scene
+            .roots
+            .iter()
+            .filter(|root| scene.nodes[**root].mesh.is_some())
+        {
             let own = scene.bounds_below(*root).unwrap();
             // A box of f32 corners in f64: nothing is rounded beyond the transforms.
             assert!((own.min - all.min).min_element() > -1e-9, "{own:?}");
             assert!((all.max - own.max).min_element() > -1e-9, "{own:?}");
         }
+        // A camera is a point, wherever it stands.
+        let camera = scene.nodes.iter().position(|node| node.camera.is_some());
+        let point = scene.bounds_below(camera.unwrap()).unwrap();
+        assert_eq!(point.min, point.max);
         assert!(scene.bounds_below(10_000).is_none());
     }
 

@@ -295,6 +295,10 @@ impl Open {
         {
             log::warn!("the window's size and layout are not kept: {reason}");
         }
+        // What is being computed may take a while to end.
+        if let Err(panicked) = caught(|| self.window.set_visible(false)) {
+            log::debug!("hiding the window: {panicked}");
+        }
     }
 
     fn paint(&mut self, event_loop: &ActiveEventLoop) -> Result<(), ViewError> {

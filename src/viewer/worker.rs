@@ -403,7 +403,10 @@ impl Inner {
         if wanted.look == Look::Error && self.divisor == 1 {
             let reference = match &mut self.reference {
                 Some(reference) => reference,
-                none => none.insert(Reference::new(self.studio.scene(), &wanted.settings, size)?),
+                none => {
+                    (self.reports)(Report::Busy("compiling the reference"));
+                    none.insert(Reference::new(self.studio.scene(), &wanted.settings, size)?)
+                }
             };
             reference.add(session, index, time)?;
         }
