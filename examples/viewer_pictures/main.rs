@@ -26,7 +26,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 /// Size of the window, pixels.
 const WINDOW: [u32; 2] = [1120, 680];
 /// Frames that are averaged before a picture is taken.
-const FRAMES: u32 = 8;
+const FRAMES: u32 = 4;
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// A window that is only a texture.
@@ -247,7 +247,7 @@ fn main() -> Outcome<()> {
     let settings = Settings {
         scene: "builtin:gallery".to_owned(),
         // One size for all layouts: frames of one serve the next.
-        size: Some([288, 256]),
+        size: Some([216, 192]),
         ..Settings::default()
     };
     let app = App::new(

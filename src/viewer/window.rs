@@ -203,7 +203,11 @@ impl Open {
             Ok(egui_wgpu::Renderer::new(
                 &gpu.device,
                 format,
-                RendererOptions::default(),
+                RendererOptions {
+                    // A random number per pixel, which a software adapter feels.
+                    dithering: false,
+                    ..RendererOptions::default()
+                },
             ))
         })?;
         let app = App::new(start, move || {
