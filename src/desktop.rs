@@ -45,6 +45,26 @@ pub(crate) fn choose_mode(offered: &[wgpu::PresentMode]) -> wgpu::PresentMode {
         .unwrap_or(wgpu::PresentMode::Fifo)
 }
 
+/// How a window's surface is set up for frames of `size`.
+pub(crate) fn surface_configuration(
+    format: wgpu::TextureFormat,
+    present_mode: wgpu::PresentMode,
+    alpha_mode: wgpu::CompositeAlphaMode,
+    size: [u32; 2],
+) -> wgpu::SurfaceConfiguration {
+    wgpu::SurfaceConfiguration {
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+        format,
+        color_space: wgpu::SurfaceColorSpace::Auto,
+        width: size[0],
+        height: size[1],
+        present_mode,
+        desired_maximum_frame_latency: 2,
+        alpha_mode,
+        view_formats: Vec::new(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

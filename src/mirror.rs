@@ -15,7 +15,7 @@ use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
 use crate::caught::caught;
-use crate::desktop::{self, choose_mode, plain};
+use crate::desktop::{self, choose_mode, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::renderer::{RenderError, Renderer};
 
@@ -288,17 +288,8 @@ impl Mirror {
         let Some(surface) = &self.surface else {
             return Ok(());
         };
-        let configuration = wgpu::SurfaceConfiguration {
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            format: self.format,
-            color_space: wgpu::SurfaceColorSpace::Auto,
-            width: size[0],
-            height: size[1],
-            present_mode: self.present_mode,
-            desired_maximum_frame_latency: 2,
-            alpha_mode: self.alpha_mode,
-            view_formats: Vec::new(),
-        };
+        let configuration =
+            surface_configuration(self.format, self.present_mode, self.alpha_mode, size);
         context.guarded("mirror", || {
             surface.configure(&context.device, &configuration);
             Ok(())

@@ -13,7 +13,7 @@ use super::frames::{FrameReport, Look};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
-use super::loading::{Loaded, Loading};
+use super::loading::Loading;
 use super::memory::Memory;
 use super::panels;
 use super::picture::Pictures;
@@ -92,7 +92,7 @@ pub struct App {
     pub(super) other: Arc<Settings>,
     pub(super) headset: Headset,
     /// What the environment that is shown was read by.
-    environment: EnvironmentSettings,
+    pub(super) environment: EnvironmentSettings,
     pub(super) camera: FlyCamera,
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
@@ -373,136 +373,9 @@ impl App {
         }
     }
 
-    fn take_loaded(&mut self, context: &Context) {
-        let Some(loading) = &self.loading else {
-            return;
-        };
-        // Its end is not announced by an event.
-        context.request_repaint_after(std::time::Duration::from_millis(50));
-        let Some(loaded) = loading.poll() else {
-            return;
-        };
-        let name = loading.name().to_owned();
-        if loaded.is_err() {
-            self.cancel_loading();
-        }
-        self.loading = None;
-        match loaded {
-            Err(error) => self.say(context, error, true),
-            Ok(Loaded::Scene(document)) => {
-                for warning in &document.scene().warnings {
-                    log::warn!("{warning}");
-                }
-                self.document = *document;
-                self.selected = None;
-                self.clock = SceneClock::default();
-                self.camera = camera_of(&self.document);
-                self.fields = panels::Fields::new(&self.out, self.document.original());
-                let mut settings = (*self.settings).clone();
-                settings.scene.clone_from(&name);
-                // Clips have names of their own in each scene.
-                settings.animation.clip = Settings::default().animation.clip;
-                self.set_settings(context, settings);
-                self.environment = self.settings.environment.clone();
-                self.restart_scene();
-                self.say(context, format!("{name} opened"), false);
-            }
-            Ok(Loaded::Environment(environment, settings)) => {
-                self.document.set_environment(Some(*environment));
-                self.environment = settings;
-                self.restart_scene();
-                self.say(context, format!("{name} lights the scene"), false);
-            }
-            Ok(Loaded::Trace(recording)) => {
-                self.player = Some(Player::new(*recording));
-                self.say(context, format!("{name}: play with Space"), false);
-            }
-        }
-    }
-
-    fn ask(&mut self, request: Request) {
+    pub(super) fn ask(&mut self, request: Request) {
         self.asked += 1;
         self.worker.ask(request);
-    }
-
-    fn restart_scene(&mut self) {
-        // What the scene has been through is in it already.
-        self.document.take_changes();
-        let scene = Box::new(self.document.scene().clone());
-        self.ask(Request::Scene(scene));
-    }
-
-    fn take_dropped(&mut self, context: &Context) {
-        let dropped = context.input(|input| input.raw.dropped_files.clone());
-        if dropped.len() > 1 {
-            self.say(
-                context,
-                "one file at a time, please: the first is read",
-                false,
-            );
-        }
-        if let Some(path) = dropped.first().map(|file| file.path().to_owned()) {
-            self.open(context, path.to_string_lossy().into_owned());
-        }
-    }
-
-    /// Begins to read a scene, an environment or a recording, by its name.
-    pub fn open(&mut self, context: &Context, spec: String) {
-        let is_map = std::path::Path::new(&spec)
-            .extension()
-            .is_some_and(|extension| extension == "hdr" || extension == "exr");
-        if is_map {
-            // A setting, which `follow_environment` carries out.
-            self.cancel_loading();
-            let mut settings = (*self.settings).clone();
-            settings.environment.path = spec;
-            self.set_settings(context, settings);
-            return;
-        }
-        // A second file takes the place of one that is still being read.
-        match Loading::begin(spec, &self.settings, &self.headset, self.camera.pose()) {
-            Ok(loading) => self.loading = Some(loading),
-            Err(error) => self.say(context, error, true),
-        }
-        context.request_repaint();
-    }
-
-    /// Reads the environment that the settings name, if that is another one now.
-    fn follow_environment(&mut self, context: &Context) {
-        let wanted = &self.settings.environment;
-        if self.environment == *wanted || self.loading.is_some() {
-            return;
-        }
-        if wanted.path.is_empty() {
-            self.environment = wanted.clone();
-            self.document.set_environment(None);
-            self.restart_scene();
-            return;
-        }
-        let path = wanted.path.clone();
-        match Loading::begin(path, &self.settings, &self.headset, self.camera.pose()) {
-            Ok(loading) => self.loading = Some(loading),
-            Err(error) => {
-                self.keep_environment();
-                self.say(context, error, true);
-            }
-        }
-    }
-
-    /// The settings name the environment that is shown.
-    fn keep_environment(&mut self) {
-        let mut settings = (*self.settings).clone();
-        settings.environment = self.environment.clone();
-        self.settings = Arc::new(settings);
-    }
-
-    /// What is being read is not wanted any more.
-    pub(super) fn cancel_loading(&mut self) {
-        if let Some(loading) = self.loading.take()
-            && loading.is_environment()
-        {
-            self.keep_environment();
-        }
     }
 
     /// Carries an edit out, here and in the picture.

@@ -2,7 +2,7 @@
 
 use egui::epaint::{Mesh, Vertex};
 use egui::{Color32, Key, Painter, Pos2, Rect, Rgba, Shape, pos2};
-use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4};
+use glam::{DAffine3, DMat4, DQuat, DVec3};
 use transform_gizmo::math::{Rect as GizmoRect, Transform};
 use transform_gizmo::{
     EnumSet, Gizmo, GizmoConfig, GizmoInteraction, GizmoMode, GizmoOrientation, GizmoVisuals, mint,
@@ -239,20 +239,11 @@ impl TransformGizmo {
 /// Clip from eye in OpenGL's clip space, which the crate expects: depth -1 near, 1 far. The planes lie so that the object
 /// is well between them.
 fn clip_from_eye(view: &View, distance_m: f64) -> DMat4 {
-    let t = view.fov.tangents();
-    let (width, height) = (t.right - t.left, t.up - t.down);
     let (near, far) = (0.01 * distance_m, 100.0 * distance_m);
-    DMat4::from_cols(
-        DVec4::new(2.0 / width, 0.0, 0.0, 0.0),
-        DVec4::new(0.0, 2.0 / height, 0.0, 0.0),
-        DVec4::new(
-            (t.right + t.left) / width,
-            (t.up + t.down) / height,
-            -(far + near) / (far - near),
-            -1.0,
-        ),
-        DVec4::new(0.0, 0.0, -2.0 * far * near / (far - near), 0.0),
-    )
+    let mut clip_from_eye = view.clip_from_eye(near);
+    clip_from_eye.z_axis.z = -(far + near) / (far - near);
+    clip_from_eye.w_axis.z = -2.0 * far * near / (far - near);
+    clip_from_eye
 }
 
 /// The crate has a glam of its own.

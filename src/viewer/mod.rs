@@ -17,6 +17,7 @@ mod keys;
 pub mod layout;
 mod loading;
 pub mod memory;
+mod opening;
 pub mod panels;
 mod picture;
 mod reference;

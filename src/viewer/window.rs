@@ -15,7 +15,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::app::{App, Start, WindowCommand};
 use super::memory::Memory;
 use crate::caught::caught;
-use crate::desktop::{choose_mode, event_loop, plain};
+use crate::desktop::{choose_mode, event_loop, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError};
 
 /// Why there is no window; one line each.
@@ -339,17 +339,8 @@ impl Open {
         } = self;
         let current = {
             if self.configured != Some(size) {
-                let configuration = wgpu::SurfaceConfiguration {
-                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-                    format: self.format,
-                    color_space: wgpu::SurfaceColorSpace::Auto,
-                    width: size[0],
-                    height: size[1],
-                    present_mode: self.present_mode,
-                    desired_maximum_frame_latency: 2,
-                    alpha_mode: self.alpha_mode,
-                    view_formats: Vec::new(),
-                };
+                let configuration =
+                    surface_configuration(self.format, self.present_mode, self.alpha_mode, size);
                 gpu.guarded("window", || {
                     surface.configure(&gpu.device, &configuration);
                     Ok(())

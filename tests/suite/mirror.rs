@@ -20,7 +20,7 @@ use crate::suite::openxr_support::{
 use crate::suite::support::{
     Folder, bits, builtin, frame, method, parallel_views, radiance, renderer, start_pose, stereolux,
 };
-use crate::suite::virtual_screen::{Xvfb, ask_to_close, find_window};
+use crate::suite::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
 
 const IMAGE: [u32; 2] = [32, 24];
 
@@ -238,17 +238,11 @@ fn without_a_display_the_mirror_is_refused_in_one_line() {
         (None, "neither DISPLAY nor WAYLAND_DISPLAY names a display"),
         (Some(":4077"), "Failed to open connection to X server"),
     ] {
-        let mut command = Command::new(PROGRAM);
-        command
+        let output = program_on(display)
             .args(["run", "--session", "simulated", "--mirror", "--out"])
             .arg(&out)
-            .env_remove("DISPLAY")
-            .env_remove("WAYLAND_DISPLAY")
-            .env_remove("WAYLAND_SOCKET");
-        if let Some(display) = display {
-            command.env("DISPLAY", display);
-        }
-        let output = command.output().unwrap();
+            .output()
+            .unwrap();
         assert_status(&output, 2);
         let text = stderr(&output);
         assert_eq!(text.lines().count(), 1, "{text}");

@@ -18,7 +18,7 @@ use crate::suite::openxr_picture::Screen;
 use crate::suite::openxr_runtime::{VALIDATION, complaints};
 use crate::suite::openxr_support::PROGRAM;
 use crate::suite::support::{Folder, adapter_name, stereolux};
-use crate::suite::virtual_screen::{Xvfb, ask_to_close, find_window};
+use crate::suite::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
 
 /// Long enough for a loaded machine; reached only by a fault.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -317,18 +317,11 @@ fn without_a_display_view_is_refused_in_one_line_that_names_run() {
         (None, "neither DISPLAY nor WAYLAND_DISPLAY names a display"),
         (Some(":4078"), "no window can be opened"),
     ] {
-        let mut command = Command::new(PROGRAM);
-        command
-            .arg("view")
-            .arg("--out")
+        let output = program_on(display)
+            .args(["view", "--out"])
             .arg(folder.join("out"))
-            .env_remove("DISPLAY")
-            .env_remove("WAYLAND_DISPLAY")
-            .env_remove("WAYLAND_SOCKET");
-        if let Some(display) = display {
-            command.env("DISPLAY", display);
-        }
-        let output = command.output().unwrap();
+            .output()
+            .unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(says) && said.contains("`run`"), "{said}");

@@ -9,6 +9,7 @@ use x11rb::connection::Connection as _;
 use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt as _, EventMask};
 use x11rb::wrapper::ConnectionExt as _;
 
+use crate::suite::openxr_support::PROGRAM;
 use crate::suite::support::Folder;
 
 /// A virtual screen of 1280x720; it goes when this is dropped.
@@ -45,6 +46,19 @@ impl Drop for Xvfb {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
+}
+
+/// The program where there is only `display`, or none.
+pub fn program_on(display: Option<&str>) -> Command {
+    let mut command = Command::new(PROGRAM);
+    command
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET");
+    if let Some(display) = display {
+        command.env("DISPLAY", display);
+    }
+    command
 }
 
 /// The program's window, as another client of the display sees it.
