@@ -34,6 +34,7 @@ mod suite {
     pub mod cornell;
     pub mod deforming;
     pub mod determinism;
+    pub mod drag;
     pub mod edited_frames;
     pub mod editing;
     pub mod forced_features;
@@ -81,6 +82,7 @@ mod suite {
     pub mod support;
     pub mod techniques;
     pub mod viewer_app;
+    pub mod viewer_painter;
     pub mod viewer_window;
     pub mod virtual_screen;
     pub mod xr_headset;

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use egui::{Context, RawInput, Rect, pos2, vec2};
-use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use stereolux::gpu::GpuContext;
 use stereolux::images::{Image, ImageRgb8, write_png};
 use stereolux::options::Settings;
@@ -18,6 +17,7 @@ use stereolux::viewer::app::Tab;
 use stereolux::viewer::frames::Look;
 use stereolux::viewer::layout::Layout;
 use stereolux::viewer::memory::Memory;
+use stereolux::viewer::painter::{Painter, Target};
 use stereolux::viewer::{App, Start};
 use stereolux::xr::Headset;
 
@@ -33,7 +33,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 struct Canvas {
     app: App,
     egui: Context,
-    painter: egui_wgpu::Renderer,
+    painter: Painter,
     gpu: GpuContext,
     texture: wgpu::Texture,
     began: Instant,
@@ -56,7 +56,7 @@ impl Canvas {
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
             view_formats: &[],
         });
-        let painter = egui_wgpu::Renderer::new(&gpu.device, FORMAT, RendererOptions::default());
+        let painter = Painter::new(&gpu, FORMAT)?;
         Ok(Self {
             app,
             egui: Context::default(),
@@ -68,56 +68,33 @@ impl Canvas {
     }
 
     /// One pass; the pointer is nowhere.
-    fn pass(&mut self) {
+    fn pass(&mut self) -> Outcome<()> {
         let size = vec2(WINDOW[0] as f32, WINDOW[1] as f32);
         let input = RawInput {
             screen_rect: Some(Rect::from_min_size(pos2(0.0, 0.0), size)),
             time: Some(self.began.elapsed().as_secs_f64()),
             focused: true,
-
             ..RawInput::default()
         };
         let app = &mut self.app;
         let output = self.egui.run_ui(input, |ui| app.ui(ui));
-        let (device, queue) = (&self.gpu.device, &self.gpu.queue);
-        for (id, deltas) in &output.textures_delta.set {
-            for delta in deltas {
-                self.painter.update_texture(device, queue, *id, delta);
-            }
-        }
         let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
-        let screen = ScreenDescriptor {
-            size_in_pixels: WINDOW,
+        let view = self.texture.create_view(&Default::default());
+        let target = Target {
+            view: &view,
+            size: WINDOW,
             pixels_per_point: output.pixels_per_point,
         };
-        let mut encoder = device.create_command_encoder(&Default::default());
-        let own = self
-            .painter
-            .update_buffers(device, queue, &mut encoder, &jobs, &screen);
-        let view = self.texture.create_view(&Default::default());
-        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("canvas"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations::default(),
-            })],
-            ..Default::default()
-        });
         self.painter
-            .render(&mut pass.forget_lifetime(), &jobs, &screen);
-        queue.submit(own.into_iter().chain([encoder.finish()]));
-        for id in &output.textures_delta.free {
-            self.painter.free_texture(id);
-        }
+            .paint(&self.gpu, &output.textures_delta, &jobs, Some(&target))?;
+        Ok(())
     }
 
     /// Lets the viewer run until `done`.
     fn until(&mut self, what: &str, done: impl Fn(&App) -> bool) -> Outcome<()> {
         let began = Instant::now();
         loop {
-            self.pass();
+            self.pass()?;
             if done(&self.app) {
                 return Ok(());
             }
@@ -131,13 +108,13 @@ impl Canvas {
 
     /// Waits for a clean picture of what was just asked for.
     fn settle(&mut self) -> Outcome<()> {
-        self.pass();
+        self.pass()?;
         self.until("a picture", |app| {
             app.is_up_to_date() && app.frame().is_some_and(|frame| frame.frames >= FRAMES)
         })?;
         // Textures of the last report, and widgets that need a second pass for their size.
-        self.pass();
-        self.pass();
+        self.pass()?;
+        self.pass()?;
         Ok(())
     }
 
@@ -179,7 +156,7 @@ impl Canvas {
         // Windows of egui fade in.
         for _ in 0..3 {
             std::thread::sleep(Duration::from_millis(200));
-            self.pass();
+            self.pass()?;
         }
         let path = folder.join(format!("{name}.png"));
         write_png(&path, &self.image()?)?;
@@ -270,7 +247,7 @@ fn main() -> Outcome<()> {
                 app.frame()
                     .is_some_and(|frame| frame.other.is_some() && frame.frames >= FRAMES)
             })?;
-            canvas.pass();
+            canvas.pass()?;
         }
         let name = layout.name().to_lowercase().replace(' ', "_");
         canvas.save(&folder, &format!("layout_{name}"))?;
@@ -281,7 +258,7 @@ fn main() -> Outcome<()> {
     canvas.settle()?;
     canvas.save(&folder, "panel_inspector")?;
     canvas.app.set_tab(Tab::Settings);
-    canvas.pass();
+    canvas.pass()?;
     canvas.settle()?;
     canvas.save(&folder, "panel_settings")?;
     canvas.app.select(None);

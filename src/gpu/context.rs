@@ -361,6 +361,12 @@ impl GpuContext {
         result
     }
 
+    /// Memory that the device has given out, bytes, where the driver's interface tells.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        let report = self.device.generate_allocator_report()?;
+        Some(report.total_allocated_bytes)
+    }
+
     /// Waits until the device has finished all that was submitted.
     ///
     /// # Errors

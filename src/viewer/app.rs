@@ -3,7 +3,7 @@
 //! [`App::ui`] is one pass of egui over all of it, so that a test can drive it without a display.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui::{Context, Ui};
@@ -429,8 +429,19 @@ impl App {
         self.ask(Request::ReloadShaders);
     }
 
+    /// Makes the folder of `--out` if that is where `path` lies. Other folders that are missing are slips of the hand, and
+    /// said by what writes there; so is one that cannot be made.
+    fn make_room(&self, path: &Path) {
+        if path.parent() == Some(self.out.as_path())
+            && let Err(error) = std::fs::create_dir_all(&self.out)
+        {
+            log::debug!("{}: {error}", self.out.display());
+        }
+    }
+
     pub(super) fn save_scene(&mut self, context: &Context) {
         let path = PathBuf::from(self.fields.scene_path.trim());
+        self.make_room(&path);
         match self.document.save(&path) {
             Ok(()) => self.say(context, format!("{} written", path.display()), false),
             Err(error) => self.say(context, error.to_string(), true),
@@ -439,6 +450,7 @@ impl App {
 
     pub(super) fn save_settings(&mut self, context: &Context) {
         let path = PathBuf::from(self.fields.settings_path.trim());
+        self.make_room(&path);
         let mut settings = (*self.settings).clone();
         // What is shown is what is saved.
         settings.size = Some(self.size);

@@ -122,7 +122,7 @@ pub struct FrameReport {
     pub frames: u32,
     /// Times, photons and reuse of the last frame.
     pub stats: FrameStats,
-    /// Device memory in use, bytes, where the driver's interface tells.
+    /// Device memory in use by all renderers (another one's in a split view, the reference's), bytes, where the driver's interface tells.
     pub device_bytes: Option<u64>,
 }
 

@@ -18,6 +18,7 @@ pub mod layout;
 mod loading;
 pub mod memory;
 mod opening;
+pub mod painter;
 pub mod panels;
 mod picture;
 mod reference;

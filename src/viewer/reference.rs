@@ -80,6 +80,11 @@ impl Reference {
         Ok(())
     }
 
+    /// Device memory in use, bytes.
+    pub fn device_bytes(&self) -> Option<u64> {
+        self.renderer.context().allocated_bytes()
+    }
+
     /// Pixels per eye.
     pub fn size(&self) -> [u32; 2] {
         self.size

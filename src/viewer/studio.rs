@@ -103,6 +103,12 @@ impl Studio {
         &self.scene
     }
 
+    /// Device memory in use, bytes.
+    pub fn device_bytes(&self) -> Option<u64> {
+        let engine = self.engine.as_ref()?;
+        engine.renderer.context().allocated_bytes()
+    }
+
     /// Frames averaged so far.
     pub fn frames(&self) -> u32 {
         self.averaged[0].frames()
@@ -404,8 +410,6 @@ impl Studio {
                 None => color_image(&self.shown(eye, wanted.exposure, size)?),
             }));
         }
-        let engine = self.engine()?;
-        let allocated = engine.renderer.context().device.generate_allocator_report();
         Ok(FrameReport {
             number: wanted.number,
             index: stats.frame,
@@ -419,7 +423,7 @@ impl Studio {
             is_full: false,
             frames: self.frames(),
             stats,
-            device_bytes: allocated.map(|report| report.total_allocated_bytes),
+            device_bytes: self.device_bytes(),
         })
     }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use egui::{Context, ViewportId};
-use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::event::{StartCause, WindowEvent};
@@ -14,6 +13,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::app::{App, Start, WindowCommand};
 use super::memory::Memory;
+use super::painter::{Painter, Target};
 use crate::caught::caught;
 use crate::desktop::{choose_mode, event_loop, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError};
@@ -146,7 +146,7 @@ impl ApplicationHandler<()> for State {
 /// Everything of an open window. Fields drop in order: the surface before the window.
 struct Open {
     app: App,
-    painter: egui_wgpu::Renderer,
+    painter: Painter,
     surface: wgpu::Surface<'static>,
     format: wgpu::TextureFormat,
     present_mode: wgpu::PresentMode,
@@ -199,17 +199,7 @@ impl Open {
             window.theme(),
             Some(gpu.device.limits().max_texture_dimension_2d as usize),
         );
-        let painter = gpu.guarded("window", || {
-            Ok(egui_wgpu::Renderer::new(
-                &gpu.device,
-                format,
-                RendererOptions {
-                    // A random number per pixel, which a software adapter feels.
-                    dithering: false,
-                    ..RendererOptions::default()
-                },
-            ))
-        })?;
+        let painter = Painter::new(&gpu, format)?;
         let app = App::new(start, move || {
             // The loop may have ended.
             let _ = proxy.send_event(());
@@ -327,10 +317,6 @@ impl Open {
             .filter(|at| at.saturating_duration_since(began) < Duration::from_secs(3600));
         let laid_out = began.elapsed();
         let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
-        let screen = ScreenDescriptor {
-            size_in_pixels: size,
-            pixels_per_point: output.pixels_per_point,
-        };
         let Self {
             painter,
             surface,
@@ -360,40 +346,22 @@ impl Open {
                 return Err(ViewError::Ended("its surface was lost".to_owned()));
             }
         };
-        gpu.guarded("window", || {
-            // Textures change whether the frame is shown or not.
-            for (id, deltas) in &output.textures_delta.set {
-                for delta in deltas {
-                    painter.update_texture(&gpu.device, &gpu.queue, *id, delta);
-                }
-            }
-            if let Some(image) = image {
-                let mut encoder = gpu.device.create_command_encoder(&Default::default());
-                let own =
-                    painter.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
-                let view = image.texture.create_view(&Default::default());
-                let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some("window"),
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: &view,
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
-                    ..Default::default()
-                });
-                painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
-                gpu.queue.submit(own.into_iter().chain([encoder.finish()]));
+        // Textures change whether the frame is shown or not.
+        let view = image
+            .as_ref()
+            .map(|image| image.texture.create_view(&Default::default()));
+        let target = view.as_ref().map(|view| Target {
+            view,
+            size,
+            pixels_per_point: output.pixels_per_point,
+        });
+        painter.paint(gpu, &output.textures_delta, &jobs, target.as_ref())?;
+        if let Some(image) = image {
+            gpu.guarded("window", || {
                 gpu.queue.present(image);
-            }
-            for id in &output.textures_delta.free {
-                painter.free_texture(id);
-            }
-            Ok(())
-        })?;
+                Ok(())
+            })?;
+        }
         if is_stale {
             self.configured = None;
             self.window.request_redraw();

@@ -132,6 +132,7 @@ impl Worker {
                     divisor: COARSEST,
                     shown: None,
                     cost_ms_per_pixel: None,
+                    device_bytes: 0,
                 };
                 inner.run();
             })?;
@@ -206,6 +207,8 @@ struct Inner {
     divisor: u32,
     shown: Option<Shown>,
     cost_ms_per_pixel: Option<f64>,
+    /// As last said in the log.
+    device_bytes: u64,
 }
 
 /// What to do next.
@@ -415,6 +418,17 @@ impl Inner {
                 .report(wanted, size, &self.views, stats, self.reference.as_ref())?;
         report.other = other;
         report.is_full = self.divisor == 1;
+        let others = [
+            self.other.as_ref().and_then(Studio::device_bytes),
+            self.reference.as_ref().and_then(Reference::device_bytes),
+        ];
+        if let Some(bytes) = &mut report.device_bytes {
+            *bytes += others.into_iter().flatten().sum::<u64>();
+            if self.device_bytes != *bytes {
+                self.device_bytes = *bytes;
+                log::debug!("device memory: {bytes} bytes");
+            }
+        }
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
             for folder in std::mem::take(&mut self.screenshots) {

@@ -17,7 +17,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if !app.memory.hierarchy {
         return;
     }
-    Panel::left("hierarchy").default_size(210.0).show(ui, |ui| {
+    let panel = Panel::left("hierarchy").default_size(210.0);
+    let panel = panel.max_size(super::MOST_OF_WINDOW * ui.ctx().content_rect().width());
+    panel.show(ui, |ui| {
         ui.horizontal(|ui| {
             ui.label("Scene");
             ui.weak(&app.document.scene().name);

@@ -65,12 +65,17 @@ impl Fields {
     }
 }
 
+/// Share of the window's width or height that one panel may be drawn to: something of the picture stays.
+const MOST_OF_WINDOW: f32 = 0.4;
+
 /// The right panel: inspector and settings.
 pub fn right(app: &mut App, ui: &mut Ui) {
     if !app.memory.side {
         return;
     }
-    Panel::right("side").default_size(370.0).show(ui, |ui| {
+    let panel = Panel::right("side").default_size(370.0);
+    let panel = panel.max_size(MOST_OF_WINDOW * ui.ctx().content_rect().width());
+    panel.show(ui, |ui| {
         ui.horizontal(|ui| {
             ui.selectable_value(&mut app.tab, Tab::Inspector, "Inspector");
             ui.selectable_value(&mut app.tab, Tab::Settings, "Settings");

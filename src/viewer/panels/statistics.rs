@@ -24,6 +24,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     Panel::bottom("statistics")
         .resizable(true)
         .default_size(150.0)
+        .max_size(super::MOST_OF_WINDOW * ui.ctx().content_rect().height())
         .show(ui, |ui| {
             ScrollArea::both().auto_shrink(false).show(ui, |ui| {
                 ui.horizontal_top(|ui| {

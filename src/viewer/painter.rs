@@ -1,0 +1,312 @@
+//! Draws egui's triangles, see `shaders/viewer/painter.wesl`.
+//!
+//! Textures are kept by egui-wgpu. Its own shader is not used: it holds a second way to filter textures behind a uniform,
+//! which a software adapter computes for every pixel whether it is wanted or not. On llvmpipe that is two thirds of the
+//! time from a click to its picture.
+
+use std::collections::HashMap;
+
+use bytemuck::{Pod, Zeroable};
+use egui::TextureId;
+use egui::epaint::{ClippedPrimitive, Primitive, textures::TexturesDelta};
+
+use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+
+const LABEL: &str = "window";
+
+/// A corner of a triangle on the device.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Corner {
+    /// From (-1, -1) at the lower left to (1, 1).
+    clip: [f32; 2],
+    /// Of the texture, from (0, 0) at the upper left.
+    uv: [f32; 2],
+    /// Gamma-encoded, premultiplied.
+    color: [u8; 4],
+}
+
+/// Where a frame is drawn.
+pub struct Target<'a> {
+    /// All of it, in the painter's format.
+    pub view: &'a wgpu::TextureView,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Pixels per point of egui.
+    pub pixels_per_point: f32,
+}
+
+/// A pipeline for one format of target, and egui's textures.
+pub struct Painter {
+    textures: egui_wgpu::Renderer,
+    groups: HashMap<TextureId, wgpu::BindGroup>,
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::RenderPipeline,
+    corners: Growing,
+    indices: Growing,
+}
+
+impl Painter {
+    /// Compiles the shader for targets of `format`.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn new(gpu: &GpuContext, format: wgpu::TextureFormat) -> Result<Self, GpuError> {
+        let features = ShaderFeatures::from([("encodes".to_owned(), format.is_srgb())]);
+        let shader = ShaderLibrary::embedded().compile("viewer/painter", &features)?;
+        gpu.guarded(LABEL, || {
+            let device = &gpu.device;
+            let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty,
+                count: None,
+            };
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(LABEL),
+                entries: &[
+                    entry(
+                        0,
+                        wgpu::BindingType::Texture {
+                            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                            view_dimension: wgpu::TextureViewDimension::D2,
+                            multisampled: false,
+                        },
+                    ),
+                    entry(
+                        1,
+                        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+                    ),
+                ],
+            });
+            Ok(Self {
+                textures: egui_wgpu::Renderer::new(
+                    device,
+                    format,
+                    egui_wgpu::RendererOptions::default(),
+                ),
+                groups: HashMap::new(),
+                pipeline: pipeline(device, &layout, &shader.wgsl, format),
+                layout,
+                corners: Growing::new(wgpu::BufferUsages::VERTEX),
+                indices: Growing::new(wgpu::BufferUsages::INDEX),
+            })
+        })
+    }
+
+    /// Takes the changes of textures that egui reports, then draws and submits `jobs`. Without a target, textures change
+    /// all the same: egui reports each change once.
+    ///
+    /// # Errors
+    /// [`GpuError`].
+    pub fn paint(
+        &mut self,
+        gpu: &GpuContext,
+        changes: &TexturesDelta,
+        jobs: &[ClippedPrimitive],
+        target: Option<&Target<'_>>,
+    ) -> Result<(), GpuError> {
+        gpu.guarded(LABEL, || {
+            for (id, deltas) in &changes.set {
+                for delta in deltas {
+                    self.textures
+                        .update_texture(&gpu.device, &gpu.queue, *id, delta);
+                }
+                self.bind(&gpu.device, *id);
+            }
+            if let Some(target) = target {
+                self.draw(gpu, jobs, target);
+            }
+            for id in &changes.free {
+                self.groups.remove(id);
+                self.textures.free_texture(id);
+            }
+            Ok(())
+        })
+    }
+
+    /// Binds a texture anew: a change of its size has made another.
+    fn bind(&mut self, device: &wgpu::Device, id: TextureId) {
+        let Some(kept) = self.textures.texture(&id) else {
+            return;
+        };
+        let Some(texture) = &kept.texture else {
+            return;
+        };
+        let nearest = kept.options.is_some_and(|options| {
+            options.magnification == egui::epaint::textures::TextureFilter::Nearest
+        });
+        let filter = if nearest {
+            wgpu::FilterMode::Nearest
+        } else {
+            wgpu::FilterMode::Linear
+        };
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some(LABEL),
+            mag_filter: filter,
+            min_filter: filter,
+            ..Default::default()
+        });
+        let view = texture.create_view(&Default::default());
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(LABEL),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&view),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: wgpu::BindingResource::Sampler(&sampler),
+                },
+            ],
+        });
+        self.groups.insert(id, group);
+    }
+
+    fn draw(&mut self, gpu: &GpuContext, jobs: &[ClippedPrimitive], target: &Target<'_>) {
+        let points = target
+            .size
+            .map(|edge| edge as f32 / target.pixels_per_point);
+        let (mut corners, mut indices) = (Vec::new(), Vec::new());
+        let mut ranges = Vec::with_capacity(jobs.len());
+        for job in jobs {
+            // The viewer draws nothing by callbacks.
+            if let Primitive::Mesh(mesh) = &job.primitive
+                && let Some(group) = self.groups.get(&mesh.texture_id)
+                && let Some(scissor) = scissor(job.clip_rect, target)
+            {
+                let (first, base) = (indices.len() as u32, corners.len() as i32);
+                indices.extend_from_slice(&mesh.indices);
+                corners.extend(mesh.vertices.iter().map(|vertex| Corner {
+                    clip: [
+                        2.0 * vertex.pos.x / points[0] - 1.0,
+                        1.0 - 2.0 * vertex.pos.y / points[1],
+                    ],
+                    uv: vertex.uv.into(),
+                    color: vertex.color.to_array(),
+                }));
+                ranges.push((first..indices.len() as u32, base, group, scissor));
+            }
+        }
+        let corners = self.corners.fill(gpu, bytemuck::cast_slice(&corners));
+        let indices = self.indices.fill(gpu, bytemuck::cast_slice(&indices));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: target.view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            ..Default::default()
+        });
+        if !ranges.is_empty() {
+            pass.set_pipeline(&self.pipeline);
+            pass.set_vertex_buffer(0, corners.slice(..));
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        }
+        for (range, base, group, [x, y, width, height]) in ranges {
+            pass.set_scissor_rect(x, y, width, height);
+            pass.set_bind_group(0, group, &[]);
+            pass.draw_indexed(range, base, 0..1);
+        }
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+    }
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    wgsl: &str,
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(LABEL),
+        source: wgpu::ShaderSource::Wgsl(wgsl.into()),
+    });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(LABEL),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(LABEL),
+        layout: Some(&pipeline_layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex_main"),
+            compilation_options: Default::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: size_of::<Corner>() as u64,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &wgpu::vertex_attr_array![0 => Float32x2, 1 => Float32x2, 2 => Unorm8x4],
+            })],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment_main"),
+            compilation_options: Default::default(),
+            targets: &[Some(wgpu::ColorTargetState {
+                format,
+                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// Left, top, width and height in pixels of the part of the target in which a job may draw; none if there is none.
+fn scissor(clip: egui::Rect, target: &Target<'_>) -> Option<[u32; 4]> {
+    let [width, height] = target.size;
+    // `as` takes what lies left of or above the target to 0.
+    let pixel =
+        |points: f32, most: u32| ((points * target.pixels_per_point).round() as u32).min(most);
+    let (left, right) = (pixel(clip.min.x, width), pixel(clip.max.x, width));
+    let (top, bottom) = (pixel(clip.min.y, height), pixel(clip.max.y, height));
+    (left < right && top < bottom).then(|| [left, top, right - left, bottom - top])
+}
+
+/// A buffer that is replaced by a larger one when it must be.
+struct Growing {
+    buffer: Option<wgpu::Buffer>,
+    usage: wgpu::BufferUsages,
+}
+
+impl Growing {
+    fn new(usage: wgpu::BufferUsages) -> Self {
+        Self {
+            buffer: None,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+        }
+    }
+
+    fn fill(&mut self, gpu: &GpuContext, bytes: &[u8]) -> &wgpu::Buffer {
+        let needed = bytes.len() as u64;
+        let kept = self.buffer.take().filter(|buffer| buffer.size() >= needed);
+        let buffer = kept.unwrap_or_else(|| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(LABEL),
+                size: needed.next_power_of_two().max(4096),
+                usage: self.usage,
+                mapped_at_creation: false,
+            })
+        });
+        if !bytes.is_empty() {
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+        }
+        self.buffer.insert(buffer)
+    }
+}
