@@ -33,6 +33,7 @@ mod suite {
     pub mod convergence;
     pub mod cornell;
     pub mod deforming;
+    pub mod deforming_motion;
     pub mod determinism;
     pub mod drag;
     pub mod edited_frames;
@@ -82,7 +83,9 @@ mod suite {
     pub mod support;
     pub mod techniques;
     pub mod viewer_app;
+    pub mod viewer_files;
     pub mod viewer_painter;
+    pub mod viewer_support;
     pub mod viewer_window;
     pub mod virtual_screen;
     pub mod xr_headset;

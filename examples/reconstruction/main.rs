@@ -1,19 +1,31 @@
 //! What reconstruction gains over a recorded head motion, and what it costs.
 //!
-//! `cargo run --release --example reconstruction -- SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR] [--shaders
-//! DIR]` renders
-//! the first frames of a native trace (`stereolux run --record`) at one sample per pixel, raw and filtered, and prints per
-//! method and filter: the mean relMSE over the frames, how many times less than raw that is, how much the error changes
-//! from frame to frame, how much the eyes disagree, and device milliseconds per megapixel and pass. References are means of
-//! frames through the pixels' centres. With `--out` the shown pictures of the last frame are written.
+//! `cargo run --release --example reconstruction -- SCENE TRACE [flags]` renders the first frames of a trace
+//! (whatever `stereolux run --trace` reads) at one sample per pixel, raw and filtered, and prints per method and filter: the mean relMSE
+//! over the frames that were judged, how many times less than raw that is, how much the error changes from frame to frame,
+//! how much the eyes disagree, and device milliseconds per megapixel and pass.
+//!
+//! - `--frames N`, `--size N`: how many frames of which size.
+//! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.
+//! - `--pose "X Y Z"`: where a trajectory starts, level and looking along -Z; the scene's own start without it.
+//! - `--every N`: judges frames 0, 1, N, N + 1, 2 N, ...; all are rendered.
+//! - `--keep DIR`: references are kept there for the next run of the same code.
+//! - `--out DIR`: pictures and radiance of frames 10, 50, 100 and the last are written there.
+//! - `--set KEY=VALUE`: a setting, for all variants; may be repeated.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use glam::{DQuat, DVec3};
+use stereolux::bench::fingerprint::RENDER_CODE;
 use stereolux::bench::views::{left_from_right, views_of_session};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::images::{Image, ImageRgb, encode_display, tone_map, write_png};
-use stereolux::metrics::{binocular_error, error_image};
+use stereolux::images::{
+    Image, ImageRgb, encode_display, read_image, tone_map, write_exr, write_png,
+};
+use stereolux::metrics::twins::{
+    Differences, Twins, binocular_square, change_square, differences, relative_square,
+};
 use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
@@ -23,32 +35,38 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 
+/// Frames whose pictures are written, and the last.
+const PICTURES: [usize; 3] = [10, 50, 100];
+
 struct Options {
     scene: String,
     trace: PathBuf,
     frames: usize,
     size: u32,
     reference: u32,
+    every: usize,
+    pose: Option<DVec3>,
+    keep: Option<PathBuf>,
     out: Option<PathBuf>,
-    shaders: String,
+    set: Vec<(String, serde_json::Value)>,
 }
 
 fn options() -> Outcome<Options> {
     let mut words = std::env::args().skip(1);
     let (Some(scene), Some(trace)) = (words.next(), words.next()) else {
-        return Err(
-            "usage: reconstruction SCENE TRACE [--frames N] [--size N] [--reference N] [--out DIR] [--shaders DIR]"
-                .into(),
-        );
+        return Err("usage: reconstruction SCENE TRACE [--frames N] [--size N] [--reference N] [--pose \"X Y Z\"] [--every N] [--keep DIR] [--out DIR] [--set KEY=VALUE]".into());
     };
     let mut options = Options {
         scene,
         trace: trace.into(),
         frames: 60,
         size: 64,
-        reference: 256,
+        reference: 128,
+        every: 1,
+        pose: None,
+        keep: None,
         out: None,
-        shaders: String::new(),
+        set: Vec::new(),
     };
     while let Some(flag) = words.next() {
         let value = words.next().ok_or(format!("{flag} needs a value"))?;
@@ -56,8 +74,20 @@ fn options() -> Outcome<Options> {
             "--frames" => options.frames = value.parse()?,
             "--size" => options.size = value.parse()?,
             "--reference" => options.reference = value.parse()?,
-            "--shaders" => options.shaders = value,
+            "--pose" => {
+                let numbers = value.split_whitespace().map(str::parse);
+                let numbers = numbers.collect::<Result<Vec<f64>, _>>()?;
+                let place = <[f64; 3]>::try_from(numbers).map_err(|_| "--pose \"X Y Z\"")?;
+                options.pose = Some(place.into());
+            }
+            "--every" => options.every = value.parse::<usize>()?.max(1),
+            "--keep" => options.keep = Some(value.into()),
             "--out" => options.out = Some(value.into()),
+            "--set" => {
+                let (key, value) = value.split_once('=').ok_or("--set KEY=VALUE")?;
+                let value = serde_json::from_str(value)?;
+                options.set.push((key.to_owned(), value));
+            }
             _ => return Err(format!("unknown flag {flag}").into()),
         }
     }
@@ -88,47 +118,94 @@ fn image(size: u32, pixels: Vec<[f32; 3]>) -> Outcome<ImageRgb> {
     Ok(Image::new(size, size, pixels)?)
 }
 
-/// Both eyes' mean over `frames` frames through the pixels' centres.
-fn reference(
-    renderer: &mut Renderer,
-    views: &[View; 2],
-    frames: u32,
-    size: u32,
-) -> Outcome<[ImageRgb; 2]> {
-    for frame in 0..frames {
-        renderer.render_frame(views, frame, |_| {})?;
-    }
-    let read = |eye| image(size, renderer.read_radiance(eye)?.unwrap_or_default());
-    Ok([read(Eye::Left)?, read(Eye::Right)?])
+/// A frame that is judged.
+struct Judged {
+    /// By eye.
+    twins: [Twins; 2],
+    /// For each pixel of the right eye, the left eye's that sees the same point.
+    left_from_right: Image<Option<u32>>,
 }
 
-/// Relative squared error of every pixel, DESIGN's relMSE before the mean.
-fn relative_errors(image: &ImageRgb, reference: &ImageRgb) -> Vec<f64> {
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let count = (reference.pixels.len() * 3) as f64;
-    let s = reference
-        .pixels
-        .iter()
-        .flatten()
-        .map(|&r| square(r))
-        .sum::<f64>()
-        / count;
-    let pixels = image.pixels.iter().zip(&reference.pixels);
-    pixels
-        .map(|(x, r)| {
-            let terms = (0..3)
-                .map(|c| (f64::from(x[c]) - f64::from(r[c])).powi(2) / (square(r[c]) + 0.01 * s));
-            terms.sum::<f64>() / 3.0
-        })
-        .collect()
+/// Renders references of the frames that are judged, or takes them from `--keep`.
+fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<Option<Judged>>> {
+    let size = options.size;
+    let mut settings = Settings {
+        method: Method::Path,
+        reuse: Reuse::Off,
+        seed: 99,
+        ..Settings::default()
+    };
+    settings.reconstruct.still = true;
+    settings.reconstruct.still_from = 0;
+    settings.reconstruct.still_until = 1;
+    settings.gpu.timestamps = false;
+    let mut renderer = open(scene, &settings, size)?;
+    let mut judged = Vec::new();
+    for (frame, views) in views.iter().enumerate() {
+        // Two in a row show how the error changes.
+        if frame % options.every > 1 {
+            judged.push(None);
+            continue;
+        }
+        let mut halves = Vec::new();
+        for half in 0..2 {
+            let kept = options.keep.as_deref().map(|folder| {
+                let scene = options.scene.replace([':', '/'], "_");
+                let place = options
+                    .pose
+                    .map_or(String::new(), |place| format!("{place}"));
+                let name = format!(
+                    "{scene}{place}_{size}_{}_{frame}_{half}_{RENDER_CODE}",
+                    options.reference
+                );
+                ["left", "right"].map(|eye| folder.join(format!("{name}_{eye}.exr")))
+            });
+            halves.push(match kept {
+                Some([left, right]) if left.exists() && right.exists() => {
+                    [read_image(&left)?, read_image(&right)?]
+                }
+                kept => {
+                    if let Some(reconstruction) = renderer.reconstruction_mut() {
+                        reconstruction.reset();
+                    }
+                    // Frames of other numbers draw other samples.
+                    for index in 0..options.reference {
+                        renderer.render_frame(views, half * options.reference + index, |_| {})?;
+                    }
+                    let both = [
+                        image(size, renderer.read_radiance(Eye::Left)?.unwrap_or_default())?,
+                        image(
+                            size,
+                            renderer.read_radiance(Eye::Right)?.unwrap_or_default(),
+                        )?,
+                    ];
+                    if let Some(paths) = kept {
+                        write_exr(&paths[0], &both[0])?;
+                        write_exr(&paths[1], &both[1])?;
+                    }
+                    both
+                }
+            });
+        }
+        // Which points both eyes see, by what this frame's rays hit.
+        renderer.render_frame(views, 0, |_| {})?;
+        let [left, right] = EYES.map(|eye| renderer.eyes().read_hit_rays(renderer.context(), eye));
+        let (left, right) = (left?.unwrap_or_default(), right?.unwrap_or_default());
+        let twin = |eye: usize| [halves[0][eye].clone(), halves[1][eye].clone()];
+        judged.push(Some(Judged {
+            twins: [twin(0), twin(1)],
+            left_from_right: left_from_right(views, [size, size], &left, &right),
+        }));
+    }
+    Ok(judged)
 }
 
 #[derive(Default)]
 struct Tally {
     errors: Vec<f64>,
-    /// Signed relative error by pixel, of the frame before.
-    before: Option<Vec<[f64; 3]>>,
-    flicker: Vec<f64>,
+    /// Of the left eye, and which frame that was.
+    before: Option<(usize, Differences)>,
+    changes: Vec<f64>,
     binocular: Vec<f64>,
     pass_ms: BTreeMap<String, Vec<f64>>,
 }
@@ -143,12 +220,70 @@ fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
+/// Square root that keeps the sign: a product of differences may be negative by chance.
+fn root(square: f64) -> f64 {
+    square.abs().sqrt().copysign(square)
+}
+
+impl Tally {
+    fn judge(
+        &mut self,
+        frame: usize,
+        renderer: &Renderer,
+        judged: &Judged,
+        size: u32,
+    ) -> Outcome<()> {
+        let mut found = Vec::new();
+        for (eye, twins) in EYES.into_iter().zip(&judged.twins) {
+            let shown = image(size, renderer.read_radiance(eye)?.unwrap_or_default())?;
+            let differences = differences(&shown, twins);
+            self.errors.push(relative_square(&differences, twins));
+            found.push(differences);
+        }
+        self.binocular.push(binocular_square(
+            &found[0],
+            &found[1],
+            &judged.left_from_right,
+        ));
+        let left = found.swap_remove(0);
+        if let Some((before, differences)) = &self.before
+            && before + 1 == frame
+        {
+            self.changes.push(change_square(&left, differences));
+        }
+        self.before = Some((frame, left));
+        Ok(())
+    }
+}
+
+/// What a headset would show, both eyes side by side, and each eye's radiance beside it.
+fn write_picture(path: &Path, renderer: &Renderer, size: u32) -> Outcome<()> {
+    let mut pictures = Vec::new();
+    for (eye, name) in EYES.into_iter().zip(["left", "right"]) {
+        let radiance = image(size, renderer.read_radiance(eye)?.unwrap_or_default())?;
+        write_exr(&path.with_extension(format!("{name}.exr")), &radiance)?;
+        pictures.push(match renderer.read_displayed(eye)? {
+            Some(shown) => encode_display(&image(size, shown)?),
+            None => tone_map(&radiance, 1.0),
+        });
+    }
+    write_png(path, &Image::side_by_side(&pictures[0], &pictures[1])?)?;
+    Ok(())
+}
+
 fn main() -> Outcome<()> {
     let options = options()?;
+    if let Some(out) = &options.out {
+        std::fs::create_dir_all(out)?;
+    }
     let scene = Scene::builtin(&options.scene).or_else(|_| Scene::load(&options.scene))?;
     let headset = Headset::load("symmetric")?;
     let start = scene.start_pose();
-    let replay = ReplayOptions::new(headset, Pose::new(start.position, start.orientation));
+    let start = match options.pose {
+        Some(place) => Pose::new(place, DQuat::IDENTITY),
+        None => Pose::new(start.position, start.orientation),
+    };
+    let replay = ReplayOptions::new(headset, start);
     let mut session = ReplaySession::open(&options.trace, replay)?;
     let views: Vec<[View; 2]> = views_of_session(&mut session)?
         .into_iter()
@@ -156,37 +291,10 @@ fn main() -> Outcome<()> {
         .collect();
     let size = options.size;
 
-    let mut settings = Settings {
-        method: Method::Path,
-        reuse: Reuse::Off,
-        seed: 99,
-        ..Settings::default()
-    };
-    settings.reconstruct.still = true;
-    settings.reconstruct.still_from = 0;
-    settings.reconstruct.still_until = 1;
-    settings.gpu.timestamps = false;
-    let mut judge = open(&scene, &settings, size)?;
-    eprintln!(
-        "references: {} frames of {} samples",
-        views.len(),
-        options.reference
-    );
-    let mut references = Vec::new();
-    let mut pairs = Vec::new();
-    for views in &views {
-        if let Some(reconstruction) = judge.reconstruction_mut() {
-            reconstruction.reset();
-        }
-        references.push(reference(&mut judge, views, options.reference, size)?);
-        let hits = |eye| judge.eyes().read_hit_rays(judge.context(), eye);
-        let (left, right) = (
-            hits(Eye::Left)?.unwrap_or_default(),
-            hits(Eye::Right)?.unwrap_or_default(),
-        );
-        pairs.push(left_from_right(views, [size, size], &left, &right));
+    if let Some(folder) = &options.keep {
+        std::fs::create_dir_all(folder)?;
     }
-    drop(judge);
+    let judged = judge(&options, &scene, &views)?;
 
     println!(
         "| method | reuse | filter | relMSE | raw over it | change of error per frame | binocular RMSE | reconstruction, ms per megapixel |"
@@ -211,46 +319,30 @@ fn main() -> Outcome<()> {
                 ..Settings::default()
             };
             settings.photon.count = 65_536;
-            settings.gpu.shader_folder.clone_from(&options.shaders);
             settings.reconstruct.svgf = svgf;
             settings.reconstruct.stereo = stereo;
             settings.reconstruct.taa = svgf;
+            for (key, value) in &options.set {
+                settings = settings.with(key, value)?;
+            }
             let mut renderer = open(&scene, &settings, size)?;
             let mut tally = Tally::default();
             for (frame, views) in views.iter().enumerate() {
                 let result = renderer.render_frame(views, frame as u32, |_| {})?;
-                let shown = EYES.map(|eye| renderer.read_radiance(eye));
-                let [left, right] = shown;
-                let shown = [
-                    image(size, left?.unwrap_or_default())?,
-                    image(size, right?.unwrap_or_default())?,
-                ];
-                for (image, reference) in shown.iter().zip(&references[frame]) {
-                    tally.errors.push(mean(&relative_errors(image, reference)));
-                }
-                let errors = [
-                    error_image(&shown[0], &references[frame][0])?,
-                    error_image(&shown[1], &references[frame][1])?,
-                ];
-                // How the left eye's error changes: a picture whose error stays does not flicker.
-                let residual: Vec<[f64; 3]> =
-                    errors[0].pixels.iter().map(|p| p.map(f64::from)).collect();
-                if let Some(before) = &tally.before {
-                    let changes: Vec<f64> = residual
-                        .iter()
-                        .zip(before)
-                        .flat_map(|(now, before)| (0..3).map(|c| (now[c] - before[c]).powi(2)))
-                        .collect();
-                    tally.flicker.push(mean(&changes));
-                }
-                tally.before = Some(residual);
-                let binocular =
-                    binocular_error(&errors[0], &errors[1], &references[frame][1], &pairs[frame])?;
-                tally.binocular.push(binocular.rmse);
                 for (pass, (ms, _)) in &result.times.passes {
                     if pass.starts_with("reconstruction.") {
                         tally.pass_ms.entry(pass.clone()).or_default().push(*ms);
                     }
+                }
+                if let Some(judged) = &judged[frame] {
+                    tally.judge(frame, &renderer, judged, size)?;
+                }
+                if let Some(out) = &options.out
+                    && (PICTURES.contains(&frame) || frame + 1 == options.frames)
+                {
+                    let file = format!("{method:?}_{reuse:?}_{name}_{frame:03}.png");
+                    let file = file.replace(' ', "_").to_lowercase();
+                    write_picture(&out.join(file), &renderer, size)?;
                 }
             }
             let error = mean(&tally.errors);
@@ -262,8 +354,8 @@ fn main() -> Outcome<()> {
             println!(
                 "| {method:?} | {reuse:?} | {name} | {error:.4} | {:.1} | {:.4} | {:.4} | {:.0} |",
                 raw_error / error,
-                mean(&tally.flicker).sqrt(),
-                mean(&tally.binocular.iter().map(|b| b * b).collect::<Vec<_>>()).sqrt(),
+                root(mean(&tally.changes)),
+                root(mean(&tally.binocular)),
                 cost / megapixels,
             );
             if stereo && method == Method::Path && reuse == Reuse::Off {
@@ -271,22 +363,6 @@ fn main() -> Outcome<()> {
                     let pass = pass.rsplit('.').next().unwrap_or_default().to_owned();
                     *costs.entry(pass).or_insert(0.0) += median(ms) / megapixels;
                 }
-            }
-            if let Some(out) = &options.out {
-                std::fs::create_dir_all(out)?;
-                let pictures = EYES.map(|eye| -> Outcome<_> {
-                    Ok(match renderer.read_displayed(eye)? {
-                        Some(shown) => encode_display(&image(size, shown)?),
-                        None => tone_map(
-                            &image(size, renderer.read_radiance(eye)?.unwrap_or_default())?,
-                            1.0,
-                        ),
-                    })
-                });
-                let [left, right] = pictures;
-                let file =
-                    format!("{method:?}_{reuse:?}_{}.png", name.replace(' ', "_")).to_lowercase();
-                write_png(&out.join(file), &Image::side_by_side(&left?, &right?)?)?;
             }
         }
     }

@@ -152,12 +152,17 @@ impl Canvas {
         Ok(Image::new(WINDOW[0], WINDOW[1], pixels)?)
     }
 
-    fn save(&mut self, folder: &Path, name: &str) -> Outcome<()> {
-        // Windows of egui fade in.
+    /// Windows of egui fade in and out.
+    fn fade(&mut self) -> Outcome<()> {
         for _ in 0..3 {
             std::thread::sleep(Duration::from_millis(200));
             self.pass()?;
         }
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path, name: &str) -> Outcome<()> {
+        self.fade()?;
         let path = folder.join(format!("{name}.png"));
         write_png(&path, &self.image()?)?;
         println!("{}", path.display());
@@ -266,6 +271,7 @@ fn main() -> Outcome<()> {
     canvas.settle()?;
     canvas.save(&folder, "panel_help")?;
     canvas.app.show_help(false);
+    canvas.fade()?;
     canvas.app.set_tab(Tab::Inspector);
 
     // Views: the picture's area alone, a smaller one each, with its legend.

@@ -3,6 +3,7 @@
 //! - [`compare`]: relative MSE, RMSE, mean relative bias and FLIP with their standard errors, over all pixels or those of a [`Mask`];
 //! - [`RenderMoments`]: bias and variance apart, from independent renders;
 //! - [`binocular_error`]: how much the two eyes' errors disagree at points that both see;
+//! - [`twins`]: the same against references that are noisy themselves;
 //! - [`BlockStatistics`] and [`z_test`]: whether two sets of independent renders have the same expectation.
 //!
 //! Sums are formed in f64. Throughout, x is the image, r the reference, and s the mean of r^2 over the pixels and
@@ -15,6 +16,7 @@ mod comparison;
 mod flip;
 mod moments;
 mod normal;
+pub mod twins;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use blocks::{BlockStatistics, ZTest, mean_image, z_test};

@@ -313,17 +313,7 @@ impl GlbWriter {
         };
         let mut value =
             json!({ "name": light.name, "color": numbers(&color), "intensity": number(intensity) });
-        match light.kind {
-            LightKind::Point => value["type"] = json!("point"),
-            LightKind::Directional => value["type"] = json!("directional"),
-            LightKind::Spot {
-                inner_cone_rad,
-                outer_cone_rad,
-            } => {
-                value["type"] = json!("spot");
-                value["spot"] = json!({ "innerConeAngle": number(inner_cone_rad), "outerConeAngle": number(outer_cone_rad) });
-            }
-        }
+        put_light_kind(&mut value, light.kind);
         self.lights.push(value);
         self.lights.len() as u32 - 1
     }
@@ -648,6 +638,29 @@ fn round(value: f64) -> f32 {
 
 fn on_grid(v: &DVec3) -> [f32; 3] {
     [round(v.x), round(v.y), round(v.z)]
+}
+
+/// Writes the kind of a punctual light into its glTF object, over another kind if need be.
+pub(super) fn put_light_kind(value: &mut Value, kind: LightKind) {
+    match kind {
+        LightKind::Point => value["type"] = json!("point"),
+        LightKind::Directional => value["type"] = json!("directional"),
+        LightKind::Spot {
+            inner_cone_rad,
+            outer_cone_rad,
+        } => {
+            value["type"] = json!("spot");
+            if !value["spot"].is_object() {
+                value["spot"] = json!({});
+            }
+            value["spot"]["innerConeAngle"] = number(inner_cone_rad);
+            value["spot"]["outerConeAngle"] = number(outer_cone_rad);
+            return;
+        }
+    }
+    if let Some(object) = value.as_object_mut() {
+        object.shift_remove("spot");
+    }
 }
 
 /// The shortest decimal that reads back as the same f32.

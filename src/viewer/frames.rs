@@ -108,8 +108,8 @@ pub struct FrameReport {
     pub other: Option<Arc<ColorImage>>,
     /// What the colours of `eyes` mean, if they are false.
     pub legend: Option<Legend>,
-    /// A line that is said of the picture, such as why there is nothing to see.
-    pub note: Option<String>,
+    /// A line that is said of an eye's picture, such as why there is nothing to see.
+    pub notes: [Option<String>; 2],
     /// What the pixels see.
     pub seen: [Arc<Seen>; 2],
     /// The views that were rendered.

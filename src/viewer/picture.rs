@@ -195,7 +195,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if let Some(legend) = &frame.legend {
             show_legend(ui.painter(), area, legend);
         }
-        if let Some(text) = &frame.note {
+        let notes = parts
+            .iter()
+            .filter_map(|part| frame.notes[part.eye()].as_ref());
+        if let Some(text) = notes.into_iter().next() {
             note(ui.painter(), area, text);
         }
         app.frame = Some(frame);

@@ -362,12 +362,14 @@ impl Studio {
         let seen = self.seen(size)?;
         let mut legend = None;
         let is_dark = self.engine()?.renderer.scene().light_count() == 0;
-        let mut note = is_dark.then(|| {
-            "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
-                .to_owned()
+        let mut notes = [0, 1].map(|_| {
+            is_dark.then(|| {
+                "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
+                    .to_owned()
+            })
         });
         let mut eyes = Vec::with_capacity(2);
-        for eye in 0..2 {
+        for (eye, note) in notes.iter_mut().enumerate() {
             let colored = match wanted.look {
                 Look::Picture => None,
                 Look::Inspection(inspection) => match self.inspect(inspection, eye, size) {
@@ -377,7 +379,7 @@ impl Studio {
                     }
                     // Such as provenance, which the left eye does not have.
                     Err(StudioError::Render(RenderError::Settings(why))) => {
-                        note = Some(why);
+                        *note = Some(why);
                         None
                     }
                     Err(error) => return Err(error),
@@ -397,7 +399,7 @@ impl Studio {
                         }
                     }
                     _ => {
-                        note = Some("the reference begins once the view stands still".to_owned());
+                        *note = Some("the reference begins once the view stands still".to_owned());
                         None
                     }
                 },
@@ -416,7 +418,7 @@ impl Studio {
             eyes: [Arc::clone(&eyes[0]), Arc::clone(&eyes[1])],
             other: None,
             legend,
-            note,
+            notes,
             seen,
             views,
             size,

@@ -1,7 +1,7 @@
 //! What a runtime's images hold: colour against the PNG path, depth against f64, pixels that the lens hides.
 
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::images::{Image, aces_filmic, tone_map};
+use stereolux::images::{Image, ImageRgb8, aces_filmic, encode_display, tone_map};
 use stereolux::options::{Method, Reuse};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::xr::view::Fov;
@@ -164,6 +164,57 @@ fn images_hold_what_the_png_shows_encoded_once() {
         bits(&radiance(&renderer, Eye::Left)),
         bits(&radiance(&renderer, Eye::Right))
     );
+}
+
+#[test]
+fn runtime_and_mirror_get_the_reconstructed_picture() {
+    let mut settings = method(Method::Path, Reuse::Off);
+    settings.output.exposure = 1.5;
+    settings.reconstruct.svgf = true;
+    settings.reconstruct.taa = true;
+    let mut renderer = renderer(&builtin("cornell"), &settings, SIZE);
+    let library = ShaderLibrary::embedded();
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    // What is shown changes places from frame to frame: an even and an odd one.
+    for index in 0..4 {
+        renderer.render_frame(&views(), index, |_| {}).unwrap();
+        let pictures = [Eye::Left, Eye::Right].map(|eye| {
+            let shown = renderer.read_displayed(eye).unwrap().unwrap();
+            encode_display(&Image::new(SIZE[0], SIZE[1], shown).unwrap())
+        });
+        let targets = targets(renderer.context(), format, false);
+        renderer.submit_to(&library, &targets).unwrap();
+        let window = target_texture(renderer.context(), [2 * SIZE[0], SIZE[1]], format);
+        renderer.mirror_to(&library, &window).unwrap();
+        let mirrored = bytes(renderer.context(), &window, 4);
+        for (eye, picture) in pictures.iter().enumerate() {
+            let submitted = bytes(renderer.context(), &targets.color[eye], 4);
+            let rows = mirrored.chunks_exact(8 * SIZE[0] as usize);
+            let half: Vec<u8> = rows
+                .flat_map(|row| row.chunks_exact(4 * SIZE[0] as usize).nth(eye).unwrap())
+                .copied()
+                .collect();
+            for (what, found) in [("runtime", &submitted), ("mirror", &half)] {
+                // An 8-bit store may round to the neighbour, as above.
+                let furthest = |picture: &ImageRgb8| {
+                    let texels = found.chunks_exact(4).zip(&picture.pixels);
+                    texels
+                        .flat_map(|(texel, expected)| {
+                            (0..3).map(|c| texel[c].abs_diff(expected[c]))
+                        })
+                        .max()
+                        .unwrap()
+                };
+                assert!(furthest(picture) <= 1, "{what}, frame {index}, eye {eye}");
+                // The other eye's picture and the frame without reconstruction are others.
+                assert!(furthest(&pictures[1 - eye]) > 20, "{what}");
+                let eye = if eye == 0 { Eye::Left } else { Eye::Right };
+                let raw = renderer.read_samples(eye).unwrap().unwrap();
+                let raw = tone_map(&Image::new(SIZE[0], SIZE[1], raw).unwrap(), 1.5);
+                assert!(index == 0 || furthest(&raw) > 20, "{what}, frame {index}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -14,13 +14,13 @@ use super::support::{
     square_fov, start_pose,
 };
 
-const SIZE: u32 = 64;
+pub const SIZE: u32 = 64;
 const PIXELS: usize = (SIZE * SIZE) as usize;
 /// The width of the human head's eyes, metres.
-const IPD_M: f64 = 0.063;
+pub const IPD_M: f64 = 0.063;
 
 /// The path method with the filter on, changed by `change`.
-fn filtered(reuse: Reuse, change: impl FnOnce(&mut Settings)) -> Settings {
+pub fn filtered(reuse: Reuse, change: impl FnOnce(&mut Settings)) -> Settings {
     let mut settings = method(Method::Path, reuse);
     settings.reconstruct.svgf = true;
     change(&mut settings);
@@ -60,7 +60,7 @@ fn mean_of_frames(scene: &Scene, views: &[View; 2], eyes: Eyes, frames: u32) -> 
 }
 
 /// Displacement of every pixel of the second frame, and whether it is known.
-fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
+pub fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
     let reconstruction = renderer.reconstruction().unwrap();
     reconstruction
         .read_motion(renderer.context(), eye, PIXELS)
@@ -70,7 +70,7 @@ fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
 }
 
 /// Continuous pixel position of a world point in f64; `None` behind the eye.
-fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
+pub fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
     let p = view.orientation.inverse() * (point - view.position_in_world);
     let t = view.fov.tangents();
     let (tx, ty) = (p.x / -p.z, p.y / -p.z);
@@ -82,7 +82,7 @@ fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
 }
 
 /// The target: the previous frame's surface point is met to within a sixteenth of a pixel.
-const MOTION_TOLERANCE_PX: f64 = 1.0 / 16.0;
+pub const MOTION_TOLERANCE_PX: f64 = 1.0 / 16.0;
 
 #[test]
 fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before() {

@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::super::gltf_writer::{number, numbers};
-use super::super::{LightKind, Node, PunctualLight, Scene};
+use super::super::gltf_writer::{number, numbers, put_light_kind};
+use super::super::{Node, PunctualLight, Scene};
 use super::{Original, entry, extension, factor_and_strength, list_mut, note_used};
 
 const VISIBILITY: &str = "KHR_node_visibility";
@@ -149,22 +149,7 @@ fn patch_light(value: &mut Value, before: Option<&PunctualLight>, light: &Punctu
         value["color"] = numbers(&color);
         value["intensity"] = number(intensity);
     }
-    if before.is_some_and(|before| before.kind == light.kind) {
-        return;
+    if before.is_none_or(|before| before.kind != light.kind) {
+        put_light_kind(value, light.kind);
     }
-    match light.kind {
-        LightKind::Point => value["type"] = json!("point"),
-        LightKind::Directional => value["type"] = json!("directional"),
-        LightKind::Spot {
-            inner_cone_rad,
-            outer_cone_rad,
-        } => {
-            value["type"] = json!("spot");
-            let spot = entry(value, "spot", || json!({}));
-            spot["innerConeAngle"] = number(inner_cone_rad);
-            spot["outerConeAngle"] = number(outer_cone_rad);
-            return;
-        }
-    }
-    remove(value, &["spot"]);
 }

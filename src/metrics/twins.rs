@@ -1,0 +1,109 @@
+//! Errors against references that are noisy themselves.
+//!
+//! A difference from a noisy reference holds the reference's noise, which would drown what is asked here. So there are two
+//! references of every view, independent of each other, and every squared error is the product of the differences from
+//! each: its expectation is the square of the error against the truth. It may come out negative where there is none.
+
+use crate::images::{Image, ImageRgb};
+
+/// Two references of an eye's view, of one size, whose noise is independent.
+pub type Twins = [ImageRgb; 2];
+
+/// Differences from each reference, by rows from the top, in the image's unit.
+pub type Differences = [Vec<[f64; 3]>; 2];
+
+/// An image's differences from its twins; pixels that one of them lacks are left out.
+pub fn differences(image: &ImageRgb, twins: &Twins) -> Differences {
+    [0, 1].map(|twin: usize| {
+        let pixels = image.pixels.iter().zip(&twins[twin].pixels);
+        pixels
+            .map(|(x, r)| std::array::from_fn(|c| f64::from(x[c]) - f64::from(r[c])))
+            .collect()
+    })
+}
+
+/// Mean over pixels and channels of the product of two sets of differences.
+pub fn mean_product(one: &[[f64; 3]], other: &[[f64; 3]]) -> f64 {
+    let products = one
+        .iter()
+        .zip(other)
+        .flat_map(|(a, b)| (0..3).map(move |c| a[c] * b[c]));
+    products.sum::<f64>() / (3 * one.len().max(1)) as f64
+}
+
+/// relMSE as [`super::compare`] has it, without the references' noise: the squared error over the square of the references'
+/// mean plus a hundredth of its mean square; NaN if both references are black.
+pub fn relative_square(differences: &Differences, twins: &Twins) -> f64 {
+    let mean = |a: f32, b: f32| 0.5 * (f64::from(a) + f64::from(b));
+    let reference: Vec<[f64; 3]> = twins[0]
+        .pixels
+        .iter()
+        .zip(&twins[1].pixels)
+        .map(|(a, b)| std::array::from_fn(|c| mean(a[c], b[c])))
+        .collect();
+    let floor = 0.01 * mean_product(&reference, &reference);
+    let pixels = differences[0].iter().zip(&differences[1]).zip(&reference);
+    let relative =
+        pixels.flat_map(|((a, b), r)| (0..3).map(move |c| a[c] * b[c] / (r[c] * r[c] + floor)));
+    relative.sum::<f64>() / (3 * reference.len().max(1)) as f64
+}
+
+/// How much the error has changed from a frame to the next, squared: one that stays does not flicker.
+pub fn change_square(now: &Differences, before: &Differences) -> f64 {
+    let changed = [0, 1].map(|twin: usize| subtract(&now[twin], before[twin].iter()));
+    mean_product(&changed[0], &changed[1])
+}
+
+/// How far the eyes' errors lie apart at the points that both see, squared: [`super::binocular_error`] without the
+/// references' noise. `left_from_right` as there; 0 if there is no such point.
+pub fn binocular_square(
+    left: &Differences,
+    right: &Differences,
+    left_from_right: &Image<Option<u32>>,
+) -> f64 {
+    let apart = [0, 1].map(|twin: usize| {
+        let seen = right[twin].iter().zip(&left_from_right.pixels);
+        let (ours, theirs): (Vec<[f64; 3]>, Vec<&[f64; 3]>) = seen
+            .filter_map(|(here, there)| Some((*here, left[twin].get((*there)? as usize)?)))
+            .unzip();
+        subtract(&ours, theirs)
+    });
+    mean_product(&apart[0], &apart[1])
+}
+
+fn subtract<'a>(one: &[[f64; 3]], other: impl IntoIterator<Item = &'a [f64; 3]>) -> Vec<[f64; 3]> {
+    one.iter()
+        .zip(other)
+        .map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_of_the_references_does_not_count() {
+        // The truth is 1 and the image 1.1; the references scatter around the truth by far more than that.
+        let mut state = 1_u64;
+        let mut noisy = || {
+            let pixels = (0..160_000).map(|_| {
+                std::array::from_fn(|_| {
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1_442_695_040_888_963_407);
+                    0.5 + (state >> 40) as f32 / (1_u32 << 24) as f32
+                })
+            });
+            Image::new(400, 400, pixels.collect()).unwrap()
+        };
+        let twins = [noisy(), noisy()];
+        let image = ImageRgb::filled(400, 400, [1.1; 3]).unwrap();
+        let found = differences(&image, &twins);
+        let square = mean_product(&found[0], &found[1]);
+        // 480,000 products whose deviation is 1/12 + 2 (0.1 / sqrt 12): four standard errors are 8e-4.
+        assert!((square - 0.01).abs() < 8e-4, "{square}");
+        // One reference alone adds its variance, 1/12.
+        assert!(mean_product(&found[0], &found[0]) > 0.09);
+    }
+}

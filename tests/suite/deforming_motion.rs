@@ -1,0 +1,158 @@
+//! Motion vectors of what bends: where the surface point of each pixel was a frame ago, against an exhaustive search over
+//! the scene's triangles, skinned, morphed and placed in f64.
+
+use glam::{DQuat, DVec3};
+use stereolux::options::Reuse;
+use stereolux::renderer::Eye;
+use stereolux::scene::{Scene, ScenePose};
+use stereolux::xr::{Pose, View};
+
+use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, motion, project};
+use super::support::{builtin, parallel_views, renderer, square_fov, start_pose};
+
+/// Corners in the world of every triangle of a placed mesh.
+struct Placed {
+    deforms: bool,
+    triangles: Vec<[DVec3; 3]>,
+}
+
+fn placed(scene: &Scene, pose: &ScenePose) -> Vec<Placed> {
+    let instances = scene.instances().into_iter();
+    instances
+        .map(|instance| {
+            let mesh = &scene.meshes[instance.mesh];
+            let deforms = scene.deforms(instance.node);
+            let (world, positions) = if deforms {
+                let deformation = scene.deformation(instance.node, pose);
+                (deformation.world_from_object, deformation.positions(mesh))
+            } else {
+                let positions = mesh.positions.iter().map(|p| DVec3::from(p.map(f64::from)));
+                (pose.world_from_node[instance.node], positions.collect())
+            };
+            let corner = |vertex: u32| world.transform_point3(positions[vertex as usize]);
+            Placed {
+                deforms,
+                triangles: mesh
+                    .triangles
+                    .iter()
+                    .map(|triangle| triangle.vertices.map(corner))
+                    .collect(),
+            }
+        })
+        .collect()
+}
+
+/// Where a ray meets a scene: instance, triangle and the weights of its second and third corner.
+type Hit = (usize, usize, [f64; 2]);
+
+/// The nearest hit from either side (Moeller and Trumbore 1997).
+fn nearest(scene: &[Placed], origin: DVec3, direction: DVec3) -> Option<Hit> {
+    let mut found: Option<(f64, Hit)> = None;
+    for (instance, placed) in scene.iter().enumerate() {
+        for (triangle, [a, b, c]) in placed.triangles.iter().enumerate() {
+            let (e1, e2) = (*b - *a, *c - *a);
+            let p = direction.cross(e2);
+            let determinant = e1.dot(p);
+            if determinant == 0.0 {
+                continue;
+            }
+            let s = origin - *a;
+            let q = s.cross(e1);
+            let (v, w) = (s.dot(p) / determinant, direction.dot(q) / determinant);
+            let distance = e2.dot(q) / determinant;
+            let is_hit = v >= 0.0 && w >= 0.0 && v + w <= 1.0 && distance > 1e-6;
+            if is_hit && found.is_none_or(|(nearest, _)| distance < nearest) {
+                found = Some((distance, (instance, triangle, [v, w])));
+            }
+        }
+    }
+    found.map(|(_, hit)| hit)
+}
+
+/// What the eye sees at a place of its image.
+fn seen(scene: &[Placed], view: &View, at: [f64; 2]) -> Option<Hit> {
+    let ray = view.ray_through_pixel(at[0], at[1], SIZE, SIZE);
+    nearest(scene, ray.origin, ray.direction)
+}
+
+#[test]
+fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_before() {
+    let scene = builtin("parade");
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let mut renderer = renderer(&scene, &filtered(Reuse::Off, |_| {}), [SIZE, SIZE]);
+    let head = start_pose(&scene);
+    let views = |frame: usize| {
+        let step = frame as f64;
+        let turn = DQuat::from_euler(glam::EulerRot::YXZ, 0.01 * step, 0.005 * step, 0.0);
+        let moved = head.position + DVec3::new(0.02, -0.01, 0.015) * step;
+        parallel_views(
+            Pose::new(moved, head.orientation * turn),
+            IPD_M,
+            square_fov(25.0),
+        )
+    };
+    let times_s = [0.3, 0.42, 1.1];
+    let poses = times_s.map(|time_s| scene.pose_at(clip, time_s));
+    for frame in 0..times_s.len() {
+        renderer.set_pose(&poses[frame]);
+        renderer
+            .render_frame(&views(frame), frame as u32, |_| {})
+            .unwrap();
+        if frame == 0 {
+            continue;
+        }
+        let (now, then) = (
+            placed(&scene, &poses[frame]),
+            placed(&scene, &poses[frame - 1]),
+        );
+        for (eye, index) in [(Eye::Left, 0), (Eye::Right, 1)] {
+            let (view, before) = (views(frame)[index], views(frame - 1)[index]);
+            let (mut checked, mut bent) = (0, 0);
+            for (pixel, moved) in motion(&renderer, eye).iter().enumerate() {
+                let center = [pixel as u32 % SIZE, pixel as u32 / SIZE].map(|x| f64::from(x) + 0.5);
+                let Some((instance, triangle, [v, w])) = seen(&now, &view, center) else {
+                    continue;
+                };
+                if !now[instance].deforms {
+                    continue;
+                }
+                let point = |scene: &[Placed]| {
+                    let [a, b, c] = scene[instance].triangles[triangle];
+                    a + v * (b - a) + w * (c - a)
+                };
+                let Some(expected) = project(&before, point(&then)) else {
+                    continue;
+                };
+                let found = [0, 1].map(|axis| center[axis] + f64::from(moved[axis]));
+                let off = |place: [f64; 2]| {
+                    (0..2)
+                        .map(|axis| (found[axis] - place[axis]).abs())
+                        .fold(0.0, f64::max)
+                };
+                if off(expected) > MOTION_TOLERANCE_PX || moved[3] != 1.0 {
+                    // On a silhouette f32 may meet what lies behind.
+                    let step = 0.01;
+                    let around = [[-step, 0.0], [step, 0.0], [0.0, -step], [0.0, step]];
+                    let is_silhouette = around.iter().any(|[x, y]| {
+                        let near = seen(&now, &view, [center[0] + x, center[1] + y]);
+                        near.is_none_or(|(other, ..)| other != instance)
+                    });
+                    assert!(
+                        is_silhouette,
+                        "frame {frame}, {eye:?}, pixel {pixel}: {found:?}, not {expected:?}"
+                    );
+                    continue;
+                }
+                checked += 1;
+                // Negative control: a point that only the eye's motion moves would be found out.
+                let still = project(&before, point(&now));
+                bent += usize::from(still.is_none_or(|still| off(still) > MOTION_TOLERANCE_PX));
+            }
+            assert!(checked > 300, "frame {frame}, {eye:?}: {checked}");
+            assert!(
+                bent > checked / 2,
+                "frame {frame}, {eye:?}: {bent} of {checked}"
+            );
+        }
+    }
+}

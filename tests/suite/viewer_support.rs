@@ -1,0 +1,178 @@
+//! The viewer without its window: egui's harness presses keys and buttons, and what comes of it is read from the state and
+//! from the pixels that the rendering thread sends.
+
+use std::time::{Duration, Instant};
+
+use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
+use egui_kittest::Harness;
+use stereolux::options::{Method, Settings};
+use stereolux::scene::Scene;
+use stereolux::scene::edit::Document;
+use stereolux::viewer::frames::FrameReport;
+use stereolux::viewer::layout::{Layout, Part};
+use stereolux::viewer::memory::Memory;
+use stereolux::viewer::{App, Start};
+use stereolux::xr::Headset;
+
+use crate::suite::support::Folder;
+
+pub type Viewer = Harness<'static, App>;
+
+/// Long enough for a loaded machine; reached only by a fault.
+const PATIENCE: Duration = Duration::from_secs(180);
+/// Pixels per eye.
+pub const SIZE: [u32; 2] = [64, 64];
+
+/// A headset that the scenes fill.
+pub fn narrow() -> Headset {
+    let headset = Headset::load("symmetric").unwrap();
+    headset.with_fov(-21.0, 21.0, 21.0, -21.0).unwrap()
+}
+
+pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) -> Viewer {
+    let mut settings = Settings {
+        scene: scene.to_owned(),
+        size: Some(SIZE),
+        adapter: crate::suite::support::adapter_name().to_owned(),
+        ..Settings::default()
+    };
+    settings.photon.count = 4096;
+    change(&mut settings);
+    let start = Start {
+        document: Document::load(scene).unwrap(),
+        settings,
+        headset: narrow(),
+        recording: None,
+        out: folder.path().to_owned(),
+        memory: Memory {
+            layout: Layout::SideBySide,
+            ..Memory::default()
+        },
+    };
+    let app = App::new(start, || {}).unwrap();
+    let mut viewer = Harness::builder()
+        .with_size(vec2(1280.0, 800.0))
+        .with_max_steps(8)
+        .build_ui_state(|ui, app: &mut App| app.ui(ui), app);
+    until(&mut viewer, "a full frame", App::is_up_to_date);
+    viewer
+}
+
+/// Lets the viewer run until `done`.
+pub fn until(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
+    let began = Instant::now();
+    loop {
+        viewer.step();
+        if done(viewer.state()) {
+            return;
+        }
+        let said: Vec<&str> = viewer
+            .state()
+            .messages()
+            .iter()
+            .map(|message| message.text.as_str())
+            .collect();
+        assert!(
+            began.elapsed() < PATIENCE,
+            "{what}: waited in vain; {said:?}"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+pub fn shown(app: &App) -> &FrameReport {
+    app.frame().unwrap()
+}
+
+/// Waits for a full frame of what has been asked for.
+pub fn settle(viewer: &mut Viewer) {
+    // What was just pressed is answered by the next pass.
+    viewer.step();
+    until(viewer, "a new full frame", App::is_up_to_date);
+}
+
+/// Middle of the pixels of the left eye that see `node`, and where that is in the window.
+pub fn place_of(app: &App, name: &str) -> Pos2 {
+    let scene = app.document().scene();
+    let node = node_of(scene, name) as u32;
+    let seen = &shown(app).seen[0];
+    let pixels: Vec<usize> = (0..seen.nodes.len())
+        .filter(|pixel| seen.nodes[*pixel] == node)
+        .collect();
+    assert!(pixels.len() > 10, "{name} is hardly seen");
+    // One of them, for the middle of a hollow shape lies outside it.
+    let pixel = pixels[pixels.len() / 2];
+    let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
+    let (part, rect) = app.shown_at()[0];
+    assert_eq!(part, Part::Left);
+    let place = vec2(x as f32 + 0.5, y as f32 + 0.5) / vec2(SIZE[0] as f32, SIZE[1] as f32);
+    rect.min + place * rect.size()
+}
+
+pub fn node_of(scene: &Scene, name: &str) -> usize {
+    let found = scene.nodes.iter().position(|node| node.name == name);
+    found.unwrap_or_else(|| panic!("no node {name}"))
+}
+
+pub fn click_at(viewer: &mut Viewer, at: Pos2) {
+    viewer.hover_at(at);
+    viewer.step();
+    for pressed in [true, false] {
+        viewer.event(egui::Event::PointerButton {
+            pos: at,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        });
+        viewer.step();
+    }
+}
+
+pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
+    viewer.hover_at(from);
+    viewer.step();
+    viewer.step();
+    let button = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    viewer.event(button(from, true));
+    viewer.step();
+    const STEPS: u32 = 6;
+    for step in 1..=STEPS {
+        viewer.event(egui::Event::PointerMoved(
+            from + by * (step as f32 / STEPS as f32),
+        ));
+        viewer.step();
+    }
+    viewer.event(button(from + by, false));
+    viewer.step();
+}
+
+pub fn press(viewer: &mut Viewer, modifiers: Modifiers, key: Key) {
+    viewer.key_press_modifiers(modifiers, key);
+    viewer.step();
+}
+
+/// Share of pixels that differ.
+pub fn changed(a: &FrameReport, b: &[egui::Color32]) -> f64 {
+    let pixels = &a.eyes[0].pixels;
+    assert_eq!(pixels.len(), b.len());
+    let differing = pixels.iter().zip(b).filter(|(a, b)| a != b).count();
+    differing as f64 / b.len() as f64
+}
+
+pub fn errors(app: &App) -> Vec<&str> {
+    app.messages()
+        .iter()
+        .filter(|message| message.is_error)
+        .map(|message| message.text.as_str())
+        .collect()
+}
+
+pub fn path_tracing(settings: &mut Settings) {
+    settings.method = Method::Path;
+    settings.path.max_depth = 3;
+}
