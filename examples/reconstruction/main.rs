@@ -1,19 +1,20 @@
 //! What reconstruction gains over a recorded head motion, and what it costs.
 //!
-//! `cargo run --release --example reconstruction -- SCENE TRACE [flags]` renders the first frames of a trace
-//! (whatever `stereolux run --trace` reads) at one sample per pixel, raw and filtered, and prints per method and filter: the mean relMSE
-//! over the frames that were judged, how many times less than raw that is, how much the error changes from frame to frame,
-//! how much the eyes disagree, and device milliseconds per megapixel and pass.
+//! `cargo run --release --example reconstruction -- SCENE TRACE [flags]` renders the first frames of a trace (whatever
+//! `stereolux run --trace` reads) at one sample per pixel, raw and filtered, and prints per method and filter: the mean
+//! relMSE over the frames that were judged, how many times less than raw that is, how much the error changes from frame to
+//! frame, how much the eyes disagree, and device milliseconds per megapixel and pass.
 //!
 //! - `--frames N`, `--size N`: how many frames of which size.
 //! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.
 //! - `--pose "X Y Z"`: where a trajectory starts, level and looking along -Z; the scene's own start without it.
 //! - `--every N`: judges frames 0, 1, N, N + 1, 2 N, ...; all are rendered.
-//! - `--keep DIR`: references are kept there for the next run of the same code.
+//! - `--keep DIR`: references are kept there for the next run of the same code, scene (by its name) and views.
 //! - `--out DIR`: pictures and radiance of frames 10, 50, 100 and the last are written there.
 //! - `--set KEY=VALUE`: a setting, for all variants; may be repeated.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
@@ -150,15 +151,11 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
         let mut halves = Vec::new();
         for half in 0..2 {
             let kept = options.keep.as_deref().map(|folder| {
-                let scene = options.scene.replace([':', '/'], "_");
-                let place = options
-                    .pose
-                    .map_or(String::new(), |place| format!("{place}"));
-                let name = format!(
-                    "{scene}{place}_{size}_{}_{frame}_{half}_{RENDER_CODE}",
-                    options.reference
-                );
-                ["left", "right"].map(|eye| folder.join(format!("{name}_{eye}.exr")))
+                let mut hasher = DefaultHasher::new();
+                let what = (&options.scene, size, options.reference, half);
+                (what, format!("{views:?}"), RENDER_CODE).hash(&mut hasher);
+                let key = hasher.finish();
+                ["left", "right"].map(|eye| folder.join(format!("{key:016x}_{eye}.exr")))
             });
             halves.push(match kept {
                 Some([left, right]) if left.exists() && right.exists() => {
