@@ -8,7 +8,7 @@
 //! - `--frames N`, `--size N`: how many frames of which size.
 //! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.
 //! - `--pose "X Y Z"`: where a trajectory starts, level and looking along -Z; the scene's own start without it.
-//! - `--every N`: judges frames 0, 1, N, N + 1, 2 N, ...; all are rendered.
+//! - `--every N`: judges two frames in the middle of every N; all are rendered.
 //! - `--keep DIR`: references are kept there for the next run of the same code, scene (by its name) and views.
 //! - `--out DIR`: pictures and radiance of frames 10, 50, 100 and the last are written there.
 //! - `--set KEY=VALUE`: a setting, for all variants; may be repeated.
@@ -143,8 +143,10 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
     let mut renderer = open(scene, &settings, size)?;
     let mut judged = Vec::new();
     for (frame, views) in views.iter().enumerate() {
-        // Two in a row show how the error changes.
-        if frame % options.every > 1 {
+        // Two in a row show how the error changes; from the middle of their block, so that the first frames, which have no
+        // history, count no more than they should.
+        let after_middle = (frame % options.every).checked_sub(options.every / 2);
+        if after_middle.is_none_or(|after| after > 1) {
             judged.push(None);
             continue;
         }
