@@ -663,7 +663,6 @@ pub(super) fn put_light_kind(value: &mut Value, kind: LightKind) {
     }
 }
 
-/// The shortest decimal that reads back as the same f32.
 /// The shortest decimal that reads back as this f32.
 pub(super) fn number(value: f32) -> Value {
     json!(value.to_string().parse::<f64>().unwrap_or_default())

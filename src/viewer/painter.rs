@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 use egui::TextureId;
-use egui::epaint::{ClippedPrimitive, Primitive, textures::TexturesDelta};
+use egui::epaint::{ClippedPrimitive, Primitive, textures::TextureFilter, textures::TexturesDelta};
 
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
@@ -42,6 +42,8 @@ pub struct Painter {
     textures: egui_wgpu::Renderer,
     groups: HashMap<TextureId, wgpu::BindGroup>,
     layout: wgpu::BindGroupLayout,
+    nearest: wgpu::Sampler,
+    linear: wgpu::Sampler,
     pipeline: wgpu::RenderPipeline,
     corners: Growing,
     indices: Growing,
@@ -89,6 +91,8 @@ impl Painter {
                 groups: HashMap::new(),
                 pipeline: pipeline(device, &layout, &shader.wgsl, format),
                 layout,
+                nearest: sampler(device, wgpu::FilterMode::Nearest),
+                linear: sampler(device, wgpu::FilterMode::Linear),
                 corners: Growing::new(wgpu::BufferUsages::VERTEX),
                 indices: Growing::new(wgpu::BufferUsages::INDEX),
             })
@@ -134,20 +138,10 @@ impl Painter {
         let Some(texture) = &kept.texture else {
             return;
         };
-        let nearest = kept.options.is_some_and(|options| {
-            options.magnification == egui::epaint::textures::TextureFilter::Nearest
-        });
-        let filter = if nearest {
-            wgpu::FilterMode::Nearest
-        } else {
-            wgpu::FilterMode::Linear
+        let sampler = match kept.options.map(|options| options.magnification) {
+            Some(TextureFilter::Nearest) => &self.nearest,
+            _ => &self.linear,
         };
-        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some(LABEL),
-            mag_filter: filter,
-            min_filter: filter,
-            ..Default::default()
-        });
         let view = texture.create_view(&Default::default());
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
@@ -159,7 +153,7 @@ impl Painter {
                 },
                 wgpu::BindGroupEntry {
                     binding: 1,
-                    resource: wgpu::BindingResource::Sampler(&sampler),
+                    resource: wgpu::BindingResource::Sampler(sampler),
                 },
             ],
         });
@@ -220,6 +214,15 @@ impl Painter {
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }
+}
+
+fn sampler(device: &wgpu::Device, filter: wgpu::FilterMode) -> wgpu::Sampler {
+    device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some(LABEL),
+        mag_filter: filter,
+        min_filter: filter,
+        ..Default::default()
+    })
 }
 
 fn pipeline(

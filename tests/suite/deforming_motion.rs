@@ -8,7 +8,7 @@ use stereolux::scene::{Scene, ScenePose};
 use stereolux::xr::{Pose, View};
 
 use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, motion, project};
-use super::support::{builtin, parallel_views, renderer, square_fov, start_pose};
+use super::support::{builtin, meet, parallel_views, renderer, square_fov, start_pose};
 
 /// Corners in the world of every triangle of a placed mesh.
 struct Placed {
@@ -45,24 +45,16 @@ fn placed(scene: &Scene, pose: &ScenePose) -> Vec<Placed> {
 /// Where a ray meets a scene: instance, triangle and the weights of its second and third corner.
 type Hit = (usize, usize, [f64; 2]);
 
-/// The nearest hit from either side (Moeller and Trumbore 1997).
+/// The nearest hit from either side.
 fn nearest(scene: &[Placed], origin: DVec3, direction: DVec3) -> Option<Hit> {
     let mut found: Option<(f64, Hit)> = None;
     for (instance, placed) in scene.iter().enumerate() {
-        for (triangle, [a, b, c]) in placed.triangles.iter().enumerate() {
-            let (e1, e2) = (*b - *a, *c - *a);
-            let p = direction.cross(e2);
-            let determinant = e1.dot(p);
-            if determinant == 0.0 {
-                continue;
-            }
-            let s = origin - *a;
-            let q = s.cross(e1);
-            let (v, w) = (s.dot(p) / determinant, direction.dot(q) / determinant);
-            let distance = e2.dot(q) / determinant;
-            let is_hit = v >= 0.0 && w >= 0.0 && v + w <= 1.0 && distance > 1e-6;
-            if is_hit && found.is_none_or(|(nearest, _)| distance < nearest) {
-                found = Some((distance, (instance, triangle, [v, w])));
+        for (triangle, corners) in placed.triangles.iter().enumerate() {
+            if let Some((distance, weights)) = meet(origin, direction, *corners)
+                && distance > 1e-6
+                && found.is_none_or(|(nearest, _)| distance < nearest)
+            {
+                found = Some((distance, (instance, triangle, weights)));
             }
         }
     }

@@ -166,6 +166,22 @@ pub struct Triangles {
     materials: Vec<u32>,
 }
 
+/// Where a line meets a triangle, from either side: how many directions from the origin, and the weights of the second and
+/// third corner (Moeller and Trumbore 1997).
+pub fn meet(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, [f64; 2])> {
+    let (e1, e2) = (b - a, c - a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = origin - a;
+    let q = s.cross(e1);
+    let (v, w) = (s.dot(p) / determinant, direction.dot(q) / determinant);
+    let is_inside = v >= 0.0 && w >= 0.0 && v + w <= 1.0;
+    is_inside.then(|| (e2.dot(q) / determinant, [v, w]))
+}
+
 impl Triangles {
     /// Collects them.
     pub fn of(scene: &Scene) -> Self {
@@ -195,25 +211,13 @@ impl Triangles {
     ) -> Option<(f64, DVec3, u32)> {
         let mut best: Option<(f64, DVec3, u32)> = None;
         for ([a, b, c], &material) in self.corners.iter().zip(&self.materials) {
-            let (e1, e2) = (*b - *a, *c - *a);
-            let p = direction.cross(e2);
-            let determinant = e1.dot(p);
-            if determinant == 0.0 {
+            let Some((t, _)) = meet(origin, direction, [*a, *b, *c]) else {
+                continue;
+            };
+            if t <= nearest || best.is_some_and(|(other, ..)| other <= t) {
                 continue;
             }
-            let s = origin - *a;
-            let q = s.cross(e1);
-            let (u, v) = (s.dot(p) / determinant, direction.dot(q) / determinant);
-            let t = e2.dot(q) / determinant;
-            if u < 0.0
-                || v < 0.0
-                || u + v > 1.0
-                || t <= nearest
-                || best.is_some_and(|(other, ..)| other <= t)
-            {
-                continue;
-            }
-            best = Some((t, e1.cross(e2).normalize(), material));
+            best = Some((t, (*b - *a).cross(*c - *a).normalize(), material));
         }
         best
     }

@@ -4,6 +4,7 @@ use egui::{Color32, ColorImage, Context, RawInput, Rect, TextureOptions, pos2, v
 use stereolux::gpu::GpuContext;
 use stereolux::viewer::painter::{Painter, Target};
 
+use crate::suite::openxr_submit::{bytes, target_texture};
 use crate::suite::support::adapter_name;
 
 const SIZE: [u32; 2] = [192, 128];
@@ -58,51 +59,6 @@ impl Interface {
     }
 }
 
-fn canvas(gpu: &GpuContext, format: wgpu::TextureFormat) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d {
-            width: SIZE[0],
-            height: SIZE[1],
-            depth_or_array_layers: 1,
-        },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    })
-}
-
-fn read(gpu: &GpuContext, texture: &wgpu::Texture) -> Vec<u8> {
-    let row = 4 * SIZE[0];
-    assert_eq!(row % wgpu::COPY_BYTES_PER_ROW_ALIGNMENT, 0);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: u64::from(row * SIZE[1]),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_texture_to_buffer(
-        texture.as_image_copy(),
-        wgpu::TexelCopyBufferInfo {
-            buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(row),
-                rows_per_image: None,
-            },
-        },
-        texture.size(),
-    );
-    gpu.queue.submit([encoder.finish()]);
-    buffer.slice(..).map_async(wgpu::MapMode::Read, |_| ());
-    gpu.wait("test").unwrap();
-    buffer.slice(..).get_mapped_range().unwrap().to_vec()
-}
-
 /// Draws two passes by egui-wgpu.
 fn by_library(gpu: &GpuContext, format: wgpu::TextureFormat, color: Color32) -> Vec<u8> {
     let mut interface = Interface {
@@ -114,8 +70,7 @@ fn by_library(gpu: &GpuContext, format: wgpu::TextureFormat, color: Color32) -> 
         ..Default::default()
     };
     let mut painter = egui_wgpu::Renderer::new(&gpu.device, format, options);
-    let texture = canvas(gpu, format);
-    let view = texture.create_view(&Default::default());
+    let view = target_texture(gpu, SIZE, format);
     for _ in 0..2 {
         let output = interface.pass(color);
         for (id, deltas) in &output.textures_delta.set {
@@ -144,7 +99,7 @@ fn by_library(gpu: &GpuContext, format: wgpu::TextureFormat, color: Color32) -> 
         painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
         gpu.queue.submit([encoder.finish()]);
     }
-    read(gpu, &texture)
+    bytes(gpu, &view, 4)
 }
 
 /// Draws two passes by the viewer's painter.
@@ -154,8 +109,7 @@ fn by_painter(gpu: &GpuContext, format: wgpu::TextureFormat, color: Color32) -> 
         picture: None,
     };
     let mut painter = Painter::new(gpu, format).unwrap();
-    let texture = canvas(gpu, format);
-    let view = texture.create_view(&Default::default());
+    let view = target_texture(gpu, SIZE, format);
     for pass in 0..3 {
         let output = interface.pass(color);
         let jobs = interface
@@ -172,7 +126,7 @@ fn by_painter(gpu: &GpuContext, format: wgpu::TextureFormat, color: Color32) -> 
             .paint(gpu, &output.textures_delta, &jobs, target)
             .unwrap();
     }
-    read(gpu, &texture)
+    bytes(gpu, &view, 4)
 }
 
 fn furthest(one: &[u8], other: &[u8]) -> u8 {
