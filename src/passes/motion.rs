@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: true,
     reads: &["hit_rays", "first_surfaces", "scatter_winners", "provenance", "left_first_surfaces"],
-    writes: &["seen_surfaces", "motion"],
+    writes: &["seen_surfaces", "motion", "seen_emission"],
 };

@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Puts the filtered light, the albedo and the mean of still frames together.",
     over: Over::Pixels,
     traces: true,
-    reads: &["radiance_sum", "parts_sum", "seen_surfaces", "direct_filtered", "indirect_filtered"],
+    reads: &["radiance_sum", "parts_sum", "seen_surfaces", "seen_emission", "direct_filtered", "indirect_filtered"],
     writes: &["still_sum", "reconstructed"],
 };

@@ -77,6 +77,8 @@ struct EyeBuffers {
     /// This frame's and the one's before, in turn.
     seen: [wgpu::Buffer; 2],
     motion: wgpu::Buffer,
+    /// What surfaces send out by themselves, in halves.
+    emission: wgpu::Buffer,
     moments: [wgpu::Buffer; 2],
     lengths: [wgpu::Buffer; 2],
     /// Before the eyes share.
@@ -232,9 +234,7 @@ impl Reconstruction {
         };
         if self.plan.svgf || self.plan.taa {
             for (eye, own) in &self.eyes {
-                let resources = Resources::new()
-                    .with("seen_surfaces", &own.seen[turn])
-                    .with("motion", &own.motion);
+                let resources = own.seen_and_moved(turn);
                 add(*eye, &passes::motion::PASS, 0, resources)?;
             }
         }
@@ -551,6 +551,7 @@ impl EyeBuffers {
         Ok(Self {
             seen: pair("seen surfaces", moves, 16)?,
             motion: buffer("motion", moves, 16)?,
+            emission: buffer("seen emission", plan.svgf, 8)?,
             moments: pair("moments", plan.svgf, 16)?,
             lengths: pair("history length", plan.svgf, 4)?,
             own_moments: buffer("own moments", plan.stereo, 16)?,
@@ -574,6 +575,7 @@ impl EyeBuffers {
         Resources::new()
             .with("seen_surfaces", &self.seen[turn])
             .with("motion", &self.motion)
+            .with("seen_emission", &self.emission)
     }
 
     /// What `stereo_share` reads of both eyes and where it puts the light that lies in `slot`.
