@@ -65,6 +65,7 @@ mod suite {
     pub mod options_flags;
     pub mod options_saving;
     pub mod options_settings;
+    pub mod outliers;
     pub mod parts;
     pub mod photon_map;
     pub mod photons_over_time;

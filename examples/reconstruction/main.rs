@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release --example reconstruction -- SCENE TRACE [flags]` renders the first frames of a trace (whatever
 //! `stereolux run --trace` reads) at one sample per pixel, raw and filtered, and prints per method and filter: the mean
-//! relMSE over the frames that were judged, how many times less than raw that is, how much the error changes from frame to
-//! frame, how much the eyes disagree, and device milliseconds per megapixel and pass.
+//! relMSE over the frames that were judged, how many times less than raw that is, how bright the pictures are against
+//! their references, how much the error changes from frame to frame, how much the eyes disagree, and device milliseconds per megapixel and pass.
 //!
 //! - `--frames N`, `--size N`: how many frames of which size.
 //! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.
@@ -202,6 +202,8 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
 #[derive(Default)]
 struct Tally {
     errors: Vec<f64>,
+    /// Sums of all channels, of the pictures and of their references.
+    shown_and_reference: [f64; 2],
     /// Of the left eye, and which frame that was.
     before: Option<(usize, Differences)>,
     changes: Vec<f64>,
@@ -236,6 +238,16 @@ impl Tally {
         for (eye, twins) in EYES.into_iter().zip(&judged.twins) {
             let shown = image(size, renderer.read_radiance(eye)?.unwrap_or_default())?;
             let differences = differences(&shown, twins);
+            let sum = |image: &ImageRgb| {
+                image
+                    .pixels
+                    .iter()
+                    .flatten()
+                    .map(|&c| f64::from(c))
+                    .sum::<f64>()
+            };
+            self.shown_and_reference[0] += sum(&shown);
+            self.shown_and_reference[1] += 0.5 * (sum(&twins[0]) + sum(&twins[1]));
             self.errors.push(relative_square(&differences, twins));
             found.push(differences);
         }
@@ -296,9 +308,9 @@ fn main() -> Outcome<()> {
     let judged = judge(&options, &scene, &views)?;
 
     println!(
-        "| method | reuse | filter | relMSE | raw over it | change of error per frame | binocular RMSE | reconstruction, ms per megapixel |"
+        "| method | reuse | filter | relMSE | raw over it | brightness | change of error per frame | binocular RMSE | reconstruction, ms per megapixel |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let mut costs = BTreeMap::new();
     for (method, reuse) in [
         (Method::Path, Reuse::Off),
@@ -351,8 +363,9 @@ fn main() -> Outcome<()> {
             let megapixels = 2.0 * f64::from(size * size) * 1e-6;
             let cost: f64 = tally.pass_ms.values().map(|ms| median(ms)).sum();
             println!(
-                "| {method:?} | {reuse:?} | {name} | {error:.4} | {:.1} | {:.4} | {:.4} | {:.0} |",
+                "| {method:?} | {reuse:?} | {name} | {error:.4} | {:.1} | {:.3} | {:.4} | {:.4} | {:.0} |",
                 raw_error / error,
+                tally.shown_and_reference[0] / tally.shown_and_reference[1],
                 root(mean(&tally.changes)),
                 root(mean(&tally.binocular)),
                 cost / megapixels,

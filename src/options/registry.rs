@@ -340,6 +340,15 @@ pub static SETTINGS: &[Setting] = &[
         "distance from the tangent plane at which a neighbour's weight is 1/e",
     ),
     setting(
+        "reconstruct.firefly_frames",
+        Kind::Whole {
+            min: 0,
+            max: 1_000_000,
+        },
+        "frames",
+        "light with at most so many frames behind it is limited to its brightest neighbour's; 0 never",
+    ),
+    setting(
         "reconstruct.taa_alpha",
         SHARE,
         "",

@@ -77,7 +77,7 @@ struct EyeBuffers {
     /// This frame's and the one's before, in turn.
     seen: [wgpu::Buffer; 2],
     motion: wgpu::Buffer,
-    /// What surfaces send out by themselves, in halves.
+    /// What surfaces send out by themselves, three numbers.
     emission: wgpu::Buffer,
     moments: [wgpu::Buffer; 2],
     lengths: [wgpu::Buffer; 2],
@@ -389,7 +389,8 @@ impl Reconstruction {
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
             carries_rays: u32::from(carries_rays),
-            padding: [0; 3],
+            firefly_frames: own.firefly_frames as f32,
+            padding: [0; 2],
         };
         context
             .queue
@@ -551,7 +552,7 @@ impl EyeBuffers {
         Ok(Self {
             seen: pair("seen surfaces", moves, 16)?,
             motion: buffer("motion", moves, 16)?,
-            emission: buffer("seen emission", plan.svgf, 8)?,
+            emission: buffer("seen emission", plan.svgf, 12)?,
             moments: pair("moments", plan.svgf, 16)?,
             lengths: pair("history length", plan.svgf, 4)?,
             own_moments: buffer("own moments", plan.stereo, 16)?,

@@ -96,6 +96,7 @@ fn host() -> BTreeMap<String, Layout> {
             taa_alpha,
             taa_clip,
             carries_rays,
+            firefly_frames,
             padding,
         }),
         host_layout!(submit::Submit {

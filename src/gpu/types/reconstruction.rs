@@ -38,6 +38,8 @@ pub struct Reconstruction {
     pub taa_clip: f32,
     /// 1 if reused pixels of the right eye have the left eye's rays.
     pub carries_rays: u32,
+    /// Frames of history up to which light is limited to its brightest neighbour's.
+    pub firefly_frames: f32,
     /// Unused.
-    pub padding: [u32; 3],
+    pub padding: [u32; 2],
 }

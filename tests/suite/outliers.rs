@@ -1,0 +1,191 @@
+//! What the filter must not spread or keep: what surfaces send out by themselves, and rare bright samples that nothing has
+//! averaged yet.
+
+use glam::{DQuat, DVec3};
+use stereolux::images::luminance;
+use stereolux::options::{Method, Reuse};
+use stereolux::renderer::Eye;
+use stereolux::scene::{Material, Scene};
+
+use super::hard_support::{add, eyes_at, mesh, quad};
+use super::reconstruction::{SIZE, filtered};
+use super::support::{builtin, method, parallel_views, radiance, renderer, square_fov, start_pose};
+
+const EMISSION: f32 = 3.1;
+
+/// A pane behind bars thinner than a pixel, all of one mesh, 2 m in front of the origin; nothing reflects.
+fn pane_and_bars() -> Scene {
+    let mut scene = Scene::default();
+    let pane = Material {
+        emission: [EMISSION; 3],
+        ..Material::lambert("pane", [0.0; 3])
+    };
+    let wide = DVec3::new(8.0, 0.0, 0.0);
+    let tall = DVec3::new(0.0, 8.0, 0.0);
+    add(
+        &mut scene,
+        &quad(DVec3::new(-4.0, -4.0, -2.0), wide, tall),
+        pane,
+    );
+    // A pixel is 4 m / 64 wide there.
+    let (period, width) = (0.131, 0.045);
+    let bars: Vec<_> = (0..60)
+        .flat_map(|bar| {
+            let x = -4.0 + period * f64::from(bar);
+            quad(DVec3::new(x, -4.0, -1.995), DVec3::X * width, tall)
+        })
+        .collect();
+    let mut bars = mesh(&bars);
+    for triangle in &mut bars.triangles {
+        triangle.material = scene.materials.len() as u32;
+    }
+    scene.materials.push(Material::lambert("bars", [0.0; 3]));
+    let window = &mut scene.meshes[0];
+    let first = window.positions.len() as u32;
+    for triangle in &mut bars.triangles {
+        for corner in &mut triangle.vertices {
+            *corner += first;
+        }
+    }
+    window.positions.append(&mut bars.positions);
+    window.normals.append(&mut bars.normals);
+    window.tangents.append(&mut bars.tangents);
+    window.uv0.append(&mut bars.uv0);
+    window.uv1.append(&mut bars.uv1);
+    window.colors.append(&mut bars.colors);
+    window.triangles.append(&mut bars.triangles);
+    scene
+}
+
+#[test]
+fn a_pane_does_not_mix_with_the_bars_before_it() {
+    let scene = pane_and_bars();
+    // Nothing is left to the filter, and the reflected light that is added is 0.
+    for (method, reuse) in [
+        (Method::Path, Reuse::Off),
+        (Method::Photon, Reuse::Off),
+        (Method::Photon, Reuse::Scatter),
+    ] {
+        for spp in [1, 2] {
+            let settings = filtered(reuse, |s| {
+                s.method = method;
+                s.spp = spp;
+            });
+            let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+            for step in 0..6 {
+                let head = DVec3::new(0.021, 0.008, 0.0) * f64::from(step);
+                let views = eyes_at(head, DQuat::IDENTITY, 45.0);
+                renderer
+                    .render_frame(&views, step as u32, |_| {})
+                    .expect("a frame");
+            }
+            let what = format!("{method:?} {reuse:?}, {spp} samples");
+            let mut worst = 0.0_f64;
+            for eye in [Eye::Left, Eye::Right] {
+                let raw = renderer.read_samples(eye).unwrap().unwrap();
+                let lit = raw.iter().filter(|p| p[0] > 0.5 * EMISSION).count();
+                assert!(lit > raw.len() / 3 && lit < raw.len(), "{what}: {lit} lit");
+                for (raw, shown) in raw.iter().zip(&radiance(&renderer, eye)) {
+                    worst = worst.max((f64::from(raw[0]) - f64::from(shown[0])).abs());
+                }
+            }
+            // Negative control: with two samples per pixel the pane is filtered as all else, and mixes.
+            if spp == 1 {
+                assert!(worst == 0.0, "{what}: {worst}");
+            } else {
+                assert!(worst > 0.1 * f64::from(EMISSION), "{what}: {worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
+    let scene = builtin("cornell");
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let least_albedo = 0.01;
+    for frames in [0, 4] {
+        // Without the wavelet the first frame's picture is the limited light times albedo.
+        let settings = {
+            let mut settings = method(Method::Path, Reuse::Off);
+            settings.reconstruct.svgf = true;
+            settings.reconstruct.stereo = false;
+            settings.reconstruct.atrous_passes = 0;
+            settings.reconstruct.firefly_frames = frames;
+            settings.output.parts = true;
+            settings
+        };
+        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+        renderer.render_frame(&views, 0, |_| {}).unwrap();
+        let parts = renderer.read_parts(Eye::Left).unwrap().unwrap();
+        let shown = radiance(&renderer, Eye::Left);
+        let raw = renderer.read_samples(Eye::Left).unwrap().unwrap();
+        // The f64 twin, away from the lamp, whose emission goes past all this.
+        let light: Vec<[[f64; 3]; 2]> = (0..raw.len())
+            .map(|i| {
+                let over = |part: &[f32; 3]| {
+                    std::array::from_fn(|c| {
+                        f64::from(part[c]) / f64::from(parts.albedo[i][c]).max(least_albedo)
+                    })
+                };
+                [over(&parts.direct[i]), over(&parts.indirect[i])]
+            })
+            .collect();
+        let size = SIZE as i32;
+        let brightest = |pixel: usize, kind: usize| {
+            let (x, y) = (pixel as i32 % size, pixel as i32 / size);
+            let mut found = 0.0_f64;
+            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+                let (nx, ny) = (x + dx, y + dy);
+                let inside = (0..size).contains(&nx) && (0..size).contains(&ny);
+                if inside && (dx, dy) != (0, 0) {
+                    found = found.max(luminance(light[(ny * size + nx) as usize][kind]));
+                }
+            }
+            found
+        };
+        let is_lamp = |pixel: usize| raw[pixel][0] > 10.0;
+        let (mut limited, mut judged) = (0, 0);
+        for pixel in 0..raw.len() {
+            let (x, y) = (pixel as i32 % size, pixel as i32 / size);
+            let near_lamp = (-1..=1).any(|dy| {
+                (-1..=1).any(|dx| {
+                    let (nx, ny) = ((x + dx).clamp(0, size - 1), (y + dy).clamp(0, size - 1));
+                    is_lamp((ny * size + nx) as usize)
+                })
+            });
+            if near_lamp {
+                continue;
+            }
+            judged += 1;
+            let mut expected = [0.0_f64; 3];
+            let mut is_limited = false;
+            for kind in 0..2 {
+                let own = luminance(light[pixel][kind]);
+                let share = if frames == 0 {
+                    1.0
+                } else {
+                    (brightest(pixel, kind) / own.max(1e-30)).min(1.0)
+                };
+                is_limited |= share < 0.99 && own > 0.0;
+                for (channel, sum) in expected.iter_mut().enumerate() {
+                    let albedo = f64::from(parts.albedo[pixel][channel]).max(least_albedo);
+                    *sum += albedo * share * light[pixel][kind][channel];
+                }
+            }
+            limited += u32::from(is_limited);
+            for (found, expected) in shown[pixel].iter().zip(expected) {
+                // A dozen roundings, of parts that add up to no more than the sum.
+                let slack = 16.0 / f64::from(1u32 << 24) * expected.abs() + 1e-12;
+                let off = (f64::from(*found) - expected).abs();
+                assert!(
+                    off <= slack,
+                    "pixel {pixel}, {frames} frames: {off} of {expected}"
+                );
+            }
+        }
+        assert!(judged > 3000, "{judged}");
+        // A pixel is the brightest of nine about every ninth time, in either kind of light.
+        assert_eq!(limited > 300, frames > 0, "{limited} limited");
+    }
+}
