@@ -27,8 +27,8 @@ pub struct ReconstructSettings {
     pub sigma_normal: f64,
     /// Distance from the tangent plane, in pixel widths, at which a neighbour's weight is 1/e; default 1.
     pub sigma_plane_px: f64,
-    /// Light with at most so many frames behind it is limited to its brightest neighbour's, 0: never; default 4, which takes
-    /// in mirrors and glass, whose histories are no longer than that (Hardie and Barner 1994).
+    /// Light with at most so many frames behind it is limited to its brightest neighbour's, 0: never; default 1. From 4 on
+    /// mirrors and glass are always limited, since their histories are no longer (Hardie and Barner 1994).
     pub firefly_frames: u32,
     /// Share of a new frame in the displayed image, 0 to 1; default 0.1 (Karis 2014).
     pub taa_alpha: f64,
@@ -54,7 +54,7 @@ impl Default for ReconstructSettings {
             sigma_luminance: 4.0,
             sigma_normal: 128.0,
             sigma_plane_px: 1.0,
-            firefly_frames: 4,
+            firefly_frames: 1,
             taa_alpha: 0.1,
             taa_clip: 1.0,
             still_from: 16,
