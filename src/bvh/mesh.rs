@@ -48,6 +48,10 @@ impl MaterialMarks {
     }
 }
 
+/// Meshes of so few triangles need no node: the instance's box has been met already. Cornell's walls gain 8 %; with 2 it is
+/// 5 %, with 12 (its boxes too) 4 %.
+const FEW_TRIANGLES: u32 = 4;
+
 /// Where one mesh lies in the arrays of [`MeshHierarchies`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshRange {
@@ -65,6 +69,17 @@ pub struct MeshRange {
     pub depth: u32,
     /// Its bounds in object space, without padding; `None` if it has no triangles.
     pub bounds: Option<Bounds32>,
+}
+
+impl MeshRange {
+    /// Where a ray begins in this mesh, as a stack entry of the traversal: its triangles, if they are few, else its root.
+    pub fn entry(&self) -> u32 {
+        if (1..=FEW_TRIANGLES).contains(&self.triangle_count) {
+            self.first_triangle | self.triangle_count << MAX_INDEX.ilog2()
+        } else {
+            self.root
+        }
+    }
 }
 
 /// The hierarchies of all meshes in one set of arrays; all indices in them are global.

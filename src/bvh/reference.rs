@@ -5,7 +5,7 @@
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
 
-use super::{MESH_STACK, TOP_STACK};
+use super::{MAX_INDEX, MESH_STACK, TOP_STACK};
 use crate::gpu::types::bvh::{BvhNode, Instance, Triangle};
 
 /// The arrays that the shader sees.
@@ -222,7 +222,10 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
                     );
                 slabs = SlabRay::new(origin, direction, MESH_PAD);
                 current = Some((index, ShearRay::new(origin, direction, error)));
-                entry = (instance.blas_root, 0);
+                entry = (
+                    instance.blas_root & (MAX_INDEX - 1),
+                    instance.blas_root >> MAX_INDEX.ilog2(),
+                );
                 continue;
             }
             (_, Some((instance, sheared))) => {

@@ -457,6 +457,39 @@ fn arrays_of_several_meshes_refer_to_their_own() {
 }
 
 #[test]
+fn few_triangles_are_met_without_a_node_and_alike() {
+    let mut random = Random(8);
+    let counts = [1_u32, 4, 5, 12];
+    let meshes: Vec<Mesh> = counts
+        .iter()
+        .map(|&count| soup(&mut random, count as usize, 0.8))
+        .collect();
+    let sources: Vec<_> = (0..4)
+        .map(|i| placed(DAffine3::from_translation(random.vector()), i))
+        .collect();
+    let world = World::new(&meshes, &sources, DVec3::ZERO);
+    for (range, count) in world.meshes.meshes.iter().zip(counts) {
+        let begins_at_triangles = range.entry() >> MAX_INDEX.ilog2() == count;
+        assert_eq!(begins_at_triangles, count <= 4, "{count} triangles");
+    }
+    let mut instances = world.top.instances().to_vec();
+    for (instance, range) in instances.iter_mut().zip(&world.meshes.meshes) {
+        instance.blas_root = range.root;
+    }
+    let by_nodes = Arrays {
+        instances: &instances,
+        ..world.arrays()
+    };
+    let mut hits = 0;
+    for ray in random_rays(&mut random, 4000, 1.5) {
+        let found = trace(&world.arrays(), &ray, false);
+        assert_eq!(found, trace(&by_nodes, &ray, false));
+        hits += u32::from(found.is_some());
+    }
+    assert!(hits > 500, "{hits}");
+}
+
+#[test]
 fn builds_repeat_exactly() {
     // Enough triangles for the builder's parallel paths. Leaf order decides ties and keys alpha, so it must not depend
     // on scheduling.

@@ -87,13 +87,13 @@ impl TopLevel {
                     mesh: source.mesh,
                     count: meshes.meshes.len(),
                 })?;
-            let placed = place(origin_in_world, source, mesh.root);
+            let placed = place(origin_in_world, source, mesh.entry());
             let bounds = placed
                 .zip(mesh.bounds)
                 .map(|((_, placement), bounds)| placement.bounds(&bounds));
             self.skipped += u32::from(placed.is_none());
             let blank = Instance {
-                blas_root: mesh.root,
+                blas_root: mesh.entry(),
                 node: source.node,
                 ..Instance::default()
             };

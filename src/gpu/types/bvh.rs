@@ -56,7 +56,7 @@ pub struct Instance {
     pub object_from_render_1: [f32; 4],
     /// Row 2 of the inverse.
     pub object_from_render_2: [f32; 4],
-    /// Root of the mesh in the array of mesh nodes.
+    /// Where a ray begins in the mesh, as a stack entry: its root in the array of mesh nodes, or its few triangles.
     pub blas_root: u32,
     /// Where the emissive triangles of this instance begin in the table of lights.
     pub first_emitter: u32,
