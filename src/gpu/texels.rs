@@ -11,6 +11,7 @@ use super::context::{GpuContext, GpuError};
 pub const ROW_TEXELS: u32 = 4096;
 /// Bytes of a texel: four words.
 pub const TEXEL_BYTES: u64 = 16;
+const ROW_BYTES: u64 = ROW_TEXELS as u64 * TEXEL_BYTES;
 
 /// A texture that holds what a buffer holds.
 pub struct TexelCopy {
@@ -27,6 +28,75 @@ impl TexelCopy {
         }
     }
 
+    /// Makes room for what a buffer of `bytes` bytes holds: true if the texture is another one now, so that all must be
+    /// copied and it must be bound again.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`], where the texture does not fit.
+    pub fn fit(&mut self, context: &GpuContext, bytes: u64) -> Result<bool, GpuError> {
+        let rows = bytes.div_ceil(ROW_BYTES).max(1) as u32;
+        let fits = |(texture, _): &(wgpu::Texture, _)| texture.height() == rows;
+        if self.texture.as_ref().is_some_and(fits) {
+            return Ok(false);
+        }
+        let texture = context.guarded(self.label, || {
+            Ok(context.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(self.label),
+                size: extent(ROW_TEXELS, rows),
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            }))
+        })?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        self.texture = Some((texture, view));
+        Ok(true)
+    }
+
+    /// Records a copy of the rows that hold these bytes of the buffer, for which there is room.
+    pub fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        buffer: &wgpu::Buffer,
+        bytes: Range<u64>,
+    ) {
+        let Some((texture, _)) = &self.texture else {
+            return;
+        };
+        let texels = (buffer.size() / TEXEL_BYTES) as u32;
+        let (full, rest) = (texels / ROW_TEXELS, texels % ROW_TEXELS);
+        let first = (bytes.start / ROW_BYTES) as u32;
+        let last = bytes.end.min(buffer.size()).div_ceil(ROW_BYTES) as u32;
+        // Whole rows, then what the last one has.
+        let whole = last.min(full).saturating_sub(first);
+        let end = if last > full { rest } else { 0 };
+        for (row, size) in [(first, extent(ROW_TEXELS, whole)), (full, extent(end, 1))] {
+            if size.width == 0 || size.height == 0 {
+                continue;
+            }
+            encoder.copy_buffer_to_texture(
+                wgpu::TexelCopyBufferInfo {
+                    buffer,
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset: u64::from(row) * ROW_BYTES,
+                        bytes_per_row: Some(ROW_BYTES as u32),
+                        rows_per_image: None,
+                    },
+                },
+                wgpu::TexelCopyTextureInfo {
+                    texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: row, z: 0 },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                size,
+            );
+        }
+    }
+
     /// Records a copy of the rows that hold these bytes of the buffer, or of all that it has where the texture is another
     /// one now: true, so that it must be bound again.
     ///
@@ -39,64 +109,10 @@ impl TexelCopy {
         buffer: &wgpu::Buffer,
         bytes: Range<u64>,
     ) -> Result<bool, GpuError> {
-        let texels = (buffer.size() / TEXEL_BYTES) as u32;
-        let (full, rest) = (texels / ROW_TEXELS, texels % ROW_TEXELS);
-        let rows = texels.div_ceil(ROW_TEXELS).max(1);
-        let is_new = self
-            .texture
-            .as_ref()
-            .is_none_or(|(texture, _)| texture.height() != rows);
-        let (first, last) = if is_new {
-            (0, rows)
-        } else {
-            let row_bytes = u64::from(ROW_TEXELS) * TEXEL_BYTES;
-            let last = bytes.end.min(buffer.size()).div_ceil(row_bytes);
-            ((bytes.start / row_bytes) as u32, last as u32)
-        };
+        let is_new = self.fit(context, buffer.size())?;
+        let bytes = if is_new { 0..buffer.size() } else { bytes };
         context.guarded(self.label, || {
-            if is_new {
-                let texture = context.device.create_texture(&wgpu::TextureDescriptor {
-                    label: Some(self.label),
-                    size: extent(ROW_TEXELS, rows),
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D2,
-                    format: wgpu::TextureFormat::Rgba32Uint,
-                    usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
-                    view_formats: &[],
-                });
-                let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-                self.texture = Some((texture, view));
-            }
-            let Some((texture, _)) = &self.texture else {
-                return Ok(());
-            };
-            // Whole rows, then what the last one has.
-            let whole = last.min(full).saturating_sub(first);
-            let end = if last > full { rest } else { 0 };
-            for (row, size) in [(first, extent(ROW_TEXELS, whole)), (full, extent(end, 1))] {
-                if size.width == 0 || size.height == 0 {
-                    continue;
-                }
-                let bytes_per_row = ROW_TEXELS * TEXEL_BYTES as u32;
-                encoder.copy_buffer_to_texture(
-                    wgpu::TexelCopyBufferInfo {
-                        buffer,
-                        layout: wgpu::TexelCopyBufferLayout {
-                            offset: u64::from(row) * u64::from(bytes_per_row),
-                            bytes_per_row: Some(bytes_per_row),
-                            rows_per_image: None,
-                        },
-                    },
-                    wgpu::TexelCopyTextureInfo {
-                        texture,
-                        mip_level: 0,
-                        origin: wgpu::Origin3d { x: 0, y: row, z: 0 },
-                        aspect: wgpu::TextureAspect::All,
-                    },
-                    size,
-                );
-            }
+            self.record(encoder, buffer, bytes);
             Ok(())
         })?;
         Ok(is_new)

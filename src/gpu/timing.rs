@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::buffers::map_and_copy;
 use super::context::{GpuContext, GpuError};
 use super::kernel::{Bound, Kernel};
+use super::texels::TexelCopy;
 
 /// Queries of one set; wgpu's own limit.
 const QUERIES: u32 = 4096;
@@ -153,6 +154,11 @@ impl<'a> FrameRecorder<'a> {
     /// Copies the first `bytes` bytes from one buffer to another.
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+    }
+
+    /// Copies a buffer into the texture that holds its copy.
+    pub fn copy_to_texels(&mut self, from: &wgpu::Buffer, to: &TexelCopy) {
+        to.record(&mut self.encoder, from, 0..from.size());
     }
 
     /// Submits, waits, and adds the device times to `times`.

@@ -3,6 +3,7 @@
 use super::kd_tree::{KD_DIGIT_BITS, KD_DIGITS, KdTree, largest_tree};
 use super::photon_map::{PHOTON_BYTES, RADIX_BLOCK, SCAN_LIMIT};
 use crate::gpu::GpuContext;
+use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
 use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
 
@@ -63,6 +64,8 @@ pub struct PhotonMapConfig {
     pub search: Search,
     /// How a gather loads them.
     pub loads: Loads,
+    /// Gathers read them from a copy in a texture: the feature `record_texels`.
+    pub texels: bool,
 }
 
 impl PhotonMapConfig {
@@ -116,8 +119,8 @@ fn digit_bits(cells: u32) -> u32 {
     cell_bits.div_ceil(RADIX_DIGITS)
 }
 
-/// Photons that a list which grows by itself may reach: what the adapter binds, and the sort's table and a kd-tree can
-/// count.
+/// Photons that a list which grows by itself may reach: what the adapter binds, a texture of their copies holds, and the
+/// sort's table and a kd-tree can count.
 pub(super) fn largest_capacity(context: &GpuContext, config: &PhotonMapConfig) -> u32 {
     let bound = context.max_binding_bytes / PHOTON_BYTES;
     let sorted = (SCAN_LIMIT >> config.digits().1) * u64::from(RADIX_BLOCK);
@@ -125,5 +128,15 @@ pub(super) fn largest_capacity(context: &GpuContext, config: &PhotonMapConfig) -
         Search::Grid => u64::MAX,
         Search::KdTree => largest_tree(),
     };
-    bound.min(sorted).min(treed).min(u64::from(u32::MAX)) as u32
+    let copied = if config.texels {
+        let rows = u64::from(context.device.limits().max_texture_dimension_2d);
+        rows * u64::from(ROW_TEXELS) * TEXEL_BYTES / PHOTON_BYTES
+    } else {
+        u64::MAX
+    };
+    bound
+        .min(sorted)
+        .min(treed)
+        .min(copied)
+        .min(u64::from(u32::MAX)) as u32
 }

@@ -208,6 +208,7 @@ impl Renderer {
             shares: settings.photon.shares,
             max_depth: settings.photon.max_depth,
             capacity: settings.photon.capacity,
+            texels,
             cells: settings.photon.grid_cells_max,
             search: match kind {
                 MapKind::Photons => settings.photon.search,

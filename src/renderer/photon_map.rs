@@ -9,6 +9,7 @@ use super::kernels::KernelSet;
 use super::map_config::largest_capacity;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
+use crate::gpu::texels::TexelCopy;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
 use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
@@ -59,6 +60,8 @@ struct Buffers {
     path_sums: wgpu::Buffer,
     photons: wgpu::Buffer,
     sorted: wgpu::Buffer,
+    /// What gathers read in its place.
+    sorted_texels: Option<TexelCopy>,
     radix: [wgpu::Buffer; 2],
     radix_table: wgpu::Buffer,
     radix_sums: wgpu::Buffer,
@@ -188,12 +191,20 @@ impl PhotonMap {
                 counts: path_counts.clone(),
             }]
         };
+        let sorted_texels = if config.texels {
+            let mut copy = TexelCopy::new("photons in cell order");
+            copy.fit(context, photon_bytes)?;
+            Some(copy)
+        } else {
+            None
+        };
         let buffers = Buffers {
             batches: batch_buffers,
             path_counts,
             path_sums: buffer("photon path block sums", sums(u64::from(batch_paths)))?,
             photons: buffer("photon list", photon_bytes)?,
             sorted: buffer("photons in cell order", photon_bytes)?,
+            sorted_texels,
             radix: [
                 buffer("photon cells, even digits", u64::from(capacity) * 8)?,
                 buffer("photon cells, odd digits", u64::from(capacity) * 8)?,
@@ -253,8 +264,12 @@ impl PhotonMap {
         let resources = Resources::new()
             .with("photon_grid", &self.buffers.grid)
             .with("cell_starts", &self.buffers.cell_starts)
-            .with("sorted_photons", &self.buffers.sorted)
             .with("photon_counters", &self.buffers.counters);
+        let texels = self.buffers.sorted_texels.as_ref();
+        let resources = match texels.and_then(TexelCopy::view) {
+            Some(view) => resources.with_texture("sorted_photons", view),
+            None => resources.with("sorted_photons", &self.buffers.sorted),
+        };
         match &self.tree {
             None => resources,
             Some(tree) => resources.with("kd_nodes", tree.nodes()),
@@ -471,6 +486,9 @@ impl PhotonMap {
         }
         for pass in self.config.finish() {
             self.record_over_photons(recorder, kernels, pass)?;
+        }
+        if let Some(texels) = &b.sorted_texels {
+            recorder.copy_to_texels(&b.sorted, texels);
         }
         self.traced_at = Some((origin_in_world, frame_index));
         Ok(paths_traced)
