@@ -108,7 +108,9 @@ impl Inspector {
             self.features = renderer.features().clone();
         }
         if !self.kernels.contains_key(pass.name) {
-            let features = specialised(pass, renderer.features(), false);
+            let mut features = specialised(pass, renderer.features(), false);
+            // Motion is looked at; the emission that the filter wants with it is not.
+            features.insert("svgf".to_owned(), false);
             let name = shader_name(pass);
             let kernel = Kernel::new(&renderer.context, library, &name, &features)?;
             self.kernels.insert(pass.name, kernel);

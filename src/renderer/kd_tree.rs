@@ -9,6 +9,7 @@ use super::kernels::KernelSet;
 use super::photon_map::SCAN_LIMIT;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, linear_groups};
+use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
 use crate::passes::{self, Over, Pass};
 
@@ -45,7 +46,7 @@ pub struct KdTree {
     mark_sums: wgpu::Buffer,
     /// Workgroups: see `kd_setup`.
     groups: wgpu::Buffer,
-    nodes: wgpu::Buffer,
+    nodes: CopiedBuffer,
     keys: Option<Bound>,
     sorted: Option<Bound>,
     /// From the first pair of orders to the second and back.
@@ -55,11 +56,11 @@ pub struct KdTree {
 }
 
 impl KdTree {
-    /// Allocates for `capacity` photons.
+    /// Allocates for `capacity` photons. `texels`: gathers walk a copy of the nodes in a texture.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if there are more than [`largest_tree`], or a buffer cannot be bound.
-    pub fn new(context: &GpuContext, capacity: u32) -> Result<Self, GpuError> {
+    pub fn new(context: &GpuContext, capacity: u32, texels: bool) -> Result<Self, GpuError> {
         let places = u64::from(capacity) * 3;
         if u64::from(capacity) > largest_tree() {
             return Err(GpuError::TooLarge {
@@ -84,7 +85,12 @@ impl KdTree {
                 (places + 4).div_ceil(super::photon_map::SCAN_BLOCK) * 4,
             )?,
             groups: buffer("kd-tree groups", 3 * GROUPS_BYTES)?,
-            nodes: buffer("kd-tree nodes", u64::from(capacity) * NODE_BYTES)?,
+            nodes: CopiedBuffer::new(
+                context,
+                "kd-tree nodes",
+                u64::from(capacity) * NODE_BYTES,
+                texels,
+            )?,
             keys: None,
             sorted: None,
             levels: [Vec::new(), Vec::new()],
@@ -113,7 +119,7 @@ impl KdTree {
     }
 
     /// What gathering passes read, beside the photons in heap order.
-    pub fn nodes(&self) -> &wgpu::Buffer {
+    pub fn nodes(&self) -> &CopiedBuffer {
         &self.nodes
     }
 
@@ -136,7 +142,7 @@ impl KdTree {
                 .with("kd_to", &self.orders[1 - from])
                 .with("kd_axes", &self.axes)
                 .with("kd_marks", &self.marks)
-                .with("kd_nodes", &self.nodes)
+                .with("kd_nodes", &self.nodes.buffer)
                 .with("scan_values", &self.marks)
                 .with("scan_sums", &self.mark_sums)
         };
@@ -248,7 +254,7 @@ impl KdTree {
     /// # Errors
     /// As [`read_buffer`].
     pub fn read(&self, context: &GpuContext, count: u32) -> Result<Vec<[f32; 4]>, GpuError> {
-        read_buffer(context, "kd-tree nodes", &self.nodes, count as usize)
+        read_buffer(context, "kd-tree nodes", &self.nodes.buffer, count as usize)
     }
 }
 

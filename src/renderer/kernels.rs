@@ -8,6 +8,8 @@ use crate::passes::{self, Over, Pass};
 
 /// Feature of passes that work on a list of pixels.
 const FROM_LIST: &str = "from_list";
+/// Feature of shaders that read records and photons from copies in textures.
+pub const RECORD_TEXELS: &str = "record_texels";
 /// Feature of the pass that looks on: its rays count the nodes that they enter and do not leave blended surfaces to chance.
 const INSPECTS: &str = "inspects";
 
@@ -106,7 +108,12 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     let mut own = if pass.traces {
         features.clone()
     } else {
-        ShaderFeatures::new()
+        // Photons are read by others too.
+        let texels = features.get_key_value(RECORD_TEXELS);
+        texels
+            .map(|(name, on)| (name.clone(), *on))
+            .into_iter()
+            .collect()
     };
     let list =
         matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);

@@ -173,7 +173,7 @@ impl Renderer {
             Force::Auto => context.adapter.is_software(),
             forced => forced == Force::On,
         };
-        features.insert("record_texels".to_owned(), texels);
+        features.insert(kernels::RECORD_TEXELS.to_owned(), texels);
         let mut buffers = SceneBuffers::new(&context, scene, &features)?;
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)

@@ -9,7 +9,7 @@ use super::kernels::KernelSet;
 use super::map_config::largest_capacity;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
-use crate::gpu::texels::TexelCopy;
+use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
 use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
@@ -59,9 +59,7 @@ struct Buffers {
     path_counts: wgpu::Buffer,
     path_sums: wgpu::Buffer,
     photons: wgpu::Buffer,
-    sorted: wgpu::Buffer,
-    /// What gathers read in its place.
-    sorted_texels: Option<TexelCopy>,
+    sorted: CopiedBuffer,
     radix: [wgpu::Buffer; 2],
     radix_table: wgpu::Buffer,
     radix_sums: wgpu::Buffer,
@@ -171,7 +169,7 @@ impl PhotonMap {
             Search::Grid => None,
             Search::KdTree => {
                 batches.extend(KdTree::dispatches(capacity, kind));
-                Some(KdTree::new(context, capacity)?)
+                Some(KdTree::new(context, capacity, config.texels)?)
             }
         };
         let path_counts = buffer("photon path counts", (u64::from(batch_paths) + 1) * 4)?;
@@ -191,20 +189,17 @@ impl PhotonMap {
                 counts: path_counts.clone(),
             }]
         };
-        let sorted_texels = if config.texels {
-            let mut copy = TexelCopy::new("photons in cell order");
-            copy.fit(context, photon_bytes)?;
-            Some(copy)
-        } else {
-            None
-        };
         let buffers = Buffers {
             batches: batch_buffers,
             path_counts,
             path_sums: buffer("photon path block sums", sums(u64::from(batch_paths)))?,
             photons: buffer("photon list", photon_bytes)?,
-            sorted: buffer("photons in cell order", photon_bytes)?,
-            sorted_texels,
+            sorted: CopiedBuffer::new(
+                context,
+                "photons in cell order",
+                photon_bytes,
+                config.texels,
+            )?,
             radix: [
                 buffer("photon cells, even digits", u64::from(capacity) * 8)?,
                 buffer("photon cells, odd digits", u64::from(capacity) * 8)?,
@@ -265,14 +260,10 @@ impl PhotonMap {
             .with("photon_grid", &self.buffers.grid)
             .with("cell_starts", &self.buffers.cell_starts)
             .with("photon_counters", &self.buffers.counters);
-        let texels = self.buffers.sorted_texels.as_ref();
-        let resources = match texels.and_then(TexelCopy::view) {
-            Some(view) => resources.with_texture("sorted_photons", view),
-            None => resources.with("sorted_photons", &self.buffers.sorted),
-        };
+        let resources = self.buffers.sorted.read_by(resources, "sorted_photons");
         match &self.tree {
             None => resources,
-            Some(tree) => resources.with("kd_nodes", tree.nodes()),
+            Some(tree) => tree.nodes().read_by(resources, "kd_nodes"),
         }
     }
 
@@ -300,7 +291,7 @@ impl PhotonMap {
             .with("radix_to", &b.radix[0])
             .with("radix_from", &b.radix[1])
             .with("longest_cell", &b.longest_cell)
-            .with("sorted_photons", &b.sorted);
+            .with("sorted_photons", &b.sorted.buffer);
         let mut all = scene.clone().and(&own);
         if let Some(tree) = &self.tree {
             all = all.with("kd_groups", tree.groups());
@@ -487,8 +478,9 @@ impl PhotonMap {
         for pass in self.config.finish() {
             self.record_over_photons(recorder, kernels, pass)?;
         }
-        if let Some(texels) = &b.sorted_texels {
-            recorder.copy_to_texels(&b.sorted, texels);
+        b.sorted.record(recorder);
+        if let Some(tree) = &self.tree {
+            tree.nodes().record(recorder);
         }
         self.traced_at = Some((origin_in_world, frame_index));
         Ok(paths_traced)
@@ -651,7 +643,7 @@ impl PhotonMap {
         read_buffer(
             context,
             "photons",
-            &self.buffers.sorted,
+            &self.buffers.sorted.buffer,
             self.last.stored as usize,
         )
     }

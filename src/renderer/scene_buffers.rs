@@ -9,7 +9,7 @@ mod edits;
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
-use super::kernels::KernelSet;
+use super::kernels::{KernelSet, RECORD_TEXELS};
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
     LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
@@ -189,7 +189,7 @@ impl SceneBuffers {
             previous_instances: GrowingBuffer::new("previous instances"),
             lights: GrowingBuffer::new("lights"),
             light_alias: GrowingBuffer::new("light alias"),
-            texels: is_on(features, "record_texels")
+            texels: is_on(features, RECORD_TEXELS)
                 .then(|| COPIED.map(|(_, name)| TexelCopy::new(name))),
             table: InstanceTable::new(sources),
             slot_of_node,

@@ -462,6 +462,31 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
     );
 }
 
+/// Where photons and tree lie must not show.
+#[test]
+fn copies_in_textures_give_the_same_images_by_every_way() {
+    let scene = builtin("cornell");
+    let views = views(&scene, 25.0);
+    let default: Change = |_| {};
+    for (name, way) in WAYS.into_iter().chain([("photon_gather", default)]) {
+        // The fused kernel fits without copies where the scene needs little.
+        let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
+            let mut settings = map_only(4000, way);
+            settings.force.record_texels = record_texels;
+            let mut renderer = renderer(&scene, &settings, [32, 32]);
+            // Once more with other photons: the copy follows.
+            frame(&mut renderer, &views);
+            renderer.render_frame(&views, 1, |_| {}).unwrap();
+            [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)))
+        });
+        assert!(
+            plain.iter().flatten().any(|pixel| pixel[0] != 0),
+            "{name}: black"
+        );
+        assert!(plain == copied, "{name}");
+    }
+}
+
 #[test]
 fn nothing_of_another_way_is_compiled() {
     let scene = builtin("cornell");

@@ -397,9 +397,11 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
         s.path.max_depth = 2;
         s.reuse = Reuse::Off;
         s.reconstruct.taa = true;
+        s.reconstruct.svgf = true;
     });
     let mut plain = filtered.clone();
     plain.reconstruct.taa = false;
+    plain.reconstruct.svgf = false;
     plain.output.motion = true;
     let mut found: Vec<Vec<[f32; 2]>> = Vec::new();
     for settings in [&filtered, &plain] {
