@@ -160,8 +160,8 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
             judged += 1;
             let mut expected = [0.0_f64; 3];
             let mut is_limited = false;
-            for kind in 0..2 {
-                let own = luminance(light[pixel][kind]);
+            for (kind, part) in light[pixel].into_iter().enumerate() {
+                let own = luminance(part);
                 let share = if frames == 0 {
                     1.0
                 } else {
@@ -170,7 +170,7 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
                 is_limited |= share < 0.99 && own > 0.0;
                 for (channel, sum) in expected.iter_mut().enumerate() {
                     let albedo = f64::from(parts.albedo[pixel][channel]).max(least_albedo);
-                    *sum += albedo * share * light[pixel][kind][channel];
+                    *sum += albedo * share * part[channel];
                 }
             }
             limited += u32::from(is_limited);
