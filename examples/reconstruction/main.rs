@@ -3,7 +3,8 @@
 //! `cargo run --release --example reconstruction -- SCENE TRACE [flags]` renders the first frames of a trace (whatever
 //! `stereolux run --trace` reads) at one sample per pixel, raw and filtered, and prints per method and filter: the mean
 //! relMSE over the frames that were judged, how many times less than raw that is, how bright the pictures are against
-//! their references, how much the error changes from frame to frame, how much the eyes disagree, and device milliseconds per megapixel and pass.
+//! their references, how much the error changes from frame to frame, how much the eyes disagree, and device milliseconds
+//! per megapixel and pass.
 //!
 //! - `--frames N`, `--size N`: how many frames of which size.
 //! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.

@@ -109,11 +109,8 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         features.clone()
     } else {
         // Photons are read by others too.
-        let texels = features.get_key_value(RECORD_TEXELS);
-        texels
-            .map(|(name, on)| (name.clone(), *on))
-            .into_iter()
-            .collect()
+        let texels = features.get(RECORD_TEXELS).copied().unwrap_or(false);
+        ShaderFeatures::from([(RECORD_TEXELS.to_owned(), texels)])
     };
     let list =
         matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);
