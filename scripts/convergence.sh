@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 out=${1:-out/convergence}
 mkdir -p "$out"
 program=${STEREOLUX:-target/release/stereolux}
-view=(--size 64x64 --eyes left --set path.sampler=sobol)
+view=(--size 64x64 --eyes left)
 passes="1 4 16 64"
 
 # error IMAGE REFERENCE -> relative MSE

@@ -10,9 +10,11 @@ Using:
     VENV/bin/python scripts/speed_mitsuba.py
 
 renders the Cornell box at 256x256 by both, in turn, and prints medians with quartiles. Mitsuba runs its own `path`
-integrator, `perspective` camera, `diffuse` surfaces, `independent` sampler and box filter in the variant llvm_ad_rgb
-(the package has no LLVM variant without gradients; none are recorded here), on all cores. Its intersections are
-Embree's. Both stop at the same depth, without Russian roulette.
+integrator, `perspective` camera, `diffuse` surfaces and box filter in the variant llvm_ad_rgb (the package has no LLVM
+variant without gradients; none are recorded here), on all cores. Its intersections are Embree's. Both draw independent
+random numbers and follow paths to the same depth, without Russian roulette; with --best each does what takes it to an
+equal error fastest: stereolux as it comes (Sobol points, roulette), Mitsuba with its `ldsampler` and, where --rr-depth says
+so, roulette (whose kernel LLVM 15 and 19 could not compile on the processor that docs/results.md is about).
 
 - A round renders with each in turn, at each of --spp samples per pixel; rounds before the first counted one are dropped.
 - stereolux's time is that of its passes by timestamps, Mitsuba's from the call of render to the end of its kernels.
@@ -89,10 +91,12 @@ class Mitsuba:
                     "pixel_format": "rgb",
                     "component_format": "float32",
                 },
-                "sampler": {"type": "independent"},
+                "sampler": {"type": "ldsampler" if arguments.best else "independent"},
             }
         )
-        self.integrator = mi.load_dict({"type": "path", "max_depth": arguments.max_depth, "rr_depth": 1000000})
+        self.integrator = mi.load_dict(
+            {"type": "path", "max_depth": arguments.max_depth, "rr_depth": arguments.rr_depth}
+        )
 
     def render(self, spp, seed):
         """Seconds and the picture."""
@@ -116,6 +120,8 @@ class Stereolux:
         self.command += ["--fov", f"{-angle} {angle} {angle} {-angle}", "--set", f"path.max_depth={arguments.max_depth}"]
         # One picture of two eyes 0 m apart looks from the camera itself.
         self.command += ["--ipd", "0"]
+        if not arguments.best:
+            self.command += ["--set", "path.sampler=random", "--set", "path.russian_roulette=false"]
         for setting in arguments.set:
             self.command += ["--set", setting]
         if arguments.adapter:
@@ -143,6 +149,8 @@ def parse_arguments():
     parser.add_argument("--spp", type=int, nargs="+", default=[4, 16], help="samples per pixel, 2 or more")
     parser.add_argument("--rounds", type=int, default=5, help="rounds that count")
     parser.add_argument("--warm-up", type=int, default=1, help="rounds before them")
+    parser.add_argument("--best", action="store_true", help="each renderer with what serves it best")
+    parser.add_argument("--rr-depth", type=int, default=1000000, help="segments after which Mitsuba plays roulette")
     parser.add_argument("--error", type=float, nargs="+", default=[0.1, 0.01], help="relMSE to reach")
     parser.add_argument("--reference-spp", type=int, default=1024)
     parser.add_argument("--variant", default="llvm_ad_rgb")

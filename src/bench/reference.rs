@@ -20,7 +20,7 @@ use super::records::Machine;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, write_atomically};
 use crate::metrics::RenderMoments;
-use crate::options::{Eyes, Method, Reuse, Sampler, Settings};
+use crate::options::{Eyes, Method, Reuse, Settings};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
 use crate::xr::View;
@@ -133,7 +133,6 @@ impl References {
             environment: given.environment.clone(),
             ..Settings::default()
         };
-        settings.path.sampler = Sampler::Random;
         settings.gpu.timestamps = false;
         settings
     }

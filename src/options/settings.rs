@@ -36,9 +36,9 @@ pub enum Reuse {
 #[serde(rename_all = "kebab-case")]
 pub enum Sampler {
     /// Independent uniform numbers
-    #[default]
     Random,
     /// Owen-scrambled Sobol points
+    #[default]
     Sobol,
 }
 
@@ -239,9 +239,9 @@ impl Default for Settings {
 pub struct PathSettings {
     /// Segments of the whole path from eye to light, 1 to 64: 1 is emission seen directly, 2 is direct light; default 12.
     pub max_depth: u32,
-    /// End dim paths by chance, without bias; default false.
+    /// End dim paths by chance, without bias; default true.
     pub russian_roulette: bool,
-    /// Random numbers; default independent.
+    /// Random numbers; default Sobol points.
     pub sampler: Sampler,
     /// How lights are found; default both ways.
     pub technique: Technique,
@@ -251,7 +251,7 @@ impl Default for PathSettings {
     fn default() -> Self {
         Self {
             max_depth: 12,
-            russian_roulette: false,
+            russian_roulette: true,
             sampler: Sampler::default(),
             technique: Technique::default(),
         }

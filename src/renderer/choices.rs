@@ -61,22 +61,38 @@ pub fn splits_light(settings: &Settings) -> bool {
 
 /// Turns of loops that one thread may take on llvmpipe, all of its loops together; beyond them it ends loops silently.
 const LOOP_TURNS: u32 = 65_535;
-/// Most samples of one dispatch of the path tracer: more than this brings next to nothing.
-const MOST_SAMPLES_PER_DISPATCH: u32 = 16;
+/// Most samples of one dispatch of the path tracer, and most photon paths of one thread: more than this brings next to
+/// nothing.
+const MOST_PATHS_PER_THREAD: u32 = 16;
 
 /// Samples that one dispatch of the path tracer takes. A thread that begins its next path where one ends does not wait for
-/// the longest path among the threads that run as one. The bound keeps well within [`LOOP_TURNS`]: a segment is two rays,
-/// and a ray takes eight turns per level and some 32 for leaves, in the worst of threads that run as one (measured: the
-/// gallery's paths of 12 segments take 2,048 to 4,096 turns at depth 17, the Cornell box's 1,024 to 2,048 at depth 3).
+/// the longest path among the threads that run as one.
 #[must_use]
 pub fn samples_per_dispatch(max_depth: u32, hierarchy_depth: u32) -> u32 {
+    // A segment is two rays. A power of two, so that submissions are whole runs.
+    1 << paths_within_turns(2, max_depth, hierarchy_depth).ilog2()
+}
+
+/// Photon paths that one thread traces, one after the other, for the same reason. On a GPU one: fewer threads than paths
+/// would leave it idle.
+#[must_use]
+pub fn photon_paths_per_thread(is_software: bool, max_depth: u32, hierarchy_depth: u32) -> u32 {
+    if is_software {
+        paths_within_turns(1, max_depth, hierarchy_depth)
+    } else {
+        1
+    }
+}
+
+/// Paths that keep well within [`LOOP_TURNS`]: a ray takes eight turns per level and some 32 for leaves, in the worst of
+/// threads that run as one (measured: the gallery's paths of 12 segments of two rays take 2,048 to 4,096 turns at depth 17,
+/// the Cornell box's 1,024 to 2,048 at depth 3).
+fn paths_within_turns(rays_per_segment: u32, max_depth: u32, hierarchy_depth: u32) -> u32 {
     let per_ray = 32 + 8 * hierarchy_depth;
-    let per_path = 2_u32
+    let per_path = rays_per_segment
         .saturating_mul(per_ray)
         .saturating_mul(max_depth.max(1));
-    let most = (LOOP_TURNS / 2 / per_path).clamp(1, MOST_SAMPLES_PER_DISPATCH);
-    // A power of two, so that submissions are whole runs.
-    1 << most.ilog2()
+    (LOOP_TURNS / 2 / per_path).clamp(1, MOST_PATHS_PER_THREAD)
 }
 
 /// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
@@ -180,14 +196,18 @@ mod tests {
     fn dispatches_stay_within_the_turns_of_a_thread() {
         assert_eq!(samples_per_dispatch(12, 6), 16);
         assert_eq!(samples_per_dispatch(12, 15), 8);
-        assert_eq!(samples_per_dispatch(2, 6), MOST_SAMPLES_PER_DISPATCH);
+        assert_eq!(samples_per_dispatch(2, 6), MOST_PATHS_PER_THREAD);
         assert_eq!(samples_per_dispatch(u32::MAX, 72), 1);
         for max_depth in [1, 5, 12, 64, 1000] {
             for depth in 0..72 {
                 let run = samples_per_dispatch(max_depth, depth);
                 assert!(run == 1 || run * max_depth * 2 * (32 + 8 * depth) <= LOOP_TURNS / 2);
                 assert!(run.is_power_of_two());
+                let paths = photon_paths_per_thread(true, max_depth, depth);
+                assert!(paths == 1 || paths * max_depth * (32 + 8 * depth) <= LOOP_TURNS / 2);
             }
         }
+        assert_eq!(photon_paths_per_thread(true, 12, 6), MOST_PATHS_PER_THREAD);
+        assert_eq!(photon_paths_per_thread(false, 12, 6), 1);
     }
 }

@@ -8,7 +8,9 @@
 //! compiled in and are no longer needed ([`InPlace::spare_features`]) leave another program, whose sums round differently.
 //! And with `reconstruct.*` the frames before count, as they do when something moves.
 
-use super::choices::{radius_for_area_m, samples_per_dispatch, shader_features};
+use super::choices::{
+    photon_paths_per_thread, radius_for_area_m, samples_per_dispatch, shader_features,
+};
 use super::scene_buffers::{Edited, SceneChange};
 use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
 use crate::bvh::MaterialMarks;
@@ -279,12 +281,23 @@ impl Renderer {
             }
         }
         let depth = self.scene.hierarchy_depth_of(instances.len());
-        let run = self.eyes.next_run(u32::MAX);
-        if self.settings.method == Method::Path
-            && run > 1
-            && samples_per_dispatch(self.settings.path.max_depth, depth) < run
-        {
-            return Some("so many instances leave room for fewer samples in a dispatch".to_owned());
+        let settings = &self.settings;
+        let (run, room) = match (settings.method, &self.photon_map) {
+            (Method::Photon, Some(map)) => (
+                map.paths_per_thread(),
+                photon_paths_per_thread(
+                    self.context.adapter.is_software(),
+                    settings.photon.max_depth,
+                    depth,
+                ),
+            ),
+            _ => (
+                self.eyes.next_run(u32::MAX),
+                samples_per_dispatch(settings.path.max_depth, depth),
+            ),
+        };
+        if run > room {
+            return Some("so many instances leave room for fewer paths in a dispatch".to_owned());
         }
         None
     }

@@ -10,6 +10,9 @@ use crate::passes::{self, Pass};
 /// Digits of the sort by cell.
 const RADIX_DIGITS: u32 = 3;
 
+/// Threads that are left to trace a batch, where it has as many paths: enough for every core of a software adapter.
+const LEAST_TRACING_THREADS: u32 = 4096;
+
 /// Which photons a map holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapKind {
@@ -56,6 +59,8 @@ pub struct PhotonMapConfig {
     pub shares: u32,
     /// Longest light path from eye to light, in segments.
     pub max_depth: u32,
+    /// Paths that one thread traces, one after the other.
+    pub paths_per_thread: u32,
     /// Photons that the list holds; 0 lets it grow by demand.
     pub capacity: u32,
     /// Cells of the table.
@@ -69,6 +74,13 @@ pub struct PhotonMapConfig {
 }
 
 impl PhotonMapConfig {
+    /// Threads that trace `paths` paths.
+    pub(super) fn tracing_threads(&self, paths: u32) -> u32 {
+        paths
+            .div_ceil(self.paths_per_thread.max(1))
+            .max(LEAST_TRACING_THREADS.min(paths))
+    }
+
     /// Passes between tracing and sorting.
     pub(super) fn layout(&self) -> &'static [&'static Pass] {
         match self.search {

@@ -52,8 +52,9 @@ use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};
 
 pub use choices::{
-    automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, progressive_radius_m,
-    sample_passes, samples_per_dispatch, shader_features, splits_light, stereo_passes,
+    automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, photon_paths_per_thread,
+    progressive_radius_m, sample_passes, samples_per_dispatch, shader_features, splits_light,
+    stereo_passes,
 };
 pub use editing::{Applied, InPlace};
 pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
@@ -207,6 +208,11 @@ impl Renderer {
             paths: if has_lights { paths } else { 0 },
             shares: settings.photon.shares,
             max_depth: settings.photon.max_depth,
+            paths_per_thread: photon_paths_per_thread(
+                context.adapter.is_software(),
+                settings.photon.max_depth,
+                buffers.hierarchy_depth(),
+            ),
             capacity: settings.photon.capacity,
             texels,
             cells: settings.photon.grid_cells_max,

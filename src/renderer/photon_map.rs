@@ -37,6 +37,8 @@ pub const SHARED_BATCHES_PER_SLICE: u64 = 850;
 
 /// Byte offset of the indirect arguments in [`PhotonGrid`].
 const PHOTON_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, photon_groups) as u64;
+const BLOCK_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, block_groups) as u64;
+const VALUE_GROUPS_OFFSET: u64 = std::mem::offset_of!(PhotonGrid, value_groups) as u64;
 
 /// Photons of one batch of paths, in slots of the paths' own.
 struct BatchBuffers {
@@ -239,6 +241,11 @@ impl PhotonMap {
         self.capacity
     }
 
+    /// Paths that one thread traces.
+    pub(super) fn paths_per_thread(&self) -> u32 {
+        self.config.paths_per_thread
+    }
+
     /// Counters of the last trace.
     pub fn counters(&self) -> PhotonCounters {
         self.last
@@ -382,6 +389,28 @@ impl PhotonMap {
         Ok(())
     }
 
+    /// Scans the grid's cells in use, which `grid_setup` counted: a table may have many times as many.
+    fn scan_cells(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        kernels: &KernelSet,
+    ) -> Result<(), GpuError> {
+        for (pass, bound) in passes::SCAN.iter().zip(&self.bound_cell_scan) {
+            let kernel = kernels.get(pass)?;
+            let label = self.config.kind.label(pass);
+            let offset = match pass.over {
+                passes::Over::ScanBlocks => BLOCK_GROUPS_OFFSET,
+                passes::Over::ScanValues => VALUE_GROUPS_OFFSET,
+                _ => {
+                    recorder.dispatch(&label, kernel, bound, 0, [1, 1, 1]);
+                    continue;
+                }
+            };
+            recorder.dispatch_indirect(&label, kernel, bound, 0, &self.buffers.grid, offset);
+        }
+        Ok(())
+    }
+
     /// Batches of the paths.
     fn batch_count(&self) -> u32 {
         self.config.paths.div_ceil(self.batch_paths)
@@ -434,11 +463,14 @@ impl PhotonMap {
             };
             for (step, (pass, bound)) in self.config.kind.batch().iter().zip(bound).enumerate() {
                 let kernel = kernels.get(pass)?;
+                let traces = step == 0;
                 let groups = match pass.over {
+                    passes::Over::Batch if traces => {
+                        kernel.groups_for(self.config.tracing_threads(count))
+                    }
                     passes::Over::Batch => kernel.groups_for(count),
                     _ => [1, 1, 1],
                 };
-                let traces = step == 0;
                 if traces && is_due(batch) {
                     recorder.clear(&own.counts);
                     paths_traced += count;
@@ -463,7 +495,7 @@ impl PhotonMap {
             |recorder: &mut FrameRecorder<'_>| self.record_sort(recorder, kernels, batches + 1);
         match &self.tree {
             None => {
-                self.scan(recorder, kernels, &self.bound_cell_scan, &b.cell_starts)?;
+                self.scan_cells(recorder, kernels)?;
                 sort(recorder)?;
             }
             Some(tree) => tree.record(

@@ -56,4 +56,8 @@ pub struct PhotonGrid {
     pub radius: f32,
     /// Indirect dispatch over photons.
     pub photon_groups: [u32; 4],
+    /// Indirect dispatch over blocks of the cells in use.
+    pub block_groups: [u32; 4],
+    /// Indirect dispatch over the cells in use.
+    pub value_groups: [u32; 4],
 }

@@ -4,14 +4,15 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::options::{DirectLight, Method, Reuse, Sampler, Settings, Technique};
-use stereolux::renderer::Eye;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::options::{DirectLight, Eyes, Method, Reuse, Sampler, Settings, Technique};
+use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::builtin::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 use stereolux::scene::{Environment, LightKind, Mesh, MeshTriangle, Node, PunctualLight, Scene};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
-    assert_clean, builtin, mean, parallel_views, radiance, renderer, settings, square_fov,
+    assert_clean, builtin, context, mean, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,
 };
 
@@ -174,7 +175,10 @@ fn photons(sampler: Sampler, change: impl FnOnce(&mut Settings)) -> Settings {
 
 /// Mean of the left eye's image and its standard error over independent runs.
 fn measured(scene: &Scene, settings: &Settings, views: &[View; 2]) -> (f64, f64) {
-    let mut renderer = renderer(scene, settings, [SIZE, SIZE]);
+    measured_by(renderer(scene, settings, [SIZE, SIZE]), views)
+}
+
+fn measured_by(mut renderer: Renderer, views: &[View; 2]) -> (f64, f64) {
     let means: Vec<f64> = (0..RUNS)
         .map(|run| {
             renderer.render_frame(views, run, |_| {}).unwrap();
@@ -260,6 +264,47 @@ fn every_method_and_sampler_adds_the_lights_up() {
         agrees(found, expected - Light::Point.radiance()),
         "{found:?} for {expected} less the lamp"
     );
+}
+
+/// [`DEPTH`] segments at an albedo of a half: the throughput falls under a quarter, where roulette begins, with two to go.
+#[test]
+fn roulette_keeps_the_closed_form() {
+    let (scene, expected) = lit_by(&[Light::Wall, Light::Spot]);
+    let with = |russian_roulette| {
+        let mut settings = path(Sampler::Random, Technique::Mis);
+        settings.path.russian_roulette = russian_roulette;
+        settings
+    };
+    for russian_roulette in [false, true] {
+        let found = measured(&scene, &with(russian_roulette), &views());
+        assert!(
+            agrees(found, expected),
+            "roulette {russian_roulette}: {found:?} for {expected}"
+        );
+    }
+    // Negative control, and proof that paths do end: without the survivors' weight their light is missing.
+    let source = include_str!("../../shaders/passes/path_trace.wesl");
+    let weightless = source.replace("(*path).throughput /= survival;", "");
+    assert_ne!(weightless, source);
+    let mut library = ShaderLibrary::embedded();
+    library.insert("passes/path_trace", weightless);
+    for (russian_roulette, loses) in [(false, false), (true, true)] {
+        let wrong = Renderer::new(
+            context(),
+            &library,
+            &scene,
+            &with(russian_roulette),
+            Eyes::Both,
+            [SIZE, SIZE],
+        )
+        .unwrap();
+        let (found, error) = measured_by(wrong, &views());
+        assert_eq!(
+            !agrees((found, error), expected),
+            loses,
+            "roulette {russian_roulette}, no weights: {found} for {expected}"
+        );
+    }
 }
 
 #[test]

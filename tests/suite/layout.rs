@@ -252,6 +252,8 @@ fn host() -> BTreeMap<String, Layout> {
             edge,
             radius,
             photon_groups,
+            block_groups,
+            value_groups,
         }),
     ])
 }
