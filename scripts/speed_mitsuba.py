@@ -64,7 +64,7 @@ class Mitsuba:
 
     name = "mitsuba"
 
-    def __init__(self, arguments):
+    def __init__(self, arguments, sampler):
         gltf = reference.Gltf(arguments.scene)
         builder = reference.Builder(gltf)
         if builder.camera is None:
@@ -91,7 +91,7 @@ class Mitsuba:
                     "pixel_format": "rgb",
                     "component_format": "float32",
                 },
-                "sampler": {"type": "ldsampler" if arguments.best else "independent"},
+                "sampler": {"type": sampler},
             }
         )
         self.integrator = mi.load_dict(
@@ -172,9 +172,10 @@ def main():
     mi.set_variant(arguments.variant)
     reference.mi, reference.dr = mi, dr
     define_plugins(mi, dr)
-    mitsuba, stereolux = Mitsuba(arguments), Stereolux(arguments)
+    mitsuba, stereolux = Mitsuba(arguments, "ldsampler" if arguments.best else "independent"), Stereolux(arguments)
     per_batch = max(1, arguments.reference_spp // BATCHES)
-    batches = np.array([mitsuba.render(per_batch, 1000 + k)[1] for k in range(BATCHES)])
+    independent = Mitsuba(arguments, "independent")
+    batches = np.array([independent.render(per_batch, 1000 + k)[1] for k in range(BATCHES)])
     truth = batches.mean(axis=0)
     own_variance = batches.var(axis=0, ddof=1) / BATCHES
     own_share = relative(own_variance, truth)
