@@ -13,8 +13,8 @@ renders the Cornell box at 256x256 by both, in turn, and prints medians with qua
 integrator, `perspective` camera, `diffuse` surfaces and box filter in the variant llvm_ad_rgb (the package has no LLVM
 variant without gradients; none are recorded here), on all cores. Its intersections are Embree's. Both draw independent
 random numbers and follow paths to the same depth, without Russian roulette; with --best each does what takes it to an
-equal error fastest: stereolux as it comes (Sobol points, roulette), Mitsuba with its `ldsampler` and, where --rr-depth says
-so, roulette (whose kernel LLVM 15 and 19 could not compile on the processor that docs/results.md is about).
+equal error fastest: stereolux as it comes (Sobol points, roulette), Mitsuba with its `ldsampler` and its roulette from the
+fifth segment on, as it comes.
 
 - A round renders with each in turn, at each of --spp samples per pixel; rounds before the first counted one are dropped.
 - stereolux's time is that of its passes by timestamps, Mitsuba's from the call of render to the end of its kernels.
@@ -41,6 +41,8 @@ import reference_mitsuba as reference
 from reference_models import Refused, define_plugins
 
 BATCHES = 8
+# No path is as long.
+NEVER = 1000000
 
 
 def relative(squares, truth):
@@ -95,7 +97,7 @@ class Mitsuba:
             }
         )
         self.integrator = mi.load_dict(
-            {"type": "path", "max_depth": arguments.max_depth, "rr_depth": arguments.rr_depth}
+            {"type": "path", "max_depth": arguments.max_depth, "rr_depth": 5 if arguments.best else NEVER}
         )
 
     def render(self, spp, seed):
@@ -150,7 +152,6 @@ def parse_arguments():
     parser.add_argument("--rounds", type=int, default=5, help="rounds that count")
     parser.add_argument("--warm-up", type=int, default=1, help="rounds before them")
     parser.add_argument("--best", action="store_true", help="each renderer with what serves it best")
-    parser.add_argument("--rr-depth", type=int, default=1000000, help="segments after which Mitsuba plays roulette")
     parser.add_argument("--error", type=float, nargs="+", default=[0.1, 0.01], help="relMSE to reach")
     parser.add_argument("--reference-spp", type=int, default=1024)
     parser.add_argument("--variant", default="llvm_ad_rgb")
