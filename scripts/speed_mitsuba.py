@@ -173,9 +173,9 @@ def main():
     mi.set_variant(arguments.variant)
     reference.mi, reference.dr = mi, dr
     define_plugins(mi, dr)
-    mitsuba, stereolux = Mitsuba(arguments, "ldsampler" if arguments.best else "independent"), Stereolux(arguments)
+    independent, stereolux = Mitsuba(arguments, "independent"), Stereolux(arguments)
+    mitsuba = Mitsuba(arguments, "ldsampler") if arguments.best else independent
     per_batch = max(1, arguments.reference_spp // BATCHES)
-    independent = Mitsuba(arguments, "independent")
     batches = np.array([independent.render(per_batch, 1000 + k)[1] for k in range(BATCHES)])
     truth = batches.mean(axis=0)
     own_variance = batches.var(axis=0, ddof=1) / BATCHES

@@ -8,7 +8,7 @@ use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
 use stereolux::metrics::{BlockStatistics, ZTest, mean_image, z_test};
-use stereolux::options::{Eyes, Method, Reuse, Settings};
+use stereolux::options::{Eyes, Method, Reuse, Sampler, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Scene, load_environment};
 use stereolux::xr::{Fov, Pose};
@@ -24,8 +24,7 @@ const SIGNIFICANCE: f64 = 1e-3;
 /// Relative slack of a block's mean. Both sides sum in f32 and Mitsuba interpolates glTF's spot in 24 pieces (1e-3 of
 /// the peak); blocks of bare environment have less noise than that.
 const SLACK: f64 = 2e-3;
-/// Caustics, and edges that few samples meet, are skewed, so that one block of the 64 may stray, in all channels: they share
-/// its samples. (In the glass cases' top right block 64 samples of some pixels meet an edge once or never.)
+/// Caustics, and edges that few samples meet, are skewed, so that one block and channel of the 192 may stray.
 const STRAYS: usize = 1;
 
 fn number(record: &Value) -> f64 {
@@ -58,6 +57,8 @@ fn renders(record: &Value, count: u32, change: impl FnOnce(&mut Settings)) -> Ve
         s.spp = SPP;
         s.path.max_depth = record["max_depth"].as_u64().unwrap() as u32;
         s.photon.max_depth = s.path.max_depth;
+        // Independent numbers: of an edge that no sample of 64 meets Sobol points' spread knows as little, but more often.
+        s.path.sampler = Sampler::Random;
         change(s);
     });
     let size = [0, 1].map(|axis| record["size"][axis].as_u64().unwrap() as u32);
@@ -154,7 +155,7 @@ fn agrees(name: &str) {
     let ours = mean_and_error(&renders(&record, RENDERS, |_| {}));
     let (blocks, image) = (test(&ours, &reference), whole(&ours, &reference));
     eprintln!("{name}: blocks {blocks:?}; image {image:?}");
-    assert!(blocks.rejected_blocks <= STRAYS, "{name}: {blocks:?}");
+    assert!(blocks.rejected <= STRAYS, "{name}: {blocks:?}");
     assert_eq!(image.rejected, 0, "{name}: {image:?}");
     // The test can fail: on another brightness, and on the image turned round where it is not symmetric by itself.
     assert!(
@@ -163,7 +164,7 @@ fn agrees(name: &str) {
     );
     if name != "sphere" {
         assert!(
-            test(&altered(&ours, true, 1.0), &reference).rejected_blocks > STRAYS,
+            test(&altered(&ours, true, 1.0), &reference).rejected > STRAYS,
             "{name}: mirrored, it passes"
         );
     }
@@ -207,7 +208,7 @@ fn photons_agree(name: &str, radius_m: f64) {
     };
     let (blocks, image) = statistics(1.0);
     eprintln!("{name}, photons: blocks {blocks:?}; image {image:?}");
-    assert!(blocks.rejected_blocks <= STRAYS, "{name}: {blocks:?}");
+    assert!(blocks.rejected <= STRAYS, "{name}: {blocks:?}");
     assert_eq!(image.rejected, 0, "{name}: {image:?}");
     assert!(statistics(1.07).1.rejected > 0, "{name}: 7 % more pass");
 }
