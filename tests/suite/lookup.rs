@@ -1,5 +1,7 @@
 //! `--reuse lookup`: the right eye's own hits, lit by the left eye's samples around them.
 
+use std::process::Command;
+
 use stereolux::options::{Method, Reuse, Sampler, Settings};
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::Scene;
@@ -8,8 +10,8 @@ use stereolux::xr::Pose;
 
 use super::cornell::rel_mse;
 use super::support::{
-    Triangles, bits, builtin, frame, method, parallel_views, radiance, renderer, settings,
-    square_fov, start_pose,
+    Folder, Triangles, adapter_name, bits, builtin, frame, method, parallel_views, radiance,
+    renderer, settings, square_fov, start_pose,
 };
 
 fn provenance(renderer: &Renderer) -> Vec<u32> {
@@ -172,4 +174,34 @@ fn glossy_surfaces_take_over_indirect_light_as_true_as_what_they_gather() {
     // Beyond the limit nothing is taken over either: a lobe of 0.0625, at IPD 0.5 m.
     let (_, stereo) = right(Reuse::Lookup, 0.25, 0.5, &|_| {});
     assert_eq!(stereo.indirect_reused, 0);
+}
+
+/// Frames run without wgpu's check of indirect dispatches, which turns those beyond the device's limits into nothing: with
+/// it every dispatch must come out the same.
+#[test]
+fn sizes_of_indirect_dispatches_pass_wgpus_check() {
+    let folder = Folder::new("indirect");
+    let render = |name: &str, check: &str, set: &str| {
+        let out = folder.join(name);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stereolux"));
+        command
+            .args(["render", "--adapter", adapter_name(), "--size", "96x64"])
+            .args(["--reuse", "lookup", "--photons", "20000", "--set", set])
+            .arg("--out")
+            .arg(&out)
+            .env("WGPU_VALIDATION_INDIRECT_CALL", check);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        ["left", "right"]
+            .map(|eye| std::fs::read(out.join(format!("frame_0000_{eye}.exr"))).unwrap())
+    };
+    for search in ["grid", "kd-tree"] {
+        let set = format!("photon.search={search}");
+        let checked = render("checked", "1", &set);
+        assert!(
+            checked == render("unchecked", "0", &set),
+            "{search}: the check changes the images"
+        );
+        assert!(checked != render("other", "0", "seed=7"));
+    }
 }

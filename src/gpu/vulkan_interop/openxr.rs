@@ -57,7 +57,7 @@ pub fn adapter_of_runtime(
     runtime: &xr::Instance,
     system: xr::SystemId,
 ) -> Result<(wgpu::Instance, wgpu::Adapter), String> {
-    let flags = wgpu::InstanceFlags::from_env_or_default();
+    let flags = crate::gpu::context::instance_flags();
     // SAFETY: as for the OpenXR loader; wgpu loads the same library.
     let entry = unsafe { ash::Entry::load() }.map_err(|error| format!("no Vulkan: {error}"))?;
     // SAFETY: a plain query.
