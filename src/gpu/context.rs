@@ -181,8 +181,8 @@ pub struct GpuContext {
 
 /// What instances are made with, unless the environment asks for other things (`WGPU_VALIDATION=1`: validation layers).
 ///
-/// Without wgpu's check of indirect dispatches, which is a dispatch more before each of them (0.15 ms on llvmpipe, a fifth of
-/// the right eye of 64x64 pixels): the passes that write their sizes keep them to rows of `ROW_GROUPS` workgroups.
+/// Without wgpu's check of indirect dispatches, which is a dispatch more before each of them (on llvmpipe up to a third of
+/// the right eye's time at 64x64 pixels): the passes that write their sizes keep them to rows of `ROW_GROUPS` workgroups.
 /// `WGPU_VALIDATION_INDIRECT_CALL=1` brings it back.
 pub(crate) fn instance_flags() -> wgpu::InstanceFlags {
     wgpu::InstanceFlags::default()
