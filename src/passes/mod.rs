@@ -16,6 +16,7 @@
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise
+//!              both:    STEREO_EQUAL instead, where both eyes see the same
 //! both eyes    RECONSTRUCT_SVGF, RECONSTRUCT_SHOWN, as far as settings ask for them (once, after all samples)
 //! runtime      SUBMISSION, where an OpenXR runtime takes the images     (once, after all samples)
 //! window       MIRROR, where a desktop window shows them                (likewise)
@@ -72,8 +73,8 @@ passes!(
     reuse_resolve,
     left_irradiance,
     indirect_lookup,
-    primary_hits,
     reuse_lookup,
+    left_copy,
     list_setup,
     fill_reasons,
     motion,
@@ -119,8 +120,6 @@ pub enum Over {
     Pixels,
     /// The pixels of an eye that see a surface, indirectly.
     Hits,
-    /// The pixels whose primary ray meets a surface, indirectly.
-    Seen,
     /// All pixels, as fragments of one triangle: a render pass into a texture.
     Fragments,
 }
@@ -256,11 +255,12 @@ pub const STEREO_SCATTER: &[&Pass] = &[
 /// Traces the right eye's primary rays, lights what they meet from the left eye's samples, and lists what is left.
 pub const STEREO_LOOKUP: &[&Pass] = &[
     &left_irradiance::PASS,
-    &primary_hits::PASS,
-    &list_setup::PASS,
     &reuse_lookup::PASS,
     &list_setup::PASS,
 ];
+
+/// What stands for all of the right eye's passes in frames whose eyes have one pose and the same angles.
+pub const STEREO_EQUAL: &[&Pass] = &[&left_copy::PASS];
 
 /// Before photons are gathered for the right eye's filled pixels: takes over what it can and lists the rest.
 pub const FILL_INDIRECT: &[&Pass] = &[&indirect_lookup::PASS, &list_setup::PASS];

@@ -2,12 +2,12 @@
 
 use super::{Over, Pass};
 
-/// Lights what the right eye sees by the left samples around it, and lists the rest.
+/// Traces the right eye's primary rays, lights what they meet by the left samples around it, and lists the rest.
 pub const PASS: Pass = Pass {
     name: "reuse_lookup",
-    what: "Lights what the right eye sees by the left samples around it, and lists the rest.",
-    over: Over::Seen,
+    what: "Traces the right eye's primary rays, lights what they meet by the left samples around it, and lists the rest.",
+    over: Over::Pixels,
     traces: true,
-    reads: &["hit_rays", "first_surfaces", "hit_paths", "left_irradiance", "left_sample_radiance", "left_hit_rays", "left_direct_irradiance"],
-    writes: &["sample_radiance", "radiance_sum", "sample_parts", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
+    reads: &["left_irradiance", "left_hit_rays", "left_direct_irradiance"],
+    writes: &["hit_rays", "first_surfaces", "radiance_sum", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
 };

@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Pixels,
     traces: true,
     reads: &["scatter_winners", "left_sample_radiance", "left_sample_parts"],
-    writes: &["sample_radiance", "radiance_sum", "sample_parts", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
+    writes: &["radiance_sum", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
 };

@@ -62,9 +62,12 @@ impl EyeBuffers {
         let image = |name| buffer(name, pixels * 16);
         // The path method shades as it goes and keeps no parts.
         let part = |name| buffer(name, if plan.photon { pixels * 16 } else { 16 });
+        // Samples that the other eye may take over: of both eyes, for the right one may render by itself all the same.
+        let keeps = !plan.stereo.is_empty();
+        let kept = |name, bytes| buffer(name, if keeps { pixels * bytes } else { 16 });
         let caustics = if plan.caustics { pixels * 16 } else { 16 };
         let parts = if plan.parts {
-            Some(PartBuffers::new(context, eye.name(), pixels, plan)?)
+            Some(PartBuffers::new(context, eye.name(), pixels, plan, keeps)?)
         } else {
             None
         };
@@ -78,7 +81,7 @@ impl EyeBuffers {
             direct_light: part("direct light")?,
             indirect_light: part("indirect light")?,
             caustic_light: buffer("caustic light", caustics)?,
-            sample_radiance: image("sample radiance")?,
+            sample_radiance: kept("sample radiance", 16)?,
             radiance_sum: image("radiance sum")?,
             hidden_pixels: buffer("hidden pixels", pixels.div_ceil(32) * 4)?,
             parts,
@@ -117,8 +120,6 @@ pub(super) struct StereoBuffers {
     pub(super) counters: wgpu::Buffer,
     pub(super) provenance: wgpu::Buffer,
     pub(super) irradiance: wgpu::Buffer,
-    /// Pixels whose primary ray meets a surface.
-    pub(super) seen: PixelList,
     /// Filled pixels that gather photons.
     pub(super) gathers: PixelList,
     pub(super) fill: PixelList,

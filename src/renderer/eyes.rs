@@ -47,7 +47,6 @@ enum Extent {
     Tiles,
     LeftHits,
     RightHits,
-    RightSeen,
     /// Filled pixels of the right eye whose indirect light was not taken over.
     RightGathers,
     Fill,
@@ -149,6 +148,9 @@ pub struct Eyes {
     reuse: bool,
     left_steps: Vec<Step>,
     right_steps: Vec<Step>,
+    /// Instead of `right_steps` where the eyes see the same; none where the right eye does not reuse.
+    equal_steps: Vec<Step>,
+    are_equal: bool,
 }
 
 impl Eyes {
@@ -179,7 +181,6 @@ impl Eyes {
                     "gather",
                     if plan.carries_indirect { pixels } else { 4 },
                 )?,
-                seen: PixelList::new(context, "seen", used("seen_list", pixels * 4) / 4)?,
                 counters: buffer("stereo counters", STEREO_COUNTERS as u64 * 4)?,
                 provenance: buffer("provenance", pixels * 4)?,
                 fill: PixelList::new(context, "fill", pixels)?,
@@ -203,6 +204,8 @@ impl Eyes {
             plan,
             left_steps: Vec::new(),
             right_steps: Vec::new(),
+            equal_steps: Vec::new(),
+            are_equal: false,
         })
     }
 
@@ -253,7 +256,17 @@ impl Eyes {
 
     /// Whether reused pixels of the right eye have no ray of their own, but the left eye's.
     pub fn carries_rays(&self) -> bool {
-        self.reuse && self.plan.stereo.contains(&&passes::scatter_winner::PASS)
+        self.reuse && !self.are_equal && self.plan.stereo.contains(&&passes::scatter_winner::PASS)
+    }
+
+    /// Says whether both eyes of the frame to come have one pose and the same angles.
+    pub fn set_equal(&mut self, are_equal: bool) {
+        self.are_equal = are_equal;
+    }
+
+    /// Whether the right eye is the left one's copy.
+    fn takes_all(&self) -> bool {
+        self.are_equal && !self.equal_steps.is_empty()
     }
 
     /// Switches reuse, on only if the plan has it; true if passes must be bound again.
@@ -346,6 +359,7 @@ impl Eyes {
                 .collect::<Result<Vec<_>, _>>()
         };
         let left_steps = whole(&self.left, Extent::LeftHits)?;
+        let mut equal_steps = Vec::new();
         let right_steps = match (&self.right, self.stereo()) {
             (None, _) => Vec::new(),
             (Some(right), None) => whole(right, Extent::RightHits)?,
@@ -366,8 +380,7 @@ impl Eyes {
                     .with("left_indirect_light", &self.left.indirect_light)
                     .with("gather_list", &stereo.gathers.pixels)
                     .with("gather_count", &stereo.gathers.count)
-                    .with("seen_list", &stereo.seen.pixels)
-                    .with("seen_count", &stereo.seen.count)
+                    .with("left_hit_count", &self.left.hits.count)
                     .with("fill_list", &stereo.fill.pixels)
                     .with("fill_count", &stereo.fill.count);
                 let resources = match &self.left.parts {
@@ -378,24 +391,18 @@ impl Eyes {
                 };
                 let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
-                let over_seen = resources.clone().and(&stereo.seen.to_run_over());
                 let over_gathers = resources.clone().and(&stereo.gathers.to_run_over());
+                for pass in passes::STEREO_EQUAL {
+                    equal_steps.push(bind(pass, Extent::Tiles, &resources)?);
+                }
                 let over_right_hits = resources.and(&right.hits.to_run_over());
                 let mut steps = Vec::new();
-                // A list is sized right after the pass that writes it.
-                let mut written = &over_fill;
                 for pass in self.plan.stereo {
                     steps.push(match pass.over {
                         Over::Hits => bind(pass, Extent::LeftHits, &over_left_hits)?,
-                        Over::Seen => bind(pass, Extent::RightSeen, &over_seen)?,
                         Over::Pixels => bind(pass, Extent::Tiles, &over_fill)?,
-                        _ => bind(pass, Extent::Once, written)?,
+                        _ => bind(pass, Extent::Once, &over_fill)?,
                     });
-                    written = if pass.writes.contains(&"seen_list") {
-                        &over_seen
-                    } else {
-                        &over_fill
-                    };
                 }
                 for pass in self.plan.sample.iter().chain(passes::FILL_REASONS) {
                     if self.plan.carries_indirect && passes::GATHERS.contains(pass) {
@@ -419,6 +426,7 @@ impl Eyes {
         };
         self.left_steps = left_steps;
         self.right_steps = right_steps;
+        self.equal_steps = equal_steps;
         Ok(())
     }
 
@@ -464,13 +472,17 @@ impl Eyes {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
             recorder.clear(&stereo.irradiance);
-            recorder.clear(&stereo.seen.count);
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
         let entries_before = run.ilog2() * SAMPLES_PER_SUBMISSION;
         let turn = (entries_before + sample) * 2 + eye.index();
-        for step in self.steps(eye) {
+        let steps = match eye {
+            Eye::Left => &self.left_steps,
+            Eye::Right if self.takes_all() => &self.equal_steps,
+            Eye::Right => &self.right_steps,
+        };
+        for step in steps {
             let label = format!("{}.{}", eye.name(), step.pass.name);
             let kernel = Self::kernel(kernels, step)?;
             let is = |pass: &Pass| pass.name == step.pass.name;
@@ -506,7 +518,8 @@ impl Eyes {
         recorder: &mut FrameRecorder<'_>,
         kernels: &KernelSet,
     ) -> Result<(), GpuError> {
-        for step in self.left_steps.iter().chain(&self.right_steps) {
+        let steps = [&self.left_steps, &self.right_steps, &self.equal_steps];
+        for step in steps.into_iter().flatten() {
             recorder.dispatch(
                 step.pass.name,
                 Self::kernel(kernels, step)?,
@@ -516,13 +529,6 @@ impl Eyes {
             );
         }
         Ok(())
-    }
-
-    fn steps(&self, eye: Eye) -> &[Step] {
-        match eye {
-            Eye::Left => &self.left_steps,
-            Eye::Right => &self.right_steps,
-        }
     }
 
     fn kernel<'k>(kernels: &'k KernelSet, step: &Step) -> Result<&'k Kernel, GpuError> {
@@ -542,7 +548,6 @@ impl Eyes {
             Extent::LeftHits => Some(&self.left.hits),
             Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
             Extent::RightGathers => self.stereo.as_ref().map(|stereo| &stereo.gathers),
-            Extent::RightSeen => self.stereo.as_ref().map(|stereo| &stereo.seen),
             Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),
         };
         match list {

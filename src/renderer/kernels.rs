@@ -112,8 +112,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         let texels = features.get(RECORD_TEXELS).copied().unwrap_or(false);
         ShaderFeatures::from([(RECORD_TEXELS.to_owned(), texels)])
     };
-    let list =
-        matches!(pass.over, Over::Hits | Over::Seen) || (from_list && pass.over == Over::Pixels);
+    let list = pass.over == Over::Hits || (from_list && pass.over == Over::Pixels);
     own.insert(FROM_LIST.to_owned(), list);
     let inspects = pass.name == passes::inspect_surfaces::PASS.name;
     own.insert(INSPECTS.to_owned(), inspects);

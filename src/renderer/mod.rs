@@ -40,8 +40,8 @@ use crate::gpu::scene::{PackError, check_user_bsdfs};
 use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::timing::{Timer, milliseconds_since};
 use crate::gpu::types::frame::{
-    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_EYES_EQUAL, FRAME_KERNEL_CONE,
-    FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
+    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
+    FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::{
@@ -238,6 +238,7 @@ impl Renderer {
         let mut filling: Vec<&Pass> = Vec::new();
         if !plan.stereo.is_empty() {
             wanted.extend(plan.stereo.iter().chain(passes::FILL_REASONS));
+            wanted.extend(passes::STEREO_EQUAL);
             filling.extend(&plan.sample);
             if plan.carries_indirect {
                 wanted.extend(passes::FILL_INDIRECT);
@@ -250,6 +251,7 @@ impl Renderer {
         let follows_motion = wanted.contains(&&passes::motion::PASS);
         buffers.keep_previous(follows_motion || settings.output.motion);
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
+        features.insert("keeps_samples".to_owned(), !plan.stereo.is_empty());
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);
         let photon_map = photon_config.map(map).transpose()?;
@@ -431,6 +433,7 @@ impl Renderer {
                     self.bind()?;
                 }
             }
+            self.eyes.set_equal(views[0] == views[1]);
             let photons = self.photon_map.as_ref().and_then(PhotonMap::traced_at);
             let frame = self.write_frame_uniform(views, frame_index, first, photons);
             let is_last = first + count >= samples;
@@ -549,9 +552,6 @@ impl Renderer {
             views[0] = views[1];
         }
         let mut flags = 0;
-        if views[0] == views[1] {
-            flags |= FRAME_EYES_EQUAL;
-        }
         if settings.path.russian_roulette {
             flags |= FRAME_RUSSIAN_ROULETTE;
         }

@@ -33,6 +33,8 @@ pub(super) struct PartBuffers {
 }
 
 impl PartBuffers {
+    /// `keeps`: the sample's parts, besides their sums.
+    ///
     /// # Errors
     /// As [`storage_buffer`].
     pub(super) fn new(
@@ -40,6 +42,7 @@ impl PartBuffers {
         eye: &str,
         pixels: u64,
         plan: &EyePlan,
+        keeps: bool,
     ) -> Result<Self, GpuError> {
         let buffer = |name: &str, bytes| storage_buffer(context, &format!("{eye} {name}"), bytes);
         let carries = plan
@@ -49,7 +52,10 @@ impl PartBuffers {
         let image_if = |wanted: bool| if wanted { pixels * 16 } else { 16 };
         Ok(Self {
             first_albedo: buffer("first albedo", image_if(plan.photon))?,
-            sample: buffer("sample parts", pixels * BYTES_PER_PIXEL)?,
+            sample: buffer(
+                "sample parts",
+                if keeps { pixels * BYTES_PER_PIXEL } else { 16 },
+            )?,
             sum: buffer("parts sum", pixels * BYTES_PER_PIXEL)?,
             irradiance: buffer("direct irradiance", image_if(carries))?,
         })

@@ -29,6 +29,7 @@ const FEATURES: &[&str] = &[
     "visibility_mask",
     "parts",
     "carry_indirect",
+    "keeps_samples",
     "keeps_ends",
     "svgf",
     "still_mean",

@@ -72,13 +72,11 @@ pub struct Frame {
     pub padding: [u32; 2],
 }
 
-/// The eyes have one pose and one field of view.
-pub const FRAME_EYES_EQUAL: u32 = 1;
 /// Paths end by Russian roulette.
-pub const FRAME_RUSSIAN_ROULETTE: u32 = 2;
+pub const FRAME_RUSSIAN_ROULETTE: u32 = 1;
 /// Direct light comes from the photon map.
-pub const FRAME_DIRECT_FROM_MAP: u32 = 4;
+pub const FRAME_DIRECT_FROM_MAP: u32 = 2;
 /// Density kernel: Epanechnikov.
-pub const FRAME_KERNEL_EPANECHNIKOV: u32 = 8;
+pub const FRAME_KERNEL_EPANECHNIKOV: u32 = 4;
 /// Density kernel: cone.
-pub const FRAME_KERNEL_CONE: u32 = 16;
+pub const FRAME_KERNEL_CONE: u32 = 8;
