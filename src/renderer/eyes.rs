@@ -5,7 +5,7 @@ use crate::gpu::kernel::{Bound, dispatch_table};
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage_buffer};
 use crate::passes::{self, Over, Pass};
 
-use super::eye_buffers::{EyeBuffers, PixelList, StereoBuffers};
+use super::eye_buffers::{EyeBuffers, LeftLight, PixelList, StereoBuffers};
 use super::kernels::KernelSet;
 use super::parts::RadianceParts;
 
@@ -85,6 +85,8 @@ pub struct EyePlan {
     pub carries_indirect: bool,
     /// Photons of the estimate from the nearest.
     pub nearest: u32,
+    /// Whether what many threads read again is in textures: the feature `record_texels`.
+    pub texels: bool,
 }
 
 impl EyePlan {
@@ -175,7 +177,15 @@ impl Eyes {
                 targets: buffer("scatter targets", used("scatter_targets", pixels * 8))?,
                 nearest: buffer("scatter nearest", used("scatter_nearest", pixels * 4))?,
                 winners: buffer("scatter winners", used("scatter_winners", pixels * 4))?,
-                irradiance: buffer("left irradiance", used("left_irradiance", pixels * 16))?,
+                left_light: LeftLight::new(
+                    context,
+                    if writes("left_irradiance") {
+                        size
+                    } else {
+                        [1, 1]
+                    },
+                    plan.texels,
+                )?,
                 gathers: PixelList::new(
                     context,
                     "gather",
@@ -376,7 +386,7 @@ impl Eyes {
                     .with("scatter_winners", &stereo.winners)
                     .with("stereo_counters", &stereo.counters)
                     .with("provenance", &stereo.provenance)
-                    .with("left_irradiance", &stereo.irradiance)
+                    .and(&stereo.left_light.resources())
                     .with("left_indirect_light", &self.left.indirect_light)
                     .with("gather_list", &stereo.gathers.pixels)
                     .with("gather_count", &stereo.gathers.count)
@@ -471,7 +481,6 @@ impl Eyes {
         if let (Eye::Right, Some(stereo)) = (eye, self.stereo()) {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
-            recorder.clear(&stereo.irradiance);
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }

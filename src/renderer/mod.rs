@@ -200,6 +200,7 @@ impl Renderer {
             parts: splits_light(settings),
             carries_indirect: both && carries_indirect(settings, &features),
             nearest: settings.photon.nearest,
+            texels,
         };
         let has_lights = buffers.light_count() > 0;
         let map_config = |kind, paths| PhotonMapConfig {
