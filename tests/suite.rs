@@ -25,6 +25,7 @@ mod suite {
     pub mod bsdf_user;
     pub mod bvh_gpu;
     pub mod bvh_probe;
+    pub mod carried;
     pub mod caustics;
     pub mod checks;
     pub mod chi_square;

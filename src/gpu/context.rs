@@ -171,6 +171,8 @@ pub struct GpuContext {
     pub adapter: AdapterSummary,
     /// Whether passes can be timed by the device.
     pub has_timestamps: bool,
+    /// Whether copies between passes can be timed too.
+    pub times_copies: bool,
     /// Largest storage buffer binding in bytes.
     pub max_binding_bytes: u64,
     instance: wgpu::Instance,
@@ -284,8 +286,10 @@ impl GpuContext {
                 missing: missing.join(", "),
             });
         }
-        // Timing is a diagnostic: without the feature the renderer runs and says that it cannot time.
-        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        // Timing is a diagnostic: without the features the renderer runs and says that it cannot time.
+        let timing =
+            wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
+        let required_features = adapter.features() & timing;
         Ok(wgpu::DeviceDescriptor {
             label: Some("stereolux"),
             required_features,
@@ -320,6 +324,9 @@ impl GpuContext {
         log::debug!("adapter {} ({})", summary.name, summary.driver_info);
         Self {
             has_timestamps: device.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+            times_copies: device
+                .features()
+                .contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS),
             max_binding_bytes: device.limits().max_storage_buffer_binding_size,
             device,
             queue,

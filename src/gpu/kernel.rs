@@ -80,8 +80,6 @@ pub enum BindingKind {
     ReadWrite,
     /// Two-dimensional texture of four words a texel, read only.
     Texels,
-    /// The same, written only.
-    WrittenTexels,
 }
 
 /// A compute pipeline with one entry point, `main`, and one bind group.
@@ -122,12 +120,27 @@ pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuErro
                     BindingKind::Read
                 }
             }
-            other => texel_access(&shader.module.types[variable.ty].inner).ok_or_else(|| {
-                GpuError::Shader {
+            naga::AddressSpace::Handle
+                if matches!(
+                    shader.module.types[variable.ty].inner,
+                    naga::TypeInner::Image {
+                        dim: naga::ImageDimension::D2,
+                        arrayed: false,
+                        class: naga::ImageClass::Storage {
+                            format: naga::StorageFormat::Rgba32Uint,
+                            access: naga::StorageAccess::LOAD,
+                        },
+                    }
+                ) =>
+            {
+                BindingKind::Texels
+            }
+            other => {
+                return Err(GpuError::Shader {
                     shader: shader.name.clone(),
                     reason: format!("binding {name:?} in address space {other:?} is not supported"),
-                }
-            })?,
+                });
+            }
         };
         if place.group != 0 {
             return Err(GpuError::Shader {
@@ -145,39 +158,14 @@ pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuErro
     Ok(bindings)
 }
 
-/// How a shader uses a two-dimensional storage texture of four words a texel; `None` for anything else.
-fn texel_access(inner: &naga::TypeInner) -> Option<BindingKind> {
-    let naga::TypeInner::Image {
-        dim: naga::ImageDimension::D2,
-        arrayed: false,
-        class:
-            naga::ImageClass::Storage {
-                format: naga::StorageFormat::Rgba32Uint,
-                access,
-            },
-    } = *inner
-    else {
-        return None;
-    };
-    match access {
-        naga::StorageAccess::LOAD => Some(BindingKind::Texels),
-        naga::StorageAccess::STORE => Some(BindingKind::WrittenTexels),
-        _ => None,
-    }
-}
-
 fn binding_type(binding: &Binding) -> wgpu::BindingType {
     let ty = match binding.kind {
         BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
         BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
         BindingKind::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
-        BindingKind::Texels | BindingKind::WrittenTexels => {
+        BindingKind::Texels => {
             return wgpu::BindingType::StorageTexture {
-                access: if binding.kind == BindingKind::Texels {
-                    wgpu::StorageTextureAccess::ReadOnly
-                } else {
-                    wgpu::StorageTextureAccess::WriteOnly
-                },
+                access: wgpu::StorageTextureAccess::ReadOnly,
                 format: wgpu::TextureFormat::Rgba32Uint,
                 view_dimension: wgpu::TextureViewDimension::D2,
             };
@@ -246,12 +234,7 @@ impl Kernel {
         let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
         let buffers = bindings
             .iter()
-            .filter(|binding| {
-                !matches!(
-                    binding.kind,
-                    BindingKind::Texels | BindingKind::WrittenTexels
-                )
-            })
+            .filter(|binding| binding.kind != BindingKind::Texels)
             .count();
         if buffers > limit as usize {
             return Err(GpuError::TooManyBuffers {

@@ -40,7 +40,18 @@ impl TexelCopy {
         if self.texture.as_ref().is_some_and(fits) {
             return Ok(false);
         }
-        let texture = texture(context, self.label, extent(ROW_TEXELS, rows))?;
+        let texture = context.guarded(self.label, || {
+            Ok(context.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(self.label),
+                size: extent(ROW_TEXELS, rows),
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            }))
+        })?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         self.texture = Some((texture, view));
         Ok(true)
@@ -114,46 +125,6 @@ impl TexelCopy {
     }
 }
 
-/// A texture of four words a texel that one pass writes and others read.
-pub struct TexelImage {
-    view: wgpu::TextureView,
-}
-
-impl TexelImage {
-    /// Of `size` texels, width and height; zero.
-    ///
-    /// # Errors
-    /// [`GpuError::Validation`], where the texture does not fit.
-    pub fn new(
-        context: &GpuContext,
-        label: &'static str,
-        size: [u32; 2],
-    ) -> Result<Self, GpuError> {
-        let size = extent(size[0], size[1]);
-        let texture = texture(context, label, size)?;
-        // Written once, since wgpu would clear it by a render pass: from then on llvmpipe notes timestamps only when it
-        // next waits, and pass times are worth nothing.
-        let bytes_per_row = size.width * TEXEL_BYTES as u32;
-        context.queue.write_texture(
-            texture.as_image_copy(),
-            &vec![0; bytes_per_row as usize * size.height as usize],
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(bytes_per_row),
-                rows_per_image: None,
-            },
-            size,
-        );
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Self { view })
-    }
-
-    /// What is bound.
-    pub fn view(&self) -> &wgpu::TextureView {
-        &self.view
-    }
-}
-
 /// A storage buffer that some passes write and others read, those from a copy in a texture if that is faster.
 pub struct CopiedBuffer {
     /// What is written.
@@ -191,32 +162,12 @@ impl CopiedBuffer {
         }
     }
 
-    /// Brings the copy up to date; to be recorded after the passes that write.
-    pub fn record(&self, recorder: &mut FrameRecorder<'_>) {
+    /// Brings the copy up to date; to be recorded after the passes that write. Its time counts as `label`'s.
+    pub fn record(&self, recorder: &mut FrameRecorder<'_>, label: &str) {
         if let Some(copy) = &self.copy {
-            recorder.copy_to_texels(&self.buffer, copy);
+            recorder.copy_to_texels(label, &self.buffer, copy);
         }
     }
-}
-
-/// A storage texture that may be copied to.
-fn texture(
-    context: &GpuContext,
-    label: &'static str,
-    size: wgpu::Extent3d,
-) -> Result<wgpu::Texture, GpuError> {
-    context.guarded(label, || {
-        Ok(context.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(label),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Uint,
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        }))
-    })
 }
 
 fn extent(width: u32, height: u32) -> wgpu::Extent3d {

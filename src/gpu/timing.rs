@@ -98,18 +98,13 @@ impl<'a> FrameRecorder<'a> {
     }
 
     fn begin(&mut self, label: &str) -> wgpu::ComputePass<'_> {
-        let slot = 2 * self.timed.len() as u32;
-        let timestamp_writes = match self.timer {
-            Some(timer) if slot + 1 < QUERIES => {
-                self.timed.push(label.to_owned());
-                Some(wgpu::ComputePassTimestampWrites {
+        let timestamp_writes =
+            self.next_slot(label)
+                .map(|(timer, slot)| wgpu::ComputePassTimestampWrites {
                     query_set: &timer.queries,
                     beginning_of_pass_write_index: Some(slot),
                     end_of_pass_write_index: Some(slot + 1),
-                })
-            }
-            _ => None,
-        };
+                });
         self.encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(label),
@@ -156,9 +151,28 @@ impl<'a> FrameRecorder<'a> {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
     }
 
-    /// Copies a buffer into the texture that holds its copy.
-    pub fn copy_to_texels(&mut self, from: &wgpu::Buffer, to: &TexelCopy) {
+    /// Copies a buffer into the texture that holds its copy; timed as `label` where the adapter can time copies.
+    pub fn copy_to_texels(&mut self, label: &str, from: &wgpu::Buffer, to: &TexelCopy) {
+        let slot = if self.context.times_copies {
+            self.next_slot(label)
+        } else {
+            None
+        };
+        if let Some((timer, slot)) = slot {
+            self.encoder.write_timestamp(&timer.queries, slot);
+        }
         to.record(&mut self.encoder, from, 0..from.size());
+        if let Some((timer, slot)) = slot {
+            self.encoder.write_timestamp(&timer.queries, slot + 1);
+        }
+    }
+
+    /// The next two queries, noted as `label`'s; none where there is no timer or it is full.
+    fn next_slot(&mut self, label: &str) -> Option<(&'a Timer, u32)> {
+        let slot = 2 * self.timed.len() as u32;
+        let timer = self.timer.filter(|_| slot + 1 < QUERIES)?;
+        self.timed.push(label.to_owned());
+        Some((timer, slot))
     }
 
     /// Submits, waits, and adds the device times to `times`.

@@ -6,8 +6,8 @@ use super::{Over, Pass};
 pub const PASS: Pass = Pass {
     name: "left_irradiance",
     what: "Divides the left samples' radiance by the reflectance that it came from.",
-    over: Over::Pixels,
+    over: Over::Hits,
     traces: true,
-    reads: &["left_hit_rays", "left_first_surfaces", "left_hit_paths", "left_sample_radiance", "left_sample_parts", "left_indirect_light", "left_hit_count"],
-    writes: &["left_irradiance", "left_points", "left_direct_irradiance", "stereo_counters"],
+    reads: &["left_hit_rays", "left_first_surfaces", "left_hit_paths", "left_sample_radiance", "left_sample_parts", "left_indirect_light"],
+    writes: &["left_irradiance", "left_direct_irradiance", "stereo_counters"],
 };

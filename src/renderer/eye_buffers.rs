@@ -2,7 +2,7 @@
 
 use super::eyes::{Eye, EyePlan};
 use super::parts::PartBuffers;
-use crate::gpu::texels::TexelImage;
+use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};
 
 /// Buffers of one eye; 16 bytes per pixel each (see `shaders/shared/eye_hit.wesl`).
@@ -113,43 +113,6 @@ impl EyeBuffers {
     }
 }
 
-/// What the left eye's samples say about the light on surfaces, per pixel: a buffer, or, where textures are read faster,
-/// one of them besides another of what is seen.
-pub(super) enum LeftLight {
-    Buffer(wgpu::Buffer),
-    Texels {
-        irradiance: TexelImage,
-        points: TexelImage,
-    },
-}
-
-impl LeftLight {
-    pub(super) fn new(
-        context: &GpuContext,
-        size: [u32; 2],
-        texels: bool,
-    ) -> Result<Self, GpuError> {
-        if texels {
-            return Ok(Self::Texels {
-                irradiance: TexelImage::new(context, "left irradiance", size)?,
-                points: TexelImage::new(context, "left points", size)?,
-            });
-        }
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        storage_buffer(context, "left irradiance", pixels * 16).map(Self::Buffer)
-    }
-
-    pub(super) fn resources(&self) -> Resources<'_> {
-        let resources = Resources::new();
-        match self {
-            Self::Buffer(irradiance) => resources.with("left_irradiance", irradiance),
-            Self::Texels { irradiance, points } => resources
-                .with_texture("left_irradiance", irradiance.view())
-                .with_texture("left_points", points.view()),
-        }
-    }
-}
-
 /// Buffers of the stereo passes.
 pub(super) struct StereoBuffers {
     pub(super) targets: wgpu::Buffer,
@@ -157,8 +120,8 @@ pub(super) struct StereoBuffers {
     pub(super) winners: wgpu::Buffer,
     pub(super) counters: wgpu::Buffer,
     pub(super) provenance: wgpu::Buffer,
-    /// What the lookup reads of the left eye's samples.
-    pub(super) left_light: LeftLight,
+    /// What the lookup reads of the left eye's samples: `shaders/shared/carried.wesl`.
+    pub(super) irradiance: CopiedBuffer,
     /// Filled pixels that gather photons.
     pub(super) gathers: PixelList,
     pub(super) fill: PixelList,

@@ -2,10 +2,11 @@
 
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table};
+use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage_buffer};
 use crate::passes::{self, Over, Pass};
 
-use super::eye_buffers::{EyeBuffers, LeftLight, PixelList, StereoBuffers};
+use super::eye_buffers::{EyeBuffers, PixelList, StereoBuffers};
 use super::kernels::KernelSet;
 use super::parts::RadianceParts;
 
@@ -177,13 +178,10 @@ impl Eyes {
                 targets: buffer("scatter targets", used("scatter_targets", pixels * 8))?,
                 nearest: buffer("scatter nearest", used("scatter_nearest", pixels * 4))?,
                 winners: buffer("scatter winners", used("scatter_winners", pixels * 4))?,
-                left_light: LeftLight::new(
+                irradiance: CopiedBuffer::new(
                     context,
-                    if writes("left_irradiance") {
-                        size
-                    } else {
-                        [1, 1]
-                    },
+                    "left irradiance",
+                    used("left_irradiance", pixels * 16),
                     plan.texels,
                 )?,
                 gathers: PixelList::new(
@@ -386,20 +384,24 @@ impl Eyes {
                     .with("scatter_winners", &stereo.winners)
                     .with("stereo_counters", &stereo.counters)
                     .with("provenance", &stereo.provenance)
-                    .and(&stereo.left_light.resources())
                     .with("left_indirect_light", &self.left.indirect_light)
                     .with("gather_list", &stereo.gathers.pixels)
                     .with("gather_count", &stereo.gathers.count)
                     .with("left_hit_count", &self.left.hits.count)
                     .with("fill_list", &stereo.fill.pixels)
                     .with("fill_count", &stereo.fill.count);
+                let resources = stereo.irradiance.read_by(resources, "left_irradiance");
                 let resources = match &self.left.parts {
                     Some(parts) => resources
                         .with("left_sample_parts", &parts.sample)
                         .with("left_direct_irradiance", &parts.irradiance),
                     None => resources,
                 };
-                let over_left_hits = resources.clone().and(&self.left.hits.to_run_over());
+                // Passes over the left hits write what the others read a copy of.
+                let over_left_hits = resources
+                    .clone()
+                    .with("left_irradiance", &stereo.irradiance.buffer)
+                    .and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
                 let over_gathers = resources.clone().and(&stereo.gathers.to_run_over());
                 for pass in passes::STEREO_EQUAL {
@@ -481,6 +483,7 @@ impl Eyes {
         if let (Eye::Right, Some(stereo)) = (eye, self.stereo()) {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
+            recorder.clear(&stereo.irradiance.buffer);
             recorder.clear(&stereo.gathers.count);
             recorder.clear(&stereo.fill.count);
         }
@@ -513,6 +516,9 @@ impl Eyes {
                         recorder.dispatch_indirect(&label, kernel, &step.bound, index, groups, 0);
                     }
                 }
+            }
+            if let (true, Some(stereo)) = (is(&passes::left_irradiance::PASS), &self.stereo) {
+                stereo.irradiance.record(recorder, &label);
             }
         }
         Ok(())

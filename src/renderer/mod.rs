@@ -252,6 +252,7 @@ impl Renderer {
         let follows_motion = wanted.contains(&&passes::motion::PASS);
         buffers.keep_previous(follows_motion || settings.output.motion);
         features.insert("carry_indirect".to_owned(), plan.carries_indirect);
+        features.insert("one_sample".to_owned(), settings.spp == 1);
         features.insert("keeps_samples".to_owned(), !plan.stereo.is_empty());
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);

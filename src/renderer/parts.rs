@@ -28,7 +28,7 @@ pub(super) struct PartBuffers {
     pub(super) sample: wgpu::Buffer,
     /// Their sums.
     pub(super) sum: wgpu::Buffer,
-    /// 16 bytes per pixel: the left eye's direct light over reflectance, where the lookup carries it.
+    /// 8 bytes per pixel: the left eye's direct light over reflectance, where the lookup carries it.
     pub(super) irradiance: wgpu::Buffer,
 }
 
@@ -57,7 +57,7 @@ impl PartBuffers {
                 if keeps { pixels * BYTES_PER_PIXEL } else { 16 },
             )?,
             sum: buffer("parts sum", pixels * BYTES_PER_PIXEL)?,
-            irradiance: buffer("direct irradiance", image_if(carries))?,
+            irradiance: buffer("direct irradiance", if carries { pixels * 8 } else { 16 })?,
         })
     }
 

@@ -510,9 +510,14 @@ impl PhotonMap {
         for pass in self.config.finish() {
             self.record_over_photons(recorder, kernels, pass)?;
         }
-        b.sorted.record(recorder);
+        let kind = self.config.kind;
         if let Some(tree) = &self.tree {
-            tree.nodes().record(recorder);
+            let label = kind.label(&passes::kd_place::PASS);
+            b.sorted.record(recorder, &label);
+            tree.nodes().record(recorder, &label);
+        } else {
+            b.sorted
+                .record(recorder, &kind.label(&passes::photon_reorder::PASS));
         }
         self.traced_at = Some((origin_in_world, frame_index));
         Ok(paths_traced)

@@ -30,6 +30,7 @@ const FEATURES: &[&str] = &[
     "parts",
     "carry_indirect",
     "keeps_samples",
+    "one_sample",
     "keeps_ends",
     "svgf",
     "still_mean",
@@ -123,39 +124,29 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
 #[test]
 fn passes_declare_what_their_shaders_read_and_write() {
     let library = ShaderLibrary::embedded();
-    let without_texels: Vec<&str> = FEATURES
-        .iter()
-        .copied()
-        .filter(|name| *name != "record_texels")
-        .collect();
+    let features = with(FEATURES);
     for pass in passes::ALL {
-        // What adapters that read textures faster bind, and what the others do.
-        let kinds = [with(FEATURES), with(&without_texels)];
-        let bindings: Vec<Vec<Binding>> = kinds
-            .iter()
-            .map(|features| {
-                let shader = library
-                    .compile(&shader_name(pass), &specialised(pass, features, false))
-                    .unwrap();
-                reflect_bindings(&shader).unwrap()
-            })
-            .collect();
-        let names = |buffer: BindingKind, texels: BindingKind| -> BTreeSet<&str> {
+        let shader = library
+            .compile(&shader_name(pass), &specialised(pass, &features, false))
+            .unwrap();
+        let bindings = reflect_bindings(&shader).unwrap();
+        let names = |kind: BindingKind| -> BTreeSet<&str> {
             bindings
                 .iter()
-                .flatten()
                 .filter(|binding| {
-                    // The scene's copies are called so; other buffers and their copies have one name.
-                    let is_texels = binding.kind == texels && !binding.name.ends_with("_texels");
-                    (binding.kind == buffer || is_texels)
+                    // The scene's copies are called so; photons are read from a buffer or its copy by one name.
+                    let is_copy = binding.kind == BindingKind::Texels
+                        && kind == BindingKind::Read
+                        && !binding.name.ends_with("_texels");
+                    (binding.kind == kind || is_copy)
                         && (!SCENE.contains(&binding.name.as_str())
-                            || buffer == BindingKind::ReadWrite)
+                            || kind == BindingKind::ReadWrite)
                 })
                 .map(|binding| binding.name.as_str())
                 .collect()
         };
         assert_eq!(
-            names(BindingKind::Read, BindingKind::Texels),
+            names(BindingKind::Read),
             pass.reads
                 .iter()
                 .copied()
@@ -165,20 +156,18 @@ fn passes_declare_what_their_shaders_read_and_write() {
             pass.name
         );
         assert_eq!(
-            names(BindingKind::ReadWrite, BindingKind::WrittenTexels),
+            names(BindingKind::ReadWrite),
             pass.writes.iter().copied().collect(),
             "{} writes",
             pass.name
         );
-        for bindings in &bindings {
-            let slots: BTreeSet<u32> = bindings.iter().map(|binding| binding.slot).collect();
-            assert_eq!(
-                slots.len(),
-                bindings.len(),
-                "{}: two bindings share a slot",
-                pass.name
-            );
-        }
+        let slots: BTreeSet<u32> = bindings.iter().map(|binding| binding.slot).collect();
+        assert_eq!(
+            slots.len(),
+            bindings.len(),
+            "{}: two bindings share a slot",
+            pass.name
+        );
     }
 }
 
