@@ -156,6 +156,32 @@ fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before()
 }
 
 #[test]
+fn equal_eyes_move_alike() {
+    let scene = builtin("cornell");
+    let head = start_pose(&scene);
+    for reuse in [Reuse::Scatter, Reuse::Lookup] {
+        let mut renderer = renderer(&scene, &filtered(reuse, |_| {}), [SIZE, SIZE]);
+        // Eyes apart first and last: a copied eye must not go by what such a frame has left.
+        for (frame, ipd_m) in [(0, IPD_M), (1, 0.0), (2, 0.0), (3, IPD_M)] {
+            let step = Pose::new(DVec3::X * (0.01 * f64::from(frame)), DQuat::IDENTITY);
+            let views = parallel_views(head.then(&step), ipd_m, square_fov(21.0));
+            renderer.render_frame(&views, frame, |_| {}).unwrap();
+            let [left, right] = [Eye::Left, Eye::Right].map(|eye| motion(&renderer, eye));
+            let moved = left.iter().filter(|moved| moved[0].abs() > 0.1).count();
+            match frame {
+                2 => {
+                    assert!(left == right, "{reuse:?}: equal eyes move apart");
+                    assert!(moved > PIXELS / 2, "{reuse:?}: {moved} pixels moved");
+                }
+                // Negative control.
+                3 => assert!(left != right, "{reuse:?}: eyes apart move alike"),
+                _ => {}
+            }
+        }
+    }
+}
+
+#[test]
 fn a_surface_that_was_not_there_has_no_history() {
     let scene = builtin("plane");
     let settings = filtered(Reuse::Off, |_| {});
