@@ -41,6 +41,7 @@ mod suite {
     pub mod editing;
     pub mod forced_features;
     pub mod gathers;
+    pub mod half_rate;
     pub mod hard_cases;
     pub mod hard_extremes;
     pub mod hard_scales;

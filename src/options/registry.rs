@@ -260,6 +260,12 @@ pub static SETTINGS: &[Setting] = &[
         "each thread loads its photons, or a workgroup together; cooperative is for comparison",
     ),
     setting(
+        "photon.half_rate",
+        Kind::Bool,
+        "",
+        "gather at every other pixel in each direction and interpolate between them, caustics aside",
+    ),
+    setting(
         "stereo.max_view_dependence",
         Kind::Real {
             min: 0.0,

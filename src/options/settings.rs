@@ -300,6 +300,8 @@ pub struct PhotonSettings {
     pub schedule: Schedule,
     /// How a gather loads photons, caustics aside; default each thread by itself.
     pub loads: Loads,
+    /// Gather at every other pixel in each direction, caustics aside, and interpolate between them; default off.
+    pub half_rate: bool,
 }
 
 impl PhotonSettings {
@@ -308,6 +310,12 @@ impl PhotonSettings {
     /// # Errors
     /// The line.
     pub fn check_gather(&self) -> Result<(), String> {
+        if self.half_rate && self.schedule == Schedule::Fused {
+            return Err(
+                "photon.half_rate goes with photon.schedule = \"split\" only; change one of them"
+                    .to_owned(),
+            );
+        }
         let plain = self.search == Search::Grid && self.estimate == PhotonEstimate::Radius;
         let fused = self.schedule == Schedule::Fused;
         let cooperative = self.loads == Loads::Cooperative;
@@ -349,6 +357,7 @@ impl Default for PhotonSettings {
             nearest: 50,
             schedule: Schedule::default(),
             loads: Loads::default(),
+            half_rate: false,
         }
     }
 }

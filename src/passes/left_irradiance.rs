@@ -9,5 +9,5 @@ pub const PASS: Pass = Pass {
     over: Over::Hits,
     traces: true,
     reads: &["left_hit_rays", "left_first_surfaces", "left_hit_paths", "left_sample_radiance", "left_sample_parts", "left_indirect_light"],
-    writes: &["left_irradiance", "left_direct_irradiance", "stereo_counters"],
+    writes: &["carried_light", "left_direct_irradiance", "stereo_counters"],
 };

@@ -65,6 +65,9 @@ passes!(
     nearest_gather,
     kd_nearest_gather,
     shared_gather,
+    coarse_list,
+    coarse_irradiance,
+    coarse_spread,
     caustic_gather,
     eye_combine,
     path_trace,
@@ -203,6 +206,16 @@ pub const GATHERS: &[&Pass] = &[
     &nearest_gather::PASS,
     &kd_nearest_gather::PASS,
     &shared_gather::PASS,
+];
+
+/// Before photons are gathered at half rate: lists the pixels that gather first.
+pub const COARSE_FIRST: &[&Pass] = &[&coarse_list::PASS, &list_setup::PASS];
+
+/// After they gathered: interpolates between them and lists the pixels that must gather after all.
+pub const COARSE_SPREAD: &[&Pass] = &[
+    &coarse_irradiance::PASS,
+    &coarse_spread::PASS,
+    &list_setup::PASS,
 ];
 
 /// One sample of an eye by photon mapping.

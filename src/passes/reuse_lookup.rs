@@ -8,6 +8,6 @@ pub const PASS: Pass = Pass {
     what: "Traces the right eye's primary rays, lights what they meet by the left samples around it, and lists the rest.",
     over: Over::Pixels,
     traces: true,
-    reads: &["left_irradiance", "left_direct_irradiance"],
+    reads: &["carried_light", "left_direct_irradiance"],
     writes: &["hit_rays", "first_surfaces", "radiance_sum", "parts_sum", "stereo_counters", "provenance", "fill_list", "fill_count"],
 };

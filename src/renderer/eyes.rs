@@ -7,6 +7,7 @@ use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, storage
 use crate::passes::{self, Over, Pass};
 
 use super::eye_buffers::{EyeBuffers, PixelList, StereoBuffers};
+use super::half_rate::HalfRate;
 use super::kernels::KernelSet;
 use super::parts::RadianceParts;
 
@@ -48,6 +49,10 @@ enum Extent {
     Tiles,
     LeftHits,
     RightHits,
+    /// Pixels that gather first at half rate.
+    Coarse,
+    /// Pixels between them that gather after all.
+    Rest,
     /// Filled pixels of the right eye whose indirect light was not taken over.
     RightGathers,
     Fill,
@@ -86,6 +91,8 @@ pub struct EyePlan {
     pub carries_indirect: bool,
     /// Photons of the estimate from the nearest.
     pub nearest: u32,
+    /// Whether photons are gathered at every other pixel in each direction.
+    pub half_rate: bool,
     /// Whether what many threads read again is in textures: the feature `record_texels`.
     pub texels: bool,
 }
@@ -144,6 +151,7 @@ pub struct Eyes {
     dispatch: wgpu::Buffer,
     /// The same with the slices of caustics.
     caustic_dispatch: wgpu::Buffer,
+    half_rate: Option<HalfRate>,
     /// What pixels keep of their nearest photons between slices.
     nearest_heaps: wgpu::Buffer,
     gather_slices: GatherSlices,
@@ -181,7 +189,7 @@ impl Eyes {
                 irradiance: CopiedBuffer::new(
                     context,
                     "left irradiance",
-                    used("left_irradiance", pixels * 16),
+                    used("carried_light", pixels * 16),
                     plan.texels,
                 )?,
                 gathers: PixelList::new(
@@ -204,6 +212,10 @@ impl Eyes {
                 .then(|| EyeBuffers::new(context, Eye::Right, pixels, &plan))
                 .transpose()?,
             stereo,
+            half_rate: plan
+                .half_rate
+                .then(|| HalfRate::new(context, pixels, plan.texels))
+                .transpose()?,
             dispatch: sample_table(context, 1, plan.run),
             caustic_dispatch: sample_table(context, 1, 1),
             nearest_heaps: buffer("nearest photons", 16)?,
@@ -360,11 +372,27 @@ impl Eyes {
                 Over::Hits => hits,
                 _ => Extent::Once,
             };
-            self.plan
-                .sample
-                .iter()
-                .map(|pass| bind(pass, extent_of(pass), &resources))
-                .collect::<Result<Vec<_>, _>>()
+            let mut steps = Vec::new();
+            for pass in &self.plan.sample {
+                let half_rate = self.half_rate.as_ref();
+                let Some(half_rate) = half_rate.filter(|_| passes::GATHERS.contains(pass)) else {
+                    steps.push(bind(pass, extent_of(pass), &resources)?);
+                    continue;
+                };
+                let over_hits = half_rate.written(&resources);
+                let over_coarse = over_hits.clone().and(&half_rate.coarse.to_run_over());
+                let over_rest = over_hits.clone().and(&half_rate.rest.to_run_over());
+                steps.push(bind(&passes::coarse_list::PASS, hits, &over_hits)?);
+                steps.push(bind(&passes::list_setup::PASS, Extent::Once, &over_coarse)?);
+                for pass in [pass, &passes::coarse_irradiance::PASS] {
+                    steps.push(bind(pass, Extent::Coarse, &over_coarse)?);
+                }
+                let reading = half_rate.read(&resources);
+                steps.push(bind(&passes::coarse_spread::PASS, hits, &reading)?);
+                steps.push(bind(&passes::list_setup::PASS, Extent::Once, &over_rest)?);
+                steps.push(bind(pass, Extent::Rest, &over_rest)?);
+            }
+            Ok::<Vec<Step>, GpuError>(steps)
         };
         let left_steps = whole(&self.left, Extent::LeftHits)?;
         let mut equal_steps = Vec::new();
@@ -390,7 +418,7 @@ impl Eyes {
                     .with("left_hit_count", &self.left.hits.count)
                     .with("fill_list", &stereo.fill.pixels)
                     .with("fill_count", &stereo.fill.count);
-                let resources = stereo.irradiance.read_by(resources, "left_irradiance");
+                let resources = stereo.irradiance.read_by(resources, "carried_light");
                 let resources = match &self.left.parts {
                     Some(parts) => resources
                         .with("left_sample_parts", &parts.sample)
@@ -400,7 +428,7 @@ impl Eyes {
                 // Passes over the left hits write what the others read a copy of.
                 let over_left_hits = resources
                     .clone()
-                    .with("left_irradiance", &stereo.irradiance.buffer)
+                    .with("carried_light", &stereo.irradiance.buffer)
                     .and(&self.left.hits.to_run_over());
                 let over_fill = resources.clone().and(&stereo.fill.to_run_over());
                 let over_gathers = resources.clone().and(&stereo.gathers.to_run_over());
@@ -480,6 +508,9 @@ impl Eyes {
             return Ok(());
         };
         recorder.clear(&buffers.hits.count);
+        if let Some(half_rate) = &self.half_rate {
+            half_rate.clear(recorder);
+        }
         if let (Eye::Right, Some(stereo)) = (eye, self.stereo()) {
             recorder.clear(&stereo.nearest);
             recorder.clear(&stereo.winners);
@@ -519,6 +550,10 @@ impl Eyes {
             }
             if let (true, Some(stereo)) = (is(&passes::left_irradiance::PASS), &self.stereo) {
                 stereo.irradiance.record(recorder, &label);
+            }
+            if let (true, Some(half_rate)) = (is(&passes::coarse_irradiance::PASS), &self.half_rate)
+            {
+                half_rate.copy_light(recorder, &label);
             }
         }
         Ok(())
@@ -561,6 +596,8 @@ impl Eyes {
                 return Groups::Direct([self.width.div_ceil(8), self.height.div_ceil(8), 1]);
             }
             Extent::LeftHits => Some(&self.left.hits),
+            Extent::Coarse => self.half_rate.as_ref().map(|half_rate| &half_rate.coarse),
+            Extent::Rest => self.half_rate.as_ref().map(|half_rate| &half_rate.rest),
             Extent::RightHits => self.right.as_ref().map(|right| &right.hits),
             Extent::RightGathers => self.stereo.as_ref().map(|stereo| &stereo.gathers),
             Extent::Fill => self.stereo.as_ref().map(|stereo| &stereo.fill),

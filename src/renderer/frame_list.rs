@@ -107,12 +107,25 @@ pub fn frame_list(settings: &Settings, features: &ShaderFeatures, eyes: EyeChoic
         }
     }
     let sample = sample_passes(settings, caustics);
-    list.push(stage("left", "every sample", sample.iter().copied()));
+    let whole = || {
+        sample.iter().flat_map(|&pass| {
+            let half_rate = settings.photon.half_rate && passes::GATHERS.contains(&pass);
+            let [before, after] = if half_rate {
+                [passes::COARSE_FIRST, passes::COARSE_SPREAD]
+            } else {
+                [&[][..]; 2]
+            };
+            let gathers_again = half_rate.then_some(pass);
+            let around = before.iter().copied().chain([pass]);
+            around.chain(after.iter().copied()).chain(gathers_again)
+        })
+    };
+    list.push(stage("left", "every sample", whole()));
     let both = eyes == EyeChoice::Both;
     if both {
         let stereo = stereo_passes(settings.reuse);
         if stereo.is_empty() {
-            list.push(stage("right", "every sample", sample));
+            list.push(stage("right", "every sample", whole()));
         } else {
             let fill = sample.into_iter().flat_map(|pass| {
                 let before =

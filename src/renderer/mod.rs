@@ -10,6 +10,7 @@ mod editing;
 mod eye_buffers;
 pub mod eyes;
 pub mod frame_list;
+mod half_rate;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;
@@ -200,6 +201,7 @@ impl Renderer {
             parts: splits_light(settings),
             carries_indirect: both && carries_indirect(settings, &features),
             nearest: settings.photon.nearest,
+            half_rate: photon && settings.photon.half_rate,
             texels,
         };
         let has_lights = buffers.light_count() > 0;
@@ -230,6 +232,9 @@ impl Renderer {
         let caustic_config =
             caustics.then(|| map_config(MapKind::Caustics, caustic_paths(settings)));
         let mut wanted: Vec<&Pass> = plan.sample.clone();
+        if plan.half_rate {
+            wanted.extend(passes::COARSE_FIRST.iter().chain(passes::COARSE_SPREAD));
+        }
         if buffers.deformer().is_some() {
             wanted.extend(passes::DEFORM);
         }

@@ -126,7 +126,7 @@ fn albedo_is_the_first_surfaces() {
 }
 
 /// A mirror half a metre ahead on the left, a wall behind it on the right, and a lamp behind the eyes.
-fn hall_of_mirrors(roughness: f32) -> Scene {
+pub fn hall_of_mirrors(roughness: f32) -> Scene {
     let mut scene = Scene::default();
     let mirror = Material {
         base_color: [0.5, 0.6, 0.7, 1.0],

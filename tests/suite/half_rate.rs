@@ -1,0 +1,203 @@
+//! `photon.half_rate`: every other pixel gathers, the others interpolate.
+
+use glam::{DQuat, DVec3};
+use stereolux::options::{DirectLight, Method, PhotonEstimate, Reuse, Schedule, Search, Settings};
+use stereolux::renderer::Eye;
+use stereolux::scene::Scene;
+use stereolux::xr::{Pose, View};
+
+use super::cornell::rel_mse;
+use super::hard_support::eyes_at;
+use super::parts::hall_of_mirrors;
+use super::support::{
+    bits, builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+/// Odd, so that the last column and row gather, and even, so that they do not.
+const SIZES: [[u32; 2]; 2] = [[33, 25], [32, 24]];
+
+fn images(
+    scene: &Scene,
+    settings: &Settings,
+    size: [u32; 2],
+    views: &[View; 2],
+) -> [Vec<[f32; 3]>; 2] {
+    let mut renderer = renderer(scene, settings, size);
+    frame(&mut renderer, views);
+    [Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye))
+}
+
+/// The same settings without and with half rate.
+fn both_rates(change: impl Fn(&mut Settings)) -> [Settings; 2] {
+    [false, true].map(|half_rate| {
+        settings(|s| {
+            s.reuse = Reuse::Off;
+            s.photon.half_rate = half_rate;
+            change(s);
+        })
+    })
+}
+
+#[test]
+fn light_between_gathered_pixels_is_bilinear() {
+    // One plane of one colour whose light is all gathered: every pixel finds all samples that lie within the image.
+    let scene = builtin("plane");
+    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(40.0));
+    let [full, half] = both_rates(|s| s.photon.direct = DirectLight::Map);
+    for size in SIZES {
+        let full = images(&scene, &full, size, &views);
+        let half = images(&scene, &half, size, &views);
+        let [width, height] = size.map(|n| n as usize);
+        let mut as_full = 0;
+        for (full, half) in full.iter().zip(&half) {
+            for (pixel, found) in half.iter().enumerate() {
+                let (x, y) = (pixel % width, pixel / width);
+                if x % 2 == 0 && y % 2 == 0 {
+                    assert_eq!(found, &full[pixel], "({x}, {y}) of {size:?} gathers");
+                    continue;
+                }
+                // f64 twin: the mean of the gathered pixels at most one away, all of one weight.
+                let near = |a: usize, end: usize| {
+                    let first = a - a % 2;
+                    let last = first + 2 * (a % 2);
+                    [Some(first), (last != first && last < end).then_some(last)]
+                };
+                let around: Vec<usize> = near(y, height)
+                    .into_iter()
+                    .flatten()
+                    .flat_map(|row| {
+                        let columns = near(x, width).into_iter().flatten();
+                        columns.map(move |column| row * width + column)
+                    })
+                    .collect();
+                let sum = |channel: usize| -> f64 {
+                    around.iter().map(|&at| f64::from(full[at][channel])).sum()
+                };
+                let expected = [0, 1, 2].map(|channel| sum(channel) / around.len() as f64);
+                let largest = around
+                    .iter()
+                    .flat_map(|&at| full[at])
+                    .fold(0.0_f32, f32::max);
+                // Packing is off by 2^-18 of the largest channel; dividing by the reflectance, adding four and
+                // multiplying take a dozen roundings of f32.
+                let bound =
+                    f64::from(largest) * (1.0 / f64::from(1 << 18) + 12.0 / f64::from(1 << 24));
+                for channel in 0..3 {
+                    let off = (f64::from(found[channel]) - expected[channel]).abs();
+                    assert!(off <= bound, "({x}, {y}) of {size:?}: {off} of {bound}");
+                }
+                // Negative control: gathering there would have given something else, but where the plane is dark.
+                let own = f64::from(full[pixel][0]);
+                as_full += usize::from((own - expected[0]).abs() <= bound);
+            }
+        }
+        assert!(as_full < width * height / 8, "{as_full} as at full rate");
+    }
+}
+
+#[test]
+fn every_way_to_gather_is_the_same_at_the_pixels_that_gather() {
+    let scene = builtin("cornell");
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let ways: [fn(&mut Settings); 4] = [
+        |_| {},
+        |s| s.photon.search = Search::KdTree,
+        |s| s.photon.estimate = PhotonEstimate::Nearest,
+        |s| {
+            s.photon.search = Search::KdTree;
+            s.photon.estimate = PhotonEstimate::Nearest;
+        },
+    ];
+    for (number, way) in ways.into_iter().enumerate() {
+        let size = SIZES[number % 2];
+        let [full, half] = both_rates(way).map(|settings| images(&scene, &settings, size, &views));
+        for (full, half) in full.iter().zip(&half) {
+            let (mut same, mut other) = (0, 0);
+            for (pixel, found) in half.iter().enumerate() {
+                let (x, y) = (pixel % size[0] as usize, pixel / size[0] as usize);
+                if x % 2 == 0 && y % 2 == 0 {
+                    assert_eq!(found, &full[pixel], "({x}, {y}), way {number}");
+                } else if found == &full[pixel] {
+                    same += 1;
+                } else {
+                    other += 1;
+                }
+            }
+            // Beyond the box nothing is seen; within it nearly all is interpolated.
+            assert!(other > same, "way {number}: {same} as before, {other} not");
+        }
+    }
+}
+
+#[test]
+fn what_mirrors_show_is_gathered_by_every_pixel() {
+    let scene = hall_of_mirrors(0.0);
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 30.0);
+    let size = SIZES[1];
+    let [full, half] = both_rates(|_| {}).map(|settings| images(&scene, &settings, size, &views));
+    let width = size[0] as usize;
+    let differing = |columns: std::ops::Range<usize>| {
+        let pixels = (0..full[0].len()).filter(|pixel| columns.contains(&(pixel % width)));
+        pixels
+            .filter(|&pixel| full[0][pixel] != half[0][pixel])
+            .count()
+    };
+    assert_eq!(
+        differing(0..width / 2 - 1),
+        0,
+        "the mirror's picture changes"
+    );
+    // Negative control: the wall beside it is interpolated.
+    assert!(differing(width / 2 + 1..width) > full[0].len() / 4);
+}
+
+#[test]
+fn half_rate_is_about_as_true_as_full_rate() {
+    const SIZE: [u32; 2] = [64, 64];
+    let scene = builtin("cornell");
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let reference = settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.spp = 256;
+        s.seed = 99;
+    });
+    let truth = images(&scene, &reference, SIZE, &views);
+    let all = vec![true; truth[0].len()];
+    for reuse in [Reuse::Off, Reuse::Scatter, Reuse::Lookup] {
+        let [full, half] = both_rates(|s| {
+            s.reuse = reuse;
+            s.spp = 4;
+            s.photon.count = 65_536;
+        })
+        .map(|settings| images(&scene, &settings, SIZE, &views));
+        for eye in 0..2 {
+            let error = |image: &[[f32; 3]]| rel_mse(image, &truth[eye], &all);
+            let (at_full, at_half) = (error(&full[eye]), error(&half[eye]));
+            println!("{reuse:?} eye {eye}: {at_full:.5} at full rate, {at_half:.5} at half");
+            assert!(bits(&full[eye]) != bits(&half[eye]));
+            // Measured: 0.87 to 0.93. The photons' noise is the same for both; interpolation takes some of it away and adds
+            // what the light bends between neighbours.
+            assert!(at_half <= 1.05 * at_full, "{reuse:?} eye {eye}");
+            // Negative control: a picture that is off by the distance between gathered pixels is found out.
+            let mut moved = half[eye].clone();
+            moved.rotate_right(1);
+            assert!(error(&moved) > 1.05 * at_full);
+        }
+    }
+}
+
+#[test]
+fn one_kernel_does_not_gather_at_half_rate() {
+    let refused = settings(|s| {
+        s.photon.half_rate = true;
+        s.photon.schedule = Schedule::Fused;
+    });
+    let error = refused.photon.check_gather().unwrap_err();
+    assert!(error.contains("photon.half_rate") && error.contains("photon.schedule"));
+    assert!(
+        both_rates(|_| {})
+            .iter()
+            .all(|s| s.photon.check_gather().is_ok())
+    );
+}
