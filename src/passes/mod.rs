@@ -12,7 +12,8 @@
 //!              RADIX_DIGIT for each axis, KD_LEVEL per level, KD_FINISH
 //! caustic map  the same with CAUSTIC_BATCH, only where the scene can form caustics; always in a grid
 //! left eye     EYE_PHOTON... or EYE_PATH over all pixels                 (per sample); another of GATHERS may stand for
-//!              photon_gather, and eye_fused for eye_hits and photon_gather
+//!              photon_gather, and eye_fused for eye_hits and photon_gather. With photon.half_rate COARSE_FIRST before
+//!              the gather, then COARSE_SPREAD and the gather once more
 //! right eye    off:     the same over all pixels
 //!              scatter: STEREO_SCATTER, then the same over the list of empty pixels, then FILL_REASONS
 //!              lookup:  STEREO_LOOKUP, then likewise

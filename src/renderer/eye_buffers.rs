@@ -1,6 +1,7 @@
 //! Buffers of an eye's image on the device, and of what goes between the eyes.
 
-use super::eyes::{Eye, EyePlan};
+use super::eye_plan::EyePlan;
+use super::eyes::Eye;
 use super::parts::PartBuffers;
 use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};

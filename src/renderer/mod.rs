@@ -8,6 +8,7 @@ pub mod choices;
 pub mod deform;
 mod editing;
 mod eye_buffers;
+mod eye_plan;
 pub mod eyes;
 pub mod frame_list;
 mod half_rate;
@@ -58,7 +59,8 @@ pub use choices::{
     stereo_passes,
 };
 pub use editing::{Applied, InPlace};
-pub use eyes::{Eye, EyePlan, Eyes, GatherSlices, SAMPLES_PER_SUBMISSION};
+pub use eye_plan::{EyePlan, GatherSlices};
+pub use eyes::{Eye, Eyes, SAMPLES_PER_SUBMISSION};
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
 pub use kd_tree::KdTree;

@@ -1,6 +1,6 @@
 //! Radiance in parts, which `output.parts` asks for: `shaders/shared/parts.wesl` says what they are.
 
-use super::eyes::EyePlan;
+use super::eye_plan::EyePlan;
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};
 

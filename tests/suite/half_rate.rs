@@ -2,30 +2,15 @@
 
 use glam::{DQuat, DVec3};
 use stereolux::options::{DirectLight, Method, PhotonEstimate, Reuse, Schedule, Search, Settings};
-use stereolux::renderer::Eye;
-use stereolux::scene::Scene;
-use stereolux::xr::{Pose, View};
+use stereolux::xr::Pose;
 
 use super::cornell::rel_mse;
-use super::hard_support::eyes_at;
+use super::hard_support::{eyes_at, images};
 use super::parts::hall_of_mirrors;
-use super::support::{
-    bits, builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
-};
+use super::support::{bits, builtin, parallel_views, settings, square_fov, start_pose};
 
 /// Odd, so that the last column and row gather, and even, so that they do not.
 const SIZES: [[u32; 2]; 2] = [[33, 25], [32, 24]];
-
-fn images(
-    scene: &Scene,
-    settings: &Settings,
-    size: [u32; 2],
-    views: &[View; 2],
-) -> [Vec<[f32; 3]>; 2] {
-    let mut renderer = renderer(scene, settings, size);
-    frame(&mut renderer, views);
-    [Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye))
-}
 
 /// The same settings without and with half rate.
 fn both_rates(change: impl Fn(&mut Settings)) -> [Settings; 2] {
