@@ -12,9 +12,9 @@ Using:
 renders the Cornell box at 256x256 by both, in turn, and prints medians with quartiles. Mitsuba runs its own `path`
 integrator, `perspective` camera, `diffuse` surfaces and box filter in the variant llvm_ad_rgb (the package has no LLVM
 variant without gradients; none are recorded here), on all cores. Its intersections are Embree's. Both draw independent
-random numbers and follow paths to the same depth, without Russian roulette; with --best each does what takes it to an
-equal error fastest: stereolux as it comes (Sobol points, roulette), Mitsuba with its `ldsampler` and its roulette from the
-fifth segment on, as it comes.
+random numbers and follow paths to the same depth, one light sample per shadow ray, without Russian roulette; with --best each
+does what takes it to an equal error fastest: stereolux as it comes (Sobol points, roulette, lights chosen from several
+samples), Mitsuba with its `ldsampler` and its roulette from the fifth segment on, as it comes.
 
 - A round renders with each in turn, at each of --spp samples per pixel; rounds before the first counted one are dropped.
 - stereolux's time is that of its passes by timestamps, Mitsuba's from the call of render to the end of its kernels.
@@ -123,7 +123,8 @@ class Stereolux:
         # One picture of two eyes 0 m apart looks from the camera itself.
         self.command += ["--ipd", "0"]
         if not arguments.best:
-            self.command += ["--set", "path.sampler=random", "--set", "path.russian_roulette=false"]
+            for setting in ("path.sampler=random", "path.russian_roulette=false", "path.light_candidates=1"):
+                self.command += ["--set", setting]
         for setting in arguments.set:
             self.command += ["--set", setting]
         if arguments.adapter:

@@ -50,6 +50,7 @@ mod suite {
     pub mod inspect;
     pub mod inspect_photons;
     pub mod layout;
+    pub mod light_candidates;
     pub mod lights_emission;
     pub mod lights_probe;
     pub mod lights_sampling;

@@ -25,8 +25,8 @@ pub use resolve::{
 };
 pub use save::Extent;
 pub use settings::{
-    DirectLight, Force, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
-    Search, Settings, Technique,
+    DirectLight, Force, Kernel, Loads, Method, Motion, PathSettings, PhotonEstimate, Reuse,
+    Sampler, Schedule, Search, Settings, Technique,
 };
 
 /// Unusable flags or settings; each message is one line. Exit status 2.

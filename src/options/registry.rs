@@ -118,6 +118,12 @@ pub static SETTINGS: &[Setting] = &[
         "how the path tracer finds lights: both ways weighted, by light samples, by the surfaces' directions",
     ),
     setting(
+        "path.light_candidates",
+        Kind::Whole { min: 1, max: 16 },
+        "samples",
+        "light samples that the one of a shadow ray is chosen from, by what each would bring; in both methods",
+    ),
+    setting(
         "photon.count",
         Kind::Whole {
             min: 0,

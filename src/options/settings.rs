@@ -245,6 +245,8 @@ pub struct PathSettings {
     pub sampler: Sampler,
     /// How lights are found; default both ways.
     pub technique: Technique,
+    /// Samples of lights that the one of a shadow ray is chosen from, in both methods, 1 to 16; default 4.
+    pub light_candidates: u32,
 }
 
 impl Default for PathSettings {
@@ -254,6 +256,7 @@ impl Default for PathSettings {
             russian_roulette: true,
             sampler: Sampler::default(),
             technique: Technique::default(),
+            light_candidates: 4,
         }
     }
 }

@@ -25,8 +25,11 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
         .collect();
     features.insert("sobol".to_owned(), settings.path.sampler == Sampler::Sobol);
     let technique = settings.path.technique;
-    features.insert("light_only".to_owned(), technique == Technique::Light);
-    features.insert("bsdf_only".to_owned(), technique == Technique::Bsdf);
+    // Photon mapping's direct light always uses both.
+    let is_path = settings.method == Method::Path;
+    let is_alone = |one: Technique| is_path && technique == one;
+    features.insert("light_only".to_owned(), is_alone(Technique::Light));
+    features.insert("bsdf_only".to_owned(), is_alone(Technique::Bsdf));
     features.insert("parts".to_owned(), splits_light(settings));
     features.insert("svgf".to_owned(), settings.reconstruct.svgf);
     features.insert("still_mean".to_owned(), settings.reconstruct.still);
@@ -61,16 +64,40 @@ pub fn splits_light(settings: &Settings) -> bool {
 
 /// Turns of loops that one thread may take on llvmpipe, all of its loops together; beyond them it ends loops silently.
 const LOOP_TURNS: u32 = 65_535;
+/// Turns of the two searches that find a place in the sky: it has fewer than 2^16 rows and columns.
+const ENVIRONMENT_TURNS: u32 = 32;
 /// Most samples of one dispatch of the path tracer, and most photon paths of one thread: more than this brings next to
 /// nothing.
 const MOST_PATHS_PER_THREAD: u32 = 16;
 
+/// Samples of lights that the one of a shadow ray is chosen from. A single light without size leaves nothing to choose.
+pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Settings) -> u32 {
+    let is_on = |name: &str| features.get(name) == Some(&true);
+    if lights <= 1 && !is_on("emitters") && !is_on("environment") {
+        1
+    } else {
+        settings.path.light_candidates
+    }
+}
+
 /// Samples that one dispatch of the path tracer takes. A thread that begins its next path where one ends does not wait for
 /// the longest path among the threads that run as one.
 #[must_use]
-pub fn samples_per_dispatch(max_depth: u32, hierarchy_depth: u32) -> u32 {
-    // A segment is two rays. A power of two, so that submissions are whole runs.
-    1 << paths_within_turns(2, max_depth, hierarchy_depth).ilog2()
+pub fn samples_per_dispatch(
+    settings: &Settings,
+    features: &ShaderFeatures,
+    hierarchy_depth: u32,
+) -> u32 {
+    let has_environment = features.get("environment") == Some(&true);
+    let per_light = if has_environment {
+        ENVIRONMENT_TURNS
+    } else {
+        1
+    };
+    let per_segment =
+        2 * turns_per_ray(hierarchy_depth) + settings.path.light_candidates * per_light;
+    // A power of two, so that submissions are whole runs.
+    1 << paths_within_turns(per_segment, settings.path.max_depth).ilog2()
 }
 
 /// Photon paths that one thread traces, one after the other, for the same reason. On a GPU one: fewer threads than paths
@@ -78,20 +105,22 @@ pub fn samples_per_dispatch(max_depth: u32, hierarchy_depth: u32) -> u32 {
 #[must_use]
 pub fn photon_paths_per_thread(is_software: bool, max_depth: u32, hierarchy_depth: u32) -> u32 {
     if is_software {
-        paths_within_turns(1, max_depth, hierarchy_depth)
+        paths_within_turns(turns_per_ray(hierarchy_depth), max_depth)
     } else {
         1
     }
 }
 
-/// Paths that keep well within [`LOOP_TURNS`]: a ray takes eight turns per level and some 32 for leaves, in the worst of
-/// threads that run as one (measured: the gallery's paths of 12 segments of two rays take 2,048 to 4,096 turns at depth 17,
-/// the Cornell box's 1,024 to 2,048 at depth 3).
-fn paths_within_turns(rays_per_segment: u32, max_depth: u32, hierarchy_depth: u32) -> u32 {
-    let per_ray = 32 + 8 * hierarchy_depth;
-    let per_path = rays_per_segment
-        .saturating_mul(per_ray)
-        .saturating_mul(max_depth.max(1));
+/// A ray takes eight turns per level and some 32 for leaves, in the worst of threads that run as one (measured: the
+/// gallery's paths of 12 segments of two rays take 2,048 to 4,096 turns at depth 17, the Cornell box's 1,024 to 2,048 at
+/// depth 3).
+fn turns_per_ray(hierarchy_depth: u32) -> u32 {
+    32 + 8 * hierarchy_depth
+}
+
+/// Paths that keep well within [`LOOP_TURNS`].
+fn paths_within_turns(per_segment: u32, max_depth: u32) -> u32 {
+    let per_path = per_segment.saturating_mul(max_depth.max(1));
     (LOOP_TURNS / 2 / per_path).clamp(1, MOST_PATHS_PER_THREAD)
 }
 
@@ -191,18 +220,38 @@ fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'stati
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::PathSettings;
 
     #[test]
     fn dispatches_stay_within_the_turns_of_a_thread() {
-        assert_eq!(samples_per_dispatch(12, 6), 16);
-        assert_eq!(samples_per_dispatch(12, 15), 8);
-        assert_eq!(samples_per_dispatch(2, 6), MOST_PATHS_PER_THREAD);
-        assert_eq!(samples_per_dispatch(u32::MAX, 72), 1);
+        let sky: ShaderFeatures = [("environment".to_owned(), true)].into();
+        let samples = |max_depth, features: &ShaderFeatures, depth| {
+            let path = PathSettings {
+                max_depth,
+                light_candidates: 16,
+                ..PathSettings::default()
+            };
+            let settings = Settings {
+                path,
+                ..Settings::default()
+            };
+            samples_per_dispatch(&settings, features, depth)
+        };
+        let lamps = ShaderFeatures::new();
+        assert_eq!(samples(12, &lamps, 5), 16);
+        assert_eq!(samples(12, &lamps, 6), 8);
+        assert_eq!(samples(12, &lamps, 15), 8);
+        assert_eq!(samples(12, &sky, 6), 4);
+        assert_eq!(samples(2, &lamps, 6), MOST_PATHS_PER_THREAD);
+        assert_eq!(samples(u32::MAX, &sky, 72), 1);
         for max_depth in [1, 5, 12, 64, 1000] {
             for depth in 0..72 {
-                let run = samples_per_dispatch(max_depth, depth);
-                assert!(run == 1 || run * max_depth * 2 * (32 + 8 * depth) <= LOOP_TURNS / 2);
-                assert!(run.is_power_of_two());
+                for (features, per_light) in [(&lamps, 1), (&sky, 32)] {
+                    let run = samples(max_depth, features, depth);
+                    let per_segment = 2 * (32 + 8 * depth) + 16 * per_light;
+                    assert!(run == 1 || run * max_depth * per_segment <= LOOP_TURNS / 2);
+                    assert!(run.is_power_of_two());
+                }
                 let paths = photon_paths_per_thread(true, max_depth, depth);
                 assert!(paths == 1 || paths * max_depth * (32 + 8 * depth) <= LOOP_TURNS / 2);
             }

@@ -293,7 +293,7 @@ impl Renderer {
             ),
             _ => (
                 self.eyes.next_run(u32::MAX),
-                samples_per_dispatch(settings.path.max_depth, depth),
+                samples_per_dispatch(settings, &self.features, depth),
             ),
         };
         if run > room {

@@ -54,9 +54,9 @@ use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};
 
 pub use choices::{
-    automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, photon_paths_per_thread,
-    progressive_radius_m, sample_passes, samples_per_dispatch, shader_features, splits_light,
-    stereo_passes,
+    automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, light_candidates,
+    photon_paths_per_thread, progressive_radius_m, sample_passes, samples_per_dispatch,
+    shader_features, splits_light, stereo_passes,
 };
 pub use editing::{Applied, InPlace};
 pub use eye_plan::{EyePlan, GatherSlices};
@@ -195,7 +195,7 @@ impl Renderer {
             run: if photon || !stereo.is_empty() {
                 1
             } else {
-                samples_per_dispatch(settings.path.max_depth, buffers.hierarchy_depth())
+                samples_per_dispatch(settings, &features, buffers.hierarchy_depth())
             },
             photon,
             caustics,
@@ -603,7 +603,8 @@ impl Renderer {
             follow_max_alpha: FOLLOW_MAX_ALPHA,
             reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
             nearest_photons: settings.photon.nearest,
-            padding: [0; 2],
+            light_candidates: light_candidates(self.scene.light_count(), &self.features, settings),
+            padding: 0,
         };
         self.context
             .queue

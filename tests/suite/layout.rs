@@ -69,6 +69,7 @@ fn host() -> BTreeMap<String, Layout> {
             follow_max_alpha,
             reuse_max_lobe_shift,
             nearest_photons,
+            light_candidates,
             padding,
         }),
         host_layout!(mirror::Mirror {

@@ -13,8 +13,13 @@ const SIZE: u32 = 64;
 const BLOCK: u32 = 8;
 const RUNS: u32 = 12;
 
-/// Means of one channel over the blocks of `RUNS` independent images.
-fn blocks(scene: &Scene, views: &[View; 2], technique: Technique, spp: u32) -> Vec<Vec<f64>> {
+/// Means of one channel over the blocks of `RUNS` independent images by one of the two techniques, or by both.
+fn technique_blocks(
+    scene: &Scene,
+    views: &[View; 2],
+    technique: Technique,
+    spp: u32,
+) -> Vec<Vec<f64>> {
     let settings: Settings = settings(|s| {
         s.method = Method::Path;
         s.reuse = Reuse::Off;
@@ -22,11 +27,16 @@ fn blocks(scene: &Scene, views: &[View; 2], technique: Technique, spp: u32) -> V
         s.path.max_depth = 3;
         s.spp = spp;
     });
-    let mut renderer = renderer(scene, &settings, [SIZE, SIZE]);
+    blocks(scene, views, &settings, technique as u32)
+}
+
+/// Means of one channel over the blocks of `RUNS` independent images; sets share no random numbers with one another.
+pub fn blocks(scene: &Scene, views: &[View; 2], settings: &Settings, set: u32) -> Vec<Vec<f64>> {
+    let mut renderer = renderer(scene, settings, [SIZE, SIZE]);
     (0..RUNS)
         .map(|run| {
-            // The random streams are keyed by the frame; other frames for each technique, so that nothing is shared.
-            let frame_index = run + 1000 * technique as u32;
+            // The random streams are keyed by the frame.
+            let frame_index = run + 1000 * set;
             renderer.render_frame(views, frame_index, |_| {}).unwrap();
             let image = radiance(&renderer, Eye::Left);
             assert_clean(&image, "technique");
@@ -44,7 +54,7 @@ fn blocks(scene: &Scene, views: &[View; 2], technique: Technique, spp: u32) -> V
 }
 
 /// Welch's statistic per block; blocks without any light in either are left out.
-fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
+pub fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     let statistics = |runs: &[Vec<f64>], block: usize| {
         let n = runs.len() as f64;
         let mean = runs.iter().map(|run| run[block]).sum::<f64>() / n;
@@ -66,15 +76,15 @@ fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
 }
 
 /// Share of blocks whose statistic lies within `limit`.
-fn share_within(z: &[f64], limit: f64) -> f64 {
+pub fn share_within(z: &[f64], limit: f64) -> f64 {
     z.iter().filter(|z| z.abs() <= limit).count() as f64 / z.len() as f64
 }
 
 fn check(name: &str, scene: &Scene, views: &[View; 2]) {
-    let mis = blocks(scene, views, Technique::Mis, 8);
-    let light = blocks(scene, views, Technique::Light, 8);
+    let mis = technique_blocks(scene, views, Technique::Mis, 8);
+    let light = technique_blocks(scene, views, Technique::Light, 8);
     // Directions of the surfaces find a small lamp rarely: more of them, so that a block's mean is near normal.
-    let bsdf = blocks(scene, views, Technique::Bsdf, 32);
+    let bsdf = technique_blocks(scene, views, Technique::Bsdf, 32);
     // 64 blocks a pair and three pairs a scene; Welch's t with 11 to 22 degrees of freedom lies beyond 5.5 with
     // probability 2e-4 at most, so that one block in 192 does so by chance in 4 % of scenes: 99.75 % of the blocks
     // means that none may.
@@ -117,7 +127,7 @@ fn check(name: &str, scene: &Scene, views: &[View; 2]) {
 }
 
 /// Cornell with a lamp large enough to be found by chance, and `change` on every other material.
-fn box_with(change: impl Fn(&mut Material)) -> (Scene, [View; 2]) {
+pub fn box_with(change: impl Fn(&mut Material)) -> (Scene, [View; 2]) {
     let mut scene = builtin("cornell");
     for material in &mut scene.materials {
         if material.is_emissive() {

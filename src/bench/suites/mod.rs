@@ -321,8 +321,9 @@ mod tests {
             .filter(|candidate| candidate.variant != first.variant)
             .map(|candidate| candidate.variant.clone())
             .collect();
-        // 3 photon counts x 3 radii x 3 kernels x 2 sources of direct light x 2 samples, and 5 path tracers.
-        assert_eq!(distinct.len(), 3 * 3 * 3 * 2 * 2 + 5);
+        // 3 photon counts x 3 radii x 3 kernels x 2 sources of direct light x 2 samples, and 5 path tracers; half rate and a
+        // single light sample with one of the kernels and one of the sources, the latter by paths as well.
+        assert_eq!(distinct.len(), 3 * 3 * (3 * 2 + 2) * 2 + 5 * 2);
         for plan in cornell {
             assert_eq!(plan.candidates[0].settings, first.settings);
         }

@@ -1,5 +1,5 @@
-//! `pareto`: photon mapping over photons, radius, kernel, source of direct light and samples, and the path tracer over
-//! samples: milliseconds against error, one eye.
+//! `pareto`: photon mapping over photons, radius, kernel, source of direct light, rate of gathering, choice of lights and
+//! samples, and the path tracer over samples: milliseconds against error, one eye.
 
 use serde_json::json;
 
@@ -53,11 +53,45 @@ const INDIRECT: Axes = Axes {
 /// shows.
 const RADIUS_PHOTONS: u32 = 1 << 16;
 
+/// Settings that are varied one at a time, with the constant kernel and direct light of its own: what they bring does not
+/// depend on the kernel, and the product of everything would take hours.
+fn variations(settings: &Settings) -> Vec<Settings> {
+    let mut all = vec![settings.clone()];
+    let photon = &settings.photon;
+    if settings.method == Method::Photon {
+        if photon.kernel != Kernel::Constant || photon.direct != DirectLight::Nee {
+            return all;
+        }
+        let mut other = settings.clone();
+        other.photon.half_rate = !photon.half_rate;
+        all.push(other);
+    }
+    if settings.path.light_candidates != 1 {
+        let mut other = settings.clone();
+        other.path.light_candidates = 1;
+        all.push(other);
+    }
+    all
+}
+
+fn path(settings: Settings) -> Candidate {
+    let candidates = settings.path.light_candidates;
+    let name = format!("path {} spp, {candidates} light candidates", settings.spp);
+    let factors = [
+        ("method", json!("path")),
+        ("spp", json!(settings.spp)),
+        ("light_candidates", json!(candidates)),
+    ];
+    candidate(name, settings.clone(), factors)
+}
+
 fn photon(settings: Settings, radius_m: f64) -> Candidate {
     let photon = &settings.photon;
     let (kernel, direct) = (word(photon.kernel), word(photon.direct));
+    let rate = if photon.half_rate { "half" } else { "full" };
+    let candidates = settings.path.light_candidates;
     let name = format!(
-        "photon {} r {radius_m} {kernel} {direct} {} spp",
+        "photon {} r {radius_m} {kernel} {direct} {} spp, {rate} rate, {candidates} light candidates",
         photon.count, settings.spp
     );
     let factors = [
@@ -66,6 +100,8 @@ fn photon(settings: Settings, radius_m: f64) -> Candidate {
         ("radius_m", json!(radius_m)),
         ("kernel", json!(kernel)),
         ("direct", json!(direct)),
+        ("rate", json!(rate)),
+        ("light_candidates", json!(candidates)),
         ("spp", json!(settings.spp)),
     ];
     candidate(name, settings.clone(), factors)
@@ -102,7 +138,8 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                             settings.photon.radius_m = radius_m;
                             settings.photon.kernel = kernel;
                             settings.photon.direct = direct;
-                            all.push(photon(settings, radius_m));
+                            let varied = variations(&settings).into_iter();
+                            all.extend(varied.map(|settings| photon(settings, radius_m)));
                         }
                     }
                 }
@@ -114,8 +151,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 spp,
                 ..settings.clone()
             };
-            let factors = [("method", json!("path")), ("spp", json!(spp))];
-            all.push(candidate(format!("path {spp} spp"), settings, factors));
+            all.extend(variations(&settings).into_iter().map(path));
         }
         // Measured in every group, it tells how far times of different groups may be compared.
         let anchor = candidate(

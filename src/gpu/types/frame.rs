@@ -68,8 +68,10 @@ pub struct Frame {
     pub reuse_max_lobe_shift: f32,
     /// Photons that the estimate from the nearest takes.
     pub nearest_photons: u32,
+    /// Samples of lights that one shadow ray's is chosen from, 1 or more.
+    pub light_candidates: u32,
     /// Unused.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 /// Paths end by Russian roulette.

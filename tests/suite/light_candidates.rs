@@ -1,0 +1,149 @@
+//! Lights chosen from several samples (`path.light_candidates`): the same mean, less noise, none where nothing is left to
+//! chance.
+
+use glam::{DQuat, DVec3};
+use stereolux::options::{Method, Reuse, Settings};
+use stereolux::scene::builtin::plane;
+use stereolux::scene::{LightKind, Scene};
+use stereolux::xr::View;
+
+use super::hard_support::{CLOSED_FORM, add_point_light, eyes_at, images, worst};
+use super::support::{builtin, settings};
+use super::techniques::{blocks, box_with, share_within, z_values};
+
+fn with(method: Method, candidates: u32, depth: u32) -> Settings {
+    settings(|s| {
+        s.method = method;
+        s.reuse = Reuse::Off;
+        s.path.light_candidates = candidates;
+        s.path.max_depth = depth;
+        s.photon.max_depth = depth;
+        s.photon.count = 1 << 12;
+    })
+}
+
+/// The plane with a second lamp as strong as its own, and what it looks like in closed form.
+fn two_lamps(views: &[View; 2], size: u32) -> (Scene, Vec<[f32; 3]>) {
+    let second = DVec3::new(0.9, -0.4, -1.2);
+    let mut scene = builtin("plane");
+    add_point_light(&mut scene, second, plane::LIGHT_INTENSITY);
+    let expected = (0..size * size)
+        .map(|pixel| {
+            let (x, y) = (f64::from(pixel % size) + 0.5, f64::from(pixel / size) + 0.5);
+            let ray = views[0].ray_through_pixel(x, y, size, size);
+            let hit = ray.origin + ray.direction * (plane::DISTANCE_M / -ray.direction.z);
+            let height = second.z + plane::DISTANCE_M;
+            let other = f64::from(plane::ALBEDO) / std::f64::consts::PI
+                * f64::from(plane::LIGHT_INTENSITY)
+                * height
+                / hit.distance(second).powi(3);
+            [(plane::radiance_at(hit.x, hit.y) + other) as f32; 3]
+        })
+        .collect();
+    (scene, expected)
+}
+
+#[test]
+fn two_equal_lamps_leave_nothing_to_chance() {
+    // Picks at equal distances along the power take each of the two lamps equally often, and the weights of the choice
+    // then add up to both lamps' light whichever is chosen.
+    const N: u32 = 24;
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 35.0);
+    let (scene, expected) = two_lamps(&views, N);
+    for method in [Method::Photon, Method::Path] {
+        for candidates in [2, 4, 16] {
+            let found = images(&scene, &with(method, candidates, 2), [N, N], &views);
+            let off = worst(&found[0], &expected);
+            assert!(
+                off < CLOSED_FORM,
+                "{method:?}, {candidates} candidates: {off}"
+            );
+        }
+        // Negative controls: one sample is one lamp counted twice, and three cannot take both equally often.
+        for candidates in [1, 3] {
+            let found = images(&scene, &with(method, candidates, 2), [N, N], &views);
+            assert!(
+                worst(&found[0], &expected) > 0.1,
+                "{method:?}, {candidates} candidates"
+            );
+        }
+    }
+}
+
+/// Sum over the blocks of the variance of their means.
+fn noise(runs: &[Vec<f64>]) -> f64 {
+    let n = runs.len() as f64;
+    (0..runs[0].len())
+        .map(|block| {
+            let mean = runs.iter().map(|run| run[block]).sum::<f64>() / n;
+            let squares = runs.iter().map(|run| (run[block] - mean).powi(2));
+            squares.sum::<f64>() / (n - 1.0)
+        })
+        .sum()
+}
+
+#[test]
+fn candidates_change_the_noise_and_not_the_mean() {
+    // Glossy walls under the box's lamp and a point light: weights of both techniques, lights with and without size.
+    let (mut scene, views) = box_with(|material| {
+        material.specular = 1.0;
+        material.roughness = 0.6;
+    });
+    add_point_light(&mut scene, DVec3::new(0.7, -0.3, -0.6), 0.3);
+    for (kind, method) in [Method::Photon, Method::Path].into_iter().enumerate() {
+        // Depth 2: direct light alone, whose noise this is about.
+        let sets: Vec<Vec<Vec<f64>>> = [1, 4, 16]
+            .into_iter()
+            .enumerate()
+            .map(|(set, candidates)| {
+                let set = 10 + 10 * kind + set;
+                blocks(&scene, &views, &with(method, candidates, 2), set as u32)
+            })
+            .collect();
+        // As for the techniques: t with 11 to 22 degrees of freedom lies beyond 5.5 with probability 2e-4 at most.
+        for (pair, a, b) in [("1 and 4", 0, 1), ("1 and 16", 0, 2), ("4 and 16", 1, 2)] {
+            let z = z_values(&sets[a], &sets[b]);
+            assert!(z.len() > 40, "{method:?}: only {} blocks are lit", z.len());
+            assert!(
+                share_within(&z, 5.5) >= 0.9975,
+                "{method:?}, {pair}: worst block at {} standard errors",
+                z.iter().fold(0.0_f64, |worst, z| worst.max(z.abs()))
+            );
+            let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+            assert!(
+                rms < 1.6,
+                "{method:?}, {pair}: rms of {rms} standard errors"
+            );
+        }
+        // Negative control: 5 % too much.
+        let brighter: Vec<Vec<f64>> = sets[2]
+            .iter()
+            .map(|run| run.iter().map(|mean| mean * 1.05).collect())
+            .collect();
+        let z = z_values(&brighter, &sets[1]);
+        let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+        assert!(rms > 1.6, "{method:?}: 5 % too much passes at rms {rms}");
+        // Over some 60 blocks of 11 degrees of freedom each, the ratio of two such sums varies by 2 / sqrt(60 * 11) = 8 %
+        // where the blocks are alike and by perhaps 20 % where few of them hold most of it: a fifth less is no chance.
+        let (one, four) = (noise(&sets[0]), noise(&sets[1]));
+        assert!(
+            four < 0.8 * one,
+            "{method:?}: {four} with four, {one} with one"
+        );
+    }
+}
+
+#[test]
+fn a_single_light_without_size_is_not_chosen_from_several() {
+    // The same bits: one candidate, whatever is asked for.
+    let scene = builtin("plane");
+    assert!(
+        scene
+            .lights
+            .iter()
+            .all(|light| matches!(light.kind, LightKind::Point))
+    );
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 35.0);
+    let of = |candidates| images(&scene, &with(Method::Path, candidates, 2), [16, 16], &views);
+    assert_eq!(of(1), of(16));
+}
