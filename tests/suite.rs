@@ -86,6 +86,7 @@ mod suite {
     pub mod stereo_exact;
     pub mod support;
     pub mod techniques;
+    pub mod uniform_branches;
     pub mod viewer_app;
     pub mod viewer_files;
     pub mod viewer_painter;

@@ -73,7 +73,7 @@ fn with(on: &[&str]) -> ShaderFeatures {
 }
 
 /// Lambert scenes, each feature alone, everything.
-fn kinds_of_scene() -> Vec<ShaderFeatures> {
+pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
     let mut kinds = vec![with(&[]), with(&["emitters"]), with(FEATURES)];
     kinds.extend(FEATURES.iter().map(|name| {
         // Normal maps and second coordinates come with textures.

@@ -1,0 +1,382 @@
+//! No branch within a loop, and no loop's end, is decided by uniforms alone: lavapipe puts the values of such uniforms into
+//! the shader and compiles it anew whenever one of them may have changed, which took the path tracer 300 times as long as
+//! its work (docs/architecture.md, the first trap). Timing is no test; naga's view of the shaders is.
+
+use std::collections::{BTreeSet, HashMap};
+
+use naga::{Block, Expression, Function, Handle, Module, Span, Statement};
+use stereolux::gpu::ShaderLibrary;
+use stereolux::passes;
+use stereolux::renderer::kernels::{shader_name, specialised};
+
+use super::shaders::kinds_of_scene;
+
+/// What a value comes from; of several the largest.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+enum Source {
+    Constants,
+    /// At least one uniform, and constants.
+    Uniforms,
+    /// Threads, buffers, or a branch on those.
+    Threads,
+}
+use Source::{Constants, Threads, Uniforms};
+
+struct Search<'a> {
+    module: &'a Module,
+    /// What each function returns, by its arguments, whether a loop is around the call and whether it was noted then.
+    returned: HashMap<(Handle<Function>, Vec<Source>, bool, bool), Source>,
+    /// Whether variables are known, so that what is found counts.
+    is_noting: bool,
+    /// Functions and where in the source.
+    found: BTreeSet<(String, usize)>,
+}
+
+/// A function in one of its uses.
+struct Scope<'a> {
+    function: &'a Function,
+    /// Arguments; those that are pointers stand for what they point at.
+    arguments: Vec<Source>,
+    locals: HashMap<Handle<naga::LocalVariable>, Source>,
+    calls: HashMap<Handle<Expression>, Source>,
+    returned: Source,
+    /// Compilers turn all of its branches into selections.
+    is_plain: bool,
+}
+
+impl Scope<'_> {
+    fn source(&self, module: &Module, expression: Handle<Expression>) -> Source {
+        let of = |e: Handle<Expression>| self.source(module, e);
+        match self.function.expressions[expression] {
+            Expression::Literal(_)
+            | Expression::Constant(_)
+            | Expression::Override(_)
+            | Expression::ZeroValue(_) => Constants,
+            Expression::Compose { ref components, .. } => {
+                components.iter().map(|&e| of(e)).max().unwrap_or(Constants)
+            }
+            Expression::Access { base, index } => of(base).max(of(index)),
+            Expression::AccessIndex { base, .. } => of(base),
+            Expression::Splat { value, .. } => of(value),
+            Expression::Swizzle { vector, .. } => of(vector),
+            Expression::FunctionArgument(index) => self.arguments[index as usize],
+            Expression::GlobalVariable(variable) => match module.global_variables[variable].space {
+                naga::AddressSpace::Uniform => Uniforms,
+                _ => Threads,
+            },
+            Expression::LocalVariable(variable) => {
+                self.locals.get(&variable).copied().unwrap_or(Constants)
+            }
+            Expression::Load { pointer } => of(pointer),
+            Expression::Unary { expr, .. } | Expression::As { expr, .. } => of(expr),
+            Expression::Binary { left, right, .. } => of(left).max(of(right)),
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => of(condition).max(of(accept)).max(of(reject)),
+            Expression::Relational { argument, .. } => of(argument),
+            Expression::Math {
+                arg,
+                arg1,
+                arg2,
+                arg3,
+                ..
+            } => [Some(arg), arg1, arg2, arg3]
+                .into_iter()
+                .flatten()
+                .map(of)
+                .max()
+                .unwrap_or(Constants),
+            Expression::CallResult(_) => self.calls.get(&expression).copied().unwrap_or(Constants),
+            _ => Threads,
+        }
+    }
+
+    fn note_store(&mut self, pointer: Handle<Expression>, source: Source) {
+        match self.function.expressions[pointer] {
+            Expression::LocalVariable(variable) => {
+                let held = self.locals.entry(variable).or_insert(Constants);
+                *held = source.max(*held);
+            }
+            Expression::FunctionArgument(index) => {
+                let held = &mut self.arguments[index as usize];
+                *held = source.max(*held);
+            }
+            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
+                self.note_store(base, source);
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a compiler makes the block's statements unconditional: they compute, and write variables of their own.
+    /// Where the whole function does no more, it may return from its branches.
+    fn is_plain(&self, block: &Block, may_return: bool) -> bool {
+        block.iter().all(|statement| match statement {
+            Statement::Emit(_) => true,
+            Statement::Return { .. } => may_return,
+            Statement::Block(inner) => self.is_plain(inner, may_return),
+            Statement::If { accept, reject, .. } => {
+                self.is_plain(accept, may_return) && self.is_plain(reject, may_return)
+            }
+            Statement::Store { pointer, .. } => self.is_own(*pointer),
+            _ => false,
+        })
+    }
+
+    fn is_own(&self, pointer: Handle<Expression>) -> bool {
+        match self.function.expressions[pointer] {
+            Expression::LocalVariable(_) | Expression::FunctionArgument(_) => true,
+            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
+                self.is_own(base)
+            }
+            _ => false,
+        }
+    }
+}
+
+impl<'a> Search<'a> {
+    /// Looks through a function, everything that it calls included; what it returns.
+    fn function(
+        &mut self,
+        function: &'a Function,
+        arguments: Vec<Source>,
+        is_in_loop: bool,
+    ) -> Source {
+        let mut scope = Scope {
+            function,
+            arguments,
+            locals: HashMap::new(),
+            calls: HashMap::new(),
+            returned: Constants,
+            is_plain: false,
+        };
+        scope.is_plain = scope.is_plain(&function.body, true);
+        for (variable, local) in function.local_variables.iter() {
+            let source = local
+                .init
+                .map_or(Constants, |e| scope.source(self.module, e));
+            scope.locals.insert(variable, source);
+        }
+        // What comes later in a loop is read earlier in its next turn: nothing counts before it all is known.
+        let is_noting = std::mem::replace(&mut self.is_noting, false);
+        loop {
+            let known = |scope: &Scope<'_>| {
+                let sources = (scope.locals.clone(), scope.arguments.clone());
+                (sources, scope.calls.clone())
+            };
+            let before = known(&scope);
+            self.block(&mut scope, &function.body, is_in_loop, Constants);
+            if before == known(&scope) {
+                break;
+            }
+        }
+        self.is_noting = is_noting;
+        if is_noting {
+            self.block(&mut scope, &function.body, is_in_loop, Constants);
+        }
+        scope.returned
+    }
+
+    fn note(&mut self, scope: &Scope<'_>, span: Span) {
+        let name = scope.function.name.clone().unwrap_or_default();
+        if self.is_noting {
+            let start = span.to_range().map_or(0, |range| range.start);
+            self.found.insert((name, start));
+        }
+    }
+
+    /// `control` is what the branches around the block come from.
+    fn block(
+        &mut self,
+        scope: &mut Scope<'a>,
+        block: &'a Block,
+        is_in_loop: bool,
+        control: Source,
+    ) {
+        for (statement, span) in block.span_iter() {
+            match statement {
+                Statement::Block(inner) => self.block(scope, inner, is_in_loop, control),
+                Statement::If {
+                    condition,
+                    accept,
+                    reject,
+                } => {
+                    let source = scope.source(self.module, *condition);
+                    let is_plain = scope.is_plain
+                        || (scope.is_plain(accept, false) && scope.is_plain(reject, false));
+                    if source == Uniforms && is_in_loop && !is_plain {
+                        self.note(scope, *span);
+                    }
+                    let control = control.max(source);
+                    self.block(scope, accept, is_in_loop, control);
+                    self.block(scope, reject, is_in_loop, control);
+                }
+                Statement::Switch { selector, cases } => {
+                    let source = scope.source(self.module, *selector);
+                    if source == Uniforms && is_in_loop {
+                        self.note(scope, *span);
+                    }
+                    for case in cases {
+                        self.block(scope, &case.body, is_in_loop, control.max(source));
+                    }
+                }
+                Statement::Loop {
+                    body,
+                    continuing,
+                    break_if,
+                } => {
+                    self.block(scope, body, true, control);
+                    self.block(scope, continuing, true, control);
+                    if break_if.is_some_and(|e| scope.source(self.module, e) == Uniforms) {
+                        self.note(scope, *span);
+                    }
+                }
+                Statement::Store { pointer, value } => {
+                    let source = scope.source(self.module, *value).max(control);
+                    scope.note_store(*pointer, source);
+                }
+                Statement::Return { value } => {
+                    let source = value.map_or(Constants, |e| scope.source(self.module, e));
+                    scope.returned = scope.returned.max(source).max(control);
+                }
+                Statement::Call {
+                    function,
+                    arguments,
+                    result,
+                } => {
+                    let sources: Vec<Source> = arguments
+                        .iter()
+                        .map(|&e| scope.source(self.module, e))
+                        .collect();
+                    for &argument in arguments {
+                        let is_pointer = matches!(
+                            scope.function.expressions[argument],
+                            Expression::LocalVariable(_)
+                        );
+                        if is_pointer {
+                            scope.note_store(argument, Threads);
+                        }
+                    }
+                    let key = (*function, sources.clone(), is_in_loop, self.is_noting);
+                    let returned = match self.returned.get(&key) {
+                        Some(&known) => known,
+                        None => {
+                            let called = &self.module.functions[*function];
+                            let returned = self.function(called, sources, is_in_loop);
+                            self.returned.insert(key, returned);
+                            returned
+                        }
+                    };
+                    if let Some(result) = result {
+                        let held = scope.calls.entry(*result).or_insert(Constants);
+                        *held = returned.max(control).max(*held);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Lines of the shader that branch on uniforms alone within a loop, or end one so, with the function's name.
+fn uniform_branches(module: &Module, wgsl: &str) -> Vec<String> {
+    let mut search = Search {
+        module,
+        returned: HashMap::new(),
+        is_noting: true,
+        found: BTreeSet::new(),
+    };
+    for entry in &module.entry_points {
+        let arguments = vec![Threads; entry.function.arguments.len()];
+        search.function(&entry.function, arguments, false);
+    }
+    search
+        .found
+        .iter()
+        .map(|(function, start)| {
+            let line = wgsl[*start..].lines().next().unwrap_or_default();
+            format!("{function}: {}", line.trim())
+        })
+        .collect()
+}
+
+#[test]
+fn no_loop_is_decided_by_uniforms_alone() {
+    let library = ShaderLibrary::embedded();
+    let mut found = BTreeSet::new();
+    for features in kinds_of_scene() {
+        for pass in passes::ALL {
+            let shader = library
+                .compile(&shader_name(pass), &specialised(pass, &features, false))
+                .unwrap();
+            for line in uniform_branches(&shader.module, &shader.wgsl) {
+                found.insert(format!("{}, {line}", pass.name));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{found:#?}");
+}
+
+/// The body of a kernel, with what its bodies use.
+fn branches_of(body: &str) -> Vec<String> {
+    let wgsl = format!(
+        "struct Frame {{ flags: u32, depth: u32 }}
+        @group(0) @binding(0) var<uniform> frame: Frame;
+        @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+        fn limit(group_id: vec3<u32>) -> u32 {{ return frame.depth + group_id.z; }}
+        fn weight(x: u32) -> u32 {{ if (frame.flags & 1u) != 0u {{ return x; }} return 2u * x; }}
+        fn ends(x: u32, at: u32) -> bool {{ if (frame.flags & 2u) != 0u {{ if x > 7u {{ return true; }} }} sums[at] += x;
+            return false; }}
+        fn walk(count: u32) {{ for (var i = 0u; i < count; i++) {{ sums[i] += 1u; }} }}
+        @compute @workgroup_size(1) fn main(@builtin(workgroup_id) group_id: vec3<u32>) {{ {body} }}"
+    );
+    let module =
+        naga::front::wgsl::parse_str(&wgsl).unwrap_or_else(|error| panic!("{error}: {body}"));
+    uniform_branches(&module, &wgsl)
+}
+
+#[test]
+fn the_search_finds_loops_that_uniforms_decide() {
+    for body in [
+        "for (var i = 0u; i < frame.depth; i++) { sums[i] = 1u; }",
+        "let n = frame.depth * 2u; var i = 0u; loop { if i == n { break; } sums[i] = 1u; i++; }",
+        "walk(frame.depth);",
+        "for (var i = 0u; i < group_id.x; i++) { if frame.depth > 3u { sums[i] = 1u; } }",
+        "for (var i = 0u; i < group_id.x; i++) { if ends(i + group_id.y, i) { break; } }",
+        "for (var i = 0u; i < group_id.x; i++) { switch frame.flags { case 1u: { sums[i] = 1u; } default: {} } }",
+    ] {
+        assert_eq!(branches_of(body).len(), 1, "{body}");
+    }
+    for body in [
+        "for (var i = 0u; i < limit(group_id); i++) { sums[i] = 1u; }",
+        "for (var i = 0u; i < 8u; i++) { sums[i] = weight(i); }",
+        "for (var i = 0u; i < 8u; i++) { sums[i] = select(0u, i, frame.depth > 3u); }",
+        "for (var i = 0u; i < 8u; i++) { if sums[i] < frame.depth { sums[i] = 1u; } }",
+        "for (var i = 0u; i < 8u; i++) { if sums[i] == 1u && frame.depth > 3u { sums[i] = 2u; } }",
+        "walk(limit(group_id));",
+        "if frame.depth > 3u { sums[0] = 1u; }",
+    ] {
+        assert_eq!(branches_of(body), Vec::<String>::new(), "{body}");
+    }
+}
+
+#[test]
+fn the_search_finds_russian_roulette_behind_its_flag() {
+    let mut library = ShaderLibrary::embedded();
+    let name = shader_name(&passes::path_trace::PASS);
+    let (_, source) = library.sources().find(|(n, _)| *n == name).unwrap();
+    let ends = "if u_roulette >= survival {";
+    assert_eq!(source.matches(ends).count(), 1);
+    let changed = source.replace(
+        ends,
+        "if is_roulette { if u_roulette >= survival { return false; } } if u_roulette > 1.0 {",
+    );
+    library.insert(&name, changed);
+    let features = kinds_of_scene().remove(1);
+    let shader = library.compile(&name, &features).unwrap();
+    let found = uniform_branches(&shader.module, &shader.wgsl);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains("is_roulette"), "{found:?}");
+}
