@@ -256,11 +256,6 @@ impl PhotonMap {
         self.traced_at
     }
 
-    /// Forgets the photons: the next frame traces them again.
-    pub fn invalidate(&mut self) {
-        self.traced_at = None;
-    }
-
     /// What gathering passes read.
     pub fn resources(&self) -> Resources<'_> {
         let resources = Resources::new()
