@@ -1,5 +1,5 @@
 //! No branch within a loop, and no loop's end, is decided by uniforms alone: lavapipe puts the values of such uniforms into
-//! the shader and compiles it anew whenever one of them may have changed, which took the path tracer 300 times as long as
+//! the shader and compiles it anew for every dispatch, which took the path tracer over 300 times as long as
 //! its work (docs/architecture.md, the first trap). Timing is no test; naga's view of the shaders is.
 
 use std::collections::{BTreeSet, HashMap};
@@ -11,7 +11,7 @@ use stereolux::renderer::kernels::{shader_name, specialised};
 
 use super::shaders::kinds_of_scene;
 
-/// What a value comes from; of several the largest.
+/// What a value comes from; of several the largest. A struct is one value: what its members come from is not told apart.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Source {
     Constants,
