@@ -261,6 +261,9 @@ fn lit(screen: &Screen) -> usize {
     count
 }
 
+/// More bright pixels than this are a picture of the room; without one there are none.
+const PICTURE: usize = 500;
+
 const SCENE: [&str; 8] = [
     "--scene",
     "builtin:cornell",
@@ -277,7 +280,7 @@ fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
     let folder = Folder::new("viewer-window");
     let xvfb = Xvfb::start(&folder);
     let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > 500);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
     let at_start = lit(&desk.look());
 
     // Walking towards the room makes it larger.
@@ -356,7 +359,7 @@ fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
     let folder = Folder::new("viewer-drag");
     let xvfb = Xvfb::start(&folder);
     let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > 500);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
     let room_alone = lit(&desk.look());
 
     // A path that has to be written otherwise in a list of addresses.
@@ -369,7 +372,9 @@ fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
             .any(|line| line.contains("[ERROR") && line.contains(name))
     };
     desk.until("an error", |desk| says(desk, "100 % broken.glb"));
-    assert!(lit(&desk.look()) > room_alone / 2, "the old scene is gone");
+    // As much as made a picture: the first frames' size follows the machine's speed, and of single samples half or twice as
+    // many pixels may be bright.
+    assert!(lit(&desk.look()) > PICTURE, "the old scene is gone");
 
     // A bright sky is seen wherever the room is not.
     let sky = folder.join("sky.exr");
@@ -402,7 +407,7 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
     let folder = Folder::new("viewer-soak");
     let xvfb = Xvfb::start(&folder);
     let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > 500);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
     let mut dice = Dice(7);
     let began = Instant::now();
     let mut memory = Vec::new();
