@@ -180,8 +180,8 @@ impl<'a> Search<'a> {
     }
 
     fn note(&mut self, scope: &Scope<'_>, span: Span) {
-        let name = scope.function.name.clone().unwrap_or_default();
         if self.is_noting {
+            let name = scope.function.name.clone().unwrap_or_default();
             let start = span.to_range().map_or(0, |range| range.start);
             self.found.insert((name, start));
         }
