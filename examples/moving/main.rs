@@ -21,7 +21,7 @@ use std::time::Instant;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::bvh::{MaterialMarks, MeshHierarchies};
-use stereolux::gpu::shaders::ShaderFeatures;
+use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{InstanceId, Renderer, SceneBuffers};
@@ -126,7 +126,10 @@ fn ms(began: Instant) -> f64 {
 
 /// Host milliseconds and bytes of a frame in which the first `moving` of the small copies move.
 fn update(context: &GpuContext, scene: &Scene, moving: usize) -> Outcome<(f64, u64)> {
-    let features = ShaderFeatures::from([("emitters".to_owned(), true)]);
+    let features = ShaderFeatures {
+        emitters: true,
+        ..ShaderFeatures::default()
+    };
     let mut buffers = SceneBuffers::new(context, scene, &features)?;
     buffers.begin_frame(context, DVec3::ZERO)?;
     let mut times = Vec::new();

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::{Failure, load_scene};
 use crate::gpu::context::adapters;
+use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::{Eyes, InfoOptions, Settings, registry};
 use crate::renderer::frame_list::frame_list;
 use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
@@ -58,7 +59,7 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
         "surface_area_m2": scene.surface_area_m2(),
         "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
         "needs": needs,
-        "shader_features": features,
+        "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
         "passes_per_sample": sample_passes(&settings, forms_caustics(&features))
             .iter()
             .map(|pass| pass.to_string())

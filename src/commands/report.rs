@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
+use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::{Method, Settings};
 use crate::renderer::Renderer;
 use crate::scene::{Needs, Scene};
@@ -78,7 +79,7 @@ pub struct RunReport<'a> {
     /// What the scene needs, and what is left out.
     pub needs: &'a Needs,
     /// Shader features that were compiled in.
-    pub features: BTreeMap<String, bool>,
+    pub features: BTreeMap<&'static str, bool>,
     /// Passes that were compiled.
     pub passes: Vec<String>,
     /// Frames rendered.
@@ -147,7 +148,9 @@ impl<'a> RunReport<'a> {
                     .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),
             },
             needs,
-            features: renderer.features().clone(),
+            features: renderer
+                .features()
+                .report(ShaderFeatures::decided_up_to(DecidedBy::Renderer)),
             passes: renderer.pass_names(),
             frames: outcome.frames,
             medians: Medians {

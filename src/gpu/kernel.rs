@@ -7,7 +7,8 @@
 use wgpu::util::DeviceExt as _;
 
 use super::context::{GpuContext, GpuError};
-use super::shaders::{CompiledShader, ShaderFeatures, ShaderLibrary};
+use super::features::ShaderFeatures;
+use super::shaders::{CompiledShader, ShaderLibrary};
 
 /// Name of the uniform that is bound with a dynamic offset: it tells the dispatches of one pass apart.
 pub const DISPATCH_BINDING: &str = "dispatch";

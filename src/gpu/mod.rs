@@ -1,6 +1,7 @@
 //! Everything that talks to wgpu: the device, shaders, kernels, buffers, timing and read-back.
 //!
 //! - [`context`]: adapter choice, device, errors;
+//! - [`features`]: the features that shaders are specialised by;
 //! - [`shaders`]: WESL sources, specialised by features, to WGSL;
 //! - [`kernel`]: one compute pipeline whose bindings are found by name;
 //! - [`buffers`]: labelled buffers, uploads and read-back;
@@ -12,6 +13,7 @@
 
 pub mod buffers;
 pub mod context;
+pub mod features;
 pub mod kernel;
 pub mod scene;
 pub mod shaders;
@@ -22,6 +24,7 @@ pub mod vulkan_interop;
 
 pub use buffers::{GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer};
 pub use context::{GpuContext, GpuError};
+pub use features::ShaderFeatures;
 pub use kernel::{Kernel, Resources};
 pub use shaders::{CompiledShader, ShaderLibrary};
 pub use timing::{FrameRecorder, PassTimes};

@@ -10,11 +10,9 @@ use std::path::Path;
 use wesl::{CompileOptions, Feature, Features, ModulePath, NoMangler, VirtualResolver, Wesl};
 
 use super::context::{GpuError, one_line};
+use super::features::ShaderFeatures;
 
 static EMBEDDED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shader_table.rs"));
-
-/// Which `@if` features are on. Features that are not named are off.
-pub type ShaderFeatures = BTreeMap<String, bool>;
 
 /// A set of WESL modules: those embedded in the binary, with replacements and additions.
 #[derive(Clone)]
@@ -98,7 +96,7 @@ impl ShaderLibrary {
             shader: name.to_owned(),
             reason: one_line(&reason),
         };
-        let wants_user_bsdf = features.get("user_bsdf").copied().unwrap_or(false);
+        let wants_user_bsdf = features.user_bsdf;
         if wants_user_bsdf && self.is_as_embedded("shared/bsdf_user") {
             // Without this its surfaces would silently be black.
             return Err(fail(
@@ -115,10 +113,11 @@ impl ShaderLibrary {
         compiler.set_options(CompileOptions {
             validate: false, // naga validates the result, in full
             features: Features {
-                default: Feature::Disable,
+                default: Feature::Error,
                 flags: features
-                    .iter()
-                    .map(|(feature, &on)| (feature.clone(), Feature::from(on)))
+                    .report(ShaderFeatures::ALL)
+                    .into_iter()
+                    .map(|(word, on)| (word.to_owned(), Feature::from(on)))
                     .collect(),
             },
             ..CompileOptions::default()

@@ -476,24 +476,6 @@ pub struct ForceSettings {
     pub record_texels: Force,
 }
 
-impl ForceSettings {
-    /// Shader feature names with their setting, in the registry's order.
-    #[must_use]
-    pub fn by_feature(&self) -> [(&'static str, Force); 9] {
-        [
-            ("glossy", self.glossy),
-            ("dielectric", self.dielectric),
-            ("textures", self.textures),
-            ("normal_maps", self.normal_maps),
-            ("alpha", self.alpha),
-            ("vertex_colors", self.vertex_colors),
-            ("environment", self.environment),
-            ("caustics", self.caustics),
-            ("record_texels", self.record_texels),
-        ]
-    }
-}
-
 /// Settings of the simulated headset (`simulated.*`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

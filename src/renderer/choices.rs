@@ -1,6 +1,7 @@
 //! What a scene and its settings ask for: shader features, passes, radii. No device is needed to know.
 
-use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::features::{PerFeature, ShaderFeatures};
+use crate::options::settings::ForceSettings;
 use crate::options::{
     DirectLight, Force, Loads, Method, PhotonEstimate, Reuse, Sampler, Schedule, Search, Settings,
     Technique,
@@ -18,43 +19,47 @@ pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
 
 /// Shader features for what a scene needs, with the settings' forces applied.
 pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
-    let mut features: ShaderFeatures = needs
-        .shader_features()
-        .into_iter()
-        .map(|(name, on)| (name.to_owned(), on))
-        .collect();
-    features.insert("sobol".to_owned(), settings.path.sampler == Sampler::Sobol);
     let technique = settings.path.technique;
     // Photon mapping's direct light always uses both.
     let is_path = settings.method == Method::Path;
     let is_alone = |one: Technique| is_path && technique == one;
-    features.insert("light_only".to_owned(), is_alone(Technique::Light));
-    features.insert("bsdf_only".to_owned(), is_alone(Technique::Bsdf));
-    features.insert("parts".to_owned(), splits_light(settings));
-    features.insert("svgf".to_owned(), settings.reconstruct.svgf);
-    features.insert("still_mean".to_owned(), settings.reconstruct.still);
-    // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
-    features.insert("user_bsdf".to_owned(), needs.bsdfs.contains(&"user"));
-    let fused = settings.photon.schedule == Schedule::Fused;
-    for (name, force) in settings.force.by_feature() {
-        let needed = features.get(name).copied().unwrap_or(false);
-        features.insert(name.to_owned(), force.apply(needed));
-    }
+    let needed = ShaderFeatures {
+        sobol: settings.path.sampler == Sampler::Sobol,
+        light_only: is_alone(Technique::Light),
+        bsdf_only: is_alone(Technique::Bsdf),
+        parts: splits_light(settings),
+        svgf: settings.reconstruct.svgf,
+        still_mean: settings.reconstruct.still,
+        // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
+        user_bsdf: needs.bsdfs.contains(&"user"),
+        ..needs.shader_features()
+    };
+    let force = &settings.force;
+    let mut features = needed.zip(forces(force), |needed, force| force.apply(needed));
     // Normal maps and second coordinates are read through textures: forced in they bring them, forced out they go.
-    let is_on = |features: &ShaderFeatures, name: &str| features.get(name) == Some(&true);
-    if is_on(&features, "normal_maps") && settings.force.textures != Force::Off {
-        features.insert("textures".to_owned(), true);
-    }
-    if !is_on(&features, "textures") {
-        features.insert("normal_maps".to_owned(), false);
-        features.insert("uv1".to_owned(), false);
-    }
-    if fused {
-        // Passes after the fused one shade the surface that it gathered at.
-        let later = settings.photon.direct == DirectLight::Nee || forms_caustics(&features);
-        features.insert("keeps_ends".to_owned(), later);
-    }
+    features.textures |= features.normal_maps && force.textures != Force::Off;
+    features.normal_maps &= features.textures;
+    features.uv1 &= features.textures;
+    // Passes after the fused one shade the surface that it gathered at.
+    features.keeps_ends = settings.photon.schedule == Schedule::Fused
+        && (settings.photon.direct == DirectLight::Nee || features.caustics);
     features
+}
+
+/// `force.*` by feature; all others stay as they are needed.
+fn forces(force: &ForceSettings) -> PerFeature<Force> {
+    PerFeature {
+        glossy: force.glossy,
+        dielectric: force.dielectric,
+        textures: force.textures,
+        normal_maps: force.normal_maps,
+        alpha: force.alpha,
+        vertex_colors: force.vertex_colors,
+        environment: force.environment,
+        caustics: force.caustics,
+        record_texels: force.record_texels,
+        ..PerFeature::default()
+    }
 }
 
 /// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
@@ -72,8 +77,7 @@ const MOST_PATHS_PER_THREAD: u32 = 16;
 
 /// Samples of lights that the one of a shadow ray is chosen from. A single light without size leaves nothing to choose.
 pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Settings) -> u32 {
-    let is_on = |name: &str| features.get(name) == Some(&true);
-    if lights <= 1 && !is_on("emitters") && !is_on("environment") {
+    if lights <= 1 && !features.emitters && !features.environment {
         1
     } else {
         settings.path.light_candidates
@@ -88,8 +92,7 @@ pub fn samples_per_dispatch(
     features: &ShaderFeatures,
     hierarchy_depth: u32,
 ) -> u32 {
-    let has_environment = features.get("environment") == Some(&true);
-    let per_light = if has_environment {
+    let per_light = if features.environment {
         ENVIRONMENT_TURNS
     } else {
         1
@@ -126,7 +129,7 @@ fn paths_within_turns(per_segment: u32, max_depth: u32) -> u32 {
 
 /// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
 pub fn forms_caustics(features: &ShaderFeatures) -> bool {
-    features.get("caustics").copied().unwrap_or(false)
+    features.caustics
 }
 
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
@@ -156,10 +159,7 @@ pub fn stereo_passes(reuse: Reuse) -> &'static [&'static Pass] {
 
 /// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
 pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool {
-    let depends_on_view = ["glossy", "dielectric"]
-        .into_iter()
-        .any(|name| features.get(name) == Some(&true));
-    depends_on_view
+    (features.glossy || features.dielectric)
         && settings.method == Method::Photon
         && settings.photon.direct == DirectLight::Nee
         && settings.photon.schedule == Schedule::Split
@@ -224,7 +224,10 @@ mod tests {
 
     #[test]
     fn dispatches_stay_within_the_turns_of_a_thread() {
-        let sky: ShaderFeatures = [("environment".to_owned(), true)].into();
+        let sky = ShaderFeatures {
+            environment: true,
+            ..ShaderFeatures::default()
+        };
         let samples = |max_depth, features: &ShaderFeatures, depth| {
             let path = PathSettings {
                 max_depth,
@@ -237,7 +240,7 @@ mod tests {
             };
             samples_per_dispatch(&settings, features, depth)
         };
-        let lamps = ShaderFeatures::new();
+        let lamps = ShaderFeatures::default();
         assert_eq!(samples(12, &lamps, 5), 16);
         assert_eq!(samples(12, &lamps, 6), 8);
         assert_eq!(samples(12, &lamps, 15), 8);

@@ -14,6 +14,7 @@ use super::choices::{
 use super::scene_buffers::{Edited, SceneChange};
 use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
 use crate::bvh::MaterialMarks;
+use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
 use crate::gpu::scene::LightKinds;
 use crate::options::Method;
 use crate::scene::facts::MeshFacts;
@@ -215,17 +216,13 @@ impl Renderer {
         if !self.scene.has_nodes_alone() {
             return Some("instances were added or removed that no node places".to_owned());
         }
-        let on = |features: &crate::gpu::shaders::ShaderFeatures, name: &str| {
-            features.get(name).copied().unwrap_or(false)
-        };
         let wanted = shader_features(needs, &self.settings);
-        for (name, _) in wanted.iter().filter(|(_, wanted)| **wanted) {
-            if !on(&self.features, name) {
-                return Some(format!("{} is not compiled in", in_words(name)));
-            }
+        let missing = wanted.without(self.features);
+        if let Some(meaning) = missing.select(MEANINGS).next() {
+            return Some(format!("{meaning} is not compiled in"));
         }
         // The map of caustics takes photons over from the other one.
-        if on(&self.features, "caustics") != on(&wanted, "caustics") {
+        if self.features.caustics != wanted.caustics {
             return Some(
                 "nothing forms caustics any more, which have a map of their own".to_owned(),
             );
@@ -270,7 +267,7 @@ impl Renderer {
                 let material = &scene.materials[part.material];
                 let slots = material.texture_slots();
                 let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
-                if on(&self.features, "textures")
+                if self.features.textures
                     && textures.any(|texture| !self.scene.holds_texture(scene, texture))
                 {
                     return Some(format!(
@@ -351,11 +348,11 @@ impl Renderer {
         self.edit_base.note(scene);
         self.edit_base.outdates_photons = true;
         let wanted = shader_features(needs, &self.settings);
-        let needed = needs.shader_features();
-        let spare_features = needed
-            .iter()
-            .map(|(name, _)| *name)
-            .filter(|name| self.features.get(*name) == Some(&true) && !wanted[*name])
+        let spare_features = self
+            .features
+            .without(wanted)
+            .and(ShaderFeatures::decided_up_to(DecidedBy::Scene))
+            .select(WORDS)
             .map(str::to_owned)
             .collect();
         Ok(InPlace {
@@ -375,25 +372,5 @@ impl Renderer {
     /// The instance that a scene node places; `None` where it places none, or is hidden.
     pub fn instance_of_node(&self, node: usize) -> Option<InstanceId> {
         self.scene.instance_of_node(node)
-    }
-}
-
-/// A shader feature as a person would call it.
-fn in_words(feature: &str) -> &str {
-    match feature {
-        "glossy" => "gloss and metal",
-        "dielectric" => "glass",
-        "normal_maps" => "normal maps",
-        "alpha" => "surfaces that rays pass",
-        "vertex_colors" => "vertex colours",
-        "emitters" => "emissive surfaces",
-        "points" => "point lights",
-        "spots" => "spot lights",
-        "directionals" => "directional lights",
-        "uv1" => "a second set of texture coordinates",
-        "deformation" => "meshes that change their shape",
-        "user_bsdf" => "a scattering model of the user's",
-        "caustics" => "a map of caustics",
-        other => other,
     }
 }

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::ShaderFeatures;
 use crate::options::{Eyes as EyeChoice, Method, Search, Settings};
 use crate::passes::{self, Pass};
 
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     fn names(settings: &Settings, eyes: EyeChoice) -> Vec<&'static str> {
-        frame_list(settings, &ShaderFeatures::new(), eyes)
+        frame_list(settings, &ShaderFeatures::default(), eyes)
             .iter()
             .flat_map(|stage| stage.passes.iter().map(|pass| pass.pass))
             .collect()

@@ -13,12 +13,11 @@ use super::kernels::{shader_name, specialised};
 use super::{Eye, InstanceId, PhotonMap, RenderError, Renderer};
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::dispatch_table;
-use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::types::frame::Frame;
 use crate::gpu::types::reconstruction::Reconstruction as ReconstructionUniform;
 use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary,
-    storage_buffer, uniform_buffer,
+    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderFeatures,
+    ShaderLibrary, storage_buffer, uniform_buffer,
 };
 use crate::options::Settings;
 use crate::passes::{self, Pass};
@@ -105,12 +104,12 @@ impl Inspector {
     ) -> Result<&Kernel, GpuError> {
         if self.features != *renderer.features() {
             self.kernels.clear();
-            self.features = renderer.features().clone();
+            self.features = *renderer.features();
         }
         if !self.kernels.contains_key(pass.name) {
             let mut features = specialised(pass, renderer.features(), false);
             // Motion is looked at; the emission that the filter wants with it is not.
-            features.insert("svgf".to_owned(), false);
+            features.svgf = false;
             let name = shader_name(pass);
             let kernel = Kernel::new(&renderer.context, library, &name, &features)?;
             self.kernels.insert(pass.name, kernel);

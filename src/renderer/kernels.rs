@@ -2,16 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::gpu::shaders::ShaderFeatures;
-use crate::gpu::{GpuContext, GpuError, Kernel, ShaderLibrary};
+use crate::gpu::{GpuContext, GpuError, Kernel, ShaderFeatures, ShaderLibrary};
 use crate::passes::{self, Over, Pass};
-
-/// Feature of passes that work on a list of pixels.
-const FROM_LIST: &str = "from_list";
-/// Feature of shaders that read records and photons from copies in textures.
-pub const RECORD_TEXELS: &str = "record_texels";
-/// Feature of the pass that looks on: its rays count the nodes that they enter and do not leave blended surfaces to chance.
-const INSPECTS: &str = "inspects";
 
 /// Compiled passes by name.
 pub struct KernelSet {
@@ -105,16 +97,18 @@ pub fn shader_name(pass: &Pass) -> String {
 
 /// Features that `pass` is compiled with in a scene of `features`.
 pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
-    let mut own = if pass.traces {
-        features.clone()
+    let own = if pass.traces {
+        *features
     } else {
         // Photons are read by others too.
-        let texels = features.get(RECORD_TEXELS).copied().unwrap_or(false);
-        ShaderFeatures::from([(RECORD_TEXELS.to_owned(), texels)])
+        ShaderFeatures {
+            record_texels: features.record_texels,
+            ..ShaderFeatures::default()
+        }
     };
-    let list = pass.over == Over::Hits || (from_list && pass.over == Over::Pixels);
-    own.insert(FROM_LIST.to_owned(), list);
-    let inspects = pass.name == passes::inspect_surfaces::PASS.name;
-    own.insert(INSPECTS.to_owned(), inspects);
-    own
+    ShaderFeatures {
+        from_list: pass.over == Over::Hits || (from_list && pass.over == Over::Pixels),
+        inspects: pass.name == passes::inspect_surfaces::PASS.name,
+        ..own
+    }
 }

@@ -39,13 +39,14 @@ use thiserror::Error;
 
 use crate::bvh::BvhError;
 use crate::gpu::scene::{PackError, check_user_bsdfs};
-use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::timing::{Timer, milliseconds_since};
 use crate::gpu::types::frame::{
     Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
     FRAME_RUSSIAN_ROULETTE, Frame,
 };
-use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
+use crate::gpu::{
+    FrameRecorder, GpuContext, GpuError, PassTimes, ShaderFeatures, ShaderLibrary, uniform_buffer,
+};
 use crate::options::{
     DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
 };
@@ -172,12 +173,12 @@ impl Renderer {
         let edit_base = editing::EditBase::new(scene);
         let needs = Needs::with_facts(scene, &edit_base.facts);
         let mut features = shader_features(&needs, settings);
-        features.insert("visibility_mask".to_owned(), hidden.is_some());
+        features.visibility_mask = hidden.is_some();
         let texels = match settings.force.record_texels {
             Force::Auto => context.adapter.is_software(),
             forced => forced == Force::On,
         };
-        features.insert(kernels::RECORD_TEXELS.to_owned(), texels);
+        features.record_texels = texels;
         let mut buffers = SceneBuffers::new(&context, scene, &features)?;
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
@@ -258,9 +259,9 @@ impl Renderer {
         }
         let follows_motion = wanted.contains(&&passes::motion::PASS);
         buffers.keep_previous(follows_motion || settings.output.motion);
-        features.insert("carry_indirect".to_owned(), plan.carries_indirect);
-        features.insert("one_sample".to_owned(), settings.spp == 1);
-        features.insert("keeps_samples".to_owned(), !plan.stereo.is_empty());
+        features.carry_indirect = plan.carries_indirect;
+        features.one_sample = settings.spp == 1;
+        features.keeps_samples = !plan.stereo.is_empty();
         let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
         let map = |config| PhotonMap::new(&context, config);
         let photon_map = photon_config.map(map).transpose()?;

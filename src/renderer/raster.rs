@@ -3,8 +3,7 @@
 use wgpu::util::DeviceExt as _;
 
 use crate::gpu::kernel::{layout_entries, reflect_bindings};
-use crate::gpu::shaders::ShaderFeatures;
-use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary};
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderFeatures, ShaderLibrary};
 use crate::passes::Pass;
 
 use super::eyes::{Eye, Eyes};
@@ -98,7 +97,7 @@ impl Raster {
         pass: &'static Pass,
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
-        let shader = library.compile(&shader_name(pass), &ShaderFeatures::new())?;
+        let shader = library.compile(&shader_name(pass), &ShaderFeatures::default())?;
         let bindings = reflect_bindings(&shader)?;
         context.guarded(pass.name, || {
             let device = &context.device;

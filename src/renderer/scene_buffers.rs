@@ -9,19 +9,19 @@ mod edits;
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
-use super::kernels::{KernelSet, RECORD_TEXELS};
+use super::kernels::KernelSet;
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
     LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
     pack_lights, pack_textures, pack_vertices,
 };
-use crate::gpu::shaders::ShaderFeatures;
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::timing::{FrameRecorder, PassTimes};
 use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::types::material::Material;
 use crate::gpu::{
-    GpuContext, GpuError, GrowingBuffer, Resources, storage_buffer, storage_buffer_with_data,
+    GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures, storage_buffer,
+    storage_buffer_with_data,
 };
 use crate::scene::{Scene, ScenePose};
 
@@ -77,10 +77,6 @@ const PLACED: [&str; 4] = ["top_nodes", "instances", "lights", "light_alias"];
 /// All of an array.
 const WHOLE: Range<u64> = 0..u64::MAX;
 
-fn is_on(features: &ShaderFeatures, name: &str) -> bool {
-    features.get(name).copied().unwrap_or(false)
-}
-
 impl SceneBuffers {
     /// Packs and uploads `scene`. What no feature asks for is not allocated.
     ///
@@ -101,7 +97,7 @@ impl SceneBuffers {
         let hierarchies =
             MeshHierarchies::build_with_room(&scene.meshes, &marks, |mesh| changes[mesh])?;
         let deformer = Deformer::new(context, scene, &hierarchies, &marks)?;
-        let mut packed_textures = if is_on(features, "textures") {
+        let mut packed_textures = if features.textures {
             pack_textures(scene, context.max_binding_bytes)?
         } else {
             Default::default()
@@ -110,7 +106,7 @@ impl SceneBuffers {
         let environment = scene
             .environment
             .as_ref()
-            .filter(|_| is_on(features, "environment"))
+            .filter(|_| features.environment)
             .and_then(pack_environment);
         let first_triangle: Vec<u32> = hierarchies
             .meshes
@@ -125,10 +121,10 @@ impl SceneBuffers {
                 environment: environment.as_ref(),
                 order: &order,
                 kinds: LightKinds {
-                    emitters: is_on(features, "emitters"),
-                    points: is_on(features, "points"),
-                    spots: is_on(features, "spots"),
-                    directionals: is_on(features, "directionals"),
+                    emitters: features.emitters,
+                    points: features.points,
+                    spots: features.spots,
+                    directionals: features.directionals,
                     environment: environment.is_some(),
                 },
             },
@@ -149,7 +145,7 @@ impl SceneBuffers {
                 first_emitter,
             })
             .collect();
-        let textures = if is_on(features, "textures") {
+        let textures = if features.textures {
             Some((
                 storage_buffer_with_data(context, "texture infos", &packed_textures.infos)?,
                 storage_buffer_with_data(context, "texels", &packed_textures.texels)?,
@@ -164,7 +160,7 @@ impl SceneBuffers {
                 storage_buffer_with_data(context, "environment cdf", &packed.cdf)?,
             )),
             // The map is black, or the feature is forced in without one: the shaders read no texel of it, but bind them.
-            None if is_on(features, "environment") => Some((
+            None if features.environment => Some((
                 storage_buffer(context, "environment texels", 16)?,
                 storage_buffer(context, "environment cdf", 16)?,
             )),
@@ -189,7 +185,8 @@ impl SceneBuffers {
             previous_instances: GrowingBuffer::new("previous instances"),
             lights: GrowingBuffer::new("lights"),
             light_alias: GrowingBuffer::new("light alias"),
-            texels: is_on(features, RECORD_TEXELS)
+            texels: features
+                .record_texels
                 .then(|| COPIED.map(|(_, name)| TexelCopy::new(name))),
             table: InstanceTable::new(sources),
             slot_of_node,

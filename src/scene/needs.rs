@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
+
 use super::{AlphaMode, LightKind, Material, Scene, SceneFacts};
 
 /// A metal below this roughness focuses light well enough for a caustic to show.
@@ -263,58 +265,52 @@ impl Needs {
 
     /// Features that the renderer has and this scene does without.
     fn note_unneeded(&mut self) {
-        let has_user = self.bsdfs.contains(&"user");
-        let absent: Vec<(&str, &str)> = self
-            .shader_features()
-            .into_iter()
-            .filter(|(_, needed)| !needed)
-            .map(|(feature, _)| {
-                let why = match feature {
-                    "glossy" if has_user => "every surface is ideal Lambert or a user's",
-                    "glossy" => "every surface is ideal Lambert",
-                    "dielectric" => "no surface lets light through",
-                    "textures" => "no material has a texture",
-                    "normal_maps" => "no material has a normal texture",
-                    "alpha" => "no surface can be passed through",
-                    "vertex_colors" => "no mesh has vertex colours other than white",
-                    "emitters" => "no triangle emits light",
-                    "points" => "there is no point light",
-                    "spots" => "there is no spot light",
-                    "directionals" => "there is no directional light",
-                    "environment" => "no environment is set",
-                    "caustics" => "no smooth surface, diffuse surface and light come together",
-                    "uv1" => "no texture reads coordinate set 1",
-                    "deformation" => "no mesh has a skin or morph targets",
-                    _ => "not used",
-                };
-                (feature, why)
-            })
-            .collect();
-        self.left_out.extend(
-            absent
-                .into_iter()
-                .map(|(feature, why)| LeftOut::new(feature, why)),
-        );
+        let not_glossy = if self.bsdfs.contains(&"user") {
+            "every surface is ideal Lambert or a user's"
+        } else {
+            "every surface is ideal Lambert"
+        };
+        let reasons = PerFeature {
+            glossy: Some(not_glossy),
+            dielectric: Some("no surface lets light through"),
+            textures: Some("no material has a texture"),
+            normal_maps: Some("no material has a normal texture"),
+            alpha: Some("no surface can be passed through"),
+            vertex_colors: Some("no mesh has vertex colours other than white"),
+            emitters: Some("no triangle emits light"),
+            points: Some("there is no point light"),
+            spots: Some("there is no spot light"),
+            directionals: Some("there is no directional light"),
+            environment: Some("no environment is set"),
+            caustics: Some("no smooth surface, diffuse surface and light come together"),
+            uv1: Some("no texture reads coordinate set 1"),
+            deformation: Some("no mesh has a skin or morph targets"),
+            ..PerFeature::default()
+        };
+        let left_out = WORDS.zip(reasons, |word, why| Some(LeftOut::new(word, why?)));
+        let absent = ShaderFeatures::ALL.without(self.shader_features());
+        self.left_out.extend(absent.select(left_out).flatten());
     }
 
-    /// Shader features by name (`@if(name)` in the shaders), each with whether the scene needs it.
-    pub fn shader_features(&self) -> Vec<(&'static str, bool)> {
-        vec![
-            ("glossy", self.glossy),
-            ("dielectric", self.dielectric),
-            ("textures", !self.textures_by_use.is_empty()),
-            ("normal_maps", self.normal_maps),
-            ("alpha", self.alpha),
-            ("vertex_colors", self.vertex_colors),
-            ("emitters", self.lights.emissive_triangles > 0),
-            ("points", self.lights.point > 0),
-            ("spots", self.lights.spot > 0),
-            ("directionals", self.lights.directional > 0),
-            ("environment", self.environment),
-            ("caustics", self.caustics),
-            ("uv1", self.uv1),
-            ("deformation", self.deformation),
-        ]
+    /// The shader features that the scene needs; all others are off.
+    pub fn shader_features(&self) -> ShaderFeatures {
+        ShaderFeatures {
+            glossy: self.glossy,
+            dielectric: self.dielectric,
+            textures: !self.textures_by_use.is_empty(),
+            normal_maps: self.normal_maps,
+            alpha: self.alpha,
+            vertex_colors: self.vertex_colors,
+            emitters: self.lights.emissive_triangles > 0,
+            points: self.lights.point > 0,
+            spots: self.lights.spot > 0,
+            directionals: self.lights.directional > 0,
+            environment: self.environment,
+            caustics: self.caustics,
+            uv1: self.uv1,
+            deformation: self.deformation,
+            ..ShaderFeatures::default()
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use egui::TextureId;
 use egui::epaint::{ClippedPrimitive, Primitive, textures::TextureFilter, textures::TexturesDelta};
 
-use crate::gpu::shaders::ShaderFeatures;
+use crate::gpu::ShaderFeatures;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 
 const LABEL: &str = "window";
@@ -55,7 +55,10 @@ impl Painter {
     /// # Errors
     /// [`GpuError`].
     pub fn new(gpu: &GpuContext, format: wgpu::TextureFormat) -> Result<Self, GpuError> {
-        let features = ShaderFeatures::from([("encodes".to_owned(), format.is_srgb())]);
+        let features = ShaderFeatures {
+            encodes: format.is_srgb(),
+            ..ShaderFeatures::default()
+        };
         let shader = ShaderLibrary::embedded().compile("viewer/painter", &features)?;
         gpu.guarded(LABEL, || {
             let device = &gpu.device;

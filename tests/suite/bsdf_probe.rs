@@ -4,10 +4,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::scene::{PackedTextures, pack_materials};
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::scene::{Material, Scene};
+
+use super::bvh_probe::{features, probe_source};
 
 /// A pair of directions at a material, or the direction to sample for.
 #[repr(C)]
@@ -39,11 +40,6 @@ pub const DELTA: u32 = 1;
 pub const TRANSMITTED: u32 = 2;
 pub const NONE: u32 = 0x80;
 
-/// The scattering shader features that tests switch.
-pub fn features(on: &[&str]) -> ShaderFeatures {
-    on.iter().map(|name| ((*name).to_owned(), true)).collect()
-}
-
 /// The probe, compiled for eval and for sampling.
 pub struct BsdfProbe<'a> {
     context: &'a GpuContext,
@@ -60,11 +56,12 @@ impl<'a> BsdfProbe<'a> {
         materials: &[Material],
     ) -> Self {
         let mut library = library.clone();
-        library.insert("tests/bsdf_probe", include_str!("bsdf_probe.wesl"));
-        let mut features = features(on);
-        let eval = Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap();
-        features.insert("probe_sampling".to_owned(), true);
-        let sample = Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap();
+        let features = features(on);
+        let [eval, sample] = [&[][..], &["probe_sampling"]].map(|modes| {
+            let source = probe_source(include_str!("bsdf_probe.wesl"), modes);
+            library.insert("tests/bsdf_probe", source);
+            Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap()
+        });
         let scene = Scene {
             materials: materials.to_vec(),
             ..Scene::default()

@@ -3,7 +3,7 @@
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::kernel::reflect_bindings;
 
-use super::bsdf_probe::features;
+use super::bvh_probe::{features, probe_source};
 
 const ROOTS: [(&str, &str); 3] = [
     ("tests/bsdf_probe", include_str!("bsdf_probe.wesl")),
@@ -38,10 +38,9 @@ fn compiled(on: &[&str]) -> (String, Vec<String>) {
     let mut library = ShaderLibrary::embedded();
     let (mut text, mut names) = (String::new(), Vec::new());
     for (name, source) in ROOTS {
-        library.insert(name, source);
         for modes in [&[][..], &["probe_sampling", "probe_emit"]] {
-            let on: Vec<&str> = on.iter().chain(modes).copied().collect();
-            let shader = library.compile(name, &features(&on)).unwrap();
+            library.insert(name, probe_source(source, modes));
+            let shader = library.compile(name, &features(on)).unwrap();
             shader.validate().unwrap();
             names.extend(
                 reflect_bindings(&shader)

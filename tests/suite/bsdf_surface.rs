@@ -8,8 +8,9 @@ use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
 
-use super::bsdf_probe::{features, wide};
+use super::bsdf_probe::wide;
 use super::bsdf_twin::Dice;
+use super::bvh_probe::features;
 use super::lights_probe::{SceneUpload, add_triangles, glowing};
 use super::support::context;
 

@@ -9,7 +9,7 @@ use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::types::bvh::Triangle;
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
 use stereolux::scene::{Mesh, MeshTriangle};
 
 pub const MISS: u32 = u32::MAX;
@@ -120,6 +120,39 @@ impl TraceScene {
     }
 }
 
+/// Shader features by the words that a test lists.
+pub fn features(on: &[&str]) -> ShaderFeatures {
+    let mut features = ShaderFeatures::default();
+    for word in on {
+        let feature = features.by_word_mut(word);
+        *feature.unwrap_or_else(|| panic!("no shader feature is called {word}")) = true;
+    }
+    features
+}
+
+/// A probe's source in the named modes: they are true in its `@if`s, the others false.
+pub fn probe_source(source: &str, modes: &[&str]) -> String {
+    const MODES: [&str; 6] = [
+        "probe_emit",
+        "probe_no_offset",
+        "probe_occlusion",
+        "probe_pdf",
+        "probe_respawn",
+        "probe_sampling",
+    ];
+    assert!(modes.iter().all(|mode| MODES.contains(mode)), "{modes:?}");
+    MODES.iter().fold(source.to_owned(), |text, mode| {
+        text.replace(
+            mode,
+            if modes.contains(mode) {
+                "true"
+            } else {
+                "false"
+            },
+        )
+    })
+}
+
 /// The probe, compiled for one question.
 pub struct TraceProbe<'a> {
     context: &'a GpuContext,
@@ -127,13 +160,11 @@ pub struct TraceProbe<'a> {
 }
 
 impl<'a> TraceProbe<'a> {
-    pub fn new(context: &'a GpuContext, library: &ShaderLibrary, features: &[&str]) -> Self {
+    pub fn new(context: &'a GpuContext, library: &ShaderLibrary, modes: &[&str]) -> Self {
         let mut library = library.clone();
-        library.insert("tests/bvh_probe", include_str!("bvh_probe.wesl"));
-        let features = features
-            .iter()
-            .map(|name| ((*name).to_owned(), true))
-            .collect();
+        let source = probe_source(include_str!("bvh_probe.wesl"), modes);
+        library.insert("tests/bvh_probe", source);
+        let features = ShaderFeatures::default();
         let kernel = Kernel::new(context, &library, "tests/bvh_probe", &features).unwrap();
         Self { context, kernel }
     }

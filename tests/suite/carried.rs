@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
+use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 
@@ -24,7 +24,7 @@ struct Sample {
 fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
     let mut library = ShaderLibrary::embedded().clone();
     library.insert("tests/carried_probe", include_str!("carried_probe.wesl"));
-    let features = ShaderFeatures::new();
+    let features = ShaderFeatures::default();
     let kernel = Kernel::new(context, &library, "tests/carried_probe", &features).unwrap();
     let given = storage_buffer_with_data(context, "samples", samples).unwrap();
     let bytes = size_of_val(samples) as u64;

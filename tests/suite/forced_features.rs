@@ -7,21 +7,28 @@ use stereolux::options::{Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
 
+use super::bvh_probe::features;
 use super::support::{
     builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
 };
 
 /// Each switch alone, by name.
-const SWITCHES: [(&str, fn(&mut ForceSettings)); 8] = [
-    ("glossy", |f| f.glossy = Force::On),
-    ("dielectric", |f| f.dielectric = Force::On),
-    ("textures", |f| f.textures = Force::On),
-    ("normal_maps", |f| f.normal_maps = Force::On),
-    ("alpha", |f| f.alpha = Force::On),
-    ("vertex_colors", |f| f.vertex_colors = Force::On),
-    ("environment", |f| f.environment = Force::On),
-    ("caustics", |f| f.caustics = Force::On),
+const SWITCHES: [(&str, Switch); 8] = [
+    ("glossy", |f| &mut f.glossy),
+    ("dielectric", |f| &mut f.dielectric),
+    ("textures", |f| &mut f.textures),
+    ("normal_maps", |f| &mut f.normal_maps),
+    ("alpha", |f| &mut f.alpha),
+    ("vertex_colors", |f| &mut f.vertex_colors),
+    ("environment", |f| &mut f.environment),
+    ("caustics", |f| &mut f.caustics),
 ];
+type Switch = fn(&mut ForceSettings) -> &mut Force;
+
+fn is_compiled_in(renderer: &Renderer, name: &str) -> bool {
+    let on = renderer.features().and(features(&[name]));
+    on == features(&[name])
+}
 
 /// The same operations in another program: a compiler may fuse or reorder them, which moves a result by a few units of
 /// 2^-24 per operation. A pixel's value has some 500 operations behind it (a path of 4 segments, or a sum over photons):
@@ -63,13 +70,16 @@ fn every_feature_forced_into_a_lambert_scene_leaves_its_image() {
     let (plain, renderer) = image(&scene, Method::Path, 19.0, ForceSettings::default());
     for (name, switch) in SWITCHES {
         assert!(
-            !renderer.features()[name],
+            !is_compiled_in(&renderer, name),
             "{name} is needed: it must be tried in another scene"
         );
         let mut force = ForceSettings::default();
-        switch(&mut force);
+        *switch(&mut force) = Force::On;
         let (forced, renderer) = image(&scene, Method::Path, 19.0, force);
-        assert!(renderer.features()[name], "{name} was not compiled in");
+        assert!(
+            is_compiled_in(&renderer, name),
+            "{name} was not compiled in"
+        );
         assert_eq!(strays(&plain, &forced), 0, "{name}");
     }
     // Negative control: a thousandth more is seen.
@@ -85,10 +95,11 @@ fn all_features_together_leave_the_images_of_both_methods() {
             let (plain, _) = image(&scene, method, half_degrees, ForceSettings::default());
             let mut force = ForceSettings::default();
             for (_, switch) in SWITCHES {
-                switch(&mut force);
+                *switch(&mut force) = Force::On;
             }
             let (forced, renderer) = image(&scene, method, half_degrees, force);
-            assert!(SWITCHES.iter().all(|(name, _)| renderer.features()[*name]));
+            let mut names = SWITCHES.iter().map(|(name, _)| name);
+            assert!(names.all(|name| is_compiled_in(&renderer, name)));
             assert_eq!(strays(&plain, &forced), 0, "{name} by {method:?}");
         }
     }
@@ -98,19 +109,19 @@ fn all_features_together_leave_the_images_of_both_methods() {
 fn normal_maps_bring_textures_and_go_with_them() {
     let textured = builtin("gallery");
     let (_, plain) = image(&textured, Method::Path, 40.0, ForceSettings::default());
-    assert!(plain.features()["textures"], "the gallery is textured");
+    assert!(plain.features().textures, "the gallery is textured");
     let alone = ForceSettings {
         normal_maps: Force::On,
         ..ForceSettings::default()
     };
     let (_, brought) = image(&builtin("cornell"), Method::Path, 19.0, alone.clone());
-    assert!(brought.features()["textures"]);
+    assert!(brought.features().textures);
     let without = ForceSettings {
         textures: Force::Off,
         ..alone
     };
     let (pixels, gone) = image(&textured, Method::Path, 40.0, without);
-    assert!(!gone.features()["normal_maps"] && !gone.features()["uv1"]);
+    assert!(!gone.features().normal_maps && !gone.features().uv1);
     assert!(pixels.iter().flatten().any(|&channel| channel > 0.0));
 }
 
@@ -131,7 +142,7 @@ fn records_in_textures_render_the_same_image() {
                 };
                 let (pixels, renderer) = image(&scene, method, 40.0, force);
                 let on = record_texels == Force::On;
-                assert_eq!(renderer.features()["record_texels"], on);
+                assert_eq!(renderer.features().record_texels, on);
                 pixels
             });
             assert!(plain.iter().flatten().any(|&value| value > 0.0), "{name}");

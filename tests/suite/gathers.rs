@@ -1,8 +1,8 @@
 //! The ways to gather that the default is compared with: kd-tree, k nearest, one fused kernel, loads by workgroup.
 
 use glam::DVec3;
+use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::options::registry::{self, Kind};
 use stereolux::options::{
     DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings,
@@ -557,7 +557,7 @@ fn shaders_and_host_count_the_same_turns() {
     let library = ShaderLibrary::embedded();
     let says = |pass: &passes::Pass, name: &str, value: u64| {
         let shader = library
-            .compile(&format!("passes/{}", pass.name), &ShaderFeatures::new())
+            .compile(&format!("passes/{}", pass.name), &ShaderFeatures::default())
             .unwrap();
         let line = format!("const {name}: u32 = {value}u");
         assert!(shader.wgsl.contains(&line), "{} lacks {line}", pass.name);

@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 
-use stereolux::gpu::ShaderLibrary;
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
+use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
+
+use super::shaders::every_feature;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Layout {
@@ -292,31 +293,22 @@ fn collect(
 
 /// Every struct that a buffer of any pass holds, with every feature on.
 fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
-    let features: ShaderFeatures = [
-        "glossy",
-        "dielectric",
-        "textures",
-        "normal_maps",
-        "alpha",
-        "vertex_colors",
-        "emitters",
-        "points",
-        "spots",
-        "directionals",
-        "environment",
-        "caustics",
-        "uv1",
-    ]
-    .into_iter()
-    .map(|name| (name.to_owned(), true))
-    .collect();
+    // Copies in textures take the place of buffers, and a single sample needs fewer.
+    let buffers = ShaderFeatures {
+        record_texels: false,
+        one_sample: false,
+        ..every_feature()
+    };
     let mut found = BTreeMap::new();
     let mut library = library.clone();
     library.insert("tests/previous_probe", include_str!("previous_probe.wesl"));
     let compiled = passes::ALL
         .iter()
-        .map(|pass| (shader_name(pass), specialised(pass, &features, false)))
-        .chain([("tests/previous_probe".to_owned(), ShaderFeatures::new())]);
+        .flat_map(|pass| {
+            [every_feature(), buffers]
+                .map(|features| (shader_name(pass), specialised(pass, &features, false)))
+        })
+        .chain([("tests/previous_probe".to_owned(), ShaderFeatures::default())]);
     for (name, features) in compiled {
         let shader = library.compile(&name, &features).unwrap();
         for (_, variable) in shader.module.global_variables.iter() {

@@ -7,11 +7,12 @@ use stereolux::gpu::scene::{
     LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
     pack_lights, pack_materials, pack_textures, pack_vertices,
 };
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::types::bvh::{Instance, Triangle};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::scene::{LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene};
+
+use super::bvh_probe::{features, probe_source};
 
 /// What densities are asked for.
 #[repr(C)]
@@ -178,13 +179,10 @@ impl SceneUpload {
 impl<'a> LightProbe<'a> {
     pub fn new(context: &'a GpuContext, on: &[&str], scene: &Scene, origin: DVec3) -> Self {
         let mut library = ShaderLibrary::embedded();
-        library.insert("tests/lights_probe", include_str!("lights_probe.wesl"));
-        let kernels = ["", "probe_emit", "probe_pdf"].map(|mode| {
-            let features: ShaderFeatures = on
-                .iter()
-                .chain([&mode])
-                .map(|name| ((*name).to_owned(), true))
-                .collect();
+        let features = features(on);
+        let kernels = [&[][..], &["probe_emit"], &["probe_pdf"]].map(|modes| {
+            let source = probe_source(include_str!("lights_probe.wesl"), modes);
+            library.insert("tests/lights_probe", source);
             Kernel::new(context, &library, "tests/lights_probe", &features).unwrap()
         });
         let upload = SceneUpload::new(context, scene, origin);

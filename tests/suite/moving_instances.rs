@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use stereolux::bvh::reference::ExactInstance;
-use stereolux::gpu::shaders::ShaderFeatures;
+use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::renderer::{InstanceId, SceneBuffers};
 use stereolux::scene::{Material, Node, Scene};
@@ -82,7 +82,7 @@ fn exact(buffers: &SceneBuffers, meshes: &[usize], origin: DVec3) -> Vec<ExactIn
 }
 
 fn buffers(context: &GpuContext, scene: &Scene) -> SceneBuffers {
-    SceneBuffers::new(context, scene, &ShaderFeatures::new()).unwrap()
+    SceneBuffers::new(context, scene, &ShaderFeatures::default()).unwrap()
 }
 
 #[test]

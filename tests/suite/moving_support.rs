@@ -8,7 +8,7 @@ use stereolux::gpu::types::bvh::Triangle;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::SceneBuffers;
 
-use super::bvh_probe::{Random, TraceProbe, TraceQuery, disagreements};
+use super::bvh_probe::{Random, TraceProbe, TraceQuery, disagreements, features};
 
 /// Asks the shaders' `previous_point`.
 pub struct PreviousProbe<'a> {
@@ -17,16 +17,12 @@ pub struct PreviousProbe<'a> {
 }
 
 impl<'a> PreviousProbe<'a> {
-    pub fn new(context: &'a GpuContext, features: &[&str]) -> Self {
+    pub fn new(context: &'a GpuContext, on: &[&str]) -> Self {
         let mut library = ShaderLibrary::embedded();
         library.insert("tests/previous_probe", include_str!("previous_probe.wesl"));
-        let features = features
-            .iter()
-            .map(|name| ((*name).to_owned(), true))
-            .collect();
         Self {
             context,
-            kernel: Kernel::new(context, &library, "tests/previous_probe", &features).unwrap(),
+            kernel: Kernel::new(context, &library, "tests/previous_probe", &features(on)).unwrap(),
         }
     }
 

@@ -4,6 +4,8 @@ use glam::DVec3;
 use stereolux::scene::builtin::{self, cornell, plane, sphere};
 use stereolux::scene::{LightKind, Needs, Scene};
 
+use super::bvh_probe::features;
+
 #[test]
 fn assets_are_what_the_generator_writes() {
     for name in builtin::NAMES {
@@ -128,13 +130,7 @@ fn cornell_has_the_published_measures() {
     let needs = Needs::of(&scene);
     assert_eq!(needs.bsdfs, ["lambert"]);
     assert!(needs.not_lambert.is_empty());
-    let on: Vec<&str> = needs
-        .shader_features()
-        .into_iter()
-        .filter(|(_, needed)| *needed)
-        .map(|(name, _)| name)
-        .collect();
-    assert_eq!(on, ["emitters"]);
+    assert_eq!(needs.shader_features(), features(&["emitters"]));
     assert!(
         needs
             .left_out

@@ -2,41 +2,15 @@
 
 use std::collections::BTreeSet;
 
-use stereolux::gpu::ShaderLibrary;
+use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
 use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
-use stereolux::gpu::shaders::ShaderFeatures;
 use stereolux::gpu::texels::ROW_TEXELS;
+use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
 
-const FEATURES: &[&str] = &[
-    "glossy",
-    "dielectric",
-    "textures",
-    "normal_maps",
-    "alpha",
-    "vertex_colors",
-    "emitters",
-    "points",
-    "spots",
-    "directionals",
-    "environment",
-    "caustics",
-    "uv1",
-    "sobol",
-    "light_only",
-    "bsdf_only",
-    "visibility_mask",
-    "parts",
-    "carry_indirect",
-    "keeps_samples",
-    "one_sample",
-    "keeps_ends",
-    "svgf",
-    "still_mean",
-    "deformation",
-    "record_texels",
-];
+use super::bvh_probe::features;
+
 /// Buffers that the scene and the frame provide; passes do not list them.
 const SCENE: &[&str] = &[
     "frame",
@@ -65,25 +39,70 @@ const SCENE: &[&str] = &[
 /// Storage buffers per stage that the README asks of an adapter.
 const STORAGE_BUFFERS: usize = 24;
 
-fn with(on: &[&str]) -> ShaderFeatures {
-    FEATURES
-        .iter()
-        .map(|name| ((*name).to_owned(), on.contains(name)))
-        .collect()
+/// All that scene, settings and renderer can ask for together; a user's BSDF brings code of its own.
+pub fn every_feature() -> ShaderFeatures {
+    ShaderFeatures {
+        user_bsdf: false,
+        ..ShaderFeatures::decided_up_to(DecidedBy::Renderer)
+    }
 }
 
 /// Lambert scenes, each feature alone, everything.
 pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
-    let mut kinds = vec![with(&[]), with(&["emitters"]), with(FEATURES)];
-    kinds.extend(FEATURES.iter().map(|name| {
+    let mut kinds = vec![features(&[]), features(&["emitters"]), every_feature()];
+    kinds.extend(every_feature().select(WORDS).map(|word| {
         // Normal maps and second coordinates come with textures.
-        if matches!(*name, "normal_maps" | "uv1") {
-            with(&[name, "textures", "emitters"])
+        if matches!(word, "normal_maps" | "uv1") {
+            features(&[word, "textures", "emitters"])
         } else {
-            with(&[name, "emitters"])
+            features(&[word, "emitters"])
         }
     }));
     kinds
+}
+
+/// Words that shaders ask for and no feature is called by, with the shader; and features that no shader asks for.
+fn strays(library: &ShaderLibrary) -> (Vec<(String, String)>, Vec<&'static str>) {
+    let mut asked = ShaderFeatures::default();
+    let mut unknown = Vec::new();
+    for (name, source) in library.sources() {
+        for word in words_asked(source) {
+            match asked.by_word_mut(word) {
+                Some(feature) => *feature = true,
+                None => unknown.push((name.to_owned(), word.to_owned())),
+            }
+        }
+    }
+    let unasked = ShaderFeatures::ALL.without(asked).select(WORDS).collect();
+    (unknown, unasked)
+}
+
+#[test]
+fn shaders_ask_for_the_features_of_the_table_and_for_all_of_them() {
+    let library = ShaderLibrary::embedded();
+    assert_eq!(strays(&library), (vec![], vec![]));
+    // Negative control: one misspelt word, in the only place where it stands.
+    let module = "shared/textures";
+    let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+    let mut misspelt = library.clone();
+    misspelt.insert(module, source.replace("@if(uv1)", "@if(!(glossy && uv_1))"));
+    let (unknown, unasked) = strays(&misspelt);
+    assert_eq!(unknown, [(module.to_owned(), "uv_1".to_owned())]);
+    assert_eq!(unasked, ["uv1"]);
+    // It is not off in silence.
+    let error = misspelt
+        .compile(&shader_name(&passes::path_trace::PASS), &every_feature())
+        .err()
+        .expect("an unknown feature");
+    assert!(error.to_string().contains("uv_1"), "{error}");
+}
+
+#[test]
+fn words_are_found_however_a_condition_is_written() {
+    let source =
+        "@if (a && (!b || c_1)) fn f() {} @elif(d) x @else y @compute @ if(true) @ifx(e)\n@if(f";
+    let words: Vec<&str> = words_asked(source).collect();
+    assert_eq!(words, ["a", "b", "c_1", "d", "f"]);
 }
 
 #[test]
@@ -124,7 +143,7 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
 #[test]
 fn passes_declare_what_their_shaders_read_and_write() {
     let library = ShaderLibrary::embedded();
-    let features = with(FEATURES);
+    let features = every_feature();
     for pass in passes::ALL {
         let shader = library
             .compile(&shader_name(pass), &specialised(pass, &features, false))
@@ -199,7 +218,7 @@ fn rows_of_workgroups_agree_between_host_and_shaders() {
         "passes/list_setup",
         "passes/cell_count",
     ] {
-        let shader = library.compile(name, &ShaderFeatures::new()).unwrap();
+        let shader = library.compile(name, &ShaderFeatures::default()).unwrap();
         assert!(
             shader
                 .wgsl
@@ -211,7 +230,7 @@ fn rows_of_workgroups_agree_between_host_and_shaders() {
 
 #[test]
 fn rows_of_texels_agree_between_host_and_shaders() {
-    let features = with(&["emitters", "record_texels"]);
+    let features = features(&["emitters", "record_texels"]);
     let shader = ShaderLibrary::embedded()
         .compile("passes/path_trace", &features)
         .unwrap();
@@ -235,7 +254,7 @@ fn broken_shaders_are_errors_that_name_the_module() {
     let mut library = ShaderLibrary::embedded();
     library.insert("passes/scan_sums", "fn main() { let x = ; }");
     let error = library
-        .compile("passes/scan_sums", &ShaderFeatures::new())
+        .compile("passes/scan_sums", &ShaderFeatures::default())
         .err()
         .expect("a syntax error");
     assert!(error.to_string().contains("passes/scan_sums"), "{error}");
@@ -245,7 +264,7 @@ fn broken_shaders_are_errors_that_name_the_module() {
     );
     assert!(
         library
-            .compile("passes/scan_sums", &ShaderFeatures::new())
+            .compile("passes/scan_sums", &ShaderFeatures::default())
             .is_err()
     );
 }
