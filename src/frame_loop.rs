@@ -370,10 +370,7 @@ pub fn read_images(
         );
     }
     let provenance = if right.is_some() {
-        renderer
-            .eyes()
-            .read_provenance(renderer.context())
-            .map_err(RenderError::from)?
+        renderer.read_provenance()?
     } else {
         None
     };

@@ -17,7 +17,7 @@
 //! - [`commands`], [`options`]: the program's commands and their checked options;
 //! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
-//! - [`renderer`], [`passes`], [`gpu`]: images from views;
+//! - [`renderer`], [`frame`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
 //! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
@@ -30,6 +30,7 @@ mod caught;
 pub mod commands;
 mod desktop;
 pub mod false_color;
+pub mod frame;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;
@@ -38,7 +39,6 @@ pub mod metrics;
 pub mod mirror;
 pub mod options;
 pub mod output;
-pub mod passes;
 pub mod renderer;
 pub mod scene;
 pub mod viewer;

@@ -21,7 +21,7 @@ use super::{BenchError, BenchProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::options::{Eyes, Settings};
-use crate::renderer::{Eye, MapStats, RenderError, Renderer};
+use crate::renderer::{Eye, MapStats, Renderer};
 use crate::scene::Scene;
 use crate::xr::{Headset, Pose, View};
 
@@ -452,12 +452,7 @@ fn correspondence(
     views: &[View; 2],
     size: [u32; 2],
 ) -> Result<Option<Image<Option<u32>>>, BenchError> {
-    let hits = |eye| {
-        renderer
-            .eyes()
-            .read_hit_rays(renderer.context(), eye)
-            .map_err(RenderError::from)
-    };
+    let hits = |eye| renderer.read_hit_rays(eye);
     Ok(hits(Eye::Left)?
         .zip(hits(Eye::Right)?)
         .map(|(left, right)| left_from_right(views, size, &left, &right)))
@@ -483,10 +478,7 @@ fn run_frame(
                 .map(|pixels| Image::new(plan.size[0], plan.size[1], pixels))
                 .transpose()?;
         }
-        provenance = renderer
-            .eyes()
-            .read_provenance(renderer.context())
-            .map_err(RenderError::from)?;
+        provenance = renderer.read_provenance()?;
     }
     Ok(Frame {
         result,

@@ -7,13 +7,14 @@ use super::measure::REFERENCE_SHARE;
 use super::records::{RegionErrors, StereoFigures, Timing, reasons};
 use super::reference::Reference;
 use super::statistics::{Spread, mean, median, paired_ratio, spread};
+use crate::frame::passes::Pass;
+use crate::frame::plan::{GATHERS, PATH_PASSES};
 use crate::images::{Image, ImageRgb};
 use crate::metrics::{
     Comparison, FlipView, Mask, MetricsError, RenderMoments, binocular_error, compare, error_image,
 };
 use crate::options::{Method, Reuse, Settings};
-use crate::passes;
-use crate::renderer::{FrameResult, MapKind, Provenance, Renderer, sample_passes};
+use crate::renderer::{FrameResult, Provenance, Renderer};
 
 /// One frame of one variant.
 pub struct Frame {
@@ -115,17 +116,17 @@ pub fn judge_part(
 /// included, caustics not), `gather` the pass that finds them for the eyes, `build_gather` both. A fused kernel has no
 /// such pass.
 fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64)> {
-    let is_one_of = |name: &str, list: &[&passes::Pass]| list.iter().any(|pass| pass.name == name);
+    let is_one_of = |name: &str, list: &[&Pass]| list.iter().any(|pass| pass.name == name);
     let (mut build, mut gather) = (0.0, None);
     for (name, (ms, _)) in times {
         match name.split_once('.') {
             Some(("photons", pass)) => {
-                let traces = is_one_of(pass, MapKind::Photons.batch());
+                let traces = is_one_of(pass, &PATH_PASSES);
                 if !traces && !pass.starts_with("caustics.") {
                     build += ms;
                 }
             }
-            Some((eye, pass)) if EYES.contains(&eye) && is_one_of(pass, passes::GATHERS) => {
+            Some((eye, pass)) if EYES.contains(&eye) && is_one_of(pass, &GATHERS) => {
                 *gather.get_or_insert(0.0) += ms;
             }
             _ => (),
@@ -142,11 +143,6 @@ impl Tally {
     /// Takes a frame's times and counters in.
     pub fn time(&mut self, frame: &Frame, settings: &Settings) {
         let times = &frame.result.times.passes;
-        let caustics = frame.result.photons.caustics.is_some();
-        let fills: Vec<String> = sample_passes(settings, caustics)
-            .iter()
-            .map(|pass| format!("right.{}", pass.name))
-            .collect();
         self.reuses = settings.reuse != Reuse::Off;
         let sum = |wanted: &dyn Fn(&str) -> bool| {
             times
@@ -176,7 +172,12 @@ impl Tally {
                 groups.push(("right", right));
             }
             if right > 0.0 && self.reuses {
-                let filling = sum(&|name| fills.iter().any(|fill| fill == name));
+                // What fills is what renders the left eye.
+                let fills = |name: &str| {
+                    let pass = name.strip_prefix("right.");
+                    pass.is_some_and(|pass| times.contains_key(&format!("left.{pass}")))
+                };
+                let filling = sum(&fills);
                 groups.extend([("fill", filling), ("carry", right - filling)]);
             }
         }

@@ -3,22 +3,27 @@
 use serde_json::{Value, json};
 
 use super::{Failure, load_scene};
-use crate::gpu::context::adapters;
+use crate::frame::listing::list;
+use crate::frame::plan::on_demand;
+use crate::gpu::ShaderLibrary;
+use crate::gpu::context::{AdapterSummary, adapters};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
-use crate::options::{Eyes, InfoOptions, Settings, registry};
-use crate::renderer::frame_list::frame_list;
-use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
+use crate::options::{InfoOptions, Settings, registry};
+use crate::renderer::{automatic_radius_m, plan_of_scene, shader_features};
 use crate::scene::Needs;
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
+    let adapters = adapters();
+    // The one that would be chosen, as far as can be known without opening it.
+    let is_software = adapters.first().is_some_and(AdapterSummary::is_software);
     let mut report = json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "adapters": adapters(),
+        "adapters": adapters,
         "openxr": openxr_report(),
     });
     if let Some(name) = &options.scene {
-        report["scene"] = scene_report(name, &options.settings)?;
+        report["scene"] = scene_report(name, &options.settings, is_software)?;
     }
     if options.list_settings {
         report["settings"] = json!(registry::rows());
@@ -42,7 +47,7 @@ fn openxr_report() -> Value {
     })
 }
 
-fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
+fn scene_report(name: &str, settings: &Settings, is_software: bool) -> Result<Value, Failure> {
     let settings = Settings {
         scene: name.to_owned(),
         ..settings.clone()
@@ -50,6 +55,9 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
     let scene = load_scene(&settings)?;
     let needs = Needs::of(&scene);
     let features = shader_features(&needs, &settings);
+    let (mut stages, frame_features) =
+        plan_of_scene(&scene, &settings, is_software).map_err(Failure::failed)?;
+    stages.extend(on_demand(&settings));
     Ok(json!({
         "name": name,
         "warnings": scene.warnings,
@@ -60,10 +68,6 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
         "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
         "needs": needs,
         "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
-        "passes_per_sample": sample_passes(&settings, forms_caustics(&features))
-            .iter()
-            .map(|pass| pass.to_string())
-            .collect::<Vec<_>>(),
-        "frame": frame_list(&settings, &features, Eyes::Both),
+        "frame": list(&stages, &frame_features, &ShaderLibrary::embedded()).map_err(Failure::failed)?,
     }))
 }

@@ -195,6 +195,43 @@ pub fn layout_entries(
         .collect()
 }
 
+/// A bind group of what `resource_of` finds for each of a pass's `bindings`.
+///
+/// # Errors
+/// [`GpuError::Unbound`] if it finds nothing, [`GpuError::Validation`] if a resource does not fit.
+pub fn bind_group<'a>(
+    context: &GpuContext,
+    pass: &str,
+    layout: &wgpu::BindGroupLayout,
+    bindings: &[Binding],
+    resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+) -> Result<wgpu::BindGroup, GpuError> {
+    let mut entries = Vec::with_capacity(bindings.len());
+    for binding in bindings {
+        let mut resource = resource_of(binding).ok_or_else(|| GpuError::Unbound {
+            pass: pass.to_owned(),
+            binding: binding.name.clone(),
+        })?;
+        if binding.name == DISPATCH_BINDING
+            && let wgpu::BindingResource::Buffer(buffer) = &mut resource
+        {
+            buffer.size = wgpu::BufferSize::new(DISPATCH_STRIDE);
+        }
+        entries.push(wgpu::BindGroupEntry {
+            binding: binding.slot,
+            resource,
+        });
+    }
+    context.guarded(pass, || {
+        let descriptor = wgpu::BindGroupDescriptor {
+            label: Some(pass),
+            layout,
+            entries: &entries,
+        };
+        Ok(context.device.create_bind_group(&descriptor))
+    })
+}
+
 impl Kernel {
     /// Compiles shader `name` of `library` with `features` and builds its pipeline.
     ///
@@ -288,35 +325,26 @@ impl Kernel {
     /// # Errors
     /// [`GpuError::Unbound`] if a name is missing, [`GpuError::Validation`] if a resource does not fit.
     pub fn bind(&self, context: &GpuContext, resources: &Resources<'_>) -> Result<Bound, GpuError> {
-        let mut entries = Vec::with_capacity(self.bindings.len());
-        for binding in &self.bindings {
-            let mut resource = resources
-                .get(&binding.name)
-                .ok_or_else(|| GpuError::Unbound {
-                    pass: self.name.clone(),
-                    binding: binding.name.clone(),
-                })?;
-            if binding.name == DISPATCH_BINDING
-                && let wgpu::BindingResource::Buffer(buffer) = &mut resource
-            {
-                buffer.size = wgpu::BufferSize::new(DISPATCH_STRIDE);
-            }
-            entries.push(wgpu::BindGroupEntry {
-                binding: binding.slot,
-                resource,
-            });
-        }
-        context.guarded(&self.name, || {
-            Ok(Bound {
-                group: context
-                    .device
-                    .create_bind_group(&wgpu::BindGroupDescriptor {
-                        label: Some(&self.name),
-                        layout: &self.layout,
-                        entries: &entries,
-                    }),
-            })
-        })
+        self.bind_by(context, |binding| resources.get(&binding.name))
+    }
+
+    /// As [`Kernel::bind`], with what `resource_of` finds for each binding.
+    ///
+    /// # Errors
+    /// As [`Kernel::bind`].
+    pub fn bind_by<'a>(
+        &self,
+        context: &GpuContext,
+        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+    ) -> Result<Bound, GpuError> {
+        let group = bind_group(
+            context,
+            &self.name,
+            &self.layout,
+            &self.bindings,
+            resource_of,
+        )?;
+        Ok(Bound { group })
     }
 
     /// Workgroups that cover `threads` threads along x in a 2D grid that keeps within the dimension limit.

@@ -4,6 +4,7 @@
 //! - [`features`]: the features that shaders are specialised by;
 //! - [`shaders`]: WESL sources, specialised by features, to WGSL;
 //! - [`kernel`]: one compute pipeline whose bindings are found by name;
+//! - [`raster`]: one render pipeline over a triangle, likewise;
 //! - [`buffers`]: labelled buffers, uploads and read-back;
 //! - [`texels`]: copies of buffers in textures, for adapters that read those faster;
 //! - [`timing`]: timestamp queries per pass;
@@ -15,6 +16,7 @@ pub mod buffers;
 pub mod context;
 pub mod features;
 pub mod kernel;
+pub mod raster;
 pub mod scene;
 pub mod shaders;
 pub mod texels;

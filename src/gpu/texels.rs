@@ -6,7 +6,6 @@
 use std::ops::Range;
 
 use super::context::{GpuContext, GpuError};
-use super::{FrameRecorder, Resources, storage_buffer};
 
 /// Texels of a row. The shaders hold its logarithm, `ROW_SHIFT` in `shaders/shared/records.wesl`; a test compares them.
 pub const ROW_TEXELS: u32 = 4096;
@@ -122,51 +121,6 @@ impl TexelCopy {
     /// The texture, once something was copied.
     pub fn view(&self) -> Option<&wgpu::TextureView> {
         self.texture.as_ref().map(|(_, view)| view)
-    }
-}
-
-/// A storage buffer that some passes write and others read, those from a copy in a texture if that is faster.
-pub struct CopiedBuffer {
-    /// What is written.
-    pub buffer: wgpu::Buffer,
-    copy: Option<TexelCopy>,
-}
-
-impl CopiedBuffer {
-    /// `is_copied`: readers get the copy.
-    ///
-    /// # Errors
-    /// [`GpuError::TooLarge`], [`GpuError::Validation`]: buffer or texture do not fit.
-    pub fn new(
-        context: &GpuContext,
-        label: &'static str,
-        bytes: u64,
-        is_copied: bool,
-    ) -> Result<Self, GpuError> {
-        let buffer = storage_buffer(context, label, bytes)?;
-        let copy = if is_copied {
-            let mut copy = TexelCopy::new(label);
-            copy.fit(context, buffer.size())?;
-            Some(copy)
-        } else {
-            None
-        };
-        Ok(Self { buffer, copy })
-    }
-
-    /// `resources` and, as `name`, what is to be read.
-    pub fn read_by<'a>(&'a self, resources: Resources<'a>, name: &'static str) -> Resources<'a> {
-        match self.copy.as_ref().and_then(TexelCopy::view) {
-            Some(view) => resources.with_texture(name, view),
-            None => resources.with(name, &self.buffer),
-        }
-    }
-
-    /// Brings the copy up to date; to be recorded after the passes that write. Its time counts as `label`'s.
-    pub fn record(&self, recorder: &mut FrameRecorder<'_>, label: &str) {
-        if let Some(copy) = &self.copy {
-            recorder.copy_to_texels(label, &self.buffer, copy);
-        }
     }
 }
 

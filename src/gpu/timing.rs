@@ -21,6 +21,8 @@ pub(crate) fn milliseconds_since(began: Instant) -> f64 {
 pub struct PassTimes {
     /// Milliseconds and number of dispatches by name.
     pub passes: BTreeMap<String, (f64, u32)>,
+    /// Names of all dispatches, timed or not, in their order.
+    pub dispatched: Vec<String>,
 }
 
 impl PassTimes {
@@ -77,6 +79,7 @@ pub struct FrameRecorder<'a> {
     timer: Option<&'a Timer>,
     encoder: wgpu::CommandEncoder,
     timed: Vec<String>,
+    dispatched: Vec<String>,
 }
 
 impl<'a> FrameRecorder<'a> {
@@ -89,6 +92,7 @@ impl<'a> FrameRecorder<'a> {
                 .device
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
             timed: Vec::new(),
+            dispatched: Vec::new(),
         }
     }
 
@@ -98,6 +102,7 @@ impl<'a> FrameRecorder<'a> {
     }
 
     fn begin(&mut self, label: &str) -> wgpu::ComputePass<'_> {
+        self.dispatched.push(label.to_owned());
         let timestamp_writes =
             self.next_slot(label)
                 .map(|(timer, slot)| wgpu::ComputePassTimestampWrites {
@@ -185,7 +190,9 @@ impl<'a> FrameRecorder<'a> {
             timer,
             mut encoder,
             timed,
+            dispatched,
         } = self;
+        times.dispatched.extend(dispatched);
         let count = 2 * timed.len() as u32;
         let timer = timer.filter(|_| count > 0);
         context.guarded(stage, || {

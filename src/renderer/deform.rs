@@ -1,4 +1,4 @@
-//! Skins and morph targets on the device: buffers, bounds and the passes of [`passes::DEFORM`].
+//! Skins and morph targets on the device: their buffers and bounds.
 //!
 //! Every instance of a mesh that changes its shape has a copy of it. The host uploads joints' matrices and weights,
 //! bounds the shape by its joints, and the device writes vertices, triangles and boxes. The tree over the triangles
@@ -9,19 +9,15 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 
 use super::RenderError;
-use super::kernels::KernelSet;
 pub use super::own_meshes::with_own_meshes;
 use crate::bvh::refit::{Rebuilt, node_room};
-use crate::bvh::{Bounds32, MESH_STACK, MaterialMarks, MeshHierarchies, MeshRange};
+use crate::bvh::{Bounds32, MaterialMarks, MeshHierarchies, MeshRange};
+use crate::frame::ShapeCounts;
 use crate::gpu::buffers::read_buffer;
-use crate::gpu::kernel::{Bound, DISPATCH_STRIDE, dispatch_table, linear_groups};
 use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::types::deform::{DeformMesh, RestVertex};
 use crate::gpu::types::material::Vertex;
-use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data,
-};
-use crate::passes;
+use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data};
 use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
 
 /// A hierarchy is built anew when a ray through its box costs this many times what it cost when it was built. Over the
@@ -30,8 +26,6 @@ use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
 pub const REBUILD_COST_RATIO: f64 = 1.5;
 /// Frames in a new pose between two looks at the cost: it is read back from the device.
 pub const COST_CHECK_FRAMES: u32 = 8;
-/// Threads of a workgroup of the passes.
-const GROUP: u32 = 64;
 /// No joints.
 const NONE: u32 = u32::MAX;
 
@@ -60,7 +54,6 @@ pub struct Deformer {
     triangle_count: u32,
     levels: Vec<[u32; 2]>,
     buffers: Buffers,
-    bound: Option<[Bound; 3]>,
     is_new: bool,
     was_new: bool,
     /// Frames in a new pose since the cost was read.
@@ -80,7 +73,6 @@ struct Buffers {
     nodes: wgpu::Buffer,
     costs: wgpu::Buffer,
     root_costs: wgpu::Buffer,
-    dispatch: wgpu::Buffer,
 }
 
 /// A new placement and new bounds.
@@ -175,11 +167,6 @@ impl Deformer {
             nodes: data("refitted nodes", refitted as u64 * 4)?,
             root_costs: data("refitted costs of roots", shapes.len() as u64 * 8)?,
             costs: data("refitted costs", node_count * 8)?,
-            dispatch: dispatch_table(
-                context,
-                "deform dispatch",
-                &vec![[0; 4]; MESH_STACK as usize + 2],
-            ),
         };
         let mut deformer = Self {
             skeleton,
@@ -191,7 +178,6 @@ impl Deformer {
             triangle_count: triangles.len() as u32,
             levels: Vec::new(),
             buffers,
-            bound: None,
             is_new: false,
             was_new: false,
             unchecked: 0,
@@ -294,17 +280,9 @@ impl Deformer {
                 [begins, level.len() as u32]
             })
             .collect();
-        let queue = &context.queue;
-        queue.write_buffer(&self.buffers.nodes, 0, bytemuck::cast_slice(&all));
-        let counts = [[0, self.vertex_count], [0, self.triangle_count]];
-        for (entry, [first, count]) in counts.iter().chain(&self.levels).enumerate() {
-            let words = [*first, 0, *count, 0];
-            queue.write_buffer(
-                &self.buffers.dispatch,
-                entry as u64 * DISPATCH_STRIDE,
-                bytemuck::cast_slice(&words),
-            );
-        }
+        context
+            .queue
+            .write_buffer(&self.buffers.nodes, 0, bytemuck::cast_slice(&all));
     }
 
     /// The bytes of the scene's arrays, by name, among which lies all that the passes write or a rebuilt hierarchy changes.
@@ -359,23 +337,9 @@ impl Deformer {
 
     /// What shaders may ask for.
     pub fn resources<'a>(&'a self, resources: Resources<'a>) -> Resources<'a> {
-        resources.with("previous_positions", &self.buffers.previous_positions)
-    }
-
-    /// Binds the passes; `scene` holds the scene's own buffers.
-    ///
-    /// # Errors
-    /// As [`crate::gpu::Kernel::bind`].
-    pub fn bind(
-        &mut self,
-        context: &GpuContext,
-        kernels: &KernelSet,
-        scene: &Resources<'_>,
-    ) -> Result<(), GpuError> {
         let buffers = &self.buffers;
-        let resources = scene
-            .clone()
-            .with("dispatch", &buffers.dispatch)
+        resources
+            .with("previous_positions", &buffers.previous_positions)
             .with("rest_vertices", &buffers.rest_vertices)
             .with("deform_meshes", &buffers.meshes)
             .with("morph_deltas", &buffers.deltas)
@@ -384,14 +348,16 @@ impl Deformer {
             .with("deformed_positions", &buffers.positions)
             .with("deformed_triangles", &buffers.triangles)
             .with("refit_nodes", &buffers.nodes)
-            .with("refit_costs", &buffers.costs);
-        let bind = |pass| kernels.get(pass)?.bind(context, &resources);
-        self.bound = Some([
-            bind(&passes::deform::PASS)?,
-            bind(&passes::deform_triangles::PASS)?,
-            bind(&passes::refit::PASS)?,
-        ]);
-        Ok(())
+            .with("refit_costs", &buffers.costs)
+    }
+
+    /// What the passes run over.
+    pub fn counts(&self) -> ShapeCounts {
+        ShapeCounts {
+            vertices: self.vertex_count,
+            triangles: self.triangle_count,
+            levels: self.levels.clone(),
+        }
     }
 
     /// Whether this frame has anything to record. `keeps_previous`: someone asks for the previous frame's positions.
@@ -399,70 +365,16 @@ impl Deformer {
         self.is_new || (self.was_new && keeps_previous)
     }
 
-    /// Records what the frame's pose needs: nothing if the last two frames had the same. True if shapes change.
-    ///
-    /// # Errors
-    /// [`GpuError::Unbound`] if the passes were not compiled.
-    pub fn record(
-        &mut self,
-        recorder: &mut FrameRecorder<'_>,
-        kernels: &KernelSet,
-        keeps_previous: bool,
-    ) -> Result<bool, GpuError> {
-        if self.has_work(keeps_previous) && keeps_previous {
-            let bytes = u64::from(self.vertex_count) * 16;
-            recorder.copy(
-                &self.buffers.positions,
-                &self.buffers.previous_positions,
-                bytes,
-            );
-        }
-        if self.is_new {
-            self.record_passes(recorder, kernels)?;
-            self.unchecked += 1;
-        }
-        self.was_new = std::mem::take(&mut self.is_new);
-        Ok(self.was_new)
+    /// Whether the frame has another pose than the one before.
+    pub fn has_new_pose(&self) -> bool {
+        self.is_new
     }
 
-    /// The passes over everything; twice the same is as good as once.
-    ///
-    /// # Errors
-    /// As [`Deformer::record`].
-    pub fn record_passes(
-        &self,
-        recorder: &mut FrameRecorder<'_>,
-        kernels: &KernelSet,
-    ) -> Result<(), GpuError> {
-        let Some([deform, triangles, refit]) = &self.bound else {
-            return Ok(());
-        };
-        let groups = |count| linear_groups(count, GROUP);
-        let kernel = |pass| kernels.get(pass);
-        recorder.dispatch(
-            "pose.deform",
-            kernel(&passes::deform::PASS)?,
-            deform,
-            0,
-            groups(self.vertex_count),
-        );
-        recorder.dispatch(
-            "pose.deform_triangles",
-            kernel(&passes::deform_triangles::PASS)?,
-            triangles,
-            1,
-            groups(self.triangle_count),
-        );
-        for (level, [_, count]) in self.levels.iter().enumerate() {
-            recorder.dispatch(
-                "pose.refit",
-                kernel(&passes::refit::PASS)?,
-                refit,
-                level as u32 + 2,
-                groups(*count),
-            );
-        }
-        Ok(())
+    /// The device has taken the frame's pose over. True if that changed shapes.
+    pub fn note_posed(&mut self) -> bool {
+        self.unchecked += u32::from(self.is_new);
+        self.was_new = std::mem::take(&mut self.is_new);
+        self.was_new
     }
 
     /// Reads what the refitted hierarchies cost, once in [`COST_CHECK_FRAMES`] frames in a new pose; those that have

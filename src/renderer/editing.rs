@@ -8,11 +8,12 @@
 //! compiled in and are no longer needed ([`InPlace::spare_features`]) leave another program, whose sums round differently.
 //! And with `reconstruct.*` the frames before count, as they do when something moves.
 
-use super::choices::{
-    photon_paths_per_thread, radius_for_area_m, samples_per_dispatch, shader_features,
-};
+use super::radii::radii_m;
 use super::scene_buffers::{Edited, SceneChange};
-use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
+use super::{
+    InstanceId, RenderError, Renderer, photon_paths_per_thread, samples_per_dispatch,
+    shader_features,
+};
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
 use crate::gpu::scene::LightKinds;
@@ -123,7 +124,7 @@ fn lit_nodes(scene: &Scene) -> Vec<(usize, usize)> {
 }
 
 /// Whether photons have anything to start from.
-fn shines(needs: &Needs) -> bool {
+pub(super) fn shines(needs: &Needs) -> bool {
     needs.environment || needs.lights != Default::default()
 }
 
@@ -217,12 +218,12 @@ impl Renderer {
             return Some("instances were added or removed that no node places".to_owned());
         }
         let wanted = shader_features(needs, &self.settings);
-        let missing = wanted.without(self.features);
+        let missing = wanted.without(*self.features());
         if let Some(meaning) = missing.select(MEANINGS).next() {
             return Some(format!("{meaning} is not compiled in"));
         }
         // The map of caustics takes photons over from the other one.
-        if self.features.caustics != wanted.caustics {
+        if self.features().caustics != wanted.caustics {
             return Some(
                 "nothing forms caustics any more, which have a map of their own".to_owned(),
             );
@@ -267,7 +268,7 @@ impl Renderer {
                 let material = &scene.materials[part.material];
                 let slots = material.texture_slots();
                 let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
-                if self.features.textures
+                if self.features().textures
                     && textures.any(|texture| !self.scene.holds_texture(scene, texture))
                 {
                     return Some(format!(
@@ -279,9 +280,9 @@ impl Renderer {
         }
         let depth = self.scene.hierarchy_depth_of(instances.len());
         let settings = &self.settings;
-        let (run, room) = match (settings.method, &self.photon_map) {
+        let (run, room) = match (settings.method, self.photon_map()) {
             (Method::Photon, Some(map)) => (
-                map.paths_per_thread(),
+                map.layout.config.paths_per_thread,
                 photon_paths_per_thread(
                     self.context.adapter.is_software(),
                     settings.photon.max_depth,
@@ -289,8 +290,8 @@ impl Renderer {
                 ),
             ),
             _ => (
-                self.eyes.next_run(u32::MAX),
-                samples_per_dispatch(settings, &self.features, depth),
+                self.samples_per_dispatch,
+                samples_per_dispatch(settings, self.features(), depth),
             ),
         };
         if run > room {
@@ -334,13 +335,8 @@ impl Renderer {
             relit,
         } = self.scene.edit(&self.context, &change)?;
         self.is_bound &= !replaced;
-        let photon = &self.settings.photon;
-        if photon.radius_m <= 0.0 {
-            self.radius_m = radius_for_area_m(base.facts.area_m2(scene), photon.count);
-        }
-        if photon.caustic_radius_m <= 0.0 {
-            self.caustic_radius_m = self.radius_m * AUTOMATIC_CAUSTIC_RADIUS;
-        }
+        [self.radius_m, self.caustic_radius_m] =
+            radii_m(&self.settings, || base.facts.area_m2(scene));
         let keeps_history = !renumbered && !relit;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
             reconstruction.reset();
@@ -349,7 +345,7 @@ impl Renderer {
         self.edit_base.outdates_photons = true;
         let wanted = shader_features(needs, &self.settings);
         let spare_features = self
-            .features
+            .features()
             .without(wanted)
             .and(ShaderFeatures::decided_up_to(DecidedBy::Scene))
             .select(WORDS)

@@ -1,65 +1,34 @@
-//! Views of intermediate results: the passes of [`passes::INSPECTION`], which run after a frame when they are asked for.
+//! Views of intermediate results, which run after a frame when they are asked for: [`crate::frame::plan::inspect`].
 //!
-//! They are compiled when they are first needed, and have images of their own; a frame neither compiles, binds nor
+//! Their passes are compiled when they are first needed, and have images of their own; a frame neither compiles, binds nor
 //! allocates anything for them. All look through pixels' centres, for either eye alike, at the scene as the last
 //! frame showed it, whatever has been moved since.
 
-use std::collections::BTreeMap;
-
-use bytemuck::Zeroable as _;
+use bytemuck::{Pod, Zeroable as _};
 
 use super::inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
-use super::kernels::{shader_name, specialised};
-use super::{Eye, InstanceId, PhotonMap, RenderError, Renderer};
-use crate::gpu::buffers::read_buffer;
-use crate::gpu::kernel::dispatch_table;
+use super::{Eye, InstanceId, MapKind, PhotonMap, RenderError, Renderer, Stage};
+use crate::frame::bind::Whose;
+use crate::frame::plan::{View, inspect, inspection};
+use crate::frame::step::Owner;
+use crate::frame::{FrameRun, Play};
 use crate::gpu::types::frame::Frame;
 use crate::gpu::types::reconstruction::Reconstruction as ReconstructionUniform;
-use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderFeatures,
-    ShaderLibrary, storage_buffer, uniform_buffer,
-};
+use crate::gpu::{FrameRecorder, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::Settings;
-use crate::passes::{self, Pass};
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;
+/// What views read of a photon map.
+const MAP_BUFFERS: [&str; 4] = [
+    "photon_grid",
+    "cell_starts",
+    "sorted_photons",
+    "photon_counters",
+];
 
-/// What `inspect_surfaces` writes: 64 bytes per pixel.
-struct Images {
-    pixels: usize,
-    frame: wgpu::Buffer,
-    hits: wgpu::Buffer,
-    normals: wgpu::Buffer,
-    colors: wgpu::Buffer,
-    marks: wgpu::Buffer,
-    /// What the other passes write, 16 bytes per pixel.
-    result: wgpu::Buffer,
-}
-
-impl Images {
-    fn new(context: &GpuContext, pixels: usize) -> Result<Self, GpuError> {
-        let image = |name: &str| storage_buffer(context, name, pixels as u64 * 16);
-        Ok(Self {
-            pixels,
-            frame: uniform_buffer(context, "inspected frame", size_of::<Frame>() as u64),
-            hits: image("inspected hits")?,
-            normals: image("inspected normals")?,
-            colors: image("inspected colours")?,
-            marks: image("inspected marks")?,
-            result: image("inspection")?,
-        })
-    }
-
-    fn resources(&self) -> Resources<'_> {
-        Resources::new()
-            .with("frame", &self.frame)
-            .with("inspected_hits", &self.hits)
-            .with("inspected_normals", &self.normals)
-            .with("inspected_colors", &self.colors)
-            .with("inspected_marks", &self.marks)
-    }
-}
+/// Values of a view, and which pixels have one.
+type Values = (InspectedValues, Option<Vec<bool>>);
 
 /// Kernels and images of views, once one has been asked for.
 #[derive(Default)]
@@ -67,10 +36,8 @@ pub(super) struct Inspector {
     /// The last frame and the one before it.
     frames: [Option<Frame>; 2],
     frame_count: u64,
-    kernels: BTreeMap<&'static str, Kernel>,
-    /// What they were compiled with.
-    features: ShaderFeatures,
-    images: Option<Images>,
+    /// With kernels and images of its own.
+    run: FrameRun,
     /// Frame and eye whose surfaces the images hold.
     traced: Option<(u64, Eye)>,
 }
@@ -85,82 +52,69 @@ impl Inspector {
     /// Images have another size from now on: there is no frame to look at until the next one.
     pub(super) fn forget_frames(&mut self) {
         self.frames = [None, None];
-        self.images = None;
+        self.run.buffers.forget_images();
         self.traced = None;
     }
 
     /// The next view compiles its passes anew.
     pub(super) fn forget_kernels(&mut self) {
-        self.kernels.clear();
+        self.run = FrameRun::default();
         self.traced = None;
     }
 
-    /// Compiles `pass` if that has not been done yet.
-    fn kernel(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        pass: &'static Pass,
-    ) -> Result<&Kernel, GpuError> {
-        if self.features != *renderer.features() {
-            self.kernels.clear();
-            self.features = *renderer.features();
-        }
-        if !self.kernels.contains_key(pass.name) {
-            let mut features = specialised(pass, renderer.features(), false);
-            // Motion is looked at; the emission that the filter wants with it is not.
-            features.svgf = false;
-            let name = shader_name(pass);
-            let kernel = Kernel::new(&renderer.context, library, &name, &features)?;
-            self.kernels.insert(pass.name, kernel);
-        }
-        self.kernels.get(pass.name).ok_or_else(|| unbound(pass))
-    }
-
-    fn images(&self) -> Result<&Images, GpuError> {
-        self.images
-            .as_ref()
-            .ok_or_else(|| unbound(&passes::inspect_surfaces::PASS))
-    }
-
-    /// Runs `pass` in `slices` over all pixels, or over `threads` threads, and waits for it.
+    /// Runs the passes of a view and waits for them.
     fn run(
         &mut self,
         renderer: &Renderer,
         library: &ShaderLibrary,
-        pass: &'static Pass,
-        resources: &Resources<'_>,
+        view: View,
         eye: Eye,
-        (slices, threads): (u32, Option<u32>),
-    ) -> Result<(), GpuError> {
-        self.kernel(renderer, library, pass)?;
-        let kernel = self.kernels.get(pass.name).ok_or_else(|| unbound(pass))?;
-        let context = &renderer.context;
-        let entries: Vec<[u32; 4]> = (0..slices)
-            .map(|slice| [0, eye.index(), slice, slices])
-            .collect();
-        let dispatch = dispatch_table(context, "inspection", &entries);
-        let finished = renderer
-            .buffers_of(eye)
-            .and_then(|eye| renderer.eyes.finished(eye))
-            .unwrap_or_default();
-        let all = renderer
-            .scene
-            .resources()
-            .and(&finished)
-            .and(&self.images()?.resources())
-            .with("dispatch", &dispatch)
-            .and(resources);
-        let bound = kernel.bind(context, &all)?;
-        let groups = match threads {
-            Some(threads) => kernel.groups_for(threads),
-            None => [renderer.width.div_ceil(8), renderer.height.div_ceil(8), 1],
-        };
-        let mut recorder = FrameRecorder::new(context, None, "inspection");
-        for slice in 0..slices {
-            recorder.dispatch(pass.name, kernel, &bound, slice, groups);
+    ) -> Result<(), RenderError> {
+        if self.run.features() != renderer.features() {
+            self.run = FrameRun::new(*renderer.features());
         }
-        recorder.submit("inspection", &mut PassTimes::default())
+        let now = self.frame()?;
+        let before = self.frames[1].unwrap_or(now);
+        // A frame of one sample looks through the pixels' centres.
+        let centered = Frame {
+            first_sample: 0,
+            sample_count: 1,
+            ..now
+        };
+        let motion = ReconstructionUniform {
+            previous_left: before.left,
+            previous_right: before.right,
+            has_history: if self.frames[1].is_some() { 1.0 } else { 0.0 },
+            ..ReconstructionUniform::zeroed()
+        };
+        let context = &renderer.context;
+        let frame = filled_uniform(renderer, "inspected frame", &centered);
+        let motion = filled_uniform(renderer, "motion between frames", &motion);
+        let buffers = renderer.buffers_of(eye).unwrap_or(Eye::Left);
+        let steps = inspect(view, eye, buffers);
+        let owner = steps.first().map_or(
+            Owner {
+                eye: buffers,
+                map: MapKind::Photons,
+                batch: 0,
+            },
+            |step| step.owner,
+        );
+        let scene = renderer.scene.resources();
+        let of_frame = &renderer.frame.buffers;
+        let given = of_frame
+            .give(scene, owner, &MAP_BUFFERS)
+            .with("frame", &frame)
+            .with("reconstruction", &motion);
+        let given = of_frame.give(given, owner, &["hidden_pixels"]);
+        let stage = Stage::Inspect;
+        self.run.compile(context, library, stage, &steps)?;
+        let planned = inspection(steps);
+        self.run
+            .bind(context, &[planned], &given, &renderer.image, &[])?;
+        let mut recorder = FrameRecorder::new(context, None, stage.name());
+        self.run.play(&mut recorder, stage, &Play::default())?;
+        Ok(recorder.submit(stage.name(), &mut PassTimes::default())?)
     }
 
     /// Fills the images for an eye of the last frame, unless they hold that already.
@@ -170,26 +124,12 @@ impl Inspector {
         library: &ShaderLibrary,
         eye: Eye,
     ) -> Result<(), RenderError> {
-        let frame = self.frame()?;
+        self.frame()?;
         if self.traced == Some((self.frame_count, eye)) {
             return Ok(());
         }
-        let pixels = renderer.width as usize * renderer.height as usize;
-        if self.images.is_none() {
-            self.images = Some(Images::new(&renderer.context, pixels)?);
-        }
         self.traced = None;
-        // A frame of one sample looks through the pixels' centres.
-        let centered = Frame {
-            first_sample: 0,
-            sample_count: 1,
-            ..frame
-        };
-        let uniform = &self.images()?.frame;
-        let queue = &renderer.context.queue;
-        queue.write_buffer(uniform, 0, bytemuck::bytes_of(&centered));
-        let pass = &passes::inspect_surfaces::PASS;
-        self.run(renderer, library, pass, &Resources::new(), eye, (1, None))?;
+        self.run(renderer, library, View::Surfaces, eye)?;
         self.traced = Some((self.frame_count, eye));
         Ok(())
     }
@@ -203,13 +143,22 @@ impl Inspector {
         })
     }
 
+    /// One element per pixel of an image that views have filled.
+    fn image<T: Pod>(&self, renderer: &Renderer, name: &'static str) -> Result<Vec<T>, GpuError> {
+        let buffers = &self.run.buffers;
+        let place = (Whose::Frame, name);
+        let read = buffers.read(&renderer.context, place, 0, renderer.pixels())?;
+        read.ok_or_else(|| GpuError::Unbound {
+            pass: "inspect_surfaces".to_owned(),
+            binding: format!("{name} (nothing has been looked at yet)"),
+        })
+    }
+
     fn surfaces(&self, renderer: &Renderer) -> Result<Vec<SeenSurface>, GpuError> {
-        let images = self.images()?;
-        let context = &renderer.context;
-        let read4 = |buffer| read_buffer::<[f32; 4]>(context, "inspection", buffer, images.pixels);
-        let read4u = |buffer| read_buffer::<[u32; 4]>(context, "inspection", buffer, images.pixels);
-        let (hits, marks) = (read4u(&images.hits)?, read4u(&images.marks)?);
-        let (normals, colors) = (read4(&images.normals)?, read4(&images.colors)?);
+        let hits: Vec<[u32; 4]> = self.image(renderer, "inspected_hits")?;
+        let marks: Vec<[u32; 4]> = self.image(renderer, "inspected_marks")?;
+        let normals: Vec<[f32; 4]> = self.image(renderer, "inspected_normals")?;
+        let colors: Vec<[f32; 4]> = self.image(renderer, "inspected_colors")?;
         let surface = |pixel: usize| {
             let ([instance, triangle, v, w], [material, nodes, geometric, front]) =
                 (hits[pixel], marks[pixel]);
@@ -234,15 +183,13 @@ impl Inspector {
                 nodes_visited: nodes,
             }
         };
-        Ok((0..images.pixels).map(surface).collect())
+        Ok((0..renderer.pixels()).map(surface).collect())
     }
 
     /// Which pixels see a surface.
-    fn sees_surface(&self, context: &GpuContext) -> Result<Vec<bool>, GpuError> {
-        let images = self.images()?;
-        let normals: Vec<[f32; 4]> =
-            read_buffer(context, "inspection", &images.normals, images.pixels)?;
-        Ok(normals.iter().map(|normal| normal[3] > 0.0).collect())
+    fn sees_surface(&self, renderer: &Renderer) -> Result<Option<Vec<bool>>, GpuError> {
+        let normals: Vec<[f32; 4]> = self.image(renderer, "inspected_normals")?;
+        Ok(Some(normals.iter().map(|normal| normal[3] > 0.0).collect()))
     }
 
     fn inspect(
@@ -252,120 +199,31 @@ impl Inspector {
         inspection: Inspection,
         eye: Eye,
     ) -> Result<Inspected, RenderError> {
-        let context = &renderer.context;
-        let settings = &renderer.settings;
-        if let Some(missing) = inspection.missing(settings) {
+        if let Some(missing) = inspection.missing(&renderer.settings) {
             return Err(lacks(inspection, missing));
         }
-        let Some(buffers) = renderer.buffers_of(eye) else {
-            return Err(RenderError::Settings(format!(
-                "the {} eye is not rendered; there is nothing to look at with it",
-                eye.name()
-            )));
-        };
-        let pixels = renderer.width as usize * renderer.height as usize;
+        let buffers = renderer.buffers_of(eye).ok_or_else(|| not_rendered(eye))?;
         self.frame()?;
-        let is_read_back = matches!(
-            inspection,
-            Inspection::Direct | Inspection::Indirect | Inspection::Provenance
-        );
-        if !is_read_back {
-            self.trace(renderer, library, eye)?;
-        }
-        let read4 = |buffer| read_buffer::<[f32; 4]>(context, "inspection", buffer, pixels);
-        let read4u = |buffer| read_buffer::<[u32; 4]>(context, "inspection", buffer, pixels);
-        let rgb = |read: Vec<[f32; 4]>| -> Vec<[f32; 3]> {
-            read.iter().map(|v| [v[0], v[1], v[2]]).collect()
-        };
-        let scalar =
-            |read: Vec<u32>| InspectedValues::Scalar(read.iter().map(|&v| v as f32).collect());
-        let mut has_value = None;
-        let values = match inspection {
-            Inspection::Direct | Inspection::Indirect => {
-                let parts = renderer
-                    .eyes
-                    .read_parts(context, buffers, settings.spp)?
-                    .ok_or_else(|| lacks(inspection, "output.parts=true"))?;
-                InspectedValues::Color(match inspection {
-                    Inspection::Direct => parts.direct,
-                    _ => parts.indirect,
-                })
+        let (values, has_value) = match inspection {
+            Inspection::Direct | Inspection::Indirect | Inspection::Provenance => {
+                (of_frame(renderer, inspection, eye, buffers)?, None)
             }
-            Inspection::Albedo => {
-                has_value = Some(self.sees_surface(context)?);
-                InspectedValues::Color(rgb(read4(&self.images()?.colors)?))
-            }
-            Inspection::Normal => {
-                has_value = Some(self.sees_surface(context)?);
-                InspectedValues::Direction(rgb(read4(&self.images()?.normals)?))
-            }
-            Inspection::Depth => {
-                has_value = Some(self.sees_surface(context)?);
-                let normals = read4(&self.images()?.normals)?;
-                InspectedValues::Scalar(normals.iter().map(|normal| normal[3]).collect())
-            }
-            Inspection::Instance => {
-                has_value = Some(self.sees_surface(context)?);
-                let hits = read4u(&self.images()?.hits)?;
-                InspectedValues::Labels(hits.iter().map(|hit| hit[0]).collect())
-            }
-            Inspection::BvhSteps => {
-                let marks = read4u(&self.images()?.marks)?;
-                scalar(marks.iter().map(|mark| mark[1]).collect())
-            }
-            Inspection::PhotonDensity | Inspection::GridOccupancy => {
-                has_value = Some(self.sees_surface(context)?);
-                let around = self.photons_around(renderer, library, eye)?;
-                if inspection == Inspection::GridOccupancy {
-                    scalar(around.iter().map(|counts| counts[1]).collect())
-                } else {
-                    let radius_m = f64::from(self.frame()?.photon_radius);
-                    let area_m2 = std::f64::consts::PI * radius_m * radius_m;
-                    let density = |counts: &[u32; 2]| (f64::from(counts[0]) / area_m2) as f32;
-                    InspectedValues::Scalar(around.iter().map(density).collect())
-                }
-            }
-            Inspection::PhotonDots => scalar(self.photon_dots(renderer, library, eye)?),
-            Inspection::Caustic => {
-                let map = renderer
-                    .caustic_map
-                    .as_ref()
-                    .ok_or_else(|| lacks(inspection, "force.caustics=on"))?;
-                let light = self.caustic_light(renderer, library, map, eye)?;
-                has_value = Some(light.iter().map(|v| v[3] > 0.0).collect());
-                InspectedValues::Color(rgb(light))
-            }
-            Inspection::Motion => {
-                let motion = self.motion(renderer, library, eye)?;
-                has_value = Some(motion.iter().map(|moved| moved[3] > 0.0).collect());
-                let vector = |moved: &[f32; 4]| {
-                    if moved[3] > 0.0 {
-                        [moved[0], moved[1]]
-                    } else {
-                        [0.0; 2]
+            _ => {
+                self.trace(renderer, library, eye)?;
+                match inspection {
+                    Inspection::PhotonDensity
+                    | Inspection::GridOccupancy
+                    | Inspection::PhotonDots
+                    | Inspection::Caustic => self.of_photons(renderer, library, inspection, eye)?,
+                    Inspection::Motion => self.motion(renderer, library, eye)?,
+                    Inspection::Variance => {
+                        let variance = renderer.read_variance(buffers)?;
+                        let lacking = || lacks(inspection, "reconstruct.svgf=true");
+                        let variance = InspectedValues::Scalar(variance.ok_or_else(lacking)?);
+                        (variance, self.sees_surface(renderer)?)
                     }
-                };
-                InspectedValues::Vector2(motion.iter().map(vector).collect())
-            }
-            Inspection::Variance => {
-                let variance = match &renderer.reconstruction {
-                    Some(own) => own.read_variance(context, buffers, pixels)?,
-                    None => None,
-                };
-                has_value = Some(self.sees_surface(context)?);
-                InspectedValues::Scalar(
-                    variance.ok_or_else(|| lacks(inspection, "reconstruct.svgf=true"))?,
-                )
-            }
-            Inspection::Provenance => {
-                if eye != Eye::Right {
-                    return Err(RenderError::Settings(
-                        "the left eye has no provenance: it is rendered in full; look at the right eye"
-                            .to_owned(),
-                    ));
+                    _ => self.of_surfaces(renderer, inspection)?,
                 }
-                let read = renderer.eyes.read_provenance(context)?;
-                InspectedValues::Labels(read.ok_or_else(|| lacks(inspection, "reuse=lookup"))?)
             }
         };
         Ok(Inspected {
@@ -378,21 +236,68 @@ impl Inspector {
         })
     }
 
-    /// Photons around each pixel's surface: within the radius, and in its cell.
-    fn photons_around(
+    /// Views of what the rays through pixels' centres meet.
+    fn of_surfaces(
+        &self,
+        renderer: &Renderer,
+        inspection: Inspection,
+    ) -> Result<Values, RenderError> {
+        let image = |name| self.image::<[f32; 4]>(renderer, name);
+        let words = |name| self.image::<[u32; 4]>(renderer, name);
+        let values = match inspection {
+            Inspection::Albedo => InspectedValues::Color(rgb(&image("inspected_colors")?)),
+            Inspection::Normal => InspectedValues::Direction(rgb(&image("inspected_normals")?)),
+            Inspection::Depth => {
+                let normals = image("inspected_normals")?;
+                InspectedValues::Scalar(normals.iter().map(|normal| normal[3]).collect())
+            }
+            Inspection::Instance => {
+                let hits = words("inspected_hits")?;
+                InspectedValues::Labels(hits.iter().map(|hit| hit[0]).collect())
+            }
+            // Nodes are visited also where a ray meets nothing.
+            _ => {
+                let marks = words("inspected_marks")?;
+                return Ok((scalar(marks.iter().map(|mark| mark[1])), None));
+            }
+        };
+        Ok((values, self.sees_surface(renderer)?))
+    }
+
+    /// Views of what the photon maps hold.
+    fn of_photons(
         &mut self,
         renderer: &Renderer,
         library: &ShaderLibrary,
+        inspection: Inspection,
         eye: Eye,
-    ) -> Result<Vec<[u32; 2]>, RenderError> {
-        let map = traced_map(renderer.photon_map.as_ref())?;
-        let result = self.images()?.result.clone();
-        let resources = map.resources().with("photons_around", &result);
-        let slices = map.gather_slices();
-        let pass = &passes::inspect_photons::PASS;
-        self.run(renderer, library, pass, &resources, eye, (slices, None))?;
-        let pixels = self.images()?.pixels;
-        Ok(read_buffer(&renderer.context, pass.name, &result, pixels)?)
+    ) -> Result<Values, RenderError> {
+        if inspection == Inspection::PhotonDots {
+            return Ok((self.photon_dots(renderer, library, eye)?, None));
+        }
+        if inspection == Inspection::Caustic {
+            let lacking = || lacks(inspection, "force.caustics=on");
+            let map = traced(renderer.caustic_map().ok_or_else(lacking)?)?;
+            let view = View::CausticLight(map.gather_slices());
+            self.run(renderer, library, view, eye)?;
+            let light: Vec<[f32; 4]> = self.image(renderer, "inspection")?;
+            let has_value = light.iter().map(|v| v[3] > 0.0).collect();
+            return Ok((InspectedValues::Color(rgb(&light)), Some(has_value)));
+        }
+        let map = renderer.photon_map().ok_or_else(no_photons)?;
+        let view = View::PhotonsAround(traced(map)?.gather_slices());
+        self.run(renderer, library, view, eye)?;
+        // Within the radius, and in the point's cell.
+        let around: Vec<[u32; 2]> = self.image(renderer, "inspection")?;
+        let values = if inspection == Inspection::GridOccupancy {
+            scalar(around.iter().map(|counts| counts[1]))
+        } else {
+            let radius_m = f64::from(self.frame()?.photon_radius);
+            let area_m2 = std::f64::consts::PI * radius_m * radius_m;
+            let density = |counts: &[u32; 2]| (f64::from(counts[0]) / area_m2) as f32;
+            InspectedValues::Scalar(around.iter().map(density).collect())
+        };
+        Ok((values, self.sees_surface(renderer)?))
     }
 
     /// Photons of both maps that an eye sees in each pixel.
@@ -401,95 +306,84 @@ impl Inspector {
         renderer: &Renderer,
         library: &ShaderLibrary,
         eye: Eye,
-    ) -> Result<Vec<u32>, RenderError> {
-        let result = self.images()?.result.clone();
-        let pass = &passes::inspect_dots::PASS;
-        let mut clearing = FrameRecorder::new(&renderer.context, None, pass.name);
-        clearing.clear(&result);
-        clearing.submit(pass.name, &mut PassTimes::default())?;
-        for map in renderer.maps() {
-            let stored = traced_map(Some(map))?.counters().stored;
-            let resources = map.resources().with("photon_dots", &result);
-            if stored > 0 {
-                let extent = (1, Some(stored));
-                self.run(renderer, library, pass, &resources, eye, extent)?;
+    ) -> Result<InspectedValues, RenderError> {
+        let mut clears = true;
+        for map in &renderer.maps {
+            let stored = traced(map)?.counters().stored;
+            if stored > 0 || clears {
+                let map = map.kind();
+                let view = View::PhotonDots {
+                    map,
+                    stored,
+                    clears,
+                };
+                self.run(renderer, library, view, eye)?;
             }
+            clears = false;
         }
-        let pixels = self.images()?.pixels;
-        Ok(read_buffer(&renderer.context, pass.name, &result, pixels)?)
+        let dots: Vec<u32> = self.image(renderer, "inspection")?;
+        Ok(scalar(dots.into_iter()))
     }
 
-    fn caustic_light(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        map: &PhotonMap,
-        eye: Eye,
-    ) -> Result<Vec<[f32; 4]>, RenderError> {
-        let result = self.images()?.result.clone();
-        let resources = traced_map(Some(map))?
-            .resources()
-            .with("inspected_light", &result);
-        let slices = map.gather_slices();
-        let pass = &passes::inspect_caustics::PASS;
-        self.run(renderer, library, pass, &resources, eye, (slices, None))?;
-        let pixels = self.images()?.pixels;
-        Ok(read_buffer(&renderer.context, pass.name, &result, pixels)?)
-    }
-
-    /// The pass `motion` over the rays through pixels' centres: displacement in pixels, distance before, whether it is known.
+    /// Displacement between the last two frames of what is seen through pixels' centres, pixels.
     fn motion(
         &mut self,
         renderer: &Renderer,
         library: &ShaderLibrary,
         eye: Eye,
-    ) -> Result<Vec<[f32; 4]>, RenderError> {
-        let context = &renderer.context;
-        let now = self.frame()?;
-        let before = self.frames[1].unwrap_or(now);
-        let uniform = ReconstructionUniform {
-            previous_left: before.left,
-            previous_right: before.right,
-            has_history: if self.frames[1].is_some() { 1.0 } else { 0.0 },
-            ..ReconstructionUniform::zeroed()
+    ) -> Result<Values, RenderError> {
+        self.run(renderer, library, View::Motion, eye)?;
+        // Displacement, distance before, whether it is known.
+        let motion: Vec<[f32; 4]> = self.image(renderer, "inspection")?;
+        let vector = |moved: &[f32; 4]| match moved[3] > 0.0 {
+            true => [moved[0], moved[1]],
+            false => [0.0; 2],
         };
-        let buffer = uniform_buffer(
-            context,
-            "motion between frames",
-            size_of::<ReconstructionUniform>() as u64,
-        );
-        context
-            .queue
-            .write_buffer(&buffer, 0, bytemuck::bytes_of(&uniform));
-        let images = self.images()?;
-        let pixels = images.pixels;
-        let (hits, normals, result) = (
-            images.hits.clone(),
-            images.normals.clone(),
-            images.result.clone(),
-        );
-        let seen = storage_buffer(context, "seen surfaces", pixels as u64 * 16)?;
-        // Every pixel has a ray of its own here, so nothing is read of what the other eye left.
-        let resources = Resources::new()
-            .with("reconstruction", &buffer)
-            .with("hit_rays", &normals)
-            .with("first_surfaces", &hits)
-            .with("left_first_surfaces", &hits)
-            .with("scatter_winners", &hits)
-            .with("provenance", &hits)
-            .with("seen_surfaces", &seen)
-            .with("motion", &result);
-        let pass = &passes::motion::PASS;
-        self.run(renderer, library, pass, &resources, eye, (1, None))?;
-        Ok(read_buffer(context, pass.name, &result, pixels)?)
+        let has_value = motion.iter().map(|moved| moved[3] > 0.0).collect();
+        let values = InspectedValues::Vector2(motion.iter().map(vector).collect());
+        Ok((values, Some(has_value)))
     }
 }
 
-fn unbound(pass: &Pass) -> GpuError {
-    GpuError::Unbound {
-        pass: pass.name.to_owned(),
-        binding: "any (nothing has been looked at yet)".to_owned(),
+/// Views of what the frame itself has left; `buffers` are those of the eye that looks.
+fn of_frame(
+    renderer: &Renderer,
+    inspection: Inspection,
+    eye: Eye,
+    buffers: Eye,
+) -> Result<InspectedValues, RenderError> {
+    if inspection == Inspection::Provenance {
+        if eye != Eye::Right {
+            return Err(RenderError::Settings(
+                "the left eye has no provenance: it is rendered in full; look at the right eye"
+                    .to_owned(),
+            ));
+        }
+        let read = renderer.read_provenance()?;
+        let lacking = || lacks(inspection, "reuse=lookup");
+        return Ok(InspectedValues::Labels(read.ok_or_else(lacking)?));
     }
+    let parts = renderer.read_all_parts(buffers)?;
+    let parts = parts.ok_or_else(|| lacks(inspection, "output.parts=true"))?;
+    Ok(InspectedValues::Color(match inspection {
+        Inspection::Direct => parts.direct,
+        _ => parts.indirect,
+    }))
+}
+
+fn rgb(read: &[[f32; 4]]) -> Vec<[f32; 3]> {
+    read.iter().map(|v| [v[0], v[1], v[2]]).collect()
+}
+
+fn scalar(read: impl Iterator<Item = u32>) -> InspectedValues {
+    InspectedValues::Scalar(read.map(|value| value as f32).collect())
+}
+
+fn filled_uniform<T: Pod>(renderer: &Renderer, label: &str, value: &T) -> wgpu::Buffer {
+    let buffer = uniform_buffer(&renderer.context, label, size_of::<T>() as u64);
+    let queue = &renderer.context.queue;
+    queue.write_buffer(&buffer, 0, bytemuck::bytes_of(value));
+    buffer
 }
 
 fn lacks(inspection: Inspection, setting: &str) -> RenderError {
@@ -499,10 +393,21 @@ fn lacks(inspection: Inspection, setting: &str) -> RenderError {
     ))
 }
 
+fn not_rendered(eye: Eye) -> RenderError {
+    RenderError::Settings(format!(
+        "the {} eye is not rendered; there is nothing to look at with it",
+        eye.name()
+    ))
+}
+
+fn no_photons() -> RenderError {
+    RenderError::Settings("no photons have been traced yet".to_owned())
+}
+
 /// The map, if photons have been traced into it.
-fn traced_map(map: Option<&PhotonMap>) -> Result<&PhotonMap, RenderError> {
-    map.filter(|map| map.traced_at().is_some())
-        .ok_or_else(|| RenderError::Settings("no photons have been traced yet".to_owned()))
+fn traced(map: &PhotonMap) -> Result<&PhotonMap, RenderError> {
+    let is_traced = map.traced_at().is_some();
+    is_traced.then_some(map).ok_or_else(no_photons)
 }
 
 /// Twin of `unpack_direction` in `shaders/shared/photon.wesl`.
@@ -529,10 +434,7 @@ impl Renderer {
         eye: Eye,
     ) -> Result<Vec<SeenSurface>, RenderError> {
         if self.buffers_of(eye).is_none() {
-            return Err(RenderError::Settings(format!(
-                "the {} eye is not rendered; there is nothing to look at with it",
-                eye.name()
-            )));
+            return Err(not_rendered(eye));
         }
         self.with_inspector(|inspector, renderer| {
             inspector.trace(renderer, library, eye)?;

@@ -1,11 +1,13 @@
 //! Shows both eyes' images side by side in a window, from the renderer's buffers straight into the window's texture.
 
 use crate::gpu::types::mirror::Mirror;
-use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
-use crate::passes;
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
 
-use super::eyes::Eye;
-use super::raster::{Raster, Shown, ShownLight, eye_uniform};
+use super::session::ShownLight;
+use crate::frame::plan::present;
+use crate::frame::{FrameRun, Step, passes};
+use crate::gpu::raster::Raster;
+use crate::options::Settings;
 
 /// Where an eye's image lies in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +47,7 @@ pub fn rectangles(window: [u32; 2], image: [u32; 2]) -> Option<[Rectangle; 2]> {
 /// One eye's bound pass.
 struct BoundEye {
     uniform: wgpu::Buffer,
-    /// By turn.
+    /// By parity of the frame.
     bound: [wgpu::BindGroup; 2],
 }
 
@@ -64,23 +66,24 @@ impl MirrorPass {
     pub(super) fn new(
         context: &GpuContext,
         library: &ShaderLibrary,
-        shown: Shown<'_>,
+        frame: &mut FrameRun,
+        given: &Resources<'_>,
+        settings: &Settings,
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
-        let raster = Raster::new(context, library, &passes::mirror::PASS, format)?;
-        let bound = |eye: Eye| {
-            let pass = &passes::mirror::PASS;
-            let uniform = eye_uniform(context, pass, size_of::<Mirror>());
-            let [even, odd] = shown
-                .resources(eye, pass)?
-                .map(|resources| resources.with("mirror", &uniform));
+        let name = &passes::mirror.name;
+        let raster = Raster::new(context, library, name, format)?;
+        let steps = present(settings, &[&passes::mirror]).steps;
+        let mut bound = |step: &Step| {
+            let uniform = uniform_buffer(context, name, size_of::<Mirror>() as u64);
+            let given = given.clone().with("mirror", &uniform);
             Ok::<_, GpuError>(BoundEye {
-                bound: [raster.bind(context, &even)?, raster.bind(context, &odd)?],
+                bound: frame.bind_raster(context, &raster, step, &given)?,
                 uniform: uniform.clone(),
             })
         };
         Ok(Self {
-            eyes: [bound(Eye::Left)?, bound(Eye::Right)?],
+            eyes: [bound(&steps[0])?, bound(&steps[1])?],
             raster,
             format,
         })
@@ -104,15 +107,15 @@ impl MirrorPass {
     ) -> Result<(), GpuError> {
         let size = view.texture().size();
         let places = rectangles([size.width, size.height], image);
-        context.guarded(passes::mirror::PASS.name, || {
+        context.guarded(&passes::mirror.name, || {
             let mut encoder =
                 context
                     .device
                     .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some(passes::mirror::PASS.name),
+                        label: Some(&passes::mirror.name),
                     });
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some(passes::mirror::PASS.name),
+                label: Some(&passes::mirror.name),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                     view,
                     depth_slice: None,
@@ -138,7 +141,7 @@ impl MirrorPass {
                     .queue
                     .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
                 pass.set_scissor_rect(place.x, place.y, place.width, place.height);
-                self.raster.draw(&mut pass, &eye.bound[light.turn]);
+                self.raster.draw(&mut pass, &eye.bound[light.parity]);
             }
             drop(pass);
             context.queue.submit([encoder.finish()]);

@@ -4,28 +4,22 @@
 //! photons if the map is missing or out of date, renders the left eye, carries it over to the right eye, fills what is
 //! left, and reads back counters. Images stay on the device until they are asked for.
 
-pub mod choices;
 pub mod deform;
+pub mod driver_limits;
 mod editing;
-mod eye_buffers;
-mod eye_plan;
-pub mod eyes;
-pub mod frame_list;
-mod half_rate;
+pub mod features;
+mod frame_spec;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;
-pub mod kd_tree;
-pub mod kernels;
-mod map_config;
 pub mod mirror;
 mod moving;
 mod own_meshes;
-pub mod parts;
 pub mod photon_map;
-mod photon_records;
+pub mod photon_records;
 mod photons_over_time;
-mod raster;
+mod radii;
+mod read_back;
 pub mod reconstruction;
 pub mod scene_buffers;
 mod session;
@@ -38,6 +32,10 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use crate::bvh::BvhError;
+use crate::frame::{
+    FrameRun, FrameSpec, GatherSlices, ImageLayout, MapLayout, Only, PlannedStage, Play,
+    SAMPLES_PER_SUBMISSION, plan,
+};
 use crate::gpu::scene::{PackError, check_user_bsdfs};
 use crate::gpu::timing::{Timer, milliseconds_since};
 use crate::gpu::types::frame::{
@@ -45,46 +43,39 @@ use crate::gpu::types::frame::{
     FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, PassTimes, ShaderFeatures, ShaderLibrary, uniform_buffer,
+    FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
+    uniform_buffer,
 };
 use crate::options::{
-    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
+    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate, Reuse,
+    Search, Settings,
 };
-use crate::passes::{self, Pass};
 use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};
 
-pub use choices::{
-    automatic_radius_m, carries_indirect, caustic_paths, forms_caustics, light_candidates,
-    photon_paths_per_thread, progressive_radius_m, sample_passes, samples_per_dispatch,
-    shader_features, splits_light, stereo_passes,
-};
+pub use crate::frame::{Eye, MapKind, Stage};
+pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
-pub use eye_plan::{EyePlan, GatherSlices};
-pub use eyes::{Eye, Eyes, SAMPLES_PER_SUBMISSION};
+pub use features::{
+    carries_indirect, forms_caustics, light_candidates, shader_features, splits_light,
+};
+pub use frame_spec::plan_of_scene;
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
-pub use kd_tree::KdTree;
-pub use kernels::KernelSet;
-pub use parts::RadianceParts;
-pub use photon_map::{MapKind, Photon, PhotonCounters, PhotonGrid, PhotonMap, PhotonMapConfig};
-pub use reconstruction::{Reconstruction, ReconstructionPlan};
+pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
+pub use radii::{automatic_radius_m, caustic_paths, progressive_radius_m};
+pub use read_back::{RadianceParts, SeenAndMotion};
+pub use reconstruction::Reconstruction;
 pub use scene_buffers::SceneBuffers;
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
 };
 pub use submit::Submitter;
 
-use choices::{LEAST_RADIUS_M, radius_for_area_m};
+use frame_spec::{adapter_limits, frame_features, photon_maps};
 
 /// Distance of two frames' photon keys: progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
-/// Caustic radius over the photons' radius, where both are automatic. In `caustic`, relMSE at shares of 1 and 0.5 was 2.98
-/// and 0.39 with 2^12 photons (4 passes), 0.062 and 0.084 with 2^16, 0.023 and 0.034 with 2^19; in the gallery, the same:
-/// half loses little where photons are many and gains most where the whole radius would smear the spot.
-const AUTOMATIC_CAUSTIC_RADIUS: f64 = 0.5;
-/// Passes that one sample records at most, gathering slices aside.
-const PASSES_PER_SAMPLE: usize = 64;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
 const FOLLOW_MAX_ALPHA: f32 = 0.05;
 
@@ -109,24 +100,27 @@ pub enum RenderError {
 pub struct Renderer {
     context: GpuContext,
     settings: Settings,
-    features: ShaderFeatures,
     eye_choice: EyeChoice,
-    width: u32,
-    height: u32,
+    image: ImageLayout,
     radius_m: f64,
     caustic_radius_m: f64,
     /// The sample in hand; its radii are smaller in progressive mode.
     progressive_sample: u32,
     refresh: photons_over_time::Refresh,
     scene: SceneBuffers,
-    kernels: KernelSet,
-    photon_map: Option<PhotonMap>,
-    caustic_map: Option<PhotonMap>,
-    eyes: Eyes,
+    frame: FrameRun,
+    /// How the right eye reuses the left one now.
+    reuse: Reuse,
+    samples_per_dispatch: u32,
+    gather_slices: GatherSlices,
+    /// The photon map, and that of caustics where the scene can form them.
+    maps: Vec<PhotonMap>,
     reconstruction: Option<Reconstruction>,
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
+    /// Reused pixels of the last frame's right eye have the left eye's rays.
+    carries_rays: bool,
     origin_in_world: DVec3,
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
@@ -166,140 +160,50 @@ impl Renderer {
         hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<Self, RenderError> {
         check_user_bsdfs(library, scene)?;
-        settings
-            .photon
-            .check_gather()
-            .map_err(RenderError::Settings)?;
+        let photon = &settings.photon;
+        photon.check_gather().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
         let needs = Needs::with_facts(scene, &edit_base.facts);
-        let mut features = shader_features(&needs, settings);
+        let both = eye_choice == EyeChoice::Both;
+        let mut features = frame_features(&needs, settings, both, context.adapter.is_software());
         features.visibility_mask = hidden.is_some();
-        let texels = match settings.force.record_texels {
-            Force::Auto => context.adapter.is_software(),
-            forced => forced == Force::On,
-        };
-        features.record_texels = texels;
         let mut buffers = SceneBuffers::new(&context, scene, &features)?;
+        let reconstruct = &settings.reconstruct;
+        let follows_motion = reconstruct.svgf || reconstruct.taa || settings.output.motion;
+        buffers.keep_previous(follows_motion);
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
             .map_err(|error| RenderError::Settings(error.to_string()))?;
-        let photon = settings.method == Method::Photon;
-        let both = eye_choice == EyeChoice::Both;
-        let caustics = photon && forms_caustics(&features);
-        let stereo = if both {
-            stereo_passes(settings.reuse)
-        } else {
-            &[]
-        };
-        let plan = EyePlan {
-            sample: sample_passes(settings, caustics),
-            run: if photon || !stereo.is_empty() {
-                1
-            } else {
-                samples_per_dispatch(settings, &features, buffers.hierarchy_depth())
-            },
-            photon,
-            caustics,
-            stereo,
-            parts: splits_light(settings),
-            carries_indirect: both && carries_indirect(settings, &features),
-            nearest: settings.photon.nearest,
-            half_rate: photon && settings.photon.half_rate,
-            texels,
-        };
-        let has_lights = buffers.light_count() > 0;
-        let map_config = |kind, paths| PhotonMapConfig {
-            kind,
-            // Without lights there is nothing to emit, and no path may be traced for it.
-            paths: if has_lights { paths } else { 0 },
-            shares: settings.photon.shares,
-            max_depth: settings.photon.max_depth,
-            paths_per_thread: photon_paths_per_thread(
-                context.adapter.is_software(),
-                settings.photon.max_depth,
-                buffers.hierarchy_depth(),
-            ),
-            capacity: settings.photon.capacity,
-            texels,
-            cells: settings.photon.grid_cells_max,
-            search: match kind {
-                MapKind::Photons => settings.photon.search,
-                MapKind::Caustics => Search::Grid,
-            },
-            loads: match kind {
-                MapKind::Photons => settings.photon.loads,
-                MapKind::Caustics => Loads::Direct,
-            },
-        };
-        let photon_config = photon.then(|| map_config(MapKind::Photons, settings.photon.count));
-        let caustic_config =
-            caustics.then(|| map_config(MapKind::Caustics, caustic_paths(settings)));
-        let mut wanted: Vec<&Pass> = plan.sample.clone();
-        if plan.half_rate {
-            wanted.extend(passes::COARSE_FIRST.iter().chain(passes::COARSE_SPREAD));
-        }
-        if buffers.deformer().is_some() {
-            wanted.extend(passes::DEFORM);
-        }
-        for config in photon_config.iter().chain(&caustic_config) {
-            wanted.extend(config.passes());
-        }
-        let mut filling: Vec<&Pass> = Vec::new();
-        if !plan.stereo.is_empty() {
-            wanted.extend(plan.stereo.iter().chain(passes::FILL_REASONS));
-            wanted.extend(passes::STEREO_EQUAL);
-            filling.extend(&plan.sample);
-            if plan.carries_indirect {
-                wanted.extend(passes::FILL_INDIRECT);
-            }
-        }
-        let reconstruction_plan = ReconstructionPlan::of(&settings.reconstruct, both);
-        if let Some(plan) = &reconstruction_plan {
-            wanted.extend(plan.passes());
-        }
-        let follows_motion = wanted.contains(&&passes::motion::PASS);
-        buffers.keep_previous(follows_motion || settings.output.motion);
-        features.carry_indirect = plan.carries_indirect;
-        features.one_sample = settings.spp == 1;
-        features.keeps_samples = !plan.stereo.is_empty();
-        let kernels = KernelSet::new(&context, library, &features, &wanted, &filling)?;
-        let map = |config| PhotonMap::new(&context, config);
-        let photon_map = photon_config.map(map).transpose()?;
-        let caustic_map = caustic_config.map(map).transpose()?;
-        let radius_m = if settings.photon.radius_m > 0.0 {
-            settings.photon.radius_m.max(LEAST_RADIUS_M)
-        } else {
-            radius_for_area_m(edit_base.facts.area_m2(scene), settings.photon.count)
-        };
-        let caustic_radius_m = if settings.photon.caustic_radius_m > 0.0 {
-            settings.photon.caustic_radius_m.max(LEAST_RADIUS_M)
-        } else {
-            radius_m * AUTOMATIC_CAUSTIC_RADIUS
-        };
-        let eyes = Eyes::new(&context, size, plan, both)?;
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let reconstruction = reconstruction_plan
-            .map(|plan| Reconstruction::new(&context, plan, pixels, both))
-            .transpose()?;
+        let [radius_m, caustic_radius_m] =
+            radii::radii_m(settings, || edit_base.facts.area_m2(scene));
+        let reuse = if both { settings.reuse } else { Reuse::Off };
+        let depth = buffers.hierarchy_depth();
         let mut renderer = Self {
             frame_uniform: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
             timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
             settings: settings.clone(),
-            features,
             eye_choice,
-            width: size[0],
-            height: size[1],
+            image: ImageLayout {
+                size,
+                heap_bytes: 0,
+            },
             radius_m,
             caustic_radius_m,
             progressive_sample: 0,
             refresh: photons_over_time::Refresh::default(),
+            frame: FrameRun::new(features),
+            reuse,
+            samples_per_dispatch: if settings.method == Method::Photon || reuse != Reuse::Off {
+                1
+            } else {
+                samples_per_dispatch(settings, &features, depth)
+            },
+            gather_slices: GatherSlices::ONE,
+            maps: photon_maps(&context, settings, &features, &buffers)?,
+            reconstruction: reconstruct.is_on().then(|| Reconstruction::new(&context)),
             scene: buffers,
-            kernels,
-            photon_map,
-            caustic_map,
-            eyes,
-            reconstruction,
             is_bound: false,
+            carries_rays: false,
             origin_in_world: DVec3::ZERO,
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
@@ -309,35 +213,63 @@ impl Renderer {
             edit_base,
             context,
         };
-        renderer.warm_up()?;
+        renderer.warm_up(library)?;
         Ok(renderer)
     }
 
-    /// Runs every pass once over nothing: some drivers compile a shader only when it is first dispatched, and that
-    /// time belongs to no frame.
-    fn warm_up(&mut self) -> Result<(), RenderError> {
+    /// Compiles all passes and runs each once over nothing: some drivers compile a shader only when it is first dispatched,
+    /// and that time belongs to no frame.
+    fn warm_up(&mut self, library: &ShaderLibrary) -> Result<(), RenderError> {
         self.scene.begin_frame(&self.context, DVec3::ZERO)?;
+        for PlannedStage { stage, steps, .. } in self.plan() {
+            let frame = &mut self.frame;
+            frame.compile(&self.context, library, stage, &steps)?;
+        }
         self.bind()?;
         self.context
             .queue
             .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
-        let recorder = FrameRecorder::new(&self.context, None, "warm-up");
-        self.scene.deform(
-            &self.context,
-            recorder,
-            &self.kernels,
-            &mut PassTimes::default(),
-        )?;
+        let mut times = PassTimes::default();
+        self.pose(&mut times)?;
         self.scene.forget_previous();
         let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
-        for map in self.maps() {
-            map.record_warm_up(&mut recorder, &self.kernels)?;
+        self.frame.warm_up(&mut recorder)?;
+        Ok(recorder.submit("warm-up", &mut times)?)
+    }
+
+    /// The frame's stages as they stand now, in order.
+    #[must_use]
+    pub fn plan(&self) -> Vec<PlannedStage> {
+        plan(&FrameSpec {
+            settings: &self.settings,
+            features: *self.frame.features(),
+            both: self.has_both_eyes(),
+            reuse: self.reuse,
+            samples_per_dispatch: self.samples_per_dispatch,
+            maps: self.maps.iter().map(|map| map.layout).collect(),
+            slices: self.gather_slices,
+            shapes: self.scene.deformer().map(|deformer| deformer.counts()),
+            keeps_previous: self.scene.keeps_previous(),
+        })
+    }
+
+    /// What passes bind besides the frame's own buffers.
+    fn given(&self) -> Resources<'_> {
+        let given = self.scene.resources().with("frame", &self.frame_uniform);
+        match &self.reconstruction {
+            Some(reconstruction) => given.with("reconstruction", &reconstruction.uniform),
+            None => given,
         }
-        self.eyes.record_warm_up(&mut recorder, &self.kernels)?;
-        if let Some(reconstruction) = &self.reconstruction {
-            reconstruction.record(&mut recorder, &self.kernels, [0, 0])?;
-        }
-        Ok(recorder.submit("warm-up", &mut PassTimes::default())?)
+    }
+
+    fn bind(&mut self) -> Result<(), GpuError> {
+        let stages = self.plan();
+        let layouts: Vec<MapLayout> = self.maps.iter().map(|map| map.layout).collect();
+        let mut frame = std::mem::take(&mut self.frame);
+        let bound = frame.bind(&self.context, &stages, &self.given(), &self.image, &layouts);
+        self.frame = frame;
+        self.is_bound = bound.is_ok();
+        bound
     }
 
     /// The device.
@@ -345,23 +277,38 @@ impl Renderer {
         &self.context
     }
 
-    /// Images of both eyes.
-    pub fn eyes(&self) -> &Eyes {
-        &self.eyes
+    /// A photon map, with the photon method; that of caustics where the scene can form them.
+    pub fn map(&self, kind: MapKind) -> Option<&PhotonMap> {
+        self.maps.iter().find(|map| map.kind() == kind)
     }
 
     /// The photon map, with the photon method.
     pub fn photon_map(&self) -> Option<&PhotonMap> {
-        self.photon_map.as_ref()
+        self.map(MapKind::Photons)
     }
 
     /// The map of caustics, with the photon method, where the scene can form them.
     pub fn caustic_map(&self) -> Option<&PhotonMap> {
-        self.caustic_map.as_ref()
+        self.map(MapKind::Caustics)
     }
 
-    fn maps(&self) -> impl Iterator<Item = &PhotonMap> {
-        self.photon_map.iter().chain(&self.caustic_map)
+    /// Whether the right eye reuses the left one now.
+    pub fn reuses(&self) -> bool {
+        self.reuse != Reuse::Off
+    }
+
+    fn has_both_eyes(&self) -> bool {
+        self.eye_choice == EyeChoice::Both
+    }
+
+    fn pixels(&self) -> usize {
+        self.image.pixels() as usize
+    }
+
+    /// Which of two buffers the last frame wrote, where two take turns.
+    fn parity(&self) -> usize {
+        let reconstruction = self.reconstruction.as_ref();
+        reconstruction.map_or(0, Reconstruction::parity)
     }
 
     /// The scene on the device.
@@ -381,12 +328,12 @@ impl Renderer {
 
     /// Shader features that the passes were compiled with.
     pub fn features(&self) -> &ShaderFeatures {
-        &self.features
+        self.frame.features()
     }
 
     /// Names of the compiled passes.
     pub fn pass_names(&self) -> Vec<String> {
-        self.kernels.names()
+        self.frame.pass_names()
     }
 
     /// Origin of the last frame's render space (world, metres).
@@ -406,23 +353,21 @@ impl Renderer {
     ) -> Result<FrameResult, RenderError> {
         let mut result = FrameResult::default();
         let began = Instant::now();
-        let origin = midpoint(views);
-        self.origin_in_world = origin;
+        self.origin_in_world = midpoint(views);
         self.update_hidden(views);
-        let replaced = self.scene.begin_frame(&self.context, origin)?;
+        let replaced = self
+            .scene
+            .begin_frame(&self.context, self.origin_in_world)?;
         if replaced || !self.is_bound {
             self.bind()?;
         }
         result.cpu_ms.update = milliseconds_since(began);
 
         let began = Instant::now();
-        let scene_changed = self.scene.scene_moved();
-        let recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "pose");
-        self.scene
-            .deform(&self.context, recorder, &self.kernels, &mut result.times)?;
+        self.pose(&mut result.times)?;
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
-        let progressive = self.photon_map.is_some() && self.settings.photon.progressive;
+        let progressive = !self.maps.is_empty() && self.settings.photon.progressive;
         let per_submission = if progressive {
             1
         } else {
@@ -438,114 +383,117 @@ impl Renderer {
                     .wrapping_add(first);
                 let anew = std::mem::take(&mut self.edit_base.outdates_photons) || progressive;
                 self.trace_photons(views, frame_index, photon_key, anew, &mut result)?;
-                let slices = self.gather_slices();
-                if self.eyes.set_gather_slices(&self.context, slices)? {
-                    self.bind()?;
-                }
+                self.slice_gathers()?;
             }
-            self.eyes.set_equal(views[0] == views[1]);
-            let photons = self.photon_map.as_ref().and_then(PhotonMap::traced_at);
+            let photons = self.photon_map().and_then(PhotonMap::traced_at);
             let frame = self.write_frame_uniform(views, frame_index, first, photons);
-            let is_last = first + count >= samples;
-            if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| is_last) {
-                reconstruction.begin_frame(
-                    &self.context,
-                    &frame,
-                    origin,
-                    &self.settings,
-                    self.eyes.carries_rays(),
-                    scene_changed,
-                );
-            }
-            let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
-            if first == 0 {
-                self.eyes.record_clear(&mut recorder);
-            }
-            let mut sample = 0;
-            while sample < count {
-                if recorder.room() < PASSES_PER_SAMPLE {
-                    let full = std::mem::replace(
-                        &mut recorder,
-                        FrameRecorder::new(&self.context, self.timer.as_ref(), "frame"),
-                    );
-                    full.submit("frame", &mut result.times)?;
-                }
-                let run = self.eyes.next_run(count - sample);
-                self.record_sample(&mut recorder, sample, run)?;
-                sample += run;
-            }
+            self.render_samples(views, &frame, [first, count], &mut result.times)?;
             first += count;
-            if let Some(reconstruction) = self.reconstruction.as_ref().filter(|_| is_last) {
-                let size = [self.width, self.height];
-                reconstruction.record(&mut recorder, &self.kernels, size)?;
-            }
-            recorder.submit("frame", &mut result.times)?;
-            if is_last {
-                self.inspector.note(&frame);
-            }
             progress(first);
         }
         result.cpu_ms.render = milliseconds_since(began);
 
         let began = Instant::now();
-        if let Some(counters) = self.eyes.read_counters(&self.context)? {
-            result.stereo = StereoStats::from_counters(&counters);
-        }
+        result.stereo = self.read_stereo()?;
         self.scene.check_cost(&self.context)?;
         result.cpu_ms.read_back = milliseconds_since(began);
         Ok(result)
     }
 
-    fn gather_slices(&self) -> GatherSlices {
-        let of = |map: &Option<PhotonMap>| map.as_ref().map_or(1, PhotonMap::gather_slices);
-        let (photons, caustics) = (of(&self.photon_map), of(&self.caustic_map));
+    /// Takes skinned and morphed meshes to the frame's pose.
+    fn pose(&mut self, times: &mut PassTimes) -> Result<(), RenderError> {
+        let Some(is_new) = self.scene.pose_due() else {
+            return Ok(());
+        };
+        let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "pose");
+        let how = Play {
+            is_due: &|only| only == Only::Always || is_new,
+            ..Play::default()
+        };
+        self.frame.play(&mut recorder, Stage::Pose, &how)?;
+        recorder.submit("pose", times)?;
+        self.scene.note_posed(&self.context)
+    }
+
+    /// Samples `first` to `first + count` of both eyes, and what is made of them after the last one.
+    fn render_samples(
+        &mut self,
+        views: &[View; 2],
+        frame: &Frame,
+        [first, count]: [u32; 2],
+        times: &mut PassTimes,
+    ) -> Result<(), RenderError> {
+        let right = if views[0] == views[1] && self.frame.has(Stage::RightEqual) {
+            Stage::RightEqual
+        } else {
+            Stage::Right
+        };
+        self.carries_rays = right == Stage::Right && self.reuse == Reuse::Scatter;
+        let is_last = first + count >= self.settings.spp;
+        if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| is_last) {
+            reconstruction.begin_frame(
+                &self.context,
+                frame,
+                self.origin_in_world,
+                &self.settings,
+                self.carries_rays,
+                self.scene.scene_moved(),
+            );
+        }
+        let new_recorder = || FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
+        let mut recorder = new_recorder();
+        let mut how = Play {
+            parity: self.parity(),
+            ..Play::default()
+        };
+        if first == 0 {
+            self.frame.play(&mut recorder, Stage::Begin, &how)?;
+        }
+        let longest = self.frame.length(Stage::Left) + self.frame.length(right);
+        while how.sample < count {
+            if recorder.room() < longest {
+                let full = std::mem::replace(&mut recorder, new_recorder());
+                full.submit("frame", times)?;
+            }
+            let left = (count - how.sample).clamp(1, self.samples_per_dispatch);
+            how.run = 1 << left.ilog2();
+            self.frame.play(&mut recorder, Stage::Left, &how)?;
+            self.frame.play(&mut recorder, right, &how)?;
+            how.sample += how.run;
+        }
+        if is_last {
+            self.frame.play(&mut recorder, Stage::Reconstruct, &how)?;
+        }
+        recorder.submit("frame", times)?;
+        if is_last {
+            self.inspector.note(frame);
+        }
+        Ok(())
+    }
+
+    /// Sets in how many slices photons are gathered, by what the maps hold now.
+    fn slice_gathers(&mut self) -> Result<(), GpuError> {
+        let of = |kind| self.map(kind).map_or(1, PhotonMap::gather_slices);
+        let [photons, caustics] = MapKind::ALL.map(of);
         let photon = &self.settings.photon;
-        if photon.search == Search::Grid && photon.loads == Loads::Direct {
+        let slices = if photon.search == Search::Grid && photon.loads == Loads::Direct {
             // Slices share out cells, and both maps' gathers count them alike.
             let most = photons.max(caustics);
-            return GatherSlices {
+            GatherSlices {
                 photons: most,
                 caustics: most,
-            };
+            }
+        } else {
+            GatherSlices { photons, caustics }
+        };
+        if slices == self.gather_slices {
+            return Ok(());
         }
-        GatherSlices { photons, caustics }
-    }
-
-    fn record_sample(
-        &self,
-        recorder: &mut FrameRecorder<'_>,
-        sample: u32,
-        run: u32,
-    ) -> Result<(), GpuError> {
-        // A single eye is rendered into the left buffers through its own view.
-        self.eyes
-            .record_sample(recorder, &self.kernels, Eye::Left, sample, run)?;
-        if self.eye_choice == EyeChoice::Both {
-            self.eyes
-                .record_sample(recorder, &self.kernels, Eye::Right, sample, run)?;
+        self.gather_slices = slices;
+        if slices.photons > 1 && photon.estimate == PhotonEstimate::Nearest {
+            self.image.heap_bytes = (u64::from(photon.nearest) + 1) * 8;
         }
-        Ok(())
-    }
-
-    fn bind(&mut self) -> Result<(), GpuError> {
-        self.scene.bind(&self.context, &self.kernels)?;
-        let scene = self.scene.resources().with("frame", &self.frame_uniform);
-        for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
-            map.bind(&self.context, &self.kernels, &scene)?;
-        }
-        if let Some(reconstruction) = &mut self.reconstruction {
-            reconstruction.bind(&self.context, &self.kernels, &scene, &self.eyes)?;
-        }
-        let [photons, caustics] = [&self.photon_map, &self.caustic_map]
-            .map(|map| map.as_ref().map(PhotonMap::resources).unwrap_or_default());
-        self.eyes.bind(
-            &self.context,
-            &self.kernels,
-            &scene.and(&photons),
-            &caustics,
-        )?;
-        self.is_bound = true;
-        Ok(())
+        self.bind()
     }
 
     fn write_frame_uniform(
@@ -587,8 +535,8 @@ impl Renderer {
             flags,
             photon_offset: (photon_origin - origin).as_vec3().to_array(),
             photon_radius: radius_now_m(self.radius_m),
-            width: self.width,
-            height: self.height,
+            width: self.image.size[0],
+            height: self.image.size[1],
             seed: settings.seed,
             frame_index,
             first_sample,
@@ -604,52 +552,13 @@ impl Renderer {
             follow_max_alpha: FOLLOW_MAX_ALPHA,
             reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
             nearest_photons: settings.photon.nearest,
-            light_candidates: light_candidates(self.scene.light_count(), &self.features, settings),
+            light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
             padding: 0,
         };
         self.context
             .queue
             .write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(&frame));
         frame
-    }
-
-    /// Radiance of an eye's pixels, row 0 on top: the mean over the frame's samples, or what was reconstructed from it.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    pub fn read_radiance(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
-        let Some(eye) = self.buffers_of(eye) else {
-            return Ok(None);
-        };
-        let pixels = self.width as usize * self.height as usize;
-        Ok(match &self.reconstruction {
-            Some(reconstruction) => reconstruction.read_radiance(&self.context, eye, pixels)?,
-            None => self.read_samples(eye)?,
-        })
-    }
-
-    /// Mean radiance over the frame's samples alone, whatever is reconstructed from it. `eye` names the buffers: a single
-    /// eye lies in the left ones.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    pub fn read_samples(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
-        Ok(self
-            .eyes
-            .read_radiance(&self.context, eye, self.settings.spp)?)
-    }
-
-    /// An eye's picture in display light, 0 to 1, before the sRGB curve, with `reconstruct.taa`; `None` without, or for
-    /// an eye that is not rendered.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    pub fn read_displayed(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
-        let (Some(eye), Some(reconstruction)) = (self.buffers_of(eye), &self.reconstruction) else {
-            return Ok(None);
-        };
-        let pixels = self.width as usize * self.height as usize;
-        Ok(reconstruction.read_displayed(&self.context, eye, pixels)?)
     }
 
     /// As [`Renderer::reconstruction`], to forget the frames before.
@@ -660,29 +569,6 @@ impl Renderer {
     /// The passes that clean frames up, where settings ask for them.
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
-    }
-
-    /// Mean radiance of an eye split into direct and indirect light, and the albedo; `None` for an eye that is not
-    /// rendered, or without `output.parts`.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    pub fn read_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
-        let Some(eye) = self.buffers_of(eye).filter(|_| self.settings.output.parts) else {
-            return Ok(None);
-        };
-        Ok(self
-            .eyes
-            .read_parts(&self.context, eye, self.settings.spp)?)
-    }
-
-    /// Whose buffers hold an eye's image: a single eye is rendered into the left ones.
-    fn buffers_of(&self, eye: Eye) -> Option<Eye> {
-        match (self.eye_choice, eye) {
-            (EyeChoice::Both, eye) => Some(eye),
-            (EyeChoice::Left, Eye::Left) | (EyeChoice::Right, Eye::Right) => Some(Eye::Left),
-            _ => None,
-        }
     }
 }
 

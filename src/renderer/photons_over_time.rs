@@ -8,7 +8,8 @@
 use glam::DVec3;
 
 use super::photon_map::{Due, PhotonMap};
-use super::{MapStats, RenderError, Renderer};
+use super::{MapStats, RenderError, Renderer, Stage, adapter_limits};
+use crate::frame::{Only, Play};
 use crate::gpu::FrameRecorder;
 use crate::renderer::FrameResult;
 use crate::xr::View;
@@ -40,30 +41,15 @@ impl Renderer {
         anew: bool,
         result: &mut FrameResult,
     ) -> Result<(), RenderError> {
-        let mut grew = false;
-        for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
-            if map.grow(&self.context)? {
-                log::info!(
-                    "the photon list overflowed by {} photons and now holds {}",
-                    map.counters().dropped,
-                    map.capacity()
-                );
-                grew = true;
-            }
-        }
-        if grew {
-            self.bind()?;
-        }
+        self.grow_maps()?;
         if let Some((due, origin)) = self.photons_due(anew) {
             // The map that is about to be traced, not the one before it.
             self.write_frame_uniform(views, frame_index, 0, Some((origin, photon_key)));
-            for map in self.photon_map.iter_mut().chain(&mut self.caustic_map) {
-                let mut recorder =
-                    FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
-                result.photons.retraced +=
-                    map.record(&mut recorder, &self.kernels, origin, photon_key, due)?;
-                recorder.submit("photon map", &mut result.times)?;
-                let counters = map.read_counters(&self.context)?;
+            for index in 0..self.maps.len() {
+                result.photons.retraced += self.trace_map(index, due, result)?;
+                let (context, buffers) = (&self.context, &self.frame.buffers);
+                let map = &mut self.maps[index];
+                let counters = map.note_trace(context, buffers, origin, photon_key)?;
                 if counters.dropped > 0 {
                     log::warn!(
                         "{} of {} photons found no room; {} of {} paths count",
@@ -87,17 +73,60 @@ impl Renderer {
                 capacity: map.capacity(),
             }
         };
-        result.photons.map = self.photon_map.as_ref().map(stats).unwrap_or_default();
-        result.photons.caustics = self.caustic_map.as_ref().map(stats);
+        result.photons.map = self.photon_map().map(stats).unwrap_or_default();
+        result.photons.caustics = self.caustic_map().map(stats);
         Ok(())
+    }
+
+    /// Makes room for all photons that the last traces demanded.
+    fn grow_maps(&mut self) -> Result<(), RenderError> {
+        let limits = adapter_limits(&self.context);
+        let mut grew = false;
+        for map in &mut self.maps {
+            let dropped = map.counters().dropped;
+            if map.grow(&limits)? {
+                log::info!(
+                    "the photon list overflowed by {dropped} photons and now holds {}",
+                    map.capacity()
+                );
+                grew = true;
+            }
+        }
+        if grew {
+            self.bind()?;
+        }
+        Ok(())
+    }
+
+    /// Traces what is due of a map, and sorts it. Returns the number of paths traced.
+    fn trace_map(
+        &self,
+        index: usize,
+        due: Due,
+        result: &mut FrameResult,
+    ) -> Result<u32, RenderError> {
+        let map = &self.maps[index];
+        let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
+        let how = Play {
+            is_due: &|only| match only {
+                Only::BatchDue(batch) => map.is_due(batch, due),
+                _ => true,
+            },
+            ..Play::default()
+        };
+        self.frame
+            .play(&mut recorder, Stage::Photons(map.kind()), &how)?;
+        recorder.submit("photon map", &mut result.times)?;
+        Ok(map.paths_due(due))
     }
 
     /// What is to be traced for this frame, and the origin of the photons' space (world, metres).
     fn photons_due(&mut self, anew: bool) -> Option<(Due, DVec3)> {
-        let shares = self.maps().map(PhotonMap::shares).max()?;
+        let shares = self.maps.iter().map(|map| map.layout.shares()).max()?;
         // The maps of a frame have one origin, so they are traced together.
         let origins: Option<Vec<DVec3>> = self
-            .maps()
+            .maps
+            .iter()
             .map(|map| map.traced_at().map(|(origin, _)| origin))
             .collect();
         let moved = self.settings.photon.every_frame || self.scene.scene_moved();
@@ -105,7 +134,7 @@ impl Renderer {
         let kept = origins
             .and_then(|origins| origins.first().copied())
             .filter(|origin| origin.distance(self.origin_in_world) <= reach_m);
-        let missing = self.maps().any(|map| map.traced_at().is_none());
+        let missing = self.maps.iter().any(|map| map.traced_at().is_none());
         if anew || missing || (moved && (shares == 1 || kept.is_none())) {
             self.refresh.outdated = 0;
             return Some((Due::All, self.origin_in_world));

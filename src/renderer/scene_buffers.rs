@@ -9,14 +9,12 @@ mod edits;
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
-use super::kernels::KernelSet;
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::scene::{
     LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
     pack_lights, pack_textures, pack_vertices,
 };
 use crate::gpu::texels::TexelCopy;
-use crate::gpu::timing::{FrameRecorder, PassTimes};
 use crate::gpu::types::bvh::{BvhNode, Triangle};
 use crate::gpu::types::material::Material;
 use crate::gpu::{
@@ -362,7 +360,7 @@ impl SceneBuffers {
         origin_in_world: DVec3,
     ) -> Result<bool, RenderError> {
         let mut uploads = Uploads::new(context);
-        self.begin_shapes(context, &mut uploads.bytes)?;
+        uploads.replaced = self.begin_shapes(context, &mut uploads.bytes)?;
         let deformer = self.deformer.as_ref();
         let begun = self
             .table
@@ -395,12 +393,14 @@ impl SceneBuffers {
         Ok(replaced || replaced_texels)
     }
 
-    /// Uploads the pose of what changes its shape, and the hierarchies that are built anew for it.
-    fn begin_shapes(&mut self, context: &GpuContext, bytes: &mut u64) -> Result<(), RenderError> {
+    /// Uploads the pose of what changes its shape, and the hierarchies that are built anew for it: true if there are such.
+    fn begin_shapes(&mut self, context: &GpuContext, bytes: &mut u64) -> Result<bool, RenderError> {
         let Some(deformer) = &mut self.deformer else {
-            return Ok(());
+            return Ok(false);
         };
-        for (mesh, rebuilt) in deformer.begin_frame(context, &mut self.hierarchies, bytes)? {
+        let rebuilt_meshes = deformer.begin_frame(context, &mut self.hierarchies, bytes)?;
+        let any = !rebuilt_meshes.is_empty();
+        for (mesh, rebuilt) in rebuilt_meshes {
             let hierarchies = &self.hierarchies;
             let mut write = |buffer: &wgpu::Buffer, first: usize, data: &[u8], size: usize| {
                 context
@@ -435,7 +435,7 @@ impl SceneBuffers {
             self.packed_lights
                 .reorder_mesh(mesh, |triangle| leaf_of[triangle]);
         }
-        Ok(())
+        Ok(any)
     }
 
     /// Meshes that change their shape.
@@ -443,41 +443,23 @@ impl SceneBuffers {
         self.deformer.as_ref()
     }
 
-    /// Binds the passes that change shapes.
-    ///
-    /// # Errors
-    /// As [`crate::gpu::Kernel::bind`].
-    pub fn bind(&mut self, context: &GpuContext, kernels: &KernelSet) -> Result<(), GpuError> {
-        let Some(mut deformer) = self.deformer.take() else {
-            return Ok(());
-        };
-        let bound = deformer.bind(context, kernels, &self.resources());
-        self.deformer = Some(deformer);
-        bound
+    /// Whether the frame that has begun has shapes to take to another pose, and whether that pose is a new one.
+    pub(super) fn pose_due(&self) -> Option<bool> {
+        let keeps_previous = self.table.keeps_previous();
+        let deformer = self.deformer.as_ref()?;
+        let has_work = deformer.has_work(keeps_previous);
+        has_work.then(|| deformer.has_new_pose())
     }
 
-    /// Takes shapes to the pose of the frame that has begun, on the device. Waits for it.
+    /// Shapes have been taken to the frame's pose on the device.
     ///
     /// # Errors
-    /// [`GpuError`] naming the pass.
-    pub fn deform(
-        &mut self,
-        context: &GpuContext,
-        mut recorder: FrameRecorder<'_>,
-        kernels: &KernelSet,
-        times: &mut PassTimes,
-    ) -> Result<(), RenderError> {
-        let keeps_previous = self.table.keeps_previous();
-        let Some(deformer) = self
-            .deformer
-            .as_mut()
-            .filter(|deformer| deformer.has_work(keeps_previous))
-        else {
+    /// [`RenderError::Gpu`].
+    pub(super) fn note_posed(&mut self, context: &GpuContext) -> Result<(), RenderError> {
+        let Some(deformer) = &mut self.deformer else {
             return Ok(());
         };
-        let is_new = deformer.record(&mut recorder, kernels, keeps_previous)?;
-        recorder.submit("pose", times)?;
-        if is_new {
+        if deformer.note_posed() {
             // Never replaced: shapes keep their numbers of triangles and vertices.
             let shaped = deformer.changed_bytes(&self.hierarchies);
             self.copy_to_texels(context, |name| {
@@ -486,6 +468,11 @@ impl SceneBuffers {
             })?;
         }
         Ok(())
+    }
+
+    /// Whether shaders may ask where points were in the frame before.
+    pub(super) fn keeps_previous(&self) -> bool {
+        self.table.keeps_previous()
     }
 
     /// Looks, once in a while, at what refitted hierarchies cost by now.

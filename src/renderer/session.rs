@@ -6,8 +6,20 @@ use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
-use super::raster::{Shown, ShownLight};
-use super::{Eye, Eyes, Reconstruction, RenderError, Renderer, Submitter};
+use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Stage, Submitter};
+use crate::frame::FrameRun;
+use crate::frame::bind::Whose;
+
+/// How the values of an image become display light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ShownLight {
+    /// Factor before the filmic curve.
+    pub(super) scale: f32,
+    /// 1 if they are display light already.
+    pub(super) is_display: u32,
+    /// Which of two buffers holds the last frame, where two take turns.
+    pub(super) parity: usize,
+}
 
 /// What the lenses hide, and for which fields of view the device knows it.
 pub(super) struct Hidden {
@@ -34,30 +46,34 @@ impl Renderer {
         if hidden.tangents == Some(tangents) {
             return;
         }
-        for ((eye, area), tangents) in [Eye::Left, Eye::Right]
-            .into_iter()
-            .zip(&hidden.areas)
-            .zip(&tangents)
-        {
-            let bits = area.pixels(tangents, [self.width, self.height]);
-            self.eyes.write_hidden(&self.context, eye, &bits);
+        for ((eye, area), tangents) in Eye::BOTH.into_iter().zip(&hidden.areas).zip(&tangents) {
+            let bits = area.pixels(tangents, self.image.size);
+            let place = (Whose::Eye(eye), "hidden_pixels");
+            let bits = bytemuck::cast_slice(&bits);
+            self.frame.buffers.write(&self.context, place, bits);
         }
         hidden.tangents = Some(tangents);
     }
 
     /// Switches stereo reuse for the frames to come; false if the settings have none to switch.
     pub fn switch_reuse(&mut self) -> bool {
-        let changed = self.eyes.set_reuse(!self.eyes.reuse());
-        if changed {
+        let has_reuse = self.has_both_eyes() && self.settings.reuse != Reuse::Off;
+        if has_reuse {
+            self.reuse = if self.reuses() {
+                Reuse::Off
+            } else {
+                self.settings.reuse
+            };
+            self.frame.drop_stage(Stage::RightEqual);
             self.is_bound = false;
         }
-        changed
+        has_reuse
     }
 
     /// Size of each eye's image, pixels: width, height.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
-        [self.width, self.height]
+        self.image.size
     }
 
     /// Makes the frames to come `size` pixels wide and high, per eye. Scene, kernels and photon maps stay as they are; images
@@ -78,18 +94,17 @@ impl Renderer {
         if size == self.size() {
             return Ok(());
         }
-        let both = self.eyes.has_right();
-        let mut eyes = Eyes::new(&self.context, size, self.eyes.plan().clone(), both)?;
-        eyes.set_reuse(self.eyes.reuse());
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let reconstruction = self
-            .reconstruction
-            .as_ref()
-            .map(|old| Reconstruction::new(&self.context, old.plan(), pixels, both))
-            .transpose()?;
-        self.eyes = eyes;
-        self.reconstruction = reconstruction;
-        [self.width, self.height] = size;
+        let old = std::mem::replace(&mut self.image.size, size);
+        self.frame.buffers.forget_images();
+        if let Err(error) = self.bind() {
+            self.image.size = old;
+            self.frame.buffers.forget_images();
+            return Err(error.into());
+        }
+        if self.reconstruction.is_some() {
+            self.reconstruction = Some(Reconstruction::new(&self.context));
+            self.is_bound = false;
+        }
         if let Some(hidden) = &mut self.hidden {
             hidden.tangents = None;
         }
@@ -97,21 +112,20 @@ impl Renderer {
         self.submitter = None;
         self.mirror = None;
         self.inspector.forget_frames();
-        self.is_bound = false;
         Ok(())
     }
 
-    fn shown(&self) -> Shown<'_> {
-        Shown {
-            eyes: &self.eyes,
-            reconstruction: self.reconstruction.as_ref(),
-            frame_uniform: &self.frame_uniform,
-        }
-    }
-
     fn shown_light(&self) -> ShownLight {
-        self.shown()
-            .light(self.settings.output.exposure, self.settings.spp)
+        let exposure = self.settings.output.exposure;
+        let samples = match self.reconstruction {
+            Some(_) => 1,
+            None => self.settings.spp.max(1),
+        };
+        ShownLight {
+            scale: (exposure / f64::from(samples)) as f32,
+            is_display: u32::from(self.settings.reconstruct.taa),
+            parity: self.parity(),
+        }
     }
 
     /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
@@ -125,13 +139,23 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
             Some(submitter) => submitter,
-            None => Submitter::new(&self.context, library, self.shown(), targets)?,
+            None => self.with_frame(|renderer, frame| {
+                let (context, settings) = (&renderer.context, &renderer.settings);
+                Submitter::new(
+                    context,
+                    library,
+                    frame,
+                    &renderer.given(),
+                    settings,
+                    targets,
+                )
+            })?,
         };
         submitter.submit(
             &self.context,
             targets,
             self.shown_light(),
-            self.eyes.carries_rays(),
+            self.carries_rays,
         )?;
         self.submitter = Some(submitter);
         Ok(())
@@ -149,11 +173,21 @@ impl Renderer {
         let format = view.texture().format();
         let pass = match self.mirror.take().filter(|known| known.format() == format) {
             Some(pass) => pass,
-            None => MirrorPass::new(&self.context, library, self.shown(), format)?,
+            None => self.with_frame(|renderer, frame| {
+                let (context, settings) = (&renderer.context, &renderer.settings);
+                MirrorPass::new(context, library, frame, &renderer.given(), settings, format)
+            })?,
         };
-        let size = [self.width, self.height];
-        pass.draw(&self.context, view, size, self.shown_light())?;
+        pass.draw(&self.context, view, self.image.size, self.shown_light())?;
         self.mirror = Some(pass);
         Ok(())
+    }
+
+    /// Calls `with` while the frame's passes may change.
+    pub(super) fn with_frame<R>(&mut self, with: impl FnOnce(&Self, &mut FrameRun) -> R) -> R {
+        let mut frame = std::mem::take(&mut self.frame);
+        let made = with(self, &mut frame);
+        self.frame = frame;
+        made
     }
 }

@@ -115,8 +115,8 @@ pub struct FrameResult {
 }
 
 impl StereoStats {
-    /// From the stereo counters of a frame, as [`super::Eyes`] reads them back.
-    pub(super) fn from_counters(counters: &[u32; super::eyes::STEREO_COUNTERS]) -> Self {
+    /// From the stereo counters of a frame, as they are read back.
+    pub(super) fn from_counters(counters: &[u32; crate::frame::buffers::STEREO_COUNTERS]) -> Self {
         // Slots as `scatter_depth`, `reuse_resolve` and `fill_reasons` name them.
         const REASONS: usize = 6;
         let because = |provenance: Provenance| counters[REASONS + provenance as usize];

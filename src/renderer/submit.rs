@@ -2,17 +2,19 @@
 //! runtime's texture.
 
 use crate::gpu::types::submit::Submit;
-use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
-use crate::passes;
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
 use crate::xr::RuntimeTargets;
 
-use super::eyes::Eye;
-use super::raster::{Raster, Shown, ShownLight, eye_uniform};
+use super::session::ShownLight;
+use crate::frame::plan::present;
+use crate::frame::{FrameRun, Step, passes};
+use crate::gpu::raster::Raster;
+use crate::options::Settings;
 
 /// One eye's bound passes.
 struct BoundEye {
     uniform: wgpu::Buffer,
-    /// By turn.
+    /// By parity of the frame.
     color: [wgpu::BindGroup; 2],
     depth: Option<wgpu::BindGroup>,
 }
@@ -44,34 +46,38 @@ impl Submitter {
     pub(super) fn new(
         context: &GpuContext,
         library: &ShaderLibrary,
-        shown: Shown<'_>,
+        frame: &mut FrameRun,
+        given: &Resources<'_>,
+        settings: &Settings,
         targets: &RuntimeTargets,
     ) -> Result<Self, GpuError> {
         let formats = formats_of(targets);
-        let color = Raster::new(context, library, &passes::xr_submit::PASS, formats.0)?;
+        let [name, depth_name] = [&passes::xr_submit.name, &passes::xr_submit_depth.name];
+        let color = Raster::new(context, library, name, formats.0)?;
         let depth = formats
             .1
-            .map(|format| Raster::new(context, library, &passes::xr_submit_depth::PASS, format))
+            .map(|format| Raster::new(context, library, depth_name, format))
             .transpose()?;
-        let bound = |eye: Eye| {
-            let pass = &passes::xr_submit::PASS;
-            let uniform = eye_uniform(context, pass, size_of::<Submit>());
-            let [even, odd] = shown
-                .resources(eye, pass)?
-                .map(|resources| resources.with("submission", &uniform));
-            let color = [color.bind(context, &even)?, color.bind(context, &odd)?];
+        let steps = present(settings, &[&passes::xr_submit, &passes::xr_submit_depth]).steps;
+        let mut bound = |[shows, deepens]: [&Step; 2]| {
+            let uniform = uniform_buffer(context, name, size_of::<Submit>() as u64);
+            let given = given.clone().with("submission", &uniform);
+            let color = frame.bind_raster(context, &color, shows, &given)?;
             let depth = depth
                 .as_ref()
-                .map(|depth| depth.bind(context, &even))
+                .map(|depth| frame.bind_raster(context, depth, deepens, &given))
                 .transpose()?;
             Ok::<_, GpuError>(BoundEye {
                 color,
-                depth,
+                depth: depth.map(|[even, _]| even),
                 uniform: uniform.clone(),
             })
         };
         Ok(Self {
-            eyes: [bound(Eye::Left)?, bound(Eye::Right)?],
+            eyes: [
+                bound([&steps[0], &steps[1]])?,
+                bound([&steps[2], &steps[3]])?,
+            ],
             color,
             depth,
             formats,
@@ -94,12 +100,12 @@ impl Submitter {
         light: ShownLight,
         reuse: bool,
     ) -> Result<(), GpuError> {
-        context.guarded(passes::xr_submit::PASS.name, || {
+        context.guarded(&passes::xr_submit.name, || {
             let mut encoder =
                 context
                     .device
                     .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some(passes::xr_submit::PASS.name),
+                        label: Some(&passes::xr_submit.name),
                     });
             for (index, eye) in self.eyes.iter().enumerate() {
                 let uniform = Submit {
@@ -114,7 +120,7 @@ impl Submitter {
                     .queue
                     .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some(passes::xr_submit::PASS.name),
+                    label: Some(&passes::xr_submit.name),
                     color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                         view: &targets.color[index],
                         depth_slice: None,
@@ -126,7 +132,7 @@ impl Submitter {
                     })],
                     ..Default::default()
                 });
-                self.color.draw(&mut pass, &eye.color[light.turn]);
+                self.color.draw(&mut pass, &eye.color[light.parity]);
                 drop(pass);
                 let (Some(depth), Some(bound), Some(views)) =
                     (&self.depth, &eye.depth, &targets.depth)
@@ -134,7 +140,7 @@ impl Submitter {
                     continue;
                 };
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some(passes::xr_submit_depth::PASS.name),
+                    label: Some(&passes::xr_submit_depth.name),
                     depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                         view: &views[index],
                         depth_ops: Some(wgpu::Operations {

@@ -1,0 +1,296 @@
+//! Where the names that shaders declare lead: buffers by owner and name, and the few rules between them.
+//!
+//! 1. A step may say that a name means another one here.
+//! 2. `dispatch` is the stage's table; scene, uniforms and the like are handed in.
+//! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list.
+//! 4. Any other name is the own eye's, the own photon map's, or the frame's.
+//! 5. `left_NAME` is the left eye's, `other_NAME` the other eye's.
+//! 6. `NAME_before` is what the frame before left; the buffer takes turns with `NAME`.
+
+use std::collections::BTreeMap;
+
+use super::buffers::{self, BufferRow, ImageLayout, Moment, Scope, TOKEN_BYTES, allocated_bytes};
+use super::photon_layout::{MapKind, MapLayout};
+use super::step::{Eye, Owner};
+use crate::gpu::buffers::read_buffer;
+use crate::gpu::kernel::BindingKind;
+use crate::gpu::texels::TexelCopy;
+use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};
+
+/// Whose a buffer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Whose {
+    /// An eye's.
+    Eye(Eye),
+    /// Both eyes'.
+    Frame,
+    /// A photon map's.
+    Map(MapKind),
+    /// A batch's of a photon map.
+    Batch(MapKind, u32),
+}
+
+/// A buffer by owner and name.
+pub type Place = (Whose, &'static str);
+
+/// What a name means to an owner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Meaning {
+    /// The buffer.
+    pub place: Place,
+    /// Of the frame before.
+    pub is_before: bool,
+    /// Whether this frame's and the one's before take turns.
+    pub takes_turns: bool,
+}
+
+/// What `name` means to `owner` by the rules 4 to 6; `None` if there is no such buffer.
+#[must_use]
+pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
+    if let Some(row) = buffers::row(name) {
+        return Some(Meaning {
+            place: (whose(row, owner), row.name),
+            is_before: false,
+            takes_turns: row.takes_turns,
+        });
+    }
+    let of_eye = |name, eye| meaning(name, Owner { eye, ..owner });
+    if let Some(rest) = name.strip_prefix("left_") {
+        return of_eye(rest, Eye::Left);
+    }
+    if let Some(rest) = name.strip_prefix("other_") {
+        return of_eye(rest, owner.eye.other());
+    }
+    let now = meaning(name.strip_suffix("_before")?, owner)?;
+    now.takes_turns.then_some(Meaning {
+        is_before: true,
+        ..now
+    })
+}
+
+fn whose(row: &BufferRow, owner: Owner) -> Whose {
+    match row.scope {
+        Scope::Eye(_) => Whose::Eye(owner.eye),
+        Scope::Frame(_) => Whose::Frame,
+        Scope::Map(_) => Whose::Map(owner.map),
+        Scope::Batch(_) => Whose::Batch(owner.map, owner.batch),
+    }
+}
+
+/// How a buffer is used by the passes of a plan.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Use {
+    /// A pass writes it.
+    pub is_written: bool,
+    /// A pass reads its copy in a texture.
+    pub is_copied: bool,
+}
+
+impl Use {
+    /// Takes a binding in.
+    pub fn add(&mut self, kind: BindingKind) {
+        self.is_written |= kind == BindingKind::ReadWrite;
+        self.is_copied |= kind == BindingKind::Texels;
+    }
+}
+
+struct Held {
+    /// Two where they take turns.
+    turns: Vec<wgpu::Buffer>,
+    texels: Option<TexelCopy>,
+}
+
+/// The frame's buffers.
+#[derive(Default)]
+pub struct Buffers {
+    held: BTreeMap<Place, Held>,
+}
+
+impl Buffers {
+    /// Makes room for all that is used. What is there and large enough stays, with what it holds.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`], [`GpuError::Validation`]: a buffer does not fit the adapter.
+    pub fn allocate(
+        &mut self,
+        context: &GpuContext,
+        uses: &BTreeMap<Place, Use>,
+        image: &ImageLayout,
+        maps: &[MapLayout],
+    ) -> Result<(), GpuError> {
+        for (&(whose, name), usage) in uses {
+            let Some(row) = buffers::row(name) else {
+                continue;
+            };
+            let bytes = if usage.is_written || row.host_writes {
+                bytes_of(row, whose, image, maps)
+            } else {
+                TOKEN_BYTES
+            };
+            self.hold(context, (whose, name), row, bytes)?;
+            if let Some(held) = self
+                .held
+                .get_mut(&(whose, name))
+                .filter(|_| usage.is_copied)
+            {
+                let copy = held.texels.get_or_insert(TexelCopy::new(name));
+                copy.fit(context, held.turns[0].size())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn hold(
+        &mut self,
+        context: &GpuContext,
+        place: Place,
+        row: &BufferRow,
+        bytes: u64,
+    ) -> Result<(), GpuError> {
+        let fits = |held: &Held| held.turns[0].size() >= allocated_bytes(bytes);
+        if self.held.get(&place).is_some_and(fits) {
+            return Ok(());
+        }
+        let owner = match place.0 {
+            Whose::Eye(eye) => eye.name(),
+            Whose::Frame => "shared",
+            Whose::Map(kind) | Whose::Batch(kind, _) => kind.label(),
+        };
+        let label = format!("{owner} {}", row.name.replace('_', " "));
+        let count = if row.takes_turns { 2 } else { 1 };
+        let turns = (0..count).map(|_| storage_buffer(context, &label, bytes));
+        let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
+        let texels = None;
+        self.held.insert(place, Held { turns, texels });
+        Ok(())
+    }
+
+    /// Drops the images of the eyes, for another size.
+    pub fn forget_images(&mut self) {
+        self.held
+            .retain(|(whose, _), _| matches!(whose, Whose::Map(_) | Whose::Batch(..)));
+    }
+
+    /// The buffer in frames of parity `parity` (0 or 1); `None` if no pass uses it.
+    #[must_use]
+    pub fn get(&self, meaning: &Meaning, parity: usize) -> Option<&wgpu::Buffer> {
+        let held = self.held.get(&meaning.place)?;
+        let turn = parity ^ usize::from(meaning.is_before);
+        held.turns.get(turn).or_else(|| held.turns.first())
+    }
+
+    /// The copy of a buffer in a texture, where a pass reads it.
+    #[must_use]
+    pub fn texels(&self, meaning: &Meaning) -> Option<&TexelCopy> {
+        self.held.get(&meaning.place)?.texels.as_ref()
+    }
+
+    /// Adds what `names` mean to `owner`, so far as it is there: to passes that are not of the frame's plan.
+    #[must_use]
+    pub fn give<'a>(
+        &'a self,
+        given: Resources<'a>,
+        owner: Owner,
+        names: &[&'static str],
+    ) -> Resources<'a> {
+        names.iter().fold(given, |given, name| {
+            let Some(found) = meaning(name, owner) else {
+                return given;
+            };
+            let view = self.texels(&found).and_then(TexelCopy::view);
+            match (view, self.get(&found, 0)) {
+                (Some(view), _) => given.with_texture(name, view),
+                (None, Some(buffer)) => given.with(name, buffer),
+                (None, None) => given,
+            }
+        })
+    }
+
+    /// Buffers of `owner` that are zeroed at `moment`.
+    pub fn cleared(&self, moment: Moment, owner: Owner) -> impl Iterator<Item = &wgpu::Buffer> {
+        let rows = buffers::BUFFERS.iter();
+        rows.filter(move |row| row.cleared.contains(&moment))
+            .filter_map(move |row| self.held.get(&(whose(row, owner), row.name)))
+            .flat_map(|held| &held.turns)
+    }
+
+    /// Reads the first `count` elements of a buffer back; `None` if no pass uses it. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`read_buffer`].
+    pub fn read<T: bytemuck::Pod>(
+        &self,
+        context: &GpuContext,
+        (whose, name): Place,
+        parity: usize,
+        count: usize,
+    ) -> Result<Option<Vec<T>>, GpuError> {
+        let Some(held) = self.held.get(&(whose, name)) else {
+            return Ok(None);
+        };
+        let buffer = &held.turns[parity % held.turns.len()];
+        let bytes = (count * size_of::<T>()) as u64;
+        if buffer.size() < bytes {
+            // Declared, but nothing writes it.
+            return Ok(None);
+        }
+        read_buffer(context, &name.replace('_', " "), buffer, count).map(Some)
+    }
+
+    /// Writes to the start of a buffer, if a pass uses it.
+    pub fn write(&self, context: &GpuContext, place: Place, data: &[u8]) {
+        if let Some(held) = self.held.get(&place) {
+            context.queue.write_buffer(&held.turns[0], 0, data);
+        }
+    }
+}
+
+fn bytes_of(row: &BufferRow, whose: Whose, image: &ImageLayout, maps: &[MapLayout]) -> u64 {
+    let of_map = |bytes: fn(&MapLayout) -> u64| {
+        let (Whose::Map(kind) | Whose::Batch(kind, _)) = whose else {
+            return TOKEN_BYTES;
+        };
+        let map = maps.iter().find(|map| map.config.kind == kind);
+        map.map_or(TOKEN_BYTES, bytes)
+    };
+    match row.scope {
+        Scope::Eye(bytes) | Scope::Frame(bytes) => bytes(image),
+        Scope::Map(bytes) | Scope::Batch(bytes) => of_map(bytes),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_follow_the_rules() {
+        let owner = Owner {
+            eye: Eye::Right,
+            map: MapKind::Caustics,
+            batch: 2,
+        };
+        let of = |name| meaning(name, owner).map(|found| found.place);
+        assert_eq!(of("hit_rays"), Some((Whose::Eye(Eye::Right), "hit_rays")));
+        assert_eq!(
+            of("left_hit_rays"),
+            Some((Whose::Eye(Eye::Left), "hit_rays"))
+        );
+        assert_eq!(
+            of("other_moments"),
+            Some((Whose::Eye(Eye::Left), "moments"))
+        );
+        assert_eq!(of("provenance"), Some((Whose::Frame, "provenance")));
+        assert_eq!(
+            of("photons"),
+            Some((Whose::Map(MapKind::Caustics), "photons"))
+        );
+        let batch = Whose::Batch(MapKind::Caustics, 2);
+        assert_eq!(of("path_counts"), Some((batch, "path_counts")));
+        let before = meaning("displayed_before", owner).unwrap();
+        assert!(before.is_before && before.place.1 == "displayed");
+        // Only what takes turns has a before.
+        assert_eq!(of("motion_before"), None);
+        assert_eq!(of("no_such_buffer"), None);
+    }
+}

@@ -1,0 +1,266 @@
+//! Every buffer that passes write: whose it is, how large, when it is zeroed, and whether it takes turns with the one of the
+//! frame before.
+//!
+//! A buffer is allocated where a pass of the plan binds it, at its full size where one writes it; what is only declared
+//! gets [`TOKEN_BYTES`]. Whether it has a copy in a texture follows from the shaders that read it: those that declare a
+//! texture under its name get one.
+
+use super::photon_layout::MapLayout;
+use crate::renderer::photon_records::{PhotonCounters, PhotonGrid};
+
+/// Bytes of a buffer that a shader declares and nothing writes.
+pub const TOKEN_BYTES: u64 = 16;
+/// Counters of the stereo passes; the shaders name the slots.
+pub const STEREO_COUNTERS: usize = 16;
+/// Bytes of a sample's parts: direct light and albedo, three f32 each.
+pub const PARTS_BYTES: u64 = 24;
+
+/// When buffers are zeroed: the plan says where these moments lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Before a frame's first sample.
+    Frame,
+    /// Before each sample of an eye.
+    Sample,
+    /// Before each sample of an eye that reuses the other's.
+    Reuse,
+    /// Before photons are gathered at half rate.
+    HalfRate,
+    /// Before a photon map is traced.
+    Map,
+    /// Before a batch of photon paths is traced.
+    Batch,
+    /// Before a digit of the radix sort is counted.
+    Digit,
+    /// Before a view counts.
+    View,
+}
+
+/// Whose a buffer is, and by what it is sized.
+#[derive(Debug, Clone, Copy)]
+pub enum Scope {
+    /// Each eye has one.
+    Eye(fn(&ImageLayout) -> u64),
+    /// Both eyes take turns with it.
+    Frame(fn(&ImageLayout) -> u64),
+    /// Each photon map has one.
+    Map(fn(&MapLayout) -> u64),
+    /// Each batch of photon paths has one, where shares of the paths are kept; else all batches take turns.
+    Batch(fn(&MapLayout) -> u64),
+}
+
+/// What the eyes' buffers are sized by.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ImageLayout {
+    /// Width and height of an eye's image, pixels.
+    pub size: [u32; 2],
+    /// Bytes for what a pixel keeps of its nearest photons from slice to slice of a gather; 0 where there is one slice.
+    pub heap_bytes: u64,
+}
+
+impl ImageLayout {
+    /// Pixels of an eye's image.
+    #[must_use]
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+}
+
+/// One buffer.
+#[derive(Debug, Clone, Copy)]
+pub struct BufferRow {
+    /// Name, as shaders declare it.
+    pub name: &'static str,
+    /// Whose it is, and bytes.
+    pub scope: Scope,
+    /// When it is zeroed.
+    pub cleared: &'static [Moment],
+    /// Whether this frame's and the one's before take turns: shaders call the latter `NAME_before`.
+    pub takes_turns: bool,
+    /// Whether the host writes it, so that it has its full size whoever else does.
+    pub host_writes: bool,
+}
+
+impl BufferRow {
+    const fn new(name: &'static str, scope: Scope) -> Self {
+        Self {
+            name,
+            scope,
+            cleared: &[],
+            takes_turns: false,
+            host_writes: false,
+        }
+    }
+
+    const fn cleared(mut self, moments: &'static [Moment]) -> Self {
+        self.cleared = moments;
+        self
+    }
+
+    const fn takes_turns(mut self) -> Self {
+        self.takes_turns = true;
+        self
+    }
+
+    const fn host_writes(mut self) -> Self {
+        self.host_writes = true;
+        self
+    }
+}
+
+macro_rules! per_pixel {
+    ($scope:ident, $name:literal, $bytes:expr) => {
+        BufferRow::new($name, Scope::$scope(|image| image.pixels() * $bytes))
+    };
+}
+
+macro_rules! fixed {
+    ($scope:ident, $name:literal, $bytes:expr) => {
+        BufferRow::new($name, Scope::$scope(|_| $bytes))
+    };
+}
+
+const fn map(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
+    BufferRow::new(name, Scope::Map(bytes))
+}
+
+const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
+    BufferRow::new(name, Scope::Batch(bytes))
+}
+
+/// All of them. A list of pixels called `NAME` is `NAME_list`, its length `NAME_count`, and the workgroups of passes over it
+/// `NAME_groups` ([`super::step::List`]).
+#[rustfmt::skip]
+pub const BUFFERS: &[BufferRow] = &[
+    // A sample of an eye: `shaders/shared/eye_hit.wesl`, `shaders/shared/parts.wesl`.
+    per_pixel!(Eye, "hit_rays", 16),
+    per_pixel!(Eye, "hit_paths", 16),
+    per_pixel!(Eye, "hit_surfaces", 16),
+    per_pixel!(Eye, "end_rays", 16),
+    per_pixel!(Eye, "first_surfaces", 16),
+    per_pixel!(Eye, "first_albedo", 16),
+    per_pixel!(Eye, "hit_list", 4),
+    fixed!(Eye, "hit_count", 16).cleared(&[Moment::Sample]),
+    fixed!(Eye, "hit_groups", 16),
+    per_pixel!(Eye, "emitted_light", 16),
+    per_pixel!(Eye, "direct_light", 16),
+    per_pixel!(Eye, "indirect_light", 16),
+    per_pixel!(Eye, "caustic_light", 16),
+    per_pixel!(Eye, "sample_radiance", 16),
+    per_pixel!(Eye, "sample_parts", PARTS_BYTES),
+    per_pixel!(Eye, "direct_irradiance", 8),
+    // Sums over a frame's samples.
+    per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Frame]),
+    // One bit per pixel: hidden by the headset's lens.
+    BufferRow::new("hidden_pixels", Scope::Eye(|image| image.pixels().div_ceil(32) * 4)).host_writes(),
+
+    // Gathering at half rate, and lists of pixels that still gather.
+    per_pixel!(Frame, "coarse_list", 4),
+    fixed!(Frame, "coarse_count", 16).cleared(&[Moment::HalfRate]),
+    fixed!(Frame, "coarse_groups", 16),
+    per_pixel!(Frame, "gather_list", 4),
+    fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
+    fixed!(Frame, "gather_groups", 16),
+    // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
+    per_pixel!(Frame, "carried_light", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
+    BufferRow::new("nearest_heaps", Scope::Frame(|image| image.pixels() * image.heap_bytes)),
+
+    // Reuse of the left eye's samples.
+    per_pixel!(Frame, "scatter_targets", 8),
+    per_pixel!(Frame, "scatter_nearest", 4).cleared(&[Moment::Reuse]),
+    per_pixel!(Frame, "scatter_winners", 4).cleared(&[Moment::Reuse]),
+    per_pixel!(Frame, "fill_list", 4),
+    fixed!(Frame, "fill_count", 16).cleared(&[Moment::Reuse]),
+    fixed!(Frame, "fill_groups", 16),
+    per_pixel!(Frame, "provenance", 4),
+    fixed!(Frame, "stereo_counters", STEREO_COUNTERS as u64 * 4).cleared(&[Moment::Frame]),
+
+    // Reconstruction: `shaders/shared/reconstruction.wesl`.
+    per_pixel!(Eye, "seen_surfaces", 16).takes_turns(),
+    per_pixel!(Eye, "seen_emission", 12),
+    per_pixel!(Eye, "motion", 16),
+    per_pixel!(Eye, "moments", 16).takes_turns(),
+    per_pixel!(Eye, "history_length", 4).takes_turns(),
+    // Moments and lengths before the eyes share.
+    per_pixel!(Eye, "own_moments", 16),
+    per_pixel!(Eye, "own_history_length", 4),
+    // Two that the filter goes back and forth between, and the one that the next frame reads.
+    per_pixel!(Eye, "direct_ping", 16),
+    per_pixel!(Eye, "indirect_ping", 16),
+    per_pixel!(Eye, "direct_pong", 16),
+    per_pixel!(Eye, "indirect_pong", 16),
+    per_pixel!(Eye, "direct_history", 16),
+    per_pixel!(Eye, "indirect_history", 16),
+    per_pixel!(Eye, "still_sum", 16),
+    per_pixel!(Eye, "reconstructed", 16),
+    per_pixel!(Eye, "displayed", 16).takes_turns(),
+
+    // Views of intermediate results.
+    per_pixel!(Frame, "inspected_hits", 16),
+    per_pixel!(Frame, "inspected_normals", 16),
+    per_pixel!(Frame, "inspected_colors", 16),
+    per_pixel!(Frame, "inspected_marks", 16),
+    per_pixel!(Frame, "inspected_surfaces", 16),
+    per_pixel!(Frame, "inspection", 16).cleared(&[Moment::View]),
+
+    // Photon paths of a batch, in slots of their own.
+    batch("path_photons", |map| map.slot_bytes()),
+    batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
+    map("path_starts", |map| map.path_count_bytes()),
+    map("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
+    // The list, the grid over it and the sort by cell.
+    map("photons", |map| map.photon_bytes()),
+    map("photon_kept", |_| 8).cleared(&[Moment::Map]),
+    map("photon_counters", |_| size_of::<PhotonCounters>() as u64).cleared(&[Moment::Map]),
+    map("photon_bounds", |_| 24).cleared(&[Moment::Map]),
+    map("photon_grid", |_| size_of::<PhotonGrid>() as u64),
+    map("cell_starts", |map| map.cell_bytes()).cleared(&[Moment::Map]),
+    map("cell_sums", |map| MapLayout::sum_bytes(map.cell_bytes())),
+    map("longest_cell", |_| 16).cleared(&[Moment::Map]),
+    map("radix_even", |map| u64::from(map.capacity) * 8),
+    map("radix_odd", |map| u64::from(map.capacity) * 8),
+    map("radix_table", |map| map.radix_bytes()).cleared(&[Moment::Digit]),
+    map("radix_sums", |map| MapLayout::sum_bytes(map.radix_bytes())),
+    map("sorted_photons", |map| map.photon_bytes()),
+    // The kd-tree: photon numbers in the orders of x, y and z; levels read one and write the other.
+    map("kd_orders_even", |map| map.kd_places() * 4),
+    map("kd_orders_odd", |map| map.kd_places() * 4),
+    map("kd_axes", |map| u64::from(map.capacity) * 4),
+    // One more entry marks the end of the last order.
+    map("kd_marks", |map| (map.kd_places() + 1) * 4),
+    map("kd_mark_sums", |map| MapLayout::sum_bytes((map.kd_places() + 1) * 4)),
+    // Workgroups: see `kd_setup`.
+    map("kd_groups", |_| 48),
+    map("kd_nodes", |map| u64::from(map.capacity) * 16),
+];
+
+/// The row of a buffer.
+#[must_use]
+pub fn row(name: &str) -> Option<&'static BufferRow> {
+    BUFFERS.iter().find(|row| row.name == name)
+}
+
+/// Bytes that a buffer of `bytes` bytes is given: whole units of 16, as WebGPU binds nothing smaller than the struct it holds.
+#[must_use]
+pub fn allocated_bytes(bytes: u64) -> u64 {
+    bytes.max(TOKEN_BYTES).next_multiple_of(16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_buffer_has_a_name_of_its_own() {
+        for (index, one) in BUFFERS.iter().enumerate() {
+            assert!(
+                !BUFFERS[..index].iter().any(|other| other.name == one.name),
+                "{}",
+                one.name
+            );
+            assert!(row(one.name).is_some());
+        }
+        assert!(row("no_such_buffer").is_none());
+    }
+}

@@ -1,0 +1,26 @@
+//! The frame: a list of steps, and that list is what runs.
+//!
+//! ```text
+//! passes.rs   one row per pass                 buffers.rs  one row per buffer
+//!        \                                      /
+//!         plan.rs: settings, features, sizes -> steps, in order; no device
+//!                              |
+//!         run.rs: compiles, allocates, binds by the rules of bind.rs, dispatches
+//! ```
+//!
+//! A shader declares names; [`bind`] says which buffers they mean. Nothing is written down that a shader declares already.
+
+pub mod bind;
+pub mod buffers;
+pub mod listing;
+pub mod passes;
+pub mod photon_layout;
+pub mod plan;
+pub mod run;
+pub mod step;
+
+pub use buffers::ImageLayout;
+pub use photon_layout::{AdapterLimits, MapConfig, MapKind, MapLayout};
+pub use plan::{FrameSpec, GatherSlices, ShapeCounts, plan};
+pub use run::{FrameRun, Play, SAMPLES_PER_SUBMISSION};
+pub use step::{Eye, Only, PlannedStage, Stage, Step};

@@ -1,0 +1,325 @@
+//! What a photon map is made for, and the sizes that follow: batches of paths, capacities, digits of the sort.
+
+use super::buffers::allocated_bytes;
+use crate::gpu::GpuError;
+use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
+use crate::options::{Loads, Search};
+
+/// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
+const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
+/// Bytes of one photon.
+pub const PHOTON_BYTES: u64 = 32;
+/// Values that three scan passes cover: 2,048 blocks of 2,048.
+pub const SCAN_LIMIT: u64 = 2048 * 2048;
+/// Values of one scan block.
+pub const SCAN_BLOCK: u64 = 2048;
+/// Photons that one thread of the radix sort handles; `shared/photon.wesl` holds the same number.
+pub const RADIX_BLOCK: u32 = 256;
+/// Digits of the sort by cell. Odd: the sort ends in the buffer that it did not begin in.
+const RADIX_DIGITS: u32 = 3;
+/// Bits of a digit of the sorts along the axes of the kd-tree.
+pub const KD_DIGIT_BITS: u32 = 8;
+/// Digits of a coordinate. Even: the sort ends in the buffer that it began in.
+pub const KD_DIGITS: u32 = 4;
+/// Threads that are left to trace a batch, where it has as many paths: enough for every core of a software adapter.
+const LEAST_TRACING_THREADS: u32 = 4096;
+
+/// Which photons a map holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MapKind {
+    /// All that scattered, or all where no map of caustics exists.
+    Photons,
+    /// Photons that came over narrow lobes alone.
+    Caustics,
+}
+
+impl MapKind {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Photons, Self::Caustics];
+
+    /// What the names of the map's passes in timings begin with; every photon pass begins with `photons.`.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Photons => "photons",
+            Self::Caustics => "photons.caustics",
+        }
+    }
+
+    /// `Dispatch.eye` of the map's passes.
+    #[must_use]
+    pub fn index(self) -> u32 {
+        match self {
+            Self::Photons => 0,
+            Self::Caustics => 1,
+        }
+    }
+}
+
+/// What the photon map of a scene is made for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapConfig {
+    /// Which photons.
+    pub kind: MapKind,
+    /// Paths per frame.
+    pub paths: u32,
+    /// Shares of the paths that can be traced anew one at a time; 1 traces all or none.
+    pub shares: u32,
+    /// Longest light path from eye to light, in segments.
+    pub max_depth: u32,
+    /// Paths that one thread traces, one after the other.
+    pub paths_per_thread: u32,
+    /// Photons that the list holds; 0 lets it grow by demand.
+    pub capacity: u32,
+    /// Cells of the table.
+    pub cells: u32,
+    /// What photons are searched by.
+    pub search: Search,
+    /// How a gather loads them.
+    pub loads: Loads,
+    /// Gathers read them from a copy in a texture: the feature `record_texels`.
+    pub texels: bool,
+}
+
+/// What an adapter can hold.
+#[derive(Debug, Clone, Copy)]
+pub struct AdapterLimits {
+    /// Largest buffer that can be bound, bytes.
+    pub binding_bytes: u64,
+    /// Rows of a texture.
+    pub texture_rows: u64,
+}
+
+impl AdapterLimits {
+    /// No limit: for listings without a device.
+    pub const NONE: Self = Self {
+        binding_bytes: u64::MAX,
+        texture_rows: u64::MAX,
+    };
+}
+
+/// A photon map's sizes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapLayout {
+    /// What it is made for.
+    pub config: MapConfig,
+    /// Photons that the list holds.
+    pub capacity: u32,
+    /// Paths of a batch.
+    pub batch_paths: u32,
+    /// Photons that a path may store.
+    pub slots_per_path: u32,
+}
+
+impl MapLayout {
+    /// Sizes for `config`, with room for about as many photons as its paths store.
+    ///
+    /// # Errors
+    /// As [`MapLayout::with_capacity`].
+    pub fn new(config: MapConfig, limits: &AdapterLimits) -> Result<Self, GpuError> {
+        let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
+        let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
+        let share = config.paths.div_ceil(config.shares.max(1));
+        // Bright interiors store about two photons per path, and few paths meet glass; a map that overflows is grown
+        // after the frame.
+        let per_path = match config.kind {
+            MapKind::Photons => 3,
+            MapKind::Caustics => 1,
+        };
+        let capacity = match config.capacity {
+            0 => config
+                .paths
+                .saturating_mul(per_path)
+                .clamp(1024, config.largest_capacity(limits).max(1024)),
+            fixed => fixed,
+        };
+        Self {
+            config,
+            capacity,
+            batch_paths: u64::from(share).clamp(1, batch_limit) as u32,
+            slots_per_path,
+        }
+        .checked()
+    }
+
+    /// The same with room for `capacity` photons.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] for more photons than the sort or the kd-tree can count.
+    pub fn with_capacity(self, capacity: u32) -> Result<Self, GpuError> {
+        Self { capacity, ..self }.checked()
+    }
+
+    fn checked(self) -> Result<Self, GpuError> {
+        let too_large = |what: &str, values: u64, mend| GpuError::TooLarge {
+            what: what.to_owned(),
+            bytes: values * 4,
+            limit: SCAN_LIMIT * 4,
+            mend,
+        };
+        if self.radix_bytes() > SCAN_LIMIT * 4 {
+            let mend = "use fewer photons or a smaller photon.grid_cells_max";
+            return Err(too_large("radix table", self.radix_bytes() / 4, mend));
+        }
+        if self.is_tree() && u64::from(self.capacity) > largest_tree() {
+            let mend = "use fewer photons, or photon.search = \"grid\"";
+            return Err(too_large("kd-tree's orders", self.kd_places(), mend));
+        }
+        Ok(self)
+    }
+
+    /// Whether photons are searched by a kd-tree.
+    #[must_use]
+    pub fn is_tree(&self) -> bool {
+        self.config.search == Search::KdTree
+    }
+
+    /// Batches of the paths: number of the first path, and paths, of each.
+    pub fn batches(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let (paths, batch) = (self.config.paths, self.batch_paths);
+        (0..self.batch_count()).map(move |index| {
+            let first = index * batch;
+            (first, batch.min(paths - first))
+        })
+    }
+
+    /// Number of batches.
+    #[must_use]
+    pub fn batch_count(&self) -> u32 {
+        self.config.paths.div_ceil(self.batch_paths)
+    }
+
+    /// Whether each batch keeps its photons, so that shares of the paths can be traced anew.
+    #[must_use]
+    pub fn keeps_batches(&self) -> bool {
+        self.config.shares > 1
+    }
+
+    /// Shares in which the paths can be traced anew.
+    #[must_use]
+    pub fn shares(&self) -> u32 {
+        self.config.shares.min(self.batch_count()).max(1)
+    }
+
+    /// Threads that trace `paths` paths.
+    #[must_use]
+    pub fn tracing_threads(&self, paths: u32) -> u32 {
+        paths
+            .div_ceil(self.config.paths_per_thread.max(1))
+            .max(LEAST_TRACING_THREADS.min(paths))
+    }
+
+    /// Blocks of the radix sort.
+    #[must_use]
+    pub fn blocks(&self) -> u32 {
+        self.capacity.div_ceil(RADIX_BLOCK)
+    }
+
+    /// Digits of a sort and bits of a digit.
+    #[must_use]
+    pub fn digits(&self) -> (u32, u32) {
+        self.config.digits()
+    }
+
+    /// Levels of the kd-tree that are parted where it is full: all but the bottom one.
+    #[must_use]
+    pub fn parted_levels(&self) -> u32 {
+        self.capacity.checked_ilog2().unwrap_or(0)
+    }
+
+    /// Bytes of all photons.
+    #[must_use]
+    pub fn photon_bytes(&self) -> u64 {
+        u64::from(self.capacity) * PHOTON_BYTES
+    }
+
+    /// Bytes of the slots of a batch's paths.
+    #[must_use]
+    pub fn slot_bytes(&self) -> u64 {
+        u64::from(self.batch_paths) * u64::from(self.slots_per_path) * PHOTON_BYTES
+    }
+
+    /// Bytes of the counts of a batch's paths, and their sum.
+    #[must_use]
+    pub fn path_count_bytes(&self) -> u64 {
+        (u64::from(self.batch_paths) + 1) * 4
+    }
+
+    /// Bytes of the table of cells. One more entry marks the last run's end; together they fill whole 16-byte units.
+    #[must_use]
+    pub fn cell_bytes(&self) -> u64 {
+        // A kd-tree has no cells, but the pass that lays the map out wants a token.
+        let cells = if self.is_tree() {
+            64
+        } else {
+            self.config.cells
+        };
+        u64::from(cells).clamp(64, SCAN_LIMIT - 4) / 4 * 16
+    }
+
+    /// Bytes of the table of the radix sort.
+    #[must_use]
+    pub fn radix_bytes(&self) -> u64 {
+        (u64::from(self.blocks()) << self.digits().1) * 4
+    }
+
+    /// Places of the kd-tree's three orders of photons.
+    #[must_use]
+    pub fn kd_places(&self) -> u64 {
+        u64::from(self.capacity) * 3
+    }
+
+    /// Values of a prefix sum over a buffer of `bytes` bytes.
+    #[must_use]
+    pub fn scan_values(bytes: u64) -> u32 {
+        (allocated_bytes(bytes) / 4) as u32
+    }
+
+    /// Bytes of the blocks' sums of a prefix sum over a buffer of `bytes` bytes.
+    #[must_use]
+    pub fn sum_bytes(bytes: u64) -> u64 {
+        (u64::from(Self::scan_values(bytes)) + 1).div_ceil(SCAN_BLOCK) * 4
+    }
+}
+
+impl MapConfig {
+    fn digits(&self) -> (u32, u32) {
+        match self.search {
+            Search::KdTree => (KD_DIGITS, KD_DIGIT_BITS),
+            Search::Grid => {
+                let cells = (u64::from(self.cells) + 4).next_power_of_two();
+                (RADIX_DIGITS, cells.trailing_zeros().div_ceil(RADIX_DIGITS))
+            }
+        }
+    }
+
+    /// Photons that a list which grows by itself may reach: what the adapter binds, a texture of their copies holds, and
+    /// the sort's table and a kd-tree can count.
+    #[must_use]
+    pub fn largest_capacity(&self, limits: &AdapterLimits) -> u32 {
+        let bound = limits.binding_bytes / PHOTON_BYTES;
+        let sorted = (SCAN_LIMIT >> self.digits().1) * u64::from(RADIX_BLOCK);
+        let treed = match self.search {
+            Search::Grid => u64::MAX,
+            Search::KdTree => largest_tree(),
+        };
+        let copied = if self.texels {
+            limits
+                .texture_rows
+                .saturating_mul(u64::from(ROW_TEXELS) * TEXEL_BYTES / PHOTON_BYTES)
+        } else {
+            u64::MAX
+        };
+        bound
+            .min(sorted)
+            .min(treed)
+            .min(copied)
+            .min(u64::from(u32::MAX)) as u32
+    }
+}
+
+/// Photons that a tree can be built over: one scan covers the marks of three orders.
+#[must_use]
+pub const fn largest_tree() -> u64 {
+    (SCAN_LIMIT - 4) / 3
+}

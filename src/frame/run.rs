@@ -1,0 +1,543 @@
+//! The plan, running: compiles what its steps name, allocates what they bind, and plays stage after stage.
+
+use std::collections::BTreeMap;
+
+use super::bind::{Buffers, Meaning, Place, Use, meaning};
+use super::buffers::ImageLayout;
+use super::passes::{Pass, inspect_surfaces};
+use super::photon_layout::MapLayout;
+use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
+use crate::gpu::features::ShaderFeatures;
+use crate::gpu::kernel::{
+    Binding, BindingKind, Bound, DISPATCH_BINDING, dispatch_table, linear_groups,
+};
+use crate::gpu::raster::Raster;
+use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderLibrary};
+
+/// Samples that one submission holds; the dispatch table numbers them.
+pub const SAMPLES_PER_SUBMISSION: u32 = 64;
+
+/// Features that `pass` is compiled with in a frame of `features`.
+#[must_use]
+pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
+    let shared = if pass.sees_scene {
+        *features
+    } else {
+        ShaderFeatures {
+            // Photons are read by others too.
+            record_texels: features.record_texels,
+            ..ShaderFeatures::default()
+        }
+    };
+    ShaderFeatures {
+        from_list,
+        inspects: *pass == inspect_surfaces,
+        ..shared
+    }
+}
+
+type KernelKey = (String, ShaderFeatures);
+
+/// Workgroups of a bound dispatch.
+enum Groups {
+    Direct([u32; 3]),
+    Indirect(wgpu::Buffer, u64),
+}
+
+enum BoundAction {
+    Dispatch {
+        kernel: KernelKey,
+        /// By parity of the frame; one where nothing takes turns.
+        bound: Vec<Bound>,
+        groups: Groups,
+        /// Which of the stage's words.
+        pattern: u32,
+    },
+    Clear(Vec<wgpu::Buffer>),
+    Copy(wgpu::Buffer, wgpu::Buffer),
+    CopyTexels(Meaning),
+}
+
+struct BoundStep {
+    label: String,
+    only: Only,
+    action: BoundAction,
+}
+
+/// A stage, ready to play.
+struct BoundStage {
+    steps: Vec<BoundStep>,
+    patterns: u32,
+    /// Number of the table's last entry, of zeroes.
+    empty: u32,
+}
+
+/// How a stage plays this time.
+#[derive(Clone, Copy)]
+pub struct Play<'a> {
+    /// Number of the sample within the submission.
+    pub sample: u32,
+    /// Samples that one dispatch takes, a power of two.
+    pub run: u32,
+    /// 0 or 1, in turn from frame to frame.
+    pub parity: usize,
+    /// Whether steps run that do so only at times.
+    pub is_due: &'a dyn Fn(Only) -> bool,
+}
+
+impl Default for Play<'_> {
+    fn default() -> Self {
+        Self {
+            sample: 0,
+            run: 1,
+            parity: 0,
+            is_due: &|_| true,
+        }
+    }
+}
+
+/// What runs a plan.
+#[derive(Default)]
+pub struct FrameRun {
+    features: ShaderFeatures,
+    kernels: BTreeMap<KernelKey, Kernel>,
+    /// The frame's buffers.
+    pub buffers: Buffers,
+    stages: BTreeMap<Stage, BoundStage>,
+}
+
+impl FrameRun {
+    /// Nothing compiled yet; shaders are to be specialised by `features`.
+    #[must_use]
+    pub fn new(features: ShaderFeatures) -> Self {
+        Self {
+            features,
+            kernels: BTreeMap::new(),
+            buffers: Buffers::default(),
+            stages: BTreeMap::new(),
+        }
+    }
+
+    /// What shaders are specialised by.
+    #[must_use]
+    pub fn features(&self) -> &ShaderFeatures {
+        &self.features
+    }
+
+    /// Names of all compiled passes; those over the fill list carry `(list)`.
+    #[must_use]
+    pub fn pass_names(&self) -> Vec<String> {
+        let mut keys: Vec<&KernelKey> = Vec::new();
+        let stages = self
+            .stages
+            .iter()
+            .filter(|(stage, _)| **stage != Stage::Inspect);
+        for step in stages.flat_map(|(_, stage)| &stage.steps) {
+            if let BoundAction::Dispatch { kernel, .. } = &step.action {
+                keys.push(kernel);
+            }
+        }
+        keys.sort();
+        keys.dedup();
+        let is_whole = |name: &str| keys.iter().any(|(n, f)| n == name && !f.from_list);
+        let (listed, whole): (Vec<&KernelKey>, Vec<&KernelKey>) = keys
+            .iter()
+            .copied()
+            .partition(|(name, features)| features.from_list && is_whole(name));
+        let listed = listed.iter().map(|(name, _)| format!("{name} (list)"));
+        whole
+            .iter()
+            .map(|(name, _)| name.clone())
+            .chain(listed)
+            .collect()
+    }
+
+    fn key(&self, step: &Step, pass: &Pass, stage: Stage) -> KernelKey {
+        let mut features = specialised(pass, &self.features, step.runs_from_list());
+        // Motion is looked at; the emission that the filter wants with it is not.
+        features.svgf &= stage != Stage::Inspect;
+        (pass.name.to_string(), features)
+    }
+
+    /// Compiles what `steps` run and is not compiled yet.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] or [`GpuError::Validation`], naming the pass.
+    pub fn compile<'s>(
+        &mut self,
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        stage: Stage,
+        steps: impl IntoIterator<Item = &'s Step>,
+    ) -> Result<(), GpuError> {
+        for step in steps {
+            let Some(pass) = step.pass() else { continue };
+            let key = self.key(step, pass, stage);
+            if !self.kernels.contains_key(&key) {
+                let kernel = Kernel::new(context, library, &pass.shader_name(), &key.1)?;
+                self.kernels.insert(key, kernel);
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops what was compiled for a stage, so that it is compiled anew.
+    pub fn forget_kernels(&mut self, is_of: impl Fn(&str) -> bool) {
+        self.kernels.retain(|(name, _), _| !is_of(name));
+    }
+
+    fn kernel(&self, key: &KernelKey) -> Result<&Kernel, GpuError> {
+        self.kernels.get(key).ok_or_else(|| GpuError::Unbound {
+            pass: key.0.clone(),
+            binding: "any (the pass was not compiled for this frame)".to_owned(),
+        })
+    }
+
+    /// Allocates what `stages` name and binds their passes; `given` holds what is not the frame's own.
+    ///
+    /// # Errors
+    /// [`GpuError`], naming pass and binding, or a buffer that does not fit.
+    pub fn bind(
+        &mut self,
+        context: &GpuContext,
+        stages: &[PlannedStage],
+        given: &Resources<'_>,
+        image: &ImageLayout,
+        maps: &[MapLayout],
+    ) -> Result<(), GpuError> {
+        let mut uses = BTreeMap::new();
+        for planned in stages {
+            for step in &planned.steps {
+                if let Some(pass) = step.pass() {
+                    let kernel = self.kernel(&self.key(step, pass, planned.stage))?;
+                    note_uses(step, &kernel.bindings, given, &mut uses);
+                }
+            }
+        }
+        self.buffers.allocate(context, &uses, image, maps)?;
+        for planned in stages {
+            let bound = self.bind_stage(context, planned, given, image)?;
+            self.stages.insert(planned.stage, bound);
+        }
+        Ok(())
+    }
+
+    /// Forgets a stage that is not in the plan any more.
+    pub fn drop_stage(&mut self, stage: Stage) {
+        self.stages.remove(&stage);
+    }
+
+    /// Binds a render pass of `step` for frames of either parity. What it declares and nothing writes gets a token.
+    ///
+    /// # Errors
+    /// As [`FrameRun::bind`].
+    pub fn bind_raster(
+        &mut self,
+        context: &GpuContext,
+        raster: &Raster,
+        step: &Step,
+        given: &Resources<'_>,
+    ) -> Result<[wgpu::BindGroup; 2], GpuError> {
+        let mut uses = BTreeMap::new();
+        note_uses(step, &raster.bindings, given, &mut uses);
+        self.buffers
+            .allocate(context, &uses, &ImageLayout::default(), &[])?;
+        let bind = |parity| {
+            raster.bind_by(context, |binding| {
+                self.resource(step, binding, given, parity)
+            })
+        };
+        Ok([bind(0)?, bind(1)?])
+    }
+
+    fn bind_stage(
+        &self,
+        context: &GpuContext,
+        planned: &PlannedStage,
+        given: &Resources<'_>,
+        image: &ImageLayout,
+    ) -> Result<BoundStage, GpuError> {
+        let mut patterns: Vec<Words> = Vec::new();
+        for step in &planned.steps {
+            if let Action::Run { words, .. } = &step.action
+                && !patterns.contains(words)
+            {
+                patterns.push(*words);
+            }
+        }
+        let entries = table_entries(planned, &patterns);
+        let table = dispatch_table(context, planned.stage.name(), &entries);
+        let given = given.clone().with(DISPATCH_BINDING, &table);
+        let bind = |step: &Step| {
+            let action =
+                self.bind_action(context, step, planned.stage, &given, image, &patterns)?;
+            Ok(BoundStep {
+                label: step.label.clone(),
+                only: step.only,
+                action,
+            })
+        };
+        let steps = planned.steps.iter().map(bind);
+        Ok(BoundStage {
+            steps: steps.collect::<Result<Vec<_>, GpuError>>()?,
+            patterns: patterns.len() as u32,
+            empty: entries.len() as u32 - 1,
+        })
+    }
+
+    fn bind_action(
+        &self,
+        context: &GpuContext,
+        step: &Step,
+        stage: Stage,
+        given: &Resources<'_>,
+        image: &ImageLayout,
+        patterns: &[Words],
+    ) -> Result<BoundAction, GpuError> {
+        let buffer = |name: &str| self.buffer(name, step, given);
+        Ok(match &step.action {
+            Action::Clear(moment) => {
+                let cleared = self.buffers.cleared(*moment, step.owner);
+                BoundAction::Clear(cleared.cloned().collect())
+            }
+            Action::Copy { from, to } => BoundAction::Copy(buffer(from)?, buffer(to)?),
+            Action::CopyTexels(name) => {
+                let found = meaning(name, step.owner).ok_or_else(|| unbound(step, name))?;
+                BoundAction::CopyTexels(found)
+            }
+            Action::Run {
+                pass, size, words, ..
+            } => {
+                let key = self.key(step, pass, stage);
+                let kernel = self.kernel(&key)?;
+                let groups = match *size {
+                    Size::Once | Size::Fragments => Groups::Direct([1, 1, 1]),
+                    Size::Groups(count) => Groups::Direct(linear_groups(count, 1)),
+                    Size::Threads(count) => Groups::Direct(kernel.groups_for(count)),
+                    Size::Tiles => {
+                        let [width, height] = image.size.map(|pixels| pixels.div_ceil(8));
+                        Groups::Direct([width, height, 1])
+                    }
+                    Size::List(list) => Groups::Indirect(buffer(&format!("{}_groups", list.0))?, 0),
+                    Size::Indirect(name, offset) => Groups::Indirect(buffer(name)?, offset),
+                };
+                let pattern = patterns.iter().position(|other| other == words);
+                BoundAction::Dispatch {
+                    bound: self.bind_pass(context, step, kernel, given)?,
+                    kernel: key,
+                    groups,
+                    pattern: pattern.unwrap_or(0) as u32,
+                }
+            }
+        })
+    }
+
+    fn buffer(
+        &self,
+        name: &str,
+        step: &Step,
+        given: &Resources<'_>,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        if let Some(wgpu::BindingResource::Buffer(binding)) = given.get(name) {
+            return Ok(binding.buffer.clone());
+        }
+        let found = meaning(name, step.owner);
+        let buffer = found.and_then(|found| self.buffers.get(&found, 0));
+        buffer.cloned().ok_or_else(|| unbound(step, name))
+    }
+
+    /// Binds a pass for frames of either parity, or once where nothing takes turns.
+    fn bind_pass(
+        &self,
+        context: &GpuContext,
+        step: &Step,
+        kernel: &Kernel,
+        given: &Resources<'_>,
+    ) -> Result<Vec<Bound>, GpuError> {
+        let takes_turns = kernel.bindings.iter().any(|binding| {
+            let found = meaning(&named(step, &binding.name), step.owner);
+            found.is_some_and(|found| found.takes_turns)
+        });
+        (0..if takes_turns { 2 } else { 1 })
+            .map(|parity| {
+                kernel.bind_by(context, |binding| {
+                    self.resource(step, binding, given, parity)
+                })
+            })
+            .collect()
+    }
+
+    /// What a binding of a step's shader means, in frames of `parity`.
+    pub fn resource<'a>(
+        &'a self,
+        step: &Step,
+        binding: &Binding,
+        given: &Resources<'a>,
+        parity: usize,
+    ) -> Option<wgpu::BindingResource<'a>> {
+        let name = named(step, &binding.name);
+        if let Some(resource) = given.get(&name) {
+            return Some(resource);
+        }
+        let found = meaning(&name, step.owner)?;
+        if binding.kind == BindingKind::Texels {
+            let view = self.buffers.texels(&found)?.view()?;
+            return Some(wgpu::BindingResource::TextureView(view));
+        }
+        let buffer = self.buffers.get(&found, parity)?;
+        Some(buffer.as_entire_binding())
+    }
+
+    /// Whether the plan has the stage.
+    #[must_use]
+    pub fn has(&self, stage: Stage) -> bool {
+        self.stages.contains_key(&stage)
+    }
+
+    /// Dispatches of a stage, an upper bound.
+    #[must_use]
+    pub fn length(&self, stage: Stage) -> usize {
+        self.stages.get(&stage).map_or(0, |stage| stage.steps.len())
+    }
+
+    /// Records a stage; nothing where the plan does not have it.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if a pass was not compiled.
+    pub fn play(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
+        stage: Stage,
+        how: &Play<'_>,
+    ) -> Result<(), GpuError> {
+        let Some(bound) = self.stages.get(&stage) else {
+            return Ok(());
+        };
+        let sample = how.run.ilog2() * SAMPLES_PER_SUBMISSION + how.sample;
+        let first = if stage.is_per_sample() {
+            sample * bound.patterns
+        } else {
+            0
+        };
+        for step in bound.steps.iter().filter(|step| (how.is_due)(step.only)) {
+            match &step.action {
+                BoundAction::Clear(buffers) => {
+                    for buffer in buffers {
+                        recorder.clear(buffer);
+                    }
+                }
+                BoundAction::Copy(from, to) => recorder.copy(from, to, from.size()),
+                BoundAction::CopyTexels(found) => {
+                    let parts = self.buffers.get(found, 0).zip(self.buffers.texels(found));
+                    if let Some((buffer, texels)) = parts {
+                        recorder.copy_to_texels(&step.label, buffer, texels);
+                    }
+                }
+                BoundAction::Dispatch {
+                    kernel,
+                    bound,
+                    groups,
+                    pattern,
+                } => {
+                    let kernel = self.kernel(kernel)?;
+                    let bound = &bound[how.parity % bound.len()];
+                    let entry = first + pattern;
+                    match groups {
+                        Groups::Direct(groups) => {
+                            recorder.dispatch(&step.label, kernel, bound, entry, *groups);
+                        }
+                        Groups::Indirect(buffer, offset) => recorder.dispatch_indirect(
+                            &step.label,
+                            kernel,
+                            bound,
+                            entry,
+                            buffer,
+                            *offset,
+                        ),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs every compiled pass once over nothing: some drivers compile a shader only when it is first dispatched. The frame
+    /// uniform must say that images have no pixels.
+    ///
+    /// # Errors
+    /// As [`FrameRun::play`].
+    pub fn warm_up(&self, recorder: &mut FrameRecorder<'_>) -> Result<(), GpuError> {
+        let mut warm: Vec<&KernelKey> = Vec::new();
+        for stage in self.stages.values() {
+            for step in &stage.steps {
+                let BoundAction::Dispatch { kernel, bound, .. } = &step.action else {
+                    continue;
+                };
+                if !warm.contains(&kernel) {
+                    warm.push(kernel);
+                    let one = [1, 1, 1];
+                    recorder.dispatch(&kernel.0, self.kernel(kernel)?, &bound[0], stage.empty, one);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The name that a step gives to a binding, by the rules 1 and 3 of [`super::bind`].
+pub(super) fn named(step: &Step, binding: &str) -> String {
+    let Action::Run { names, list, .. } = &step.action else {
+        return binding.to_owned();
+    };
+    let renamed = names.iter().rev().find(|(shader, _)| *shader == binding);
+    match (renamed, list) {
+        (Some((_, buffer)), _) => (*buffer).to_owned(),
+        (None, Some(list)) => list.buffer(binding).unwrap_or_else(|| binding.to_owned()),
+        (None, None) => binding.to_owned(),
+    }
+}
+
+/// How the passes of a plan use which buffers.
+fn note_uses(
+    step: &Step,
+    bindings: &[Binding],
+    given: &Resources<'_>,
+    uses: &mut BTreeMap<Place, Use>,
+) {
+    for binding in bindings {
+        let name = named(step, &binding.name);
+        if given.get(&name).is_some() {
+            continue;
+        }
+        if let Some(found) = meaning(&name, step.owner) {
+            uses.entry(found.place).or_default().add(binding.kind);
+        }
+    }
+}
+
+fn unbound(step: &Step, name: &str) -> GpuError {
+    GpuError::Unbound {
+        pass: step.label.clone(),
+        binding: name.to_owned(),
+    }
+}
+
+/// A stage's dispatch table: its words for each sample of a submission, for dispatches of one sample, two, four and so on
+/// where the path tracer takes several; or once. The last entry is of zeroes.
+fn table_entries(planned: &PlannedStage, patterns: &[Words]) -> Vec<[u32; 4]> {
+    let mut entries = Vec::new();
+    if planned.stage.is_per_sample() {
+        for length in (0..=planned.longest_run.ilog2()).map(|power| 1 << power) {
+            for sample in 0..SAMPLES_PER_SUBMISSION {
+                let of_sample =
+                    |words: &Words| [sample, words.eye, words.count, words.of.max(length)];
+                entries.extend(patterns.iter().map(of_sample));
+            }
+        }
+    } else {
+        let as_is = |words: &Words| [words.index, words.eye, words.count, words.of];
+        entries.extend(patterns.iter().map(as_is));
+    }
+    entries.push([0; 4]);
+    entries
+}

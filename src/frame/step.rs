@@ -1,0 +1,385 @@
+//! What a plan is made of: steps, and how each is sized, named and told apart.
+
+use super::buffers::Moment;
+use super::passes::{Domain, Pass};
+use super::photon_layout::MapKind;
+
+/// Which eye.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Eye {
+    /// The eye that is rendered in full.
+    Left,
+    /// The eye that reuses what it can of the left one.
+    Right,
+}
+
+impl Eye {
+    /// Both.
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
+
+    /// `left` or `right`, as in file names and pass labels.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+
+    /// `Dispatch.eye` of the eye's passes.
+    #[must_use]
+    pub fn index(self) -> u32 {
+        match self {
+            Self::Left => 0,
+            Self::Right => 1,
+        }
+    }
+
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+        }
+    }
+}
+
+/// A part of the frame that runs in one go. The order is that of the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Skinned and morphed meshes go to the frame's pose.
+    Pose,
+    /// A photon map is traced, or a share of it.
+    Photons(MapKind),
+    /// What sums over the frame's samples is zeroed.
+    Begin,
+    /// One sample of the left eye, or of the only one.
+    Left,
+    /// One sample of the right eye.
+    Right,
+    /// The same where both eyes have one pose and the same angles.
+    RightEqual,
+    /// Both eyes' samples become the picture that is shown.
+    Reconstruct,
+    /// Pictures go to a runtime or a window.
+    Present,
+    /// A view of intermediate results.
+    Inspect,
+}
+
+impl Stage {
+    /// Name, as `info` lists it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pose => "pose",
+            Self::Photons(kind) => kind.label(),
+            Self::Begin => "begin",
+            Self::Left => "left",
+            Self::Right | Self::RightEqual => "right",
+            Self::Reconstruct => "reconstruction",
+            Self::Present => "present",
+            Self::Inspect => "inspection",
+        }
+    }
+
+    /// Whether the stage runs once per sample, so that its dispatches know the sample's number.
+    #[must_use]
+    pub fn is_per_sample(self) -> bool {
+        matches!(self, Self::Left | Self::Right | Self::RightEqual)
+    }
+}
+
+/// A list of pixels, by the first part of its buffers' names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct List(pub &'static str);
+
+impl List {
+    /// Pixels of the own eye that see a surface.
+    pub const HITS: Self = Self("hit");
+    /// The same of the left eye.
+    pub const LEFT_HITS: Self = Self("left_hit");
+    /// Pixels of the right eye that reuse nothing.
+    pub const FILL: Self = Self("fill");
+    /// Pixels that gather first at half rate.
+    pub const COARSE: Self = Self("coarse");
+    /// Pixels that gather after all: between those of half rate, or of the right eye where indirect light was not reused.
+    pub const GATHER: Self = Self("gather");
+
+    /// The list's buffer for what a pass over lists calls `pixel_list`, `pixel_count` and `list_groups`.
+    #[must_use]
+    pub fn buffer(self, name: &str) -> Option<String> {
+        let part = match name {
+            "pixel_list" => "list",
+            "pixel_count" => "count",
+            "list_groups" => "groups",
+            _ => return None,
+        };
+        Some(format!("{}_{part}", self.0))
+    }
+}
+
+/// Workgroups of a dispatch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// One.
+    Once,
+    /// So many, in rows.
+    Groups(u32),
+    /// As many as hold so many threads.
+    Threads(u32),
+    /// 8x8 tiles of the image.
+    Tiles,
+    /// Those of a list, which the device has counted.
+    List(List),
+    /// Those that a buffer holds at a byte offset.
+    Indirect(&'static str, u64),
+    /// A triangle over the image, in a render pass.
+    Fragments,
+}
+
+/// What tells the dispatches of one pass apart: `Dispatch` in `shaders/shared/frame.wesl`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Words {
+    /// Number of the first path, digit, axis, level or wavelet pass; the sample's where the stage has one.
+    pub index: u32,
+    /// Eye, or kind of photon map.
+    pub eye: u32,
+    /// Paths, blocks, or number of the slice.
+    pub count: u32,
+    /// Slots per path, mask of a digit, or number of slices.
+    pub of: u32,
+}
+
+/// What a step does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// Runs a pass.
+    Run {
+        /// Which.
+        pass: Pass,
+        /// Over how much.
+        size: Size,
+        /// The list that it runs over or sets up.
+        list: Option<List>,
+        /// What tells it apart.
+        words: Words,
+        /// Names of the shader and the buffers that they mean here, where the rules of [`super::bind`] do not say.
+        names: Vec<(&'static str, &'static str)>,
+    },
+    /// Zeroes the buffers whose rows name the moment.
+    Clear(Moment),
+    /// Copies a whole buffer into another.
+    Copy {
+        /// What is read.
+        from: &'static str,
+        /// What is written.
+        to: &'static str,
+    },
+    /// Brings a buffer's copy in a texture up to date, where it has one.
+    CopyTexels(&'static str),
+}
+
+/// When a step of its stage runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Only {
+    /// Whenever the stage does.
+    Always,
+    /// Where a batch of photon paths is due.
+    BatchDue(u32),
+    /// Where the frame has another pose than the one before.
+    NewPose,
+}
+
+/// Whose buffers a shader's names mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Owner {
+    /// Eye.
+    pub eye: Eye,
+    /// Photon map.
+    pub map: MapKind,
+    /// Batch of photon paths.
+    pub batch: u32,
+}
+
+/// One step of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Name in timings.
+    pub label: String,
+    /// Whose buffers.
+    pub owner: Owner,
+    /// When.
+    pub only: Only,
+    /// What.
+    pub action: Action,
+}
+
+/// A stage and its steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedStage {
+    /// Which.
+    pub stage: Stage,
+    /// How often it runs.
+    pub when: &'static str,
+    /// Samples that one dispatch takes, at most; a power of two.
+    pub longest_run: u32,
+    /// In order.
+    pub steps: Vec<Step>,
+}
+
+impl Step {
+    /// Runs over buffers that go by other names here.
+    pub(super) fn names(&mut self, more: &[(&'static str, &'static str)]) -> &mut Self {
+        if let Action::Run { names, .. } = &mut self.action {
+            names.extend_from_slice(more);
+        }
+        self
+    }
+
+    /// Sets what tells the dispatch apart.
+    pub(super) fn words(&mut self, index: u32, count: u32, of: u32) -> &mut Self {
+        if let Action::Run { words, .. } = &mut self.action {
+            *words = Words {
+                index,
+                count,
+                of,
+                ..*words
+            };
+        }
+        self
+    }
+
+    /// Runs only then.
+    pub(super) fn only(&mut self, only: Only) -> &mut Self {
+        self.only = only;
+        self
+    }
+
+    /// The pass that the step runs.
+    #[must_use]
+    pub fn pass(&self) -> Option<&Pass> {
+        match &self.action {
+            Action::Run { pass, .. } => Some(pass),
+            _ => None,
+        }
+    }
+
+    /// Whether the pass works on a list of pixels.
+    #[must_use]
+    pub fn runs_from_list(&self) -> bool {
+        matches!(&self.action, Action::Run { pass, size, .. }
+            if pass.over == Domain::Hits || (pass.over == Domain::Pixels && matches!(size, Size::List(_))))
+    }
+}
+
+/// Writes down the steps of a stage, in order.
+pub(super) struct Steps {
+    prefix: String,
+    pub(super) owner: Owner,
+    dispatch_eye: u32,
+    /// Number of slices that passes without any are told.
+    of: u32,
+    steps: Vec<Step>,
+}
+
+impl Steps {
+    /// Steps of an eye; timings call them `prefix.PASS`.
+    pub(super) fn of_eye(prefix: impl Into<String>, eye: Eye) -> Self {
+        Self {
+            prefix: prefix.into(),
+            owner: Owner {
+                eye,
+                map: MapKind::Photons,
+                batch: 0,
+            },
+            dispatch_eye: eye.index(),
+            of: 0,
+            steps: Vec::new(),
+        }
+    }
+
+    /// Steps of a photon map.
+    pub(super) fn of_map(kind: MapKind) -> Self {
+        let mut steps = Self::of_eye(kind.label(), Eye::Left);
+        steps.owner.map = kind;
+        steps.dispatch_eye = kind.index();
+        steps
+    }
+
+    /// Passes are told this number of slices from here on.
+    pub(super) fn told_of(mut self, of: u32) -> Self {
+        self.of = of;
+        self
+    }
+
+    /// Steps from here on are another eye's.
+    pub(super) fn turn_to(&mut self, prefix: &str, eye: Eye) {
+        self.prefix = format!("{prefix}.{}", eye.name());
+        self.owner.eye = eye;
+        self.dispatch_eye = eye.index();
+    }
+
+    pub(super) fn push(&mut self, label: String, action: Action) -> &mut Step {
+        self.steps.push(Step {
+            label,
+            owner: self.owner,
+            only: Only::Always,
+            action,
+        });
+        let last = self.steps.len() - 1;
+        &mut self.steps[last]
+    }
+
+    /// Runs a pass over `size`.
+    pub(super) fn run(&mut self, pass: &Pass, size: Size) -> &mut Step {
+        let words = Words {
+            eye: self.dispatch_eye,
+            of: self.of,
+            ..Words::default()
+        };
+        let list = match size {
+            Size::List(list) => Some(list),
+            _ => None,
+        };
+        self.push(
+            format!("{}.{}", self.prefix, pass.name),
+            Action::Run {
+                pass: pass.clone(),
+                size,
+                list,
+                words,
+                names: Vec::new(),
+            },
+        )
+    }
+
+    /// Turns the length of a list into the workgroups of passes over it.
+    pub(super) fn set_up(&mut self, list: List) {
+        let step = self.run(&super::passes::list_setup, Size::Once);
+        if let Action::Run { list: of, .. } = &mut step.action {
+            *of = Some(list);
+        }
+    }
+
+    /// Zeroes what the moment says.
+    pub(super) fn clear(&mut self, moment: Moment) -> &mut Step {
+        self.push(String::new(), Action::Clear(moment))
+    }
+
+    /// Copies a buffer.
+    pub(super) fn copy(&mut self, from: &'static str, to: &'static str) -> &mut Step {
+        self.push(String::new(), Action::Copy { from, to })
+    }
+
+    /// Copies a buffer into its texture; the time counts as that of the pass before.
+    pub(super) fn copy_texels(&mut self, name: &'static str) {
+        let label = self.steps.last().map(|step| step.label.clone());
+        self.push(label.unwrap_or_default(), Action::CopyTexels(name));
+    }
+
+    pub(super) fn done(self) -> Vec<Step> {
+        self.steps
+    }
+}

@@ -1,0 +1,107 @@
+//! Passes over the fragments of one triangle, which write textures of others: a runtime's, a window's.
+
+use super::kernel::{Binding, bind_group, layout_entries, reflect_bindings};
+use super::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
+
+/// A render pipeline over the fragments of one triangle, its bindings found by name.
+pub struct Raster {
+    /// Name of the pass.
+    pub name: String,
+    /// Bindings in slot order.
+    pub bindings: Vec<Binding>,
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+impl Raster {
+    /// Compiles pass `name` for images of `format`.
+    ///
+    /// # Errors
+    /// [`GpuError`], naming the pass.
+    pub fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        name: &str,
+        format: wgpu::TextureFormat,
+    ) -> Result<Self, GpuError> {
+        let shader = library.compile(&format!("passes/{name}"), &ShaderFeatures::default())?;
+        let bindings = reflect_bindings(&shader)?;
+        context.guarded(name, || {
+            let device = &context.device;
+            let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(name),
+                entries: &entries,
+            });
+            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(name),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
+            });
+            let is_depth = format.is_depth_stencil_format();
+            let color = [Some(wgpu::ColorTargetState::from(format))];
+            let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(name),
+                layout: Some(&pipeline_layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("vertex_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: is_depth.then_some(wgpu::DepthStencilState {
+                    format,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::Always),
+                    stencil: wgpu::StencilState::default(),
+                    bias: wgpu::DepthBiasState::default(),
+                }),
+                multisample: wgpu::MultisampleState::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("fragment_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: if is_depth { &[] } else { &color },
+                }),
+                multiview_mask: None,
+                cache: None,
+            });
+            Ok(Self {
+                name: name.to_owned(),
+                bindings,
+                pipeline,
+                layout,
+            })
+        })
+    }
+
+    /// Binds what the pass reads, as `resource_of` finds it.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`], [`GpuError::Validation`].
+    pub fn bind_by<'a>(
+        &self,
+        context: &GpuContext,
+        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        bind_group(
+            context,
+            &self.name,
+            &self.layout,
+            &self.bindings,
+            resource_of,
+        )
+    }
+
+    /// Records the triangle.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, bound: &wgpu::BindGroup) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, bound, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}

@@ -1,0 +1,135 @@
+//! What a scene's frames are planned for: shader features and photon maps.
+
+use super::editing::shines;
+use super::photon_map::PhotonMap;
+use super::{
+    SceneBuffers, carries_indirect, caustic_paths, photon_paths_per_thread, shader_features,
+};
+use crate::frame::{
+    AdapterLimits, FrameSpec, GatherSlices, MapConfig, MapKind, MapLayout, PlannedStage,
+    ShapeCounts, plan,
+};
+use crate::gpu::{GpuContext, GpuError, ShaderFeatures};
+use crate::options::{Force, Loads, Method, Reuse, Search, Settings};
+use crate::scene::{Needs, Scene};
+
+/// The stages of a scene's first frame on a hardware or a software adapter, and what their shaders are specialised by. No
+/// device is needed to know. Of shapes that change, boxes are refitted once per level of the deepest hierarchy, which is
+/// named once here.
+///
+/// # Errors
+/// As [`MapLayout::new`].
+pub fn plan_of_scene(
+    scene: &Scene,
+    settings: &Settings,
+    is_software: bool,
+) -> Result<(Vec<PlannedStage>, ShaderFeatures), GpuError> {
+    let needs = Needs::of(scene);
+    let features = frame_features(&needs, settings, true, is_software);
+    let shapes = scene
+        .instances()
+        .iter()
+        .any(|placed| scene.deforms(placed.node));
+    let layout = |config| MapLayout::new(config, &AdapterLimits::NONE);
+    let has_lights = shines(&needs);
+    let maps = map_configs(settings, &features, has_lights, (is_software, 0));
+    let reconstruct = &settings.reconstruct;
+    let stages = plan(&FrameSpec {
+        settings,
+        features,
+        both: true,
+        reuse: settings.reuse,
+        samples_per_dispatch: 1,
+        maps: maps.into_iter().map(layout).collect::<Result<_, _>>()?,
+        slices: GatherSlices::ONE,
+        shapes: shapes.then(|| ShapeCounts {
+            levels: vec![[0, 0]],
+            ..ShapeCounts::default()
+        }),
+        keeps_previous: reconstruct.svgf || reconstruct.taa || settings.output.motion,
+    });
+    Ok((stages, features))
+}
+
+/// What the shaders of a renderer's frames are specialised by; who sees hidden areas adds that.
+pub(super) fn frame_features(
+    needs: &Needs,
+    settings: &Settings,
+    both: bool,
+    is_software: bool,
+) -> ShaderFeatures {
+    let features = shader_features(needs, settings);
+    ShaderFeatures {
+        record_texels: match settings.force.record_texels {
+            Force::Auto => is_software,
+            forced => forced == Force::On,
+        },
+        carry_indirect: both && carries_indirect(settings, &features),
+        one_sample: settings.spp == 1,
+        keeps_samples: both && settings.reuse != Reuse::Off,
+        ..features
+    }
+}
+
+/// The photon map, and that of caustics where `features` say so; none with the path method.
+pub(super) fn photon_maps(
+    context: &GpuContext,
+    settings: &Settings,
+    features: &ShaderFeatures,
+    scene: &SceneBuffers,
+) -> Result<Vec<PhotonMap>, GpuError> {
+    let limits = adapter_limits(context);
+    let driver = (context.adapter.is_software(), scene.hierarchy_depth());
+    map_configs(settings, features, scene.light_count() > 0, driver)
+        .into_iter()
+        .map(|config| MapLayout::new(config, &limits).map(PhotonMap::new))
+        .collect()
+}
+
+pub(super) fn adapter_limits(context: &GpuContext) -> AdapterLimits {
+    AdapterLimits {
+        binding_bytes: context.max_binding_bytes,
+        texture_rows: u64::from(context.device.limits().max_texture_dimension_2d),
+    }
+}
+
+/// What the photon maps of a frame are made for. Without lights there is nothing to emit, and no path may be traced for it.
+fn map_configs(
+    settings: &Settings,
+    features: &ShaderFeatures,
+    has_lights: bool,
+    (is_software, hierarchy_depth): (bool, u32),
+) -> Vec<MapConfig> {
+    if settings.method != Method::Photon {
+        return Vec::new();
+    }
+    let photon = &settings.photon;
+    let config = |kind, paths, search, loads| MapConfig {
+        kind,
+        paths: if has_lights { paths } else { 0 },
+        shares: photon.shares,
+        max_depth: photon.max_depth,
+        paths_per_thread: photon_paths_per_thread(is_software, photon.max_depth, hierarchy_depth),
+        capacity: photon.capacity,
+        cells: photon.grid_cells_max,
+        texels: features.record_texels,
+        search,
+        loads,
+    };
+    let mut maps = vec![config(
+        MapKind::Photons,
+        photon.count,
+        photon.search,
+        photon.loads,
+    )];
+    if features.caustics {
+        let paths = caustic_paths(settings);
+        maps.push(config(
+            MapKind::Caustics,
+            paths,
+            Search::Grid,
+            Loads::Direct,
+        ));
+    }
+    maps
+}

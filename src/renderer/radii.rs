@@ -1,0 +1,68 @@
+//! Gather radii, and how many paths a map of caustics gets.
+
+use crate::options::Settings;
+use crate::scene::{Scene, SceneFacts};
+
+/// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
+/// that the bias stays small.
+const AUTOMATIC_GATHER: f64 = 60.0;
+/// Photon paths that land nowhere when the automatic radius is estimated: about one photon is stored per path.
+const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
+/// Gather radii below this are raised to it: their square would leave f32's range.
+pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
+
+/// Caustic radius over the photons' radius, where both are automatic. In `caustic`, relMSE at shares of 1 and 0.5 was 2.98
+/// and 0.39 with 2^12 photons (4 passes), 0.062 and 0.084 with 2^16, 0.023 and 0.034 with 2^19; in the gallery, the same:
+/// half loses little where photons are many and gains most where the whole radius would smear the spot.
+const AUTOMATIC_CAUSTIC_RADIUS: f64 = 0.5;
+
+/// Radii of photons and of caustics, metres: those of the settings, or automatic ones for a scene of so much area.
+pub(super) fn radii_m(settings: &Settings, area_m2: impl FnOnce() -> f64) -> [f64; 2] {
+    let photon = &settings.photon;
+    let radius_m = if photon.radius_m > 0.0 {
+        photon.radius_m.max(LEAST_RADIUS_M)
+    } else {
+        radius_for_area_m(area_m2(), photon.count)
+    };
+    let caustic_radius_m = if photon.caustic_radius_m > 0.0 {
+        photon.caustic_radius_m.max(LEAST_RADIUS_M)
+    } else {
+        radius_m * AUTOMATIC_CAUSTIC_RADIUS
+    };
+    [radius_m, caustic_radius_m]
+}
+
+/// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
+pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
+    radius_for_area_m(SceneFacts::of(scene).area_m2(scene), paths)
+}
+
+/// As [`automatic_radius_m`], for a scene whose area is known.
+pub(super) fn radius_for_area_m(area_m2: f64, paths: u32) -> f64 {
+    let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
+    let radius = (AUTOMATIC_GATHER * area_m2 / (std::f64::consts::PI * photons)).sqrt();
+    if radius.is_finite() && radius > 0.0 {
+        radius
+    } else {
+        0.1
+    }
+}
+
+/// Paths emitted for the map of caustics.
+pub fn caustic_paths(settings: &Settings) -> u32 {
+    match settings.photon.caustic_count {
+        0 => settings.photon.count,
+        count => count,
+    }
+}
+
+/// Radius of progressive pass `pass` (from 0): r_(i+1)^2 = r_i^2 (i + alpha) / (i + 1), i from 1. The mean over passes
+/// then converges, its bias falling with the radius: Knaus and Zwicker 2011, "Progressive photon mapping: a
+/// probabilistic approach", eq. 15.
+pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
+    let mut squared = first_radius_m * first_radius_m;
+    for i in 1..=pass {
+        squared *= (f64::from(i) + alpha) / (f64::from(i) + 1.0);
+    }
+    squared.sqrt().max(LEAST_RADIUS_M)
+}
