@@ -19,8 +19,8 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
+use stereolux::bench::correspondence::left_from_right;
 use stereolux::bench::fingerprint::RENDER_CODE;
-use stereolux::bench::views::{left_from_right, views_of_session};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{
     Image, ImageRgb, encode_display, read_image, tone_map, write_exr, write_png,
@@ -28,7 +28,7 @@ use stereolux::images::{
 use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
-use stereolux::xr::{Headset, Pose, ReplayOptions, ReplaySession, View};
+use stereolux::xr::{Headset, Pose, ReplayOptions, ReplaySession, View, all_frames};
 
 mod paired_references;
 
@@ -300,10 +300,8 @@ fn main() -> Outcome<()> {
     };
     let replay = ReplayOptions::new(headset, start);
     let mut session = ReplaySession::open(&options.trace, replay)?;
-    let views: Vec<[View; 2]> = views_of_session(&mut session)?
-        .into_iter()
-        .take(options.frames)
-        .collect();
+    let frames = all_frames(&mut session, options.frames)?;
+    let views: Vec<[View; 2]> = frames.into_iter().map(|(_, views)| views).collect();
     let size = options.size;
 
     if let Some(folder) = &options.keep {
