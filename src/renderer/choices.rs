@@ -6,7 +6,7 @@ use crate::options::{
     Technique,
 };
 use crate::passes::{self, Pass};
-use crate::scene::{Needs, Scene, SceneFacts};
+use crate::scene::{Needs, Scene, SceneStatistics};
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -131,7 +131,7 @@ pub fn forms_caustics(features: &ShaderFeatures) -> bool {
 
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
 pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
-    radius_for_area_m(SceneFacts::of(scene).area_m2(scene), paths)
+    radius_for_area_m(SceneStatistics::of(scene).area_m2(scene), paths)
 }
 
 /// As [`automatic_radius_m`], for a scene whose area is known.

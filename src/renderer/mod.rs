@@ -19,8 +19,6 @@ pub mod kd_tree;
 pub mod kernels;
 mod map_config;
 pub mod mirror;
-mod moving;
-mod own_meshes;
 pub mod parts;
 pub mod photon_map;
 mod photon_records;
@@ -170,7 +168,7 @@ impl Renderer {
             .check_gather()
             .map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
-        let needs = Needs::with_facts(scene, &edit_base.facts);
+        let needs = Needs::with_statistics(scene, &edit_base.statistics);
         let mut features = shader_features(&needs, settings);
         features.insert("visibility_mask".to_owned(), hidden.is_some());
         let texels = match settings.force.record_texels {
@@ -268,7 +266,7 @@ impl Renderer {
         let radius_m = if settings.photon.radius_m > 0.0 {
             settings.photon.radius_m.max(LEAST_RADIUS_M)
         } else {
-            radius_for_area_m(edit_base.facts.area_m2(scene), settings.photon.count)
+            radius_for_area_m(edit_base.statistics.area_m2(scene), settings.photon.count)
         };
         let caustic_radius_m = if settings.photon.caustic_radius_m > 0.0 {
             settings.photon.caustic_radius_m.max(LEAST_RADIUS_M)
