@@ -11,7 +11,7 @@ use super::correspondence::left_from_right;
 use super::fingerprint::{BENCH_CODE, Fingerprint};
 use super::instance_motion::{InstanceMotion, InstanceMover};
 use super::journal::Journal;
-use super::records::{Load, Machine, Row, differing_settings, word};
+use super::records::{Load, Machine, Row, differing_settings};
 use super::reference::{PixelFilter, REFERENCE_SHARE, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
 use super::statistics::mean;
@@ -321,7 +321,12 @@ impl<'a> Lab<'a> {
                     scene: plan.scene.name(),
                     headset: plan.headset_label.clone(),
                     size: plan.size,
-                    eyes: word(plan.eyes),
+                    eyes: match plan.eyes {
+                        Eyes::Both => "both",
+                        Eyes::Left => "left",
+                        Eyes::Right => "right",
+                    }
+                    .to_owned(),
                     factors: candidate.factors.clone(),
                     settings: differing_settings(&candidate.settings),
                     timing: own.timing(first, renderer, plan.rounds, warm_up),

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use super::statistics::{Estimate, Spread};
 use crate::gpu::context::AdapterSummary;
@@ -175,6 +175,31 @@ pub struct Row {
     pub code: String,
 }
 
+/// The numbers and words of `value` as JSON, by their dotted paths in it.
+#[must_use]
+pub fn leaves(value: &impl Serialize) -> BTreeMap<String, Value> {
+    fn gather(path: String, value: Value, into: &mut BTreeMap<String, Value>) {
+        let under = |key: String| match path.as_str() {
+            "" => key,
+            _ => format!("{path}.{key}"),
+        };
+        match value {
+            Value::Object(fields) => {
+                for (key, field) in fields {
+                    gather(under(key), field, into);
+                }
+            }
+            other => {
+                into.insert(path, other);
+            }
+        }
+    }
+    let mut into = BTreeMap::new();
+    let tree = serde_json::to_value(value).unwrap_or_default();
+    gather(String::new(), tree, &mut into);
+    into
+}
+
 #[cfg(test)]
 impl Machine {
     /// A software adapter that is nowhere, for tests.
@@ -262,46 +287,37 @@ impl Row {
     }
 }
 
-/// The word of a choice, as the command line has it.
-pub(super) fn word(choice: impl clap::ValueEnum) -> String {
-    choice
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
-/// The numbers and words of `value` as JSON, by their dotted paths in it.
-#[must_use]
-pub fn leaves(value: &impl Serialize) -> BTreeMap<String, Value> {
-    fn gather(path: String, value: Value, into: &mut BTreeMap<String, Value>) {
-        let under = |key: String| match path.as_str() {
-            "" => key,
-            _ => format!("{path}.{key}"),
-        };
-        match value {
-            Value::Object(fields) => {
-                for (key, field) in fields {
-                    gather(under(key), field, into);
-                }
-            }
-            other => {
-                into.insert(path, other);
-            }
-        }
-    }
-    let mut into = BTreeMap::new();
-    let tree = serde_json::to_value(value).unwrap_or_default();
-    gather(String::new(), tree, &mut into);
-    into
-}
-
 /// Settings that differ from the defaults, by dotted key.
 #[must_use]
 pub fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
-    let defaults = leaves(&Settings::default());
-    let mut all = leaves(settings);
-    all.retain(|key, value| defaults.get(key) != Some(value));
-    all
+    fn flatten(prefix: &str, value: &Value, into: &mut BTreeMap<String, Value>) {
+        match value {
+            Value::Object(fields) => {
+                for (key, field) in fields {
+                    let dotted = if prefix.is_empty() {
+                        key.clone()
+                    } else {
+                        format!("{prefix}.{key}")
+                    };
+                    flatten(&dotted, field, into);
+                }
+            }
+            other => {
+                into.insert(prefix.to_owned(), other.clone());
+            }
+        }
+    }
+    let flat = |settings: &Settings| {
+        let tree = serde_json::to_value(settings).unwrap_or(Value::Object(Map::new()));
+        let mut into = BTreeMap::new();
+        flatten("", &tree, &mut into);
+        into
+    };
+    let defaults = flat(&Settings::default());
+    flat(settings)
+        .into_iter()
+        .filter(|(key, value)| defaults.get(key) != Some(value))
+        .collect()
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::super::fingerprint::BENCH_CODE;
-use super::super::records::{Machine, RegionErrors, Row, StereoFigures, word};
+use super::super::records::{Machine, RegionErrors, Row, StereoFigures};
 use super::super::reference::BOX_SAMPLES;
 use super::super::statistics::{LineFit, PowerFit};
 use super::super::suites::reference_samples;
@@ -15,6 +15,7 @@ use super::cells::{
     Table, digits, estimate, is_settled, ms, optional, quartiles, rel_mse, rel_mse_ratio, size,
     speed_up, with_error,
 };
+use super::suite_name;
 use super::tables::tables;
 use crate::options::BenchOptions;
 
@@ -27,7 +28,7 @@ pub fn markdown(
     plots: &[&str],
 ) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "# stereolux bench {}\n", word(options.suite));
+    let _ = writeln!(text, "# stereolux bench {}\n", suite_name(options));
     let _ = writeln!(
         text,
         "{}, {} adapter, {}, driver {}. stereolux {}, code {BENCH_CODE}. {} rows.\n",

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use super::BenchError;
 use super::fingerprint::{BENCH_CODE, RENDER_CODE};
 use super::plots;
-use super::records::{Machine, Row, leaves, word};
+use super::records::{Machine, Row, leaves};
 use crate::images::write_atomically;
 use crate::options::BenchOptions;
 
@@ -26,6 +26,16 @@ pub struct Written {
     pub path: PathBuf,
     /// Rows with an error that its reference was not good enough for.
     pub unsettled: usize,
+}
+
+/// The suite's name, as the command line has it.
+pub(super) fn suite_name(options: &BenchOptions) -> String {
+    use clap::ValueEnum as _;
+    options
+        .suite
+        .to_possible_value()
+        .map(|value| value.get_name().to_owned())
+        .unwrap_or_default()
 }
 
 /// Writes report.md, report.json, rows.csv and plots/ to `out`.
@@ -52,7 +62,7 @@ pub fn write(
     let report = json!({
         "format": "stereolux-bench",
         "version": env!("CARGO_PKG_VERSION"),
-        "suite": word(options.suite),
+        "suite": suite_name(options),
         "render_code": RENDER_CODE,
         "bench_code": BENCH_CODE,
         "machine": machine,

@@ -12,7 +12,6 @@ use serde_json::Value;
 use super::BenchError;
 use super::instance_motion::InstanceMotion;
 use super::measure::{Candidate, GroupPlan};
-use super::records::word;
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
@@ -207,6 +206,14 @@ fn settings_for(base: &SuiteBase, scene: &str) -> Settings {
         scene: scene.to_owned(),
         ..base.settings.clone()
     }
+}
+
+/// The word of a choice, as the command line has it.
+fn word(choice: impl clap::ValueEnum) -> String {
+    choice
+        .to_possible_value()
+        .map(|value| value.get_name().to_owned())
+        .unwrap_or_default()
 }
 
 /// To three significant digits: radii in settings should be readable, and need not be exact.
