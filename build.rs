@@ -21,15 +21,15 @@ const RENDER_CODE: &[&str] = &[
 /// What decides how images are measured, beside that; not how figures are laid out.
 const BENCH_CODE: &[&str] = &[
     "config/headsets",
+    "src/bench/correspondence.rs",
+    "src/bench/instance_motion.rs",
     "src/bench/measure.rs",
-    "src/bench/moves.rs",
     "src/bench/records.rs",
     "src/bench/reference.rs",
     "src/bench/scenes.rs",
     "src/bench/statistics.rs",
-    "src/bench/tally.rs",
     "src/bench/timing.rs",
-    "src/bench/views.rs",
+    "src/bench/variant_statistics.rs",
     "src/metrics",
     "src/xr",
 ];

@@ -14,7 +14,13 @@ mod suite {
     #[path = "../../examples/user_bsdf/main.rs"]
     pub mod user_bsdf_example;
 
+    /// The example's measure, for its test.
+    #[allow(dead_code)]
+    #[path = "../../examples/reconstruction/paired_references.rs"]
+    pub mod paired_references;
+
     pub mod bench;
+    pub mod block_statistics;
     pub mod bsdf_furnace;
     pub mod bsdf_layer;
     pub mod bsdf_probe;
@@ -23,8 +29,10 @@ mod suite {
     pub mod bsdf_surface;
     pub mod bsdf_twin;
     pub mod bsdf_user;
+    pub mod bvh_build;
     pub mod bvh_gpu;
     pub mod bvh_probe;
+    pub mod bvh_reference;
     pub mod carried;
     pub mod caustics;
     pub mod checks;

@@ -11,6 +11,9 @@
 #[allow(dead_code, clippy::unwrap_used)]
 #[path = "../../tests/suite/bvh_probe.rs"]
 mod bvh_probe;
+#[allow(dead_code)]
+#[path = "../../tests/suite/bvh_reference.rs"]
+mod bvh_reference;
 mod hits;
 #[allow(dead_code, clippy::unwrap_used)]
 #[path = "../../tests/suite/moving_support.rs"]

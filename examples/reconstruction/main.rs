@@ -7,7 +7,7 @@
 //! per megapixel and pass.
 //!
 //! - `--frames N`, `--size N`: how many frames of which size.
-//! - `--reference N`: samples per pixel of each of the two references of a frame (`metrics::twins`), through the centres.
+//! - `--reference N`: samples per pixel of each of the two references of a frame (`paired_references`), through the centres.
 //! - `--pose "X Y Z"`: where a trajectory starts, level and looking along -Z; the scene's own start without it.
 //! - `--every N`: judges two frames in the middle of every N; all are rendered.
 //! - `--keep DIR`: references are kept there for the next run of the same code, scene (by its name) and views.
@@ -19,19 +19,22 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
+use stereolux::bench::correspondence::left_from_right;
 use stereolux::bench::fingerprint::RENDER_CODE;
-use stereolux::bench::views::{left_from_right, views_of_session};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{
     Image, ImageRgb, encode_display, read_image, tone_map, write_exr, write_png,
 };
-use stereolux::metrics::twins::{
-    Differences, Twins, binocular_square, change_square, differences, relative_square,
-};
 use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
-use stereolux::xr::{Headset, Pose, ReplayOptions, ReplaySession, View};
+use stereolux::xr::{Headset, Pose, ReplayOptions, ReplaySession, View, all_frames};
+
+mod paired_references;
+
+use paired_references::{
+    Differences, References, binocular_square, change_square, differences, relative_square,
+};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -123,7 +126,7 @@ fn image(size: u32, pixels: Vec<[f32; 3]>) -> Outcome<ImageRgb> {
 /// A frame that is judged.
 struct Judged {
     /// By eye.
-    twins: [Twins; 2],
+    references: [References; 2],
     /// For each pixel of the right eye, the left eye's that sees the same point.
     left_from_right: Image<Option<u32>>,
 }
@@ -191,9 +194,9 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
         renderer.render_frame(views, 0, |_| {})?;
         let [left, right] = EYES.map(|eye| renderer.eyes().read_hit_rays(renderer.context(), eye));
         let (left, right) = (left?.unwrap_or_default(), right?.unwrap_or_default());
-        let twin = |eye: usize| [halves[0][eye].clone(), halves[1][eye].clone()];
+        let of = |eye: usize| [halves[0][eye].clone(), halves[1][eye].clone()];
         judged.push(Some(Judged {
-            twins: [twin(0), twin(1)],
+            references: [of(0), of(1)],
             left_from_right: left_from_right(views, [size, size], &left, &right),
         }));
     }
@@ -236,9 +239,9 @@ impl Tally {
         size: u32,
     ) -> Outcome<()> {
         let mut found = Vec::new();
-        for (eye, twins) in EYES.into_iter().zip(&judged.twins) {
+        for (eye, references) in EYES.into_iter().zip(&judged.references) {
             let shown = image(size, renderer.read_radiance(eye)?.unwrap_or_default())?;
-            let differences = differences(&shown, twins);
+            let differences = differences(&shown, references);
             let sum = |image: &ImageRgb| {
                 image
                     .pixels
@@ -248,8 +251,8 @@ impl Tally {
                     .sum::<f64>()
             };
             self.shown_and_reference[0] += sum(&shown);
-            self.shown_and_reference[1] += 0.5 * (sum(&twins[0]) + sum(&twins[1]));
-            self.errors.push(relative_square(&differences, twins));
+            self.shown_and_reference[1] += 0.5 * (sum(&references[0]) + sum(&references[1]));
+            self.errors.push(relative_square(&differences, references));
             found.push(differences);
         }
         self.binocular.push(binocular_square(
@@ -297,10 +300,8 @@ fn main() -> Outcome<()> {
     };
     let replay = ReplayOptions::new(headset, start);
     let mut session = ReplaySession::open(&options.trace, replay)?;
-    let views: Vec<[View; 2]> = views_of_session(&mut session)?
-        .into_iter()
-        .take(options.frames)
-        .collect();
+    let frames = all_frames(&mut session, options.frames)?;
+    let views: Vec<[View; 2]> = frames.into_iter().map(|(_, views)| views).collect();
     let size = options.size;
 
     if let Some(folder) = &options.keep {

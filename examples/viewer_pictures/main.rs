@@ -14,10 +14,10 @@ use stereolux::options::Settings;
 use stereolux::renderer::Inspection;
 use stereolux::scene::edit::Document;
 use stereolux::viewer::app::Tab;
-use stereolux::viewer::frames::Look;
+use stereolux::viewer::frames::ViewMode;
 use stereolux::viewer::layout::Layout;
-use stereolux::viewer::memory::Memory;
 use stereolux::viewer::painter::{Painter, Target};
+use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
 use stereolux::xr::Headset;
 
@@ -239,13 +239,13 @@ fn main() -> Outcome<()> {
             headset: Headset::load("symmetric")?.with_fov(-32.0, 32.0, 28.0, -28.0)?,
             recording: None,
             out: folder.clone(),
-            memory: Memory::default(),
+            window_state: WindowState::default(),
         },
         || (),
     )?;
     let mut canvas = Canvas::new(app)?;
     for layout in Layout::ALL {
-        canvas.app.memory_mut().layout = layout;
+        canvas.app.window_state_mut().layout = layout;
         canvas.settle()?;
         if layout == Layout::Split {
             canvas.until("the other method", |app| {
@@ -257,7 +257,7 @@ fn main() -> Outcome<()> {
         let name = layout.name().to_lowercase().replace(' ', "_");
         canvas.save(&folder, &format!("layout_{name}"))?;
     }
-    canvas.app.memory_mut().layout = Layout::SideBySide;
+    canvas.app.window_state_mut().layout = Layout::SideBySide;
     let vase = node(&canvas.app, "vase").or_else(|| node(&canvas.app, "ball"));
     canvas.app.select(vase.or(Some(0)));
     canvas.settle()?;
@@ -275,22 +275,22 @@ fn main() -> Outcome<()> {
     canvas.app.set_tab(Tab::Inspector);
 
     // Views: the picture's area alone, a smaller one each, with its legend.
-    let memory = canvas.app.memory_mut();
-    memory.layout = Layout::Left;
-    memory.hierarchy = false;
-    memory.side = false;
-    memory.statistics = false;
+    let shown = canvas.app.window_state_mut();
+    shown.layout = Layout::Left;
+    shown.hierarchy = false;
+    shown.side = false;
+    shown.statistics = false;
     let mut views = Vec::new();
-    for look in Look::all() {
+    for mode in ViewMode::all() {
         // Provenance is the right eye's.
-        let is_right = look == Look::Inspection(Inspection::Provenance);
-        canvas.app.memory_mut().layout = if is_right {
+        let is_right = mode == ViewMode::Inspection(Inspection::Provenance);
+        canvas.app.window_state_mut().layout = if is_right {
             Layout::Right
         } else {
             Layout::Left
         };
-        canvas.app.set_look(look);
-        if look == Look::Error {
+        canvas.app.set_view_mode(mode);
+        if mode == ViewMode::Error {
             canvas.until("a reference", |app| {
                 app.frame()
                     .is_some_and(|f| f.legend.is_some() && f.frames >= FRAMES)
@@ -301,7 +301,7 @@ fn main() -> Outcome<()> {
         // The legend lies left of the picture.
         let area = Rect::from_min_max(pos2(0.0, rect.min.y), rect.max);
         views.push(cut(&canvas.image()?, area, 3)?);
-        println!("{}", look.name());
+        println!("{}", mode.name());
     }
     let path = folder.join("views.png");
     write_png(&path, &sheet(&views, 4)?)?;

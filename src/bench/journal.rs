@@ -125,55 +125,7 @@ impl Journal {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
-    use super::super::records::{Load, Machine, Timing};
     use super::*;
-
-    fn row(key: &str) -> Row {
-        Row {
-            key: key.to_owned(),
-            suite: "test".to_owned(),
-            group: "g".to_owned(),
-            variant: "v".to_owned(),
-            scene: "s".to_owned(),
-            headset: String::new(),
-            size: [8, 8],
-            eyes: "left".to_owned(),
-            factors: BTreeMap::new(),
-            settings: BTreeMap::new(),
-            timing: Timing {
-                clock: "device".to_owned(),
-                rounds: 3,
-                warm_up: 1,
-                ms: BTreeMap::new(),
-                ratio: BTreeMap::new(),
-                pass_ms: BTreeMap::new(),
-            },
-            errors: BTreeMap::new(),
-            frame_noise: None,
-            stereo: None,
-            load: Load {
-                triangles: 1,
-                instances: 1,
-                lights: 1,
-                upload_bytes: 0,
-                photon_paths: 0,
-                photons_stored: 0,
-                photons_dropped: 0,
-                radius_m: Some(0.1),
-            },
-            machine: Machine {
-                adapter: "a".to_owned(),
-                kind: "software".to_owned(),
-                backend: "b".to_owned(),
-                driver: "d".to_owned(),
-                software_adapter: true,
-            },
-            version: "0".to_owned(),
-            code: "c".to_owned(),
-        }
-    }
 
     fn keys(names: &[&str]) -> Vec<String> {
         names.iter().map(|&name| name.to_owned()).collect()
@@ -192,8 +144,10 @@ mod tests {
         let path = folder.join("journal.jsonl");
         let mut journal = Journal::open(&path).unwrap();
         assert!(journal.is_empty() && !journal.was_cut_off());
-        journal.append(&[row("a"), row("b")]).unwrap();
-        journal.append(&[row("c")]).unwrap();
+        journal
+            .append(&[Row::imagined("a"), Row::imagined("b")])
+            .unwrap();
+        journal.append(&[Row::imagined("c")]).unwrap();
         drop(journal);
 
         // Killed in the middle of writing c.
@@ -204,11 +158,11 @@ mod tests {
         assert_eq!(journal.len(), 2);
         assert_eq!(
             journal.all(&keys(&["b", "a"])).unwrap(),
-            [row("b"), row("a")]
+            [Row::imagined("b"), Row::imagined("a")]
         );
         assert_eq!(journal.all(&keys(&["a", "c"])), None);
         // What is appended now stands on a line of its own.
-        journal.append(&[row("c")]).unwrap();
+        journal.append(&[Row::imagined("c")]).unwrap();
         let journal = Journal::open(&path).unwrap();
         assert!(!journal.was_cut_off());
         assert_eq!(journal.all(&keys(&["a", "b", "c"])).unwrap().len(), 3);
@@ -219,7 +173,7 @@ mod tests {
     fn broken_lines_and_other_keys_are_not_used() {
         let folder = folder("journal-broken");
         let path = folder.join("journal.jsonl");
-        let good = serde_json::to_string(&row("a")).unwrap();
+        let good = serde_json::to_string(&Row::imagined("a")).unwrap();
         std::fs::write(&path, format!("{{\"key\":\"x\"}}\n{good}\nnonsense\n")).unwrap();
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.len(), 1);

@@ -7,26 +7,27 @@ use std::time::Instant;
 use glam::{DQuat, DVec3};
 use serde_json::Value;
 
+use super::correspondence::left_from_right;
 use super::fingerprint::{BENCH_CODE, Fingerprint};
+use super::instance_motion::{InstanceMotion, InstanceMover};
 use super::journal::Journal;
-use super::moves::{Mover, Moves};
 use super::records::{Load, Machine, Row, differing_settings};
-use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
+use super::reference::{PixelFilter, REFERENCE_SHARE, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
 use super::statistics::mean;
-use super::tally::{Frame, Tally, Truth, judge_part, region_masks};
 use super::timing::{Round, interleave};
-use super::views::{left_from_right, recorded_trace};
+use super::variant_statistics::{Frame, Truth, VariantStatistics, judge_part, region_masks};
 use super::{BenchError, BenchProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::options::{Eyes, Settings};
-use crate::renderer::{Eye, MapStats, Renderer};
+use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
 use crate::scene::Scene;
-use crate::xr::{Headset, Pose, View};
+use crate::xr::{
+    Headset, Motion, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession, View, XrError,
+    all_frames,
+};
 
-/// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
-pub(super) const REFERENCE_SHARE: f64 = 0.1;
 /// Times that a reference's target is set anew as it becomes better.
 const PILOTS: u32 = 6;
 /// Some of that share is kept back: the smallest error is known only after the rounds.
@@ -44,7 +45,7 @@ pub struct Candidate {
     /// What the suite varies here.
     pub factors: BTreeMap<String, Value>,
     /// What of the scene moves between rounds.
-    pub moves: Moves,
+    pub motion: InstanceMotion,
 }
 
 /// From where a group looks.
@@ -198,7 +199,7 @@ impl<'a> Lab<'a> {
                 .with_text(&candidate.variant)
                 .with_value(&candidate.settings)
                 .with_value(&candidate.factors)
-                .with_text(&format!("{:?}", candidate.moves));
+                .with_text(&format!("{:?}", candidate.motion));
         }
         Ok(plan
             .candidates
@@ -230,7 +231,7 @@ impl<'a> Lab<'a> {
                 .collect(),
             ViewPlan::Trace => {
                 let path = trace_path(self.out, plan)?;
-                let trace = recorded_trace(&path, &plan.headset, start, plan.rounds)?;
+                let trace = recorded_sway(&path, plan, start)?;
                 let last = trace.last().copied().unwrap_or_else(still);
                 // Warm-up looks from where errors are taken: from the last frame.
                 let mut views = vec![last; plan.warm_up as usize];
@@ -262,33 +263,21 @@ impl<'a> Lab<'a> {
         let Some(judged_view) = views.last().copied() else {
             return Ok(Vec::new());
         };
-        let mut renderers = Vec::new();
-        for candidate in &plan.candidates {
-            let context = GpuContext::open(Some(&candidate.settings.adapter))?;
-            renderers.push(Renderer::new(
-                context,
-                &self.library,
-                scene,
-                &candidate.settings,
-                plan.eyes,
-                plan.size,
-            )?);
-        }
-        let movers: Vec<Mover> = plan
+        let mut contenders: Vec<Contender> = plan
             .candidates
             .iter()
-            .map(|candidate| Mover::new(scene, candidate.moves))
-            .collect();
+            .map(|candidate| Contender::open(plan, candidate, scene, &self.library))
+            .collect::<Result<_, _>>()?;
         let mut truth = Truth::default();
         if plan.filter.is_some() && plan.eyes == Eyes::Both {
             // The first variant renders each eye by itself, so both eyes' first hits are there.
-            if let Some(first) = renderers.first_mut() {
-                first.render_frame(&judged_view, 0, |_| {})?;
-                truth.correspondence = correspondence(first, &judged_view, plan.size)?;
-            }
+            let first = &mut contenders[0].renderer;
+            first.render_frame(&judged_view, 0, |_| {})?;
+            truth.correspondence = correspondence(first, &judged_view, plan.size)?;
         }
         let still = plan.views != ViewPlan::Trace;
-        let mut tallies: Vec<Tally> = plan.candidates.iter().map(|_| Tally::default()).collect();
+        let mut statistics: Vec<VariantStatistics> = Vec::new();
+        statistics.resize_with(plan.candidates.len(), VariantStatistics::default);
         let warm_up = plan.warm_up.max(1);
         interleave(
             plan.candidates.len(),
@@ -297,12 +286,7 @@ impl<'a> Lab<'a> {
             |variant, round| {
                 let place = (round.index as usize).min(views.len() - 1);
                 let reads = still || !round.counts || round.is_last;
-                let renderer = &mut renderers[variant];
-                let moved_ms = movers[variant].step(renderer, scene, round.index)?;
-                let mut frame = run_frame(renderer, &views[place], round, plan, reads)?;
-                frame.result.cpu_ms.update += moved_ms;
-                frame.host_ms += moved_ms;
-                Ok(frame)
+                contenders[variant].frame(plan, scene, &views[place], round, reads)
             },
             |round, frames: Vec<Frame>| {
                 self.progress.round(plan, round);
@@ -314,46 +298,48 @@ impl<'a> Lab<'a> {
                     return Ok(());
                 }
                 for (index, frame) in frames.iter().enumerate() {
-                    let tally = &mut tallies[index];
-                    tally.time(frame, &plan.candidates[index].settings);
+                    let variant = &mut statistics[index];
+                    variant.time(frame, &plan.candidates[index].settings);
                     if still || round.is_last {
-                        tally.judge(frame, &frames[0], &truth, still)?;
+                        variant.judge(frame, &frames[0], &truth, still)?;
                     }
                 }
                 Ok::<_, BenchError>(())
             },
         )?;
-        let first = &tallies[0];
-        Ok(tallies
+        let first = &statistics[0];
+        let rows = statistics
             .iter()
-            .zip(&plan.candidates)
-            .zip(keys.iter().zip(&renderers))
-            .map(|((tally, candidate), (key, renderer))| Row {
-                key: key.clone(),
-                suite: plan.suite.to_owned(),
-                group: plan.name.clone(),
-                variant: candidate.variant.clone(),
-                scene: plan.scene.name(),
-                headset: plan.headset_label.clone(),
-                size: plan.size,
-                eyes: match plan.eyes {
-                    Eyes::Both => "both",
-                    Eyes::Left => "left",
-                    Eyes::Right => "right",
-                }
-                .to_owned(),
-                factors: candidate.factors.clone(),
-                settings: differing_settings(&candidate.settings),
-                timing: tally.timing(first, renderer, plan.rounds, warm_up),
-                errors: tally.errors(&truth),
-                frame_noise: mean(tally.noise()),
-                stereo: tally.stereo(first),
-                load: load(scene, renderer, tally),
-                machine: self.machine.clone(),
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                code: BENCH_CODE.to_owned(),
-            })
-            .collect())
+            .zip(plan.candidates.iter().zip(keys))
+            .zip(&contenders)
+            .map(
+                |((own, (candidate, key)), Contender { renderer, .. })| Row {
+                    key: key.clone(),
+                    suite: plan.suite.to_owned(),
+                    group: plan.name.clone(),
+                    variant: candidate.variant.clone(),
+                    scene: plan.scene.name(),
+                    headset: plan.headset_label.clone(),
+                    size: plan.size,
+                    eyes: match plan.eyes {
+                        Eyes::Both => "both",
+                        Eyes::Left => "left",
+                        Eyes::Right => "right",
+                    }
+                    .to_owned(),
+                    factors: candidate.factors.clone(),
+                    settings: differing_settings(&candidate.settings),
+                    timing: own.timing(first, renderer, plan.rounds, warm_up),
+                    errors: own.errors(&truth),
+                    frame_noise: mean(own.noise()),
+                    stereo: own.stereo(first),
+                    load: load(scene, renderer, own.last()),
+                    machine: self.machine.clone(),
+                    version: env!("CARGO_PKG_VERSION").to_owned(),
+                    code: BENCH_CODE.to_owned(),
+                },
+            );
+        Ok(rows.collect())
     }
 
     /// References good enough for the errors of the last warm-up round's frames, or as good as the cap allows.
@@ -438,6 +424,19 @@ fn smallest_error(frames: &[Frame], eye: usize, reference: &Reference) -> Result
     Ok(smallest)
 }
 
+/// Records a swaying head as a native trace and returns the views as the replay gives them.
+fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View; 2]>, XrError> {
+    let frames = u64::from(plan.rounds);
+    let motion = Motion::Sway { seed: 1 };
+    let sway = SimulatedSession::new(plan.headset.clone(), motion, start, Some(frames));
+    let mut recorder = Recorder::create(path, sway)?;
+    all_frames(&mut recorder, usize::MAX)?;
+    drop(recorder);
+    let options = ReplayOptions::new(plan.headset.clone(), start);
+    let replayed = all_frames(&mut ReplaySession::open(path, options)?, usize::MAX)?;
+    Ok(replayed.into_iter().map(|(_, views)| views).collect())
+}
+
 /// Where a group's recorded trace lies; its folder is made.
 fn trace_path(out: &Path, plan: &GroupPlan) -> Result<PathBuf, BenchError> {
     let folder = out.join("traces");
@@ -458,38 +457,64 @@ fn correspondence(
         .map(|(left, right)| left_from_right(views, size, &left, &right)))
 }
 
-/// Renders a frame and, if `reads`, its images; reading is not timed.
-fn run_frame(
-    renderer: &mut Renderer,
-    views: &[View; 2],
-    round: Round,
-    plan: &GroupPlan,
-    reads: bool,
-) -> Result<Frame, BenchError> {
-    let began = Instant::now();
-    let result = renderer.render_frame(views, round.index, |_| {})?;
-    let host_ms = crate::gpu::timing::milliseconds_since(began);
-    let mut images = [None, None];
-    let mut provenance = None;
-    if reads {
-        for (eye, image) in [Eye::Left, Eye::Right].into_iter().zip(&mut images) {
-            *image = renderer
-                .read_radiance(eye)?
-                .map(|pixels| Image::new(plan.size[0], plan.size[1], pixels))
-                .transpose()?;
-        }
-        provenance = renderer.read_provenance()?;
-    }
-    Ok(Frame {
-        result,
-        host_ms,
-        images,
-        provenance,
-    })
+/// A variant with its renderer.
+struct Contender {
+    renderer: Renderer,
+    mover: InstanceMover,
 }
 
-fn load(scene: &Scene, renderer: &Renderer, tally: &Tally) -> Load {
-    let photons = tally.last().photons;
+impl Contender {
+    fn open(
+        plan: &GroupPlan,
+        candidate: &Candidate,
+        scene: &Scene,
+        library: &ShaderLibrary,
+    ) -> Result<Self, BenchError> {
+        let settings = &candidate.settings;
+        let context = GpuContext::open(Some(&settings.adapter))?;
+        Ok(Self {
+            renderer: Renderer::new(context, library, scene, settings, plan.eyes, plan.size)?,
+            mover: InstanceMover::new(scene, candidate.motion),
+        })
+    }
+
+    /// Renders a frame and, if `reads`, its images; reading is not timed.
+    fn frame(
+        &mut self,
+        plan: &GroupPlan,
+        scene: &Scene,
+        views: &[View; 2],
+        round: Round,
+        reads: bool,
+    ) -> Result<Frame, BenchError> {
+        let renderer = &mut self.renderer;
+        let moved_ms = self.mover.step(renderer, scene, round.index)?;
+        let began = Instant::now();
+        let mut result = renderer.render_frame(views, round.index, |_| {})?;
+        let host_ms = moved_ms + crate::gpu::timing::milliseconds_since(began);
+        result.cpu_ms.update += moved_ms;
+        let mut images = [None, None];
+        let mut provenance = None;
+        if reads {
+            for (eye, image) in [Eye::Left, Eye::Right].into_iter().zip(&mut images) {
+                *image = renderer
+                    .read_radiance(eye)?
+                    .map(|pixels| Image::new(plan.size[0], plan.size[1], pixels))
+                    .transpose()?;
+            }
+            provenance = renderer.read_provenance()?;
+        }
+        Ok(Frame {
+            result,
+            host_ms,
+            images,
+            provenance,
+        })
+    }
+}
+
+fn load(scene: &Scene, renderer: &Renderer, last: &FrameResult) -> Load {
+    let photons = last.photons;
     let maps = [Some(photons.map), photons.caustics];
     let sum = |pick: fn(&MapStats) -> u32| -> u64 {
         maps.iter().flatten().map(|map| u64::from(pick(map))).sum()
@@ -530,7 +555,7 @@ mod tests {
                 ..Settings::default()
             },
             factors: BTreeMap::new(),
-            moves: Moves::Nothing,
+            motion: InstanceMotion::Nothing,
         };
         GroupPlan {
             suite: "stereo",
@@ -587,7 +612,7 @@ mod tests {
             // Another variant in the group changes all of its keys: they are measured against each other.
             |plan| plan.candidates[1].settings.photon.count = 7,
             |plan| plan.candidates[1].settings.seed = 1,
-            |plan| plan.candidates[1].moves = Moves::One,
+            |plan| plan.candidates[1].motion = InstanceMotion::One,
         ];
         for (index, change) in changes.into_iter().enumerate() {
             let mut other = plan();

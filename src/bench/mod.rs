@@ -2,17 +2,18 @@
 //!
 //! A suite ([`suites`]) is a list of groups, and a group is a few variants of the same picture. [`measure`] renders the
 //! variants of a group in turn ([`timing`]), so that whatever slows the machine slows all of them, and judges the very frames
-//! that it timed ([`tally`]) against a path-traced reference ([`reference`]) that is cached under everything it depends on.
+//! that it timed ([`variant_statistics`]) against a path-traced reference ([`reference`]) that is cached under everything it depends on.
 //! Each variant becomes one [`records::Row`], appended to the [`journal`] as soon as it is there: a run that is killed goes on
 //! where it stopped. In the end [`report`] fits, ranks and writes report.md, CSV, JSON and [`plots`].
 //!
 //! Photons are traced anew in every frame that is measured, so that frames are independent renders: their mean against the
 //! reference is the bias, their spread the variance, and no renderer has to be rebuilt in between.
 
+pub mod correspondence;
 pub mod fingerprint;
+pub mod instance_motion;
 pub mod journal;
 pub mod measure;
-pub mod moves;
 pub mod plots;
 pub mod records;
 pub mod reference;
@@ -20,9 +21,8 @@ pub mod report;
 pub mod scenes;
 pub mod statistics;
 pub mod suites;
-pub mod tally;
 pub mod timing;
-pub mod views;
+pub mod variant_statistics;
 
 use std::fmt;
 use std::fs;

@@ -56,10 +56,8 @@ pub struct Chart {
     pub x_label: String,
     /// y axis with unit.
     pub y_label: String,
-    /// Logarithmic x.
-    pub x_log: bool,
-    /// Logarithmic y.
-    pub y_log: bool,
+    /// Both axes are logarithmic.
+    pub log: bool,
     /// What is drawn.
     pub series: Vec<Series>,
 }
@@ -268,13 +266,12 @@ fn draw_on<DB: DrawingBackend>(
 ) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
     area.fill(&WHITE)?;
     let points = || chart.series.iter().flat_map(|series| &series.points);
-    let x = Axis::around(points().map(|point| point.0), chart.x_log);
-    let y = Axis::around(points().map(|point| point.1), chart.y_log);
+    let x = Axis::around(points().map(|point| point.0), chart.log);
+    let y = Axis::around(points().map(|point| point.1), chart.log);
     let holds = |point: &(f64, f64)| {
         point.0.is_finite()
             && point.1.is_finite()
-            && (!chart.x_log || point.0 > 0.0)
-            && (!chart.y_log || point.1 > 0.0)
+            && (!chart.log || (point.0 > 0.0 && point.1 > 0.0))
     };
     // The legend stands above the picture, where it hides nothing.
     let labels: Vec<&Series> = chart
@@ -407,8 +404,7 @@ mod tests {
             title: "A title".to_owned(),
             x_label: "ms per frame".to_owned(),
             y_label: "relative MSE".to_owned(),
-            x_log: true,
-            y_log: true,
+            log: true,
             series: vec![Series {
                 label: "a <series>".to_owned(),
                 points: vec![(1.0, 0.1), (10.0, 0.01), (0.0, 5.0)],

@@ -10,7 +10,6 @@ use super::statistics::{Estimate, Spread};
 use crate::gpu::context::AdapterSummary;
 use crate::metrics::BiasVariance;
 use crate::options::Settings;
-use crate::renderer::FilledBecause;
 
 /// Where a row was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,20 +24,6 @@ pub struct Machine {
     pub driver: String,
     /// True where the adapter computes on the CPU: such times say nothing about a GPU.
     pub software_adapter: bool,
-}
-
-#[cfg(test)]
-impl Machine {
-    /// A software adapter that is nowhere, for tests.
-    pub fn imagined() -> Self {
-        Self {
-            adapter: "a".to_owned(),
-            kind: "software".to_owned(),
-            backend: "b".to_owned(),
-            driver: "d".to_owned(),
-            software_adapter: true,
-        }
-    }
 }
 
 impl Machine {
@@ -110,7 +95,7 @@ pub struct RegionErrors {
 }
 
 /// Stereo reuse of a row, medians over the rounds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StereoFigures {
     /// Reused over all right-eye pixels that see a surface.
     pub reuse_fraction: Spread,
@@ -118,36 +103,14 @@ pub struct StereoFigures {
     pub reused: f64,
     /// Pixels filled.
     pub filled: f64,
-    /// Why.
-    pub because: [f64; 5],
+    /// Why, by reason.
+    pub because: BTreeMap<String, f64>,
     /// Binocular relative MSE: the disagreement of both eyes' errors where both see the same point.
     pub binocular_rel_mse: Option<Estimate>,
     /// The same over that of the group's first variant, round by round.
     pub binocular_ratio: Option<Spread>,
     /// Pairs of pixels that it is a mean over.
     pub binocular_pairs: f64,
-}
-
-/// Names of [`StereoFigures::because`].
-pub const REASONS: [&str; 5] = [
-    "out_of_left_view",
-    "disoccluded",
-    "edge",
-    "view_dependent",
-    "gap",
-];
-
-/// Reasons in the order of [`REASONS`].
-#[must_use]
-pub fn reasons(because: &FilledBecause) -> [f64; 5] {
-    [
-        because.out_of_left_view,
-        because.disoccluded,
-        because.edge,
-        because.view_dependent,
-        because.gap,
-    ]
-    .map(f64::from)
 }
 
 /// What the device was asked to hold.
@@ -210,6 +173,88 @@ pub struct Row {
     pub version: String,
     /// Fingerprint of the measuring and rendering code.
     pub code: String,
+}
+
+/// The numbers and words of `value` as JSON, by their dotted paths in it.
+#[must_use]
+pub fn leaves(value: &impl Serialize) -> BTreeMap<String, Value> {
+    fn gather(path: String, value: Value, into: &mut BTreeMap<String, Value>) {
+        let under = |key: String| match path.as_str() {
+            "" => key,
+            _ => format!("{path}.{key}"),
+        };
+        match value {
+            Value::Object(fields) => {
+                for (key, field) in fields {
+                    gather(under(key), field, into);
+                }
+            }
+            other => {
+                into.insert(path, other);
+            }
+        }
+    }
+    let mut into = BTreeMap::new();
+    let tree = serde_json::to_value(value).unwrap_or_default();
+    gather(String::new(), tree, &mut into);
+    into
+}
+
+#[cfg(test)]
+impl Machine {
+    /// A software adapter that is nowhere, for tests.
+    pub fn imagined() -> Self {
+        Self {
+            adapter: "a".to_owned(),
+            kind: "software".to_owned(),
+            backend: "b".to_owned(),
+            driver: "d".to_owned(),
+            software_adapter: true,
+        }
+    }
+}
+
+#[cfg(test)]
+impl Row {
+    /// A row without any figure, for tests.
+    pub fn imagined(key: &str) -> Self {
+        Self {
+            key: key.to_owned(),
+            suite: "test".to_owned(),
+            group: "g".to_owned(),
+            variant: "v".to_owned(),
+            scene: "s".to_owned(),
+            headset: "h".to_owned(),
+            size: [8, 8],
+            eyes: "left".to_owned(),
+            factors: BTreeMap::new(),
+            settings: BTreeMap::new(),
+            timing: Timing {
+                clock: "device".to_owned(),
+                rounds: 3,
+                warm_up: 1,
+                ms: BTreeMap::new(),
+                ratio: BTreeMap::new(),
+                pass_ms: BTreeMap::new(),
+            },
+            errors: BTreeMap::new(),
+            frame_noise: None,
+            stereo: None,
+            load: Load {
+                triangles: 12,
+                instances: 1,
+                lights: 1,
+                upload_bytes: 100,
+                photon_paths: 0,
+                photons_stored: 0,
+                photons_dropped: 0,
+                radius_m: Some(0.1),
+            },
+            machine: Machine::imagined(),
+            version: "0".to_owned(),
+            code: "c".to_owned(),
+        }
+    }
 }
 
 impl Row {

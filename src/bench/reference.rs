@@ -25,6 +25,8 @@ use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
 use crate::xr::View;
 
+/// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
+pub(super) const REFERENCE_SHARE: f64 = 0.1;
 /// Samples of one batch over a pixel's area.
 pub const BOX_SAMPLES: u32 = 16;
 /// Fewest batches: under these the spread is not worth much.

@@ -13,8 +13,8 @@ use super::BenchError;
 use super::fingerprint::Fingerprint;
 use crate::options::Settings;
 use crate::scene::{
-    Camera, Instance, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
-    SceneError, load_environment,
+    Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
+    load_environment,
 };
 
 /// A scene to measure.
@@ -294,22 +294,37 @@ fn indirect() -> Scene {
         name: "viewpoint".to_owned(),
         yfov_rad: Some(1.1),
     });
-    let mut place = |name: &str, from, mesh, camera| {
-        scene.roots.push(scene.nodes.len());
-        scene.nodes.push(Node {
-            name: name.to_owned(),
-            parent_from_node: from,
-            mesh,
-            camera,
-            ..Node::default()
-        });
-    };
     for index in 0..5 {
-        place("room", DAffine3::IDENTITY, Some(index), None);
+        place(&mut scene, "room", DAffine3::IDENTITY, mesh_node(index));
     }
-    place("block", block, Some(5), None);
-    place("viewpoint", eye, None, Some(0));
+    place(&mut scene, "block", block, mesh_node(5));
+    place(&mut scene, "viewpoint", eye, camera_node());
     scene
+}
+
+/// Hangs `node` into the scene's root.
+fn place(scene: &mut Scene, name: &str, world_from_node: DAffine3, node: Node) {
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        name: name.to_owned(),
+        parent_from_node: world_from_node,
+        ..node
+    });
+}
+
+fn mesh_node(mesh: usize) -> Node {
+    Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    }
+}
+
+/// With the scene's first camera.
+fn camera_node() -> Node {
+    Node {
+        camera: Some(0),
+        ..Node::default()
+    }
 }
 
 impl Generated {
@@ -334,24 +349,8 @@ impl Generated {
         scene.meshes.push(floor(self.floor_quads()));
         scene.meshes.push(walls());
         scene.meshes.push(cube());
-        let place = |scene: &mut Scene, name: &str, from: DAffine3, payload: Payload| {
-            scene.roots.push(scene.nodes.len());
-            let (mesh, light, camera) = match payload {
-                Payload::Mesh(mesh) => (Some(mesh), None, None),
-                Payload::Light(light) => (None, Some(light), None),
-                Payload::Camera => (None, None, Some(0)),
-            };
-            scene.nodes.push(Node {
-                name: name.to_owned(),
-                parent_from_node: from,
-                mesh,
-                light,
-                camera,
-                ..Node::default()
-            });
-        };
-        place(&mut scene, "floor", DAffine3::IDENTITY, Payload::Mesh(0));
-        place(&mut scene, "walls", DAffine3::IDENTITY, Payload::Mesh(1));
+        place(&mut scene, "floor", DAffine3::IDENTITY, mesh_node(0));
+        place(&mut scene, "walls", DAffine3::IDENTITY, mesh_node(1));
         // A square grid of boxes over the middle of the floor; together they cover the same share of it, whatever their number.
         let side = f64::from(self.boxes).sqrt().ceil().max(1.0);
         let step = 2.4 / side;
@@ -365,7 +364,7 @@ impl Generated {
             );
             let edge = 0.5 * step;
             let from = DAffine3::from_translation(at) * DAffine3::from_scale(DVec3::splat(edge));
-            place(&mut scene, "box", from, Payload::Mesh(2));
+            place(&mut scene, "box", from, mesh_node(2));
         }
         let columns = f64::from(self.lights).sqrt().ceil().max(1.0);
         for index in 0..self.lights {
@@ -378,7 +377,11 @@ impl Generated {
                 intensity: [INTENSITY / self.lights as f32; 3],
             });
             let from = DAffine3::from_translation(at);
-            place(&mut scene, "light", from, Payload::Light(index as usize));
+            let node = Node {
+                light: Some(index as usize),
+                ..Node::default()
+            };
+            place(&mut scene, "light", from, node);
         }
         scene.cameras.push(Camera {
             name: "viewpoint".to_owned(),
@@ -386,15 +389,9 @@ impl Generated {
         });
         let eye = DVec3::new(0.0, 1.5, 1.9);
         let from = DAffine3::from_translation(eye) * DAffine3::from_rotation_x(-0.45);
-        place(&mut scene, "viewpoint", from, Payload::Camera);
+        place(&mut scene, "viewpoint", from, camera_node());
         scene
     }
-}
-
-enum Payload {
-    Mesh(usize),
-    Light(usize),
-    Camera,
 }
 
 /// A mesh from corners and quads (two triangles each), all of one material, with one normal per vertex.
@@ -504,16 +501,6 @@ fn cube() -> Mesh {
     mesh("box", vertices, triangles, 2)
 }
 
-/// Instances in a scene, for tests and loads.
-#[must_use]
-pub fn instances_of(scene: &Scene, mesh: usize) -> Vec<Instance> {
-    scene
-        .instances()
-        .into_iter()
-        .filter(|instance| instance.mesh == mesh)
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -532,7 +519,9 @@ mod tests {
                 floor >= triangles && floor < triangles + triangles / 5,
                 "{floor}"
             );
-            assert_eq!(instances_of(&scene, 2).len() as u32, boxes);
+            let placed = scene.instances();
+            let placed = placed.iter().filter(|instance| instance.mesh == 2);
+            assert_eq!(placed.count() as u32, boxes);
             assert_eq!(scene.light_instances().len() as u32, lights);
             let power: f32 = scene.lights.iter().map(|light| light.intensity[0]).sum();
             assert!((power / INTENSITY - 1.0).abs() < 1e-4);

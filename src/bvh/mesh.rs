@@ -52,6 +52,11 @@ impl MaterialMarks {
 /// 5 %, with 12 (its boxes too) 4 %.
 const FEW_TRIANGLES: u32 = 4;
 
+/// Nodes that a hierarchy over `triangles` can have: a binary tree has fewer inner nodes than leaves, and one at least.
+pub fn node_room(triangles: usize) -> usize {
+    triangles.max(1)
+}
+
 /// Where one mesh lies in the arrays of [`MeshHierarchies`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshRange {
@@ -146,7 +151,7 @@ impl MeshHierarchies {
         let mut first_vertex = 0;
         for (index, (mesh, part)) in meshes.iter().zip(&parts).enumerate() {
             let room = if changes(index) {
-                super::refit::node_room(mesh.triangles.len())
+                node_room(mesh.triangles.len())
             } else {
                 0
             };
@@ -166,14 +171,9 @@ impl MeshHierarchies {
     ) {
         let root = self.nodes.len() as u32;
         let first_triangle = self.triangles.len() as u32;
-        self.nodes.extend(part.nodes.iter().map(|node| {
-            let shift = |index, count| index + if count == 0 { root } else { first_triangle };
-            BvhNode {
-                left_index: shift(node.left_index, node.left_count),
-                right_index: shift(node.right_index, node.right_count),
-                ..*node
-            }
-        }));
+        let nodes = part.nodes.iter();
+        self.nodes
+            .extend(nodes.map(|node| tree::shifted(node, root, first_triangle)));
         let end = self.nodes.len().max(root as usize + room);
         self.nodes.resize(end, BvhNode::default());
         let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();

@@ -3,8 +3,7 @@
 //! - [`mesh`]: one hierarchy per mesh in its object space, built once with SAH quality;
 //! - [`top`]: a hierarchy over the placed meshes, rebuilt each frame relative to the head;
 //! - [`refit`]: hierarchies of meshes that change their shape;
-//! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth;
-//! - [`reference`]: the traversal's twin on the CPU and a brute force search in f64, for tests and for picking.
+//! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth.
 //!
 //! The GPU's part is `shaders/shared/traversal.wesl`. It keeps one fixed stack; [`MESH_STACK`] and [`TOP_STACK`] are
 //! its two shares. A traversal pushes at most one entry per inner node on its path, so a hierarchy whose depth (inner
@@ -12,7 +11,6 @@
 
 pub mod bounds;
 pub mod mesh;
-pub mod reference;
 pub mod refit;
 pub mod top;
 pub mod tree;
@@ -92,6 +90,3 @@ pub enum BvhError {
     #[error("hierarchy check failed: {0}")]
     Invalid(String),
 }
-
-#[cfg(test)]
-mod tests;

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::mesh::{self, MaterialMarks, MeshHierarchies};
+use super::mesh::{self, MaterialMarks, MeshHierarchies, node_room};
+use super::tree::{self, children};
 use super::{Bounds32, BvhError, MESH_STACK};
 use crate::gpu::types::bvh::BvhNode;
 use crate::scene::Mesh;
@@ -14,11 +15,6 @@ pub struct Rebuilt {
     pub nodes: Range<usize>,
     /// Triangles, and their vertices.
     pub triangles: Range<usize>,
-}
-
-/// Nodes that a hierarchy over `triangles` can have: a binary tree has fewer inner nodes than leaves, and one at least.
-pub fn node_room(triangles: usize) -> usize {
-    triangles.max(1)
 }
 
 impl MeshHierarchies {
@@ -93,19 +89,7 @@ impl MeshHierarchies {
             )));
         }
         for (to, node) in self.nodes[nodes.clone()].iter_mut().zip(&alone.nodes) {
-            let shift = |index, count| {
-                index
-                    + if count == 0 {
-                        range.root
-                    } else {
-                        range.first_triangle
-                    }
-            };
-            *to = BvhNode {
-                left_index: shift(node.left_index, node.left_count),
-                right_index: shift(node.right_index, node.right_count),
-                ..*node
-            };
+            *to = tree::shifted(node, range.root, range.first_triangle);
         }
         self.triangles[triangles.clone()].copy_from_slice(&alone.triangles);
         self.triangle_vertices[triangles.clone()].copy_from_slice(&alone.triangle_vertices);
@@ -122,25 +106,6 @@ fn inner_children(node: &BvhNode) -> impl Iterator<Item = u32> + use<> {
         .into_iter()
         .filter(|(bounds, _, count)| *count == 0 && !bounds.is_empty())
         .map(|(_, index, _)| index)
-}
-
-fn children(node: &BvhNode) -> [(Bounds32, u32, u32); 2] {
-    let bounds = |min: [f32; 3], max: [f32; 3]| Bounds32 {
-        min: min.into(),
-        max: max.into(),
-    };
-    [
-        (
-            bounds(node.left_min, node.left_max),
-            node.left_index,
-            node.left_count,
-        ),
-        (
-            bounds(node.right_min, node.right_max),
-            node.right_index,
-            node.right_count,
-        ),
-    ]
 }
 
 /// Expected cost of a ray that meets the box of `root`: the areas of all boxes below it, leaves times their triangles,

@@ -78,6 +78,12 @@ enum Source {
     Range(u32, u32),
 }
 
+/// What becomes of a subtree or range: a leaf of these primitives, or a node with two sides.
+enum Parts<'a> {
+    Leaf(&'a [u32]),
+    Sides([Source; 2]),
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Item {
     source: Source,
@@ -134,79 +140,47 @@ pub fn flatten_into(
     flat: &mut Flat,
 ) {
     let leaf_size = shape.leaf_size.clamp(1, MAX_LEAF);
-    let extents = tree
-        .map(|tree| measure(tree, leaf_size))
-        .unwrap_or_default();
     flat.nodes.clear();
     flat.order.clear();
     flat.depth = 0;
-    flat.bounds = None;
     flat.rebuilt = 0;
+    scratch.begin(tree, boxes);
     let Scratch {
         stack,
         range,
         children,
     } = scratch;
-    stack.clear();
-    range.clear();
-    children.clear();
-
-    let root = match tree {
-        Some(tree) if tree.nodes.is_empty() => None,
-        Some(_) => Some(Source::Subtree(0)),
-        None => {
-            range
-                .extend((0..boxes.len() as u32).filter(|&index| !boxes[index as usize].is_empty()));
-            (!range.is_empty()).then_some(Source::Range(0, range.len() as u32))
-        }
-    };
-    stack.extend(root.map(|source| Item {
-        source,
-        depth: 0,
-        parent: None,
-    }));
-
+    let known = tree.map(|tree| (tree, measure(tree, leaf_size)));
     while let Some(item) = stack.pop() {
-        let source = match (item.source, tree) {
-            (Source::Subtree(index), Some(tree))
-                if must_rebuild(tree, &extents, index, item.depth, shape, leaf_size) =>
-            {
-                flat.rebuilt += 1;
-                let start = range.len() as u32;
-                gather(tree, index, range);
-                Source::Range(start, range.len() as u32)
-            }
-            (source, _) => source,
-        };
-        let split = match source {
-            Source::Subtree(index) => {
-                let node = tree.map_or(TreeNode { count: 0, first: 0 }, |tree| {
-                    tree.nodes[index as usize]
-                });
-                if node.count > 0 {
-                    let primitives = tree.map_or(&[][..], |tree| {
-                        &tree.order[node.first as usize..(node.first + node.count) as usize]
-                    });
-                    add_leaf(primitives, item.parent, boxes, children, &mut flat.order);
-                    None
-                } else {
-                    Some((Source::Subtree(node.first), Source::Subtree(node.first + 1)))
-                }
-            }
-            Source::Range(start, end) => {
+        let mut source = item.source;
+        if let (Source::Subtree(index), Some((tree, extents))) = (source, &known)
+            && must_rebuild(tree, extents, index, item.depth, shape, leaf_size)
+        {
+            flat.rebuilt += 1;
+            let start = range.len() as u32;
+            gather(tree, index, range);
+            source = Source::Range(start, range.len() as u32);
+        }
+        let parts = match (source, tree) {
+            (Source::Range(start, end), _) => {
                 let primitives = &mut range[start as usize..end as usize];
                 if end - start <= leaf_size {
-                    add_leaf(primitives, item.parent, boxes, children, &mut flat.order);
-                    None
+                    Parts::Leaf(primitives)
                 } else {
                     let middle =
                         start + split_range(primitives, boxes, shape, leaf_size, item.depth);
-                    Some((Source::Range(start, middle), Source::Range(middle, end)))
+                    Parts::Sides([Source::Range(start, middle), Source::Range(middle, end)])
                 }
             }
+            (Source::Subtree(index), Some(tree)) => tree.parts(index),
+            (Source::Subtree(_), None) => continue,
         };
-        let Some((left, right)) = split else {
-            continue;
+        let sides = match parts {
+            Parts::Sides(sides) => sides,
+            Parts::Leaf(primitives) => {
+                add_leaf(primitives, item.parent, boxes, children, &mut flat.order);
+                continue;
+            }
         };
         let node = children.len() as u32;
         children.push([NO_CHILD; 2]);
@@ -215,18 +189,54 @@ pub fn flatten_into(
         }
         let depth = item.depth + 1;
         flat.depth = flat.depth.max(depth);
-        stack.push(Item {
-            source: right,
-            depth,
-            parent: Some((node, 1)),
-        });
-        stack.push(Item {
-            source: left,
-            depth,
-            parent: Some((node, 0)),
-        });
+        // The left side comes first.
+        for side in [1, 0] {
+            stack.push(Item {
+                source: sides[side],
+                depth,
+                parent: Some((node, side)),
+            });
+        }
     }
+    pack_nodes(children, shape.pad_units, flat);
+}
 
+impl Tree {
+    fn parts(&self, index: u32) -> Parts<'_> {
+        let node = self.nodes[index as usize];
+        if node.count > 0 {
+            let end = node.first + node.count;
+            return Parts::Leaf(&self.order[node.first as usize..end as usize]);
+        }
+        Parts::Sides([node.first, node.first + 1].map(Source::Subtree))
+    }
+}
+
+impl Scratch {
+    /// Forgets what was, and puts the root on the stack.
+    fn begin(&mut self, tree: Option<&Tree>, boxes: &[Bounds32]) {
+        self.stack.clear();
+        self.range.clear();
+        self.children.clear();
+        let root = match tree {
+            Some(tree) => (!tree.nodes.is_empty()).then_some(Source::Subtree(0)),
+            None => {
+                let filled = (0..boxes.len() as u32).filter(|&i| !boxes[i as usize].is_empty());
+                self.range.extend(filled);
+                let count = self.range.len() as u32;
+                (count > 0).then_some(Source::Range(0, count))
+            }
+        };
+        self.stack.extend(root.map(|source| Item {
+            source,
+            depth: 0,
+            parent: None,
+        }));
+    }
+}
+
+/// Completes the boxes of inner nodes, and writes all nodes.
+fn pack_nodes(children: &mut Vec<[Child; 2]>, pad_units: f64, flat: &mut Flat) {
     // Children lie behind their parents, so one pass backwards completes the bounds of inner nodes.
     for node in (0..children.len()).rev() {
         for side in 0..2 {
@@ -244,11 +254,39 @@ pub fn flatten_into(
     let bounds = children[0][0].bounds.union(&children[0][1].bounds);
     flat.bounds = (!bounds.is_empty()).then_some(bounds);
     flat.depth = flat.depth.max(1);
-    flat.nodes.extend(
-        children
-            .iter()
-            .map(|[left, right]| pack(left, right, shape.pad_units)),
-    );
+    let nodes = children.iter();
+    flat.nodes
+        .extend(nodes.map(|[left, right]| pack(left, right, pad_units)));
+}
+
+/// A node whose indices count from a hierarchy's own first node and primitive, among other hierarchies.
+pub(super) fn shifted(node: &BvhNode, root: u32, first_primitive: u32) -> BvhNode {
+    let shift = |index, count| index + if count == 0 { root } else { first_primitive };
+    BvhNode {
+        left_index: shift(node.left_index, node.left_count),
+        right_index: shift(node.right_index, node.right_count),
+        ..*node
+    }
+}
+
+/// Box, index and count of a node's two children.
+pub(super) fn children(node: &BvhNode) -> [(Bounds32, u32, u32); 2] {
+    let bounds = |min: [f32; 3], max: [f32; 3]| Bounds32 {
+        min: min.into(),
+        max: max.into(),
+    };
+    [
+        (
+            bounds(node.left_min, node.left_max),
+            node.left_index,
+            node.left_count,
+        ),
+        (
+            bounds(node.right_min, node.right_max),
+            node.right_index,
+            node.right_count,
+        ),
+    ]
 }
 
 fn pack(left: &Child, right: &Child, pad_units: f64) -> BvhNode {
@@ -477,25 +515,7 @@ pub fn check(
                 "node {index} lies at depth {depth}, beyond {max_depth}"
             ));
         }
-        let sides = [
-            (
-                node.left_min,
-                node.left_max,
-                node.left_index,
-                node.left_count,
-            ),
-            (
-                node.right_min,
-                node.right_max,
-                node.right_index,
-                node.right_count,
-            ),
-        ];
-        for (min, max, child, count) in sides {
-            let bounds = Bounds32 {
-                min: min.into(),
-                max: max.into(),
-            };
+        for (bounds, child, count) in children(node) {
             if bounds.is_empty() {
                 continue;
             }

@@ -7,8 +7,8 @@ use crate::options::ViewOptions;
 use crate::output::OutputFolder;
 use crate::scene::edit::Document;
 use crate::scene::load_environment;
-use crate::viewer::memory::Memory;
 use crate::viewer::session::Recording;
+use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};
 use crate::xr::{Headset, Pose, ReplaySession, Validated};
 
@@ -40,8 +40,8 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         }
         None => None,
     };
-    let path = Memory::path();
-    let memory = path.as_deref().map(Memory::load).unwrap_or_default();
+    let path = WindowState::path();
+    let window_state = path.as_deref().map(WindowState::load).unwrap_or_default();
     interrupt::catch();
     Ok(show(
         Start {
@@ -50,7 +50,7 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
             headset,
             recording,
             out: options.out.clone(),
-            memory,
+            window_state,
         },
         &settings.adapter,
         path,

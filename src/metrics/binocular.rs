@@ -4,8 +4,7 @@
 
 use serde::Serialize;
 
-use super::comparison::{is_finite, mean_square};
-use super::{BlockedMean, MetricsError, require_size};
+use super::{BlockedMean, MetricsError, finite, is_finite, mean_square, require_size};
 use crate::images::{Image, ImageRgb};
 
 /// Disagreement of the two eyes' errors over corresponding pixels. With d = (x - r) of the right eye minus (x - r) of
@@ -96,19 +95,12 @@ pub fn binocular_error(
             "no finite point is seen by both eyes",
         ));
     }
-    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    let rmse = square.mean().sqrt();
+    let (rmse, rmse_se) = square.root();
     Ok(BinocularError {
         rel_mse: finite(relative.mean()),
         rel_mse_se: relative.standard_error().and_then(finite),
         rmse,
-        rmse_se: square.standard_error().map(|error| {
-            if rmse > 0.0 {
-                error / (2.0 * rmse)
-            } else {
-                0.0
-            }
-        }),
+        rmse_se,
         pairs,
         non_finite,
     })

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::flip::{FlipView, flip_map};
-use super::{BlockedMean, Mask, MetricsError, require_size};
+use super::{BlockedMean, Mask, MetricsError, finite, is_finite, mean_square, require_size};
 use crate::images::{Image, ImageError, ImageRgb, luminance, read_image};
 
 /// Errors of an image against a reference.
@@ -21,7 +21,7 @@ pub struct Comparison {
     pub rel_mse_se: Option<f64>,
     /// Square root of the mean over pixels and channels of (x - r)^2.
     pub rmse: f64,
-    /// Its standard error, by the delta method: that of the mean square over 2 rmse.
+    /// Its standard error.
     pub rmse_se: Option<f64>,
     /// (mean x - mean r) / mean r over pixels and channels, signed; 0 for two black images.
     pub mean_rel_bias: Option<f64>,
@@ -185,20 +185,12 @@ pub fn compare(
         }));
     }
 
-    let rmse = square.mean().sqrt();
-    let rmse_se = square.standard_error().map(|error| {
-        if rmse > 0.0 {
-            error / (2.0 * rmse)
-        } else {
-            0.0
-        }
-    });
+    let (rmse, rmse_se) = square.root();
     let reference_mean = reference_sum.iter().sum::<f64>() / (3 * pixels) as f64;
     let over_mean = |value: f64| match value {
         0.0 => Some(0.0),
         _ => Some(value / reference_mean).filter(|ratio| ratio.is_finite()),
     };
-    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let mean_of = |sum: [f64; 3]| luminance(sum.map(|channel| channel / pixels as f64));
     Ok(Comparison {
         rel_mse: finite(relative.mean()),
@@ -219,25 +211,6 @@ pub fn compare(
         pixels,
         non_finite,
     })
-}
-
-pub(super) fn is_finite(pixel: &[f32; 3]) -> bool {
-    pixel.iter().all(|channel| channel.is_finite())
-}
-
-/// Mean of the squares over pixels and channels of the finite pixels; 0 if there are none.
-pub(super) fn mean_square(image: &ImageRgb) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for channel in image
-        .pixels
-        .iter()
-        .filter(|pixel| is_finite(pixel))
-        .flatten()
-    {
-        sum += f64::from(*channel) * f64::from(*channel);
-        count += 1.0;
-    }
-    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -4,8 +4,7 @@
 //! 3(2), 2020; the authors' own C++ through `nv-flip`. Input is the pair as `frame_NNNN.png` shows it: filmic curve,
 //! sRGB, 8 bits.
 
-use super::comparison::is_finite;
-use super::{MetricsError, require_size};
+use super::{MetricsError, is_finite, require_size};
 use crate::images::{Image, ImageRgb, tone_map};
 
 /// Pixels per degree of FLIP's authors: a 0.7 m wide monitor of 3840 pixels, seen from 0.7 m.

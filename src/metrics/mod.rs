@@ -2,28 +2,21 @@
 //!
 //! - [`compare`]: relative MSE, RMSE, mean relative bias and FLIP with their standard errors, over all pixels or those of a [`Mask`];
 //! - [`RenderMoments`]: bias and variance apart, from independent renders;
-//! - [`binocular_error`]: how much the two eyes' errors disagree at points that both see;
-//! - [`twins`]: the same against references that are noisy themselves;
-//! - [`BlockStatistics`] and [`z_test`]: whether two sets of independent renders have the same expectation.
+//! - [`binocular_error`]: how much the two eyes' errors disagree at points that both see.
 //!
 //! Sums are formed in f64. Throughout, x is the image, r the reference, and s the mean of r^2 over the pixels and
 //! channels of the whole reference, masked or not: so the relative MSEs of a mask and of its complement add up, weighted
 //! by their pixels, to that of the whole image.
 
 mod binocular;
-mod blocks;
 mod comparison;
 mod flip;
 mod moments;
-mod normal;
-pub mod twins;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
-pub use blocks::{BlockStatistics, ZTest, mean_image, z_test};
 pub use comparison::{CompareError, Comparison, compare, compare_files, rel_mse_map};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
 pub use moments::{BiasVariance, RenderMoments};
-pub use normal::{normal_quantile, sidak_z_limit};
 
 use crate::images::{Image, ImageRgb, srgb_decode};
 
@@ -86,6 +79,29 @@ fn require_size<P, Q>(
             expected,
         })
     }
+}
+
+fn is_finite(pixel: &[f32; 3]) -> bool {
+    pixel.iter().all(|channel| channel.is_finite())
+}
+
+/// Mean of the squares over pixels and channels of the finite pixels; 0 if there are none.
+fn mean_square(image: &ImageRgb) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for channel in image
+        .pixels
+        .iter()
+        .filter(|pixel| is_finite(pixel))
+        .flatten()
+    {
+        sum += f64::from(*channel) * f64::from(*channel);
+        count += 1.0;
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
 }
 
 /// Which pixels count.
@@ -151,6 +167,22 @@ impl BlockedMean {
 
     fn mean(&self) -> f64 {
         self.sums.iter().sum::<f64>() / self.counts.iter().sum::<f64>()
+    }
+
+    /// Square root of the mean, with its standard error by the delta method: the mean's over twice the root.
+    fn root(&self) -> (f64, Option<f64>) {
+        let root = self.mean().sqrt();
+        let error = self.standard_error();
+        (
+            root,
+            error.map(|error| {
+                if root > 0.0 {
+                    error / (2.0 * root)
+                } else {
+                    0.0
+                }
+            }),
+        )
     }
 
     /// `None` where fewer than two blocks hold a pixel.

@@ -6,8 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::comparison::mean_square;
-use super::{BlockedMean, Mask, MetricsError, require_size};
+use super::{BlockedMean, Mask, MetricsError, mean_square, require_size};
 use crate::images::{Image, ImageRgb};
 
 /// Running mean and sum of squared deviations of renders that differ in their random numbers only (Welford 1962).

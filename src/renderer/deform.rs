@@ -4,13 +4,14 @@
 //! bounds the shape by its joints, and the device writes vertices, triangles and boxes. The tree over the triangles
 //! stays until its cost has drifted by [`REBUILD_COST_RATIO`]; then the host builds it anew over its own f64 positions.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::{DAffine3, DVec3};
 
 use super::RenderError;
-pub use super::own_meshes::with_own_meshes;
-use crate::bvh::refit::{Rebuilt, node_room};
+use crate::bvh::mesh::node_room;
+use crate::bvh::refit::Rebuilt;
 use crate::bvh::{Bounds32, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::frame::ShapeCounts;
 use crate::gpu::buffers::read_buffer;
@@ -28,6 +29,24 @@ pub const REBUILD_COST_RATIO: f64 = 1.5;
 pub const COST_CHECK_FRAMES: u32 = 8;
 /// No joints.
 const NONE: u32 = u32::MAX;
+
+/// `scene` with a mesh of its own for each instance that changes its shape.
+pub fn with_own_meshes(scene: &Scene) -> Cow<'_, Scene> {
+    let instances = scene.instances();
+    let mut taken = vec![false; scene.meshes.len()];
+    for placed in &instances {
+        taken[placed.mesh] |= !scene.deforms(placed.node);
+    }
+    let mut own = Cow::Borrowed(scene);
+    for placed in &instances {
+        if scene.deforms(placed.node) && std::mem::replace(&mut taken[placed.mesh], true) {
+            let scene = own.to_mut();
+            scene.meshes.push(scene.meshes[placed.mesh].clone());
+            scene.nodes[placed.node].mesh = Some(scene.meshes.len() - 1);
+        }
+    }
+    own
+}
 
 /// One mesh that changes its shape.
 struct Shape {

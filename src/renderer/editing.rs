@@ -1,4 +1,4 @@
-//! Edits of the scene while it is shown.
+//! Changes of the scene while it is shown: what an application moves between frames, and edits.
 //!
 //! [`Renderer::apply_scene`] takes a scene over that differs from the one shown in nodes, materials and lights. No
 //! hierarchy over triangles is built and no texture uploaded: what an edit costs goes with instances, materials and lights.
@@ -7,6 +7,8 @@
 //! values in the same order, which decides what random numbers pick. Two things can set it apart. Features that were
 //! compiled in and are no longer needed ([`InPlace::spare_features`]) leave another program, whose sums round differently.
 //! And with `reconstruct.*` the frames before count, as they do when something moves.
+
+use glam::DAffine3;
 
 use super::radii::radii_m;
 use super::scene_buffers::{Edited, SceneChange};
@@ -18,8 +20,8 @@ use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
 use crate::gpu::scene::LightKinds;
 use crate::options::Method;
-use crate::scene::facts::MeshFacts;
-use crate::scene::{Material, Needs, PunctualLight, Scene, SceneFacts};
+use crate::scene::mesh_statistics::MeshStatistics;
+use crate::scene::{Material, Needs, PunctualLight, Scene, ScenePose, SceneStatistics};
 
 /// What became of an edited scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +53,7 @@ pub struct InPlace {
 /// What a renderer remembers of the scene that it shows.
 #[derive(Debug, Default)]
 pub(super) struct EditBase {
-    pub(super) facts: SceneFacts,
+    pub(super) statistics: SceneStatistics,
     materials: Vec<Material>,
     lights: Vec<PunctualLight>,
     /// Node and light of each light that is shown.
@@ -69,10 +71,10 @@ impl EditBase {
     /// Looks at every triangle once.
     pub(super) fn new(scene: &Scene) -> Self {
         let mut base = Self {
-            facts: SceneFacts::of(scene),
+            statistics: SceneStatistics::of(scene),
             ..Self::default()
         };
-        base.shines = shines(&Needs::with_facts(scene, &base.facts));
+        base.shines = shines(&Needs::with_statistics(scene, &base.statistics));
         let numbers = scene.materials.iter().map(|material| material.user_bsdf);
         base.most_user_bsdf = numbers.max().unwrap_or_default();
         base.note(scene);
@@ -93,15 +95,15 @@ impl EditBase {
     }
 
     /// Why the scene is none that the one shown can be edited into.
-    fn stranger(&self, scene: &Scene) -> Option<String> {
+    fn why_rebuild(&self, scene: &Scene) -> Option<String> {
         let same = self.counts == counts(scene)
             && self.has_environment == scene.environment.is_some()
             && self
-                .facts
+                .statistics
                 .meshes
                 .iter()
                 .zip(&scene.meshes)
-                .all(|(facts, mesh)| facts.triangles == mesh.triangles.len());
+                .all(|(statistics, mesh)| statistics.triangles == mesh.triangles.len());
         (!same).then(|| {
             "the scene has other meshes, textures, skins or surroundings than the one shown"
                 .to_owned()
@@ -154,7 +156,7 @@ impl Renderer {
     /// # Errors
     /// More instances or lights than the adapter binds.
     pub fn apply_scene(&mut self, scene: &Scene) -> Result<Applied, RenderError> {
-        if let Some(why) = self.edit_base.stranger(scene) {
+        if let Some(why) = self.edit_base.why_rebuild(scene) {
             return Ok(Applied::NeedsRebuild { why });
         }
         let base = &self.edit_base;
@@ -164,19 +166,18 @@ impl Renderer {
             .zip(&base.repainted)
             .map(|(mesh, known)| mesh.repainted != *known)
             .collect();
-        // Facts of the meshes that have other materials now; the old ones come back if the edit cannot be shown.
-        let mut kept: Vec<(usize, MeshFacts)> = Vec::new();
+        // Statistics of the meshes that have other materials now; the old ones come back if the edit cannot be shown.
+        let mut kept: Vec<(usize, MeshStatistics)> = Vec::new();
         for (index, _) in other_paint.iter().enumerate().filter(|(_, other)| **other) {
-            let facts = MeshFacts::of(&scene.meshes[index]);
-            let known = &mut self.edit_base.facts.meshes[index];
-            kept.push((index, std::mem::replace(known, facts)));
+            let statistics = MeshStatistics::of(&scene.meshes[index]);
+            let known = &mut self.edit_base.statistics.meshes[index];
+            kept.push((index, std::mem::replace(known, statistics)));
         }
-        let needs = Needs::with_facts(scene, &self.edit_base.facts);
+        let needs = Needs::with_statistics(scene, &self.edit_base.statistics);
         let changes = self.changes_of_meshes(scene, &other_paint);
-        let obstacle = self.obstacle(scene, &needs, &changes);
-        if let Some(why) = obstacle {
-            for (index, facts) in kept {
-                self.edit_base.facts.meshes[index] = facts;
+        if let Some(why) = self.why_rebuild(scene, &needs, &changes) {
+            for (index, statistics) in kept {
+                self.edit_base.statistics.meshes[index] = statistics;
             }
             return Ok(Applied::NeedsRebuild { why });
         }
@@ -195,7 +196,7 @@ impl Renderer {
             .map(|(before, after)| glows_otherwise(before, after))
             .collect();
         let uses = |mesh: usize, changed: &[bool]| {
-            let mut uses = base.facts.meshes[mesh].uses.iter();
+            let mut uses = base.statistics.meshes[mesh].uses.iter();
             uses.any(|part| changed.get(part.material).copied().unwrap_or(false))
         };
         let all = |changed: &[bool]| -> Vec<bool> {
@@ -207,7 +208,7 @@ impl Renderer {
     }
 
     /// Why the scene cannot be shown in place.
-    fn obstacle(
+    fn why_rebuild(
         &self,
         scene: &Scene,
         needs: &Needs,
@@ -264,7 +265,7 @@ impl Renderer {
             if std::mem::replace(&mut looked_at[placed.mesh], true) {
                 continue;
             }
-            for part in &base.facts.meshes[placed.mesh].uses {
+            for part in &base.statistics.meshes[placed.mesh].uses {
                 let material = &scene.materials[part.material];
                 let slots = material.texture_slots();
                 let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
@@ -321,7 +322,7 @@ impl Renderer {
         };
         let change = SceneChange {
             scene,
-            facts: &base.facts,
+            statistics: &base.statistics,
             repainted,
             glow,
             lights,
@@ -336,7 +337,7 @@ impl Renderer {
         } = self.scene.edit(&self.context, &change)?;
         self.is_bound &= !replaced;
         [self.radius_m, self.caustic_radius_m] =
-            radii_m(&self.settings, || base.facts.area_m2(scene));
+            radii_m(&self.settings, || base.statistics.area_m2(scene));
         let keeps_history = !renumbered && !relit;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
             reconstruction.reset();
@@ -357,6 +358,48 @@ impl Renderer {
             spare_features,
             uploaded_bytes,
         })
+    }
+
+    /// Takes the scene to where its animation has it when a frame is shown (`animation.*`); the first call begins the
+    /// clip. Does nothing without one.
+    pub fn animate(&mut self, display_time_ns: i64) {
+        if let Some(player) = &mut self.player {
+            let pose = player.pose_at(display_time_ns);
+            self.scene.set_pose(&pose);
+        }
+    }
+
+    /// Shows the scene in another pose from the next frame on: instances and lights of nodes go where it has them. Work
+    /// in proportion to nodes and what moves of them; no mesh is touched.
+    pub fn set_pose(&mut self, pose: &ScenePose) {
+        self.scene.set_pose(pose);
+    }
+
+    /// Moves an instance, from the next frame on; false if there is none of that number, or it stands there already.
+    pub fn set_instance_transform(&mut self, id: InstanceId, world_from_object: DAffine3) -> bool {
+        self.scene.place_instance(id, world_from_object)
+    }
+
+    /// Adds an instance of mesh number `mesh` of the scene. It keeps its number until it is removed.
+    ///
+    /// # Errors
+    /// [`RenderError::Settings`]: no such mesh.
+    pub fn add_instance(
+        &mut self,
+        mesh: usize,
+        world_from_object: DAffine3,
+    ) -> Result<InstanceId, RenderError> {
+        self.scene.add_instance(mesh, world_from_object)
+    }
+
+    /// Takes an instance out of the scene; false if there is none of that number.
+    pub fn remove_instance(&mut self, id: InstanceId) -> bool {
+        self.scene.remove_instance(id)
+    }
+
+    /// Whether anything of the scene, the head aside, moved between the last frame and the one before it.
+    pub fn scene_moved(&self) -> bool {
+        self.scene.scene_moved()
     }
 
     /// The scene node that places an instance: what a hit's instance number says. `None` for an instance that the

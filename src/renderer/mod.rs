@@ -13,8 +13,6 @@ mod inspect;
 pub mod inspection;
 pub mod instance_table;
 pub mod mirror;
-mod moving;
-mod own_meshes;
 pub mod photon_map;
 pub mod photon_records;
 mod photons_over_time;
@@ -163,7 +161,7 @@ impl Renderer {
         let photon = &settings.photon;
         photon.check_gather().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
-        let needs = Needs::with_facts(scene, &edit_base.facts);
+        let needs = Needs::with_statistics(scene, &edit_base.statistics);
         let both = eye_choice == EyeChoice::Both;
         let mut features = frame_features(&needs, settings, both, context.adapter.is_software());
         features.visibility_mask = hidden.is_some();
@@ -175,7 +173,7 @@ impl Renderer {
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
             .map_err(|error| RenderError::Settings(error.to_string()))?;
         let [radius_m, caustic_radius_m] =
-            radii::radii_m(settings, || edit_base.facts.area_m2(scene));
+            radii::radii_m(settings, || edit_base.statistics.area_m2(scene));
         let reuse = if both { settings.reuse } else { Reuse::Off };
         let depth = buffers.hierarchy_depth();
         let mut renderer = Self {

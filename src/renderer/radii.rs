@@ -1,7 +1,7 @@
 //! Gather radii, and how many paths a map of caustics gets.
 
 use crate::options::Settings;
-use crate::scene::{Scene, SceneFacts};
+use crate::scene::{Scene, SceneStatistics};
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -34,7 +34,7 @@ pub(super) fn radii_m(settings: &Settings, area_m2: impl FnOnce() -> f64) -> [f6
 
 /// Radius in metres that gathers about [`AUTOMATIC_GATHER`] photons on a scene's mean square metre.
 pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
-    radius_for_area_m(SceneFacts::of(scene).area_m2(scene), paths)
+    radius_for_area_m(SceneStatistics::of(scene).area_m2(scene), paths)
 }
 
 /// As [`automatic_radius_m`], for a scene whose area is known.

@@ -17,27 +17,28 @@ pub mod deform;
 pub mod edit;
 pub mod environment;
 mod error;
-pub mod facts;
 pub mod gltf_writer;
 mod import;
 mod material;
 mod mesh;
+pub mod mesh_statistics;
 pub mod needs;
 mod player;
 mod pose;
 mod save;
+mod subtree;
 
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{BVec3, DAffine3, DMat3, DQuat, DVec3};
 
 pub use animation::{Animation, Trs};
 pub use deform::{Deformation, MorphTarget, Skin, VertexJoints};
 pub use environment::{Environment, load_environment};
 pub use error::SceneError;
-pub use facts::SceneFacts;
 pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
 pub use mesh::{Mesh, MeshTriangle};
+pub use mesh_statistics::SceneStatistics;
 pub use needs::{LeftOut, Motion, Needs};
 pub use player::Player;
 pub use pose::ScenePose;
@@ -204,6 +205,16 @@ impl Bounds {
     /// Edge lengths.
     pub fn size(&self) -> DVec3 {
         self.max - self.min
+    }
+
+    /// The box around this one's corners where an affine map takes them: larger than what it holds needs, where it turns.
+    pub fn transformed(&self, outer_from_own: &DAffine3) -> Self {
+        let corners = (0..8).map(|corner| {
+            let is_upper = [0, 1, 2].map(|axis| corner >> axis & 1 == 1);
+            let corner = DVec3::select(BVec3::from_array(is_upper), self.max, self.min);
+            outer_from_own.transform_point3(corner)
+        });
+        Self::of_points(corners).unwrap_or(*self)
     }
 
     /// The smallest box that holds `points`; none if there are none.

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
 
-use super::{AlphaMode, LightKind, Material, Scene, SceneFacts};
+use super::{AlphaMode, LightKind, Material, Scene, SceneStatistics};
 
 /// A metal below this roughness focuses light well enough for a caustic to show.
 pub const CAUSTIC_ROUGHNESS: f32 = 0.3;
@@ -125,11 +125,11 @@ pub struct Needs {
 impl Needs {
     /// Looks through the whole scene once.
     pub fn of(scene: &Scene) -> Self {
-        Self::with_facts(scene, &SceneFacts::of(scene))
+        Self::with_statistics(scene, &SceneStatistics::of(scene))
     }
 
     /// As [`Needs::of`], from what is known of the scene's triangles: work in proportion to nodes and materials.
-    pub fn with_facts(scene: &Scene, facts: &SceneFacts) -> Self {
+    pub fn with_statistics(scene: &Scene, statistics: &SceneStatistics) -> Self {
         let instances = scene.instances();
         let mut used = vec![false; scene.materials.len()];
         let mut needs = Self {
@@ -150,7 +150,7 @@ impl Needs {
         }
         // What alpha can be at most one of: factor below 1, a texture with translucent texels, a translucent vertex.
         let mut translucent_vertices = vec![false; scene.materials.len()];
-        for (mesh, placed) in facts
+        for (mesh, placed) in statistics
             .meshes
             .iter()
             .zip(placed)
@@ -197,7 +197,7 @@ impl Needs {
         {
             needs.materials += 1;
             needs.add_material(material);
-            needs.alpha |= alpha_matters(scene, facts, material, translucent_vertices[index]);
+            needs.alpha |= alpha_matters(scene, statistics, material, translucent_vertices[index]);
             textures.extend(
                 material
                     .texture_slots()
@@ -328,7 +328,7 @@ fn focuses(material: &Material) -> bool {
 /// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.
 fn alpha_matters(
     scene: &Scene,
-    facts: &SceneFacts,
+    statistics: &SceneStatistics,
     material: &Material,
     translucent_vertices: bool,
 ) -> bool {
@@ -339,7 +339,7 @@ fn alpha_matters(
     };
     let texture_alpha = material.base_color_texture.map_or(1.0, |slot| {
         let image = scene.textures[slot.texture as usize].image as usize;
-        let least = facts.least_alpha(image, scene.images.get(image));
+        let least = statistics.least_alpha(image, scene.images.get(image));
         f32::from(least) / 255.0
     });
     translucent_vertices || material.base_color[3] * texture_alpha < cutoff

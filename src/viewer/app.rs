@@ -1,24 +1,22 @@
-//! Everything of the viewer that is not a window: what is open, what is wanted, what a click means.
-//!
-//! [`App::ui`] is one pass of egui over all of it, so that a test can drive it without a display.
+//! Everything of the viewer that is not a window: what is open, what is wanted, what is done with it.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use egui::{Context, Ui};
+use egui::Context;
 
-use super::fly_camera::{FlyCamera, Thrust};
-use super::frames::{FrameReport, Look};
+use super::fields::Fields;
+use super::fly_camera::FlyCamera;
+use super::frames::{FrameReport, ViewMode, Wanted};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
-use super::memory::Memory;
-use super::panels;
-use super::picture::Pictures;
 use super::session::{Player, Recording};
-use super::worker::{Report, Request, Wanted, Worker};
+use super::textures::Pictures;
+use super::window_state::WindowState;
+use super::worker::{Report, Request, Worker};
 use crate::options::settings::EnvironmentSettings;
 use crate::options::{Extent, Settings};
 use crate::scene::edit::{Document, Edit};
@@ -26,8 +24,6 @@ use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.
 pub const HISTORY: usize = 240;
-/// Seconds that a message stays; errors stay until they are closed.
-const MESSAGE_SECONDS: f64 = 6.0;
 /// Half of a headset's opening that an object fills when it is focused, radians, at least.
 const FOCUS_HALF_ANGLE_RAD: f64 = 0.35;
 
@@ -44,7 +40,7 @@ pub struct Start {
     /// Where screenshots and saved files go.
     pub out: PathBuf,
     /// What the window remembers.
-    pub memory: Memory,
+    pub window_state: WindowState,
 }
 
 /// Something that is said on the picture.
@@ -97,8 +93,8 @@ pub struct App {
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
     pub(super) selected: Option<usize>,
-    pub(super) memory: Memory,
-    pub(super) look: Look,
+    pub(super) window_state: WindowState,
+    pub(super) view_mode: ViewMode,
     pub(super) tab: Tab,
     pub(super) shows_help: bool,
     pub(super) asks_to_quit: bool,
@@ -109,32 +105,19 @@ pub struct App {
     pub(super) messages: Vec<Message>,
     pub(super) busy: &'static str,
     pub(super) loading: Option<Loading>,
-    pub(super) fields: panels::Fields,
+    pub(super) fields: Fields,
     pub(super) out: PathBuf,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     /// Where the last pass drew which picture.
     pub(super) shown_at: Vec<(Part, egui::Rect)>,
-    gamepad: Gamepad,
+    pub(super) gamepad: Gamepad,
     worker: Worker,
-    sent: Option<Sent>,
+    /// What the worker was last told to show.
+    sent: Option<Wanted>,
     /// Counts requests and changes of what is wanted.
     asked: u64,
-    /// The count that came with what is wanted last.
-    told: u64,
     commands: Vec<WindowCommand>,
-}
-
-/// What the worker was last told to show.
-#[derive(PartialEq)]
-struct Sent {
-    settings: Arc<Settings>,
-    other: Option<Arc<Settings>>,
-    views: [crate::xr::View; 2],
-    scene_time_ns: Option<i64>,
-    size: [u32; 2],
-    exposure: f64,
-    look: Look,
 }
 
 impl App {
@@ -149,7 +132,7 @@ impl App {
             headset,
             recording,
             out,
-            memory,
+            window_state,
         } = start;
         let camera = camera_of(&document);
         let settings = Arc::new(settings);
@@ -162,7 +145,7 @@ impl App {
             scene_time_ns: None,
             size,
             exposure: settings.output.exposure,
-            look: Look::Picture,
+            view_mode: ViewMode::Picture,
         };
         // From here on they count.
         document.take_changes();
@@ -176,8 +159,8 @@ impl App {
             player: recording.map(Player::new),
             clock: SceneClock::default(),
             selected: None,
-            memory,
-            look: Look::Picture,
+            window_state,
+            view_mode: ViewMode::Picture,
             tab: Tab::default(),
             shows_help: false,
             asks_to_quit: false,
@@ -188,7 +171,7 @@ impl App {
             messages: Vec::new(),
             busy: "",
             loading: None,
-            fields: panels::Fields::new(&out, document.original()),
+            fields: Fields::new(&out, document.original()),
             document,
             out,
             size,
@@ -197,28 +180,8 @@ impl App {
             worker,
             sent: None,
             asked: 0,
-            told: 0,
             commands: Vec::new(),
         })
-    }
-
-    /// One pass over the window's contents.
-    pub fn ui(&mut self, ui: &mut Ui) {
-        let context = ui.ctx().clone();
-        self.take_reports(&context);
-        self.take_loaded(&context);
-        self.take_dropped(&context);
-        self.follow_environment(&context);
-        self.answer_keys(&context);
-        panels::menu::show(self, ui);
-        panels::statistics::show(self, ui);
-        panels::hierarchy::show(self, ui);
-        panels::right(self, ui);
-        super::picture::show(self, ui);
-        panels::help::show(self, &context);
-        self.show_messages(&context);
-        self.advance(&context);
-        self.send();
     }
 
     /// What the window has to do.
@@ -231,13 +194,13 @@ impl App {
     }
 
     /// What the window remembers until the next start.
-    pub fn memory(&self) -> &Memory {
-        &self.memory
+    pub fn window_state(&self) -> &WindowState {
+        &self.window_state
     }
 
-    /// As [`App::memory`], for what only the window knows.
-    pub fn memory_mut(&mut self) -> &mut Memory {
-        &mut self.memory
+    /// As [`App::window_state`], for what only the window knows.
+    pub fn window_state_mut(&mut self) -> &mut WindowState {
+        &mut self.window_state
     }
 
     /// The scene with its history.
@@ -287,8 +250,8 @@ impl App {
     }
 
     /// Shows something else of frames.
-    pub fn set_look(&mut self, look: Look) {
-        self.look = look;
+    pub fn set_view_mode(&mut self, mode: ViewMode) {
+        self.view_mode = mode;
     }
 
     /// Shows another tab of the right panel.
@@ -302,13 +265,13 @@ impl App {
     }
 
     /// What is shown of frames.
-    pub fn look(&self) -> Look {
-        self.look
+    pub fn view_mode(&self) -> ViewMode {
+        self.view_mode
     }
 
     /// How the eyes share the picture's area.
     pub fn layout(&self) -> Layout {
-        self.memory.layout
+        self.window_state.layout
     }
 
     /// Where the gizmo's axes can be grabbed, x, y and z, points of the window; `None` while there is no gizmo.
@@ -344,7 +307,7 @@ impl App {
         context.request_repaint();
     }
 
-    fn take_reports(&mut self, context: &Context) {
+    pub(super) fn take_reports(&mut self, context: &Context) {
         while let Some(report) = self.worker.poll() {
             match report {
                 Report::Frame(frame) => {
@@ -494,39 +457,6 @@ impl App {
         self.request_quit();
     }
 
-    /// Lets time pass: keys that are held move the head, clocks run.
-    fn advance(&mut self, context: &Context) {
-        // A window that slept does not make up for it.
-        let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
-        let mut thrust = if context.text_edit_focused() {
-            Thrust::default()
-        } else {
-            super::keys::held(context)
-        };
-        let (stick, look) = self.gamepad.poll();
-        thrust.right += stick.right;
-        thrust.up += stick.up;
-        thrust.ahead += stick.ahead;
-        if thrust.is_some() || look != [0.0; 2] {
-            self.player = None;
-            self.camera.look(look.map(|rate| rate * seconds));
-            self.camera.advance(thrust, seconds);
-            context.request_repaint();
-        } else if self.gamepad.is_present() {
-            context.request_repaint_after(std::time::Duration::from_millis(30));
-        }
-        if let Some(player) = &mut self.player {
-            player.advance(seconds);
-            if player.is_playing {
-                context.request_repaint();
-            }
-        }
-        if self.clock.is_playing && !self.document.scene().animations.is_empty() {
-            *self.clock.seconds.get_or_insert(0.0) += seconds;
-            context.request_repaint();
-        }
-    }
-
     /// Both eyes' views: of the recording, or of the head.
     pub(super) fn views(&self) -> [crate::xr::View; 2] {
         self.player
@@ -535,46 +465,29 @@ impl App {
             .unwrap_or_else(|| self.headset.views_from_head(&self.camera.pose()))
     }
 
-    fn send(&mut self) {
+    /// Tells the worker what is wanted now, if that is something else.
+    pub(super) fn send(&mut self) {
         for edit in self.document.take_changes() {
             self.ask(Request::Edit(Box::new(edit)));
         }
-        let now = Sent {
+        let told = self.sent.as_ref().map_or(0, |sent| sent.number);
+        let mut now = Wanted {
+            number: told,
             settings: Arc::clone(&self.settings),
-            other: (self.memory.layout == Layout::Split).then(|| Arc::clone(&self.other)),
+            other: (self.window_state.layout == Layout::Split).then(|| Arc::clone(&self.other)),
             views: self.views(),
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
             exposure: self.settings.output.exposure,
-            look: self.look,
+            view_mode: self.view_mode,
         };
-        if self.sent.as_ref() == Some(&now) && self.told == self.asked {
+        if self.sent.as_ref() == Some(&now) && told == self.asked {
             return;
         }
         self.asked += 1;
-        self.told = self.asked;
-        self.worker.want(Wanted {
-            number: self.asked,
-            settings: Arc::clone(&now.settings),
-            other: now.other.clone(),
-            views: now.views,
-            scene_time_ns: now.scene_time_ns,
-            size: now.size,
-            exposure: now.exposure,
-            look: now.look,
-        });
+        now.number = self.asked;
+        self.worker.want(now.clone());
         self.sent = Some(now);
-    }
-
-    fn show_messages(&mut self, context: &Context) {
-        let now = context.time();
-        let age = |message: &Message| now - message.since;
-        self.messages
-            .retain(|message| message.is_error || age(message) < MESSAGE_SECONDS);
-        if self.messages.iter().any(|message| !message.is_error) {
-            context.request_repaint_after(std::time::Duration::from_secs(1));
-        }
-        panels::messages(self, context);
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a rendered frame brings to the window.
+//! What the window wants of a frame, and what a frame brings to it.
 
 use std::sync::Arc;
 
@@ -6,12 +6,13 @@ use egui::ColorImage;
 
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
+use crate::options::Settings;
 use crate::renderer::{Inspection, SeenSurface};
 use crate::xr::View;
 
 /// What is shown of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Look {
+pub enum ViewMode {
     /// The picture.
     #[default]
     Picture,
@@ -21,7 +22,7 @@ pub enum Look {
     Error,
 }
 
-impl Look {
+impl ViewMode {
     /// All, in the order of the menu.
     pub fn all() -> impl Iterator<Item = Self> {
         [Self::Picture]
@@ -54,6 +55,27 @@ impl Look {
             }
         }
     }
+}
+
+/// Everything that the window wants shown. The latest counts.
+#[derive(Clone, PartialEq)]
+pub struct Wanted {
+    /// Grows with every change of what follows and with every request that came before it.
+    pub number: u64,
+    /// Settings of the renderer. Its `size` and `output.exposure` do not count: those below do.
+    pub settings: Arc<Settings>,
+    /// The other settings of a split view.
+    pub other: Option<Arc<Settings>>,
+    /// Both eyes.
+    pub views: [View; 2],
+    /// Where the scene's animation stands, nanoseconds; none leaves the scene as its nodes have it.
+    pub scene_time_ns: Option<i64>,
+    /// Pixels per eye of a view that stands still.
+    pub size: [u32; 2],
+    /// Exposure of pictures.
+    pub exposure: f64,
+    /// What is shown of the frames.
+    pub view_mode: ViewMode,
 }
 
 /// What one eye's pixels see.
@@ -98,7 +120,7 @@ impl Seen {
 
 /// A frame.
 pub struct FrameReport {
-    /// [`Wanted::number`](super::worker::Wanted) of what it shows.
+    /// [`Wanted::number`] of what it shows.
     pub number: u64,
     /// Number of the frame.
     pub index: u32,

@@ -1,14 +1,15 @@
 //! The desktop viewer (`view`): a window in which a person walks through the scene, sees what each eye gets, edits, and
 //! looks into what the renderer does.
 //!
-//! Three threads: the window's answers events and draws egui ([`window`], [`app`], [`panels`]); the renderer's turns what
-//! is wanted into pictures through the frame loop ([`worker`], [`studio`]); a third reads files ([`loading`]). The window
+//! Three threads: the window's answers events and draws egui ([`window`], [`ui`], [`app`]); the renderer's turns what is
+//! wanted into pictures through the frame loop ([`worker`], [`render_engine`]); a third reads files ([`loading`]). The window
 //! never waits for either. A frame travels as an image and as what its pixels see ([`frames`]), so that a click finds its
 //! object without asking the device; an edit travels as an [`Edit`](crate::scene::edit::Edit), which both ends carry out on
 //! their own copy of the scene.
 
 pub mod accumulate;
 pub mod app;
+mod fields;
 pub mod fly_camera;
 pub mod frames;
 mod gamepad;
@@ -16,17 +17,18 @@ pub mod gizmo;
 mod keys;
 pub mod layout;
 mod loading;
-pub mod memory;
-mod opening;
+mod open_files;
 pub mod painter;
 pub mod panels;
 mod picture;
 mod reference;
-mod scene_facts;
+mod render_engine;
 mod screenshot;
 pub mod session;
-mod studio;
+mod textures;
+mod ui;
 mod window;
+pub mod window_state;
 mod worker;
 
 pub use app::{App, Start};

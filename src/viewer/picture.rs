@@ -1,18 +1,14 @@
 //! The picture area: the eyes in their layout, what is selected, and what the pointer does there.
 
-use std::sync::Arc;
-
 use egui::{
-    Align2, Color32, ColorImage, Context, FontId, Painter, Pos2, Rect, Response, Sense, Stroke,
-    TextureHandle, TextureOptions, Ui, pos2, vec2,
+    Align2, Color32, Context, FontId, Painter, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2,
 };
-
-use super::app::App;
-use super::frames::{FrameReport, Seen};
-use super::gizmo::{Handled, Pointer};
-use super::layout::{Layout, Part, anaglyph, difference, rectangles};
 use glam::{DAffine3, DVec3};
 
+use super::app::App;
+use super::frames::FrameReport;
+use super::gizmo::{Handled, Pointer};
+use super::layout::{Layout, Part, rectangles};
 use crate::false_color::{Legend, map_color};
 use crate::scene::edit::Edit;
 
@@ -21,147 +17,15 @@ const SIZE_STEP: f32 = 16.0;
 /// Without `size`, no eye's image is larger than this by default on either edge: on a software adapter, more would take
 /// seconds to refine.
 const MOST_PIXELS: f32 = 1024.0;
-/// Colour of what is selected.
-const SELECTED: Color32 = Color32::from_rgb(255, 170, 30);
 /// Half the width in which the divider of a split view can be grabbed, points.
 const GRAB_POINTS: f32 = 6.0;
-
-/// Textures of the last frame.
-#[derive(Default)]
-pub struct Pictures {
-    eyes: [Option<TextureHandle>; 2],
-    other: Option<TextureHandle>,
-    combined: Option<(Part, u32, TextureHandle)>,
-    outlines: [Option<TextureHandle>; 2],
-    outlined: Option<(u32, Option<usize>)>,
-}
-
-fn put(context: &Context, slot: &mut Option<TextureHandle>, name: &str, image: Arc<ColorImage>) {
-    let options = TextureOptions::LINEAR;
-    match slot {
-        Some(texture) => texture.set(image, options),
-        None => *slot = Some(context.load_texture(name, image, options)),
-    }
-}
-
-impl Pictures {
-    /// Takes a new frame over.
-    pub fn take(&mut self, context: &Context, frame: &FrameReport) {
-        for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
-            put(
-                context,
-                &mut self.eyes[eye],
-                name,
-                Arc::clone(&frame.eyes[eye]),
-            );
-        }
-        if let Some(other) = &frame.other {
-            put(
-                context,
-                &mut self.other,
-                "other settings",
-                Arc::clone(other),
-            );
-        }
-    }
-
-    fn texture(
-        &mut self,
-        context: &Context,
-        frame: &FrameReport,
-        part: Part,
-    ) -> Option<TextureHandle> {
-        match part {
-            Part::Left | Part::Right => self.eyes[part.eye()].clone(),
-            Part::Anaglyph | Part::Difference => {
-                if let Some((of, index, texture)) = &self.combined
-                    && (*of, *index) == (part, frame.index)
-                {
-                    return Some(texture.clone());
-                }
-                let combine = if part == Part::Anaglyph {
-                    anaglyph
-                } else {
-                    difference
-                };
-                let image = combine(&frame.eyes[0], &frame.eyes[1]);
-                let texture = context.load_texture("both eyes", image, TextureOptions::LINEAR);
-                self.combined = Some((part, frame.index, texture.clone()));
-                Some(texture)
-            }
-        }
-    }
-
-    /// Outline of `node` and what hangs below it, as that eye sees it.
-    fn outline(
-        &mut self,
-        context: &Context,
-        frame: &FrameReport,
-        selected: Option<(usize, Vec<bool>)>,
-        eye: usize,
-    ) -> Option<TextureHandle> {
-        let (node, is_inside) = selected?;
-        let key = (frame.index, Some(node));
-        if self.outlined != Some(key) {
-            self.outlined = Some(key);
-            for eye in 0..2 {
-                let image = outline_image(&frame.seen[eye], &is_inside);
-                put(context, &mut self.outlines[eye], "outline", Arc::new(image));
-            }
-        }
-        self.outlines[eye].clone()
-    }
-}
-
-/// Transparent but for the pixels of the selection that touch others.
-fn outline_image(seen: &Seen, is_inside: &[bool]) -> ColorImage {
-    let [width, height] = seen.size.map(|edge| edge as usize);
-    let inside = |x: usize, y: usize| {
-        let node = seen.nodes[y * width + x];
-        is_inside.get(node as usize).copied().unwrap_or(false)
-    };
-    let pixels = (0..width * height)
-        .map(|index| {
-            let (x, y) = (index % width, index / width);
-            let is_edge = inside(x, y)
-                && (x == 0
-                    || y == 0
-                    || x + 1 == width
-                    || y + 1 == height
-                    || !inside(x - 1, y)
-                    || !inside(x + 1, y)
-                    || !inside(x, y - 1)
-                    || !inside(x, y + 1));
-            if is_edge {
-                SELECTED
-            } else {
-                Color32::TRANSPARENT
-            }
-        })
-        .collect();
-    ColorImage::new([width, height], pixels)
-}
-
-/// Which nodes are `node` or hang below it.
-fn below(scene: &crate::scene::Scene, node: usize) -> Vec<bool> {
-    let mut inside = vec![false; scene.nodes.len()];
-    let mut pending = vec![node];
-    while let Some(next) = pending.pop() {
-        if let Some(mark) = inside.get_mut(next)
-            && !std::mem::replace(mark, true)
-        {
-            pending.extend(&scene.nodes[next].children);
-        }
-    }
-    inside
-}
 
 /// The central part of the window.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let panel = egui::CentralPanel::default().frame(egui::Frame::NONE.fill(Color32::from_gray(12)));
     panel.show(ui, |ui| {
         let area = ui.available_rect_before_wrap();
-        let layout = app.memory.layout;
+        let layout = app.window_state.layout;
         let parts = layout.parts();
         let rectangles = rectangles(area, parts.len(), aspect(app));
         app.shown_at = parts
@@ -245,10 +109,10 @@ fn show_part(
     if let Some(texture) = app.pictures.texture(&context, frame, part) {
         painter.image(texture.id(), rect, whole, Color32::WHITE);
     }
-    if app.memory.layout == Layout::Split
-        && let (Some(other), Some(_)) = (&app.pictures.other, &frame.other)
+    if app.window_state.layout == Layout::Split
+        && let (Some(other), Some(_)) = (app.pictures.other(), &frame.other)
     {
-        let from = app.memory.divider.clamp(0.0, 1.0);
+        let from = app.window_state.divider.clamp(0.0, 1.0);
         let x = rect.min.x + rect.width() * from;
         let right = Rect::from_min_max(pos2(x, rect.min.y), rect.max);
         let uv = Rect::from_min_max(pos2(from, 0.0), pos2(1.0, 1.0));
@@ -256,7 +120,7 @@ fn show_part(
     }
     let selected = app
         .selected
-        .map(|node| (node, below(app.document.scene(), node)));
+        .map(|node| (node, app.document.scene().subtree(node)));
     if let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye()) {
         painter.image(outline.id(), rect, whole, Color32::WHITE);
     }
@@ -308,7 +172,7 @@ fn handles(
     });
     // The gizmo belongs to one picture at a time: the one in which it is dragged, else the one under the pointer.
     let here = pointer.at.is_some_and(|at| rect.contains(at));
-    let is_first = part == app.memory.layout.parts()[0];
+    let is_first = part == app.window_state.layout.parts()[0];
     let owner = app.fields.gizmo_part;
     if app.gizmo.is_dragging() {
         if owner != Some(part) {
@@ -423,7 +287,7 @@ fn name_under_pointer(
 }
 
 fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
-    let x = rect.min.x + rect.width() * app.memory.divider.clamp(0.0, 1.0);
+    let x = rect.min.x + rect.width() * app.window_state.divider.clamp(0.0, 1.0);
     let grab = Rect::from_center_size(
         pos2(x, rect.center().y),
         vec2(2.0 * GRAB_POINTS, rect.height()),
@@ -435,7 +299,7 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
     if response.dragged()
         && let Some(at) = response.interact_pointer_pos()
     {
-        app.memory.divider = place_in(rect, at)[0].clamp(0.0, 1.0);
+        app.window_state.divider = place_in(rect, at)[0].clamp(0.0, 1.0);
     }
     let painter = ui.painter();
     painter.vline(x, rect.y_range(), Stroke::new(2.0, Color32::WHITE));
@@ -533,36 +397,5 @@ fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
                 &other.line(),
             );
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn outlines_are_the_inner_rim_of_the_selection() {
-        // A 5x5 image in which node 1 covers the 3x3 middle.
-        let nodes = (0..25)
-            .map(|i| u32::from((1..4).contains(&(i % 5)) && (1..4).contains(&(i / 5))))
-            .collect();
-        let seen = Seen {
-            size: [5, 5],
-            nodes,
-            distances_m: vec![1.0; 25],
-        };
-        let image = outline_image(&seen, &[false, true]);
-        let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();
-        assert_eq!(
-            marked,
-            [6, 7, 8, 11, 13, 16, 17, 18],
-            "all but the middle one"
-        );
-        let none = outline_image(&seen, &[false, false]);
-        assert!(
-            none.pixels
-                .iter()
-                .all(|pixel| *pixel == Color32::TRANSPARENT)
-        );
     }
 }

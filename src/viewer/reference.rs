@@ -1,12 +1,10 @@
 //! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
 
 use super::accumulate::Accumulator;
+use super::render_engine::{EngineError, library};
 use super::session::DesktopSession;
-use super::studio::StudioError;
-use super::worker::library;
 use crate::frame_loop;
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::images::ImageRgb;
 use crate::options::{Eyes, Method, Reuse, Settings};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
@@ -39,8 +37,8 @@ impl Reference {
     /// Compiles the path tracer.
     ///
     /// # Errors
-    /// [`StudioError::Render`].
-    pub fn new(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Result<Self, StudioError> {
+    /// [`EngineError::Render`].
+    pub fn new(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Result<Self, EngineError> {
         let settings = Self::settings(settings);
         let library = library(&settings)?;
         let context = GpuContext::open(Some(&settings.adapter))?;
@@ -56,13 +54,13 @@ impl Reference {
     /// Adds a frame.
     ///
     /// # Errors
-    /// [`StudioError`].
+    /// [`EngineError`].
     pub fn add(
         &mut self,
         session: &mut DesktopSession,
         index: u32,
         scene_time_ns: Option<i64>,
-    ) -> Result<(), StudioError> {
+    ) -> Result<(), EngineError> {
         let index = FIRST_FRAME.wrapping_add(index);
         frame_loop::step(
             session,
@@ -102,8 +100,8 @@ impl Reference {
         self.averaged[0].frames()
     }
 
-    /// Mean radiance of an eye, 0 left or 1 right.
-    pub fn mean(&self, eye: usize) -> Option<ImageRgb> {
-        self.averaged[eye].mean(self.size)
+    /// The frames of the left and the right eye.
+    pub fn averaged(&self) -> &[Accumulator; 2] {
+        &self.averaged
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::studio::{Studio, StudioError};
-use super::worker::Wanted;
+use super::frames::Wanted;
+use super::render_engine::{EngineError, RenderEngine};
 use crate::images::{Image, ImageError, tone_map, write_atomically, write_exr, write_png};
 use crate::xr::Pose;
 
@@ -15,15 +15,15 @@ use crate::xr::Pose;
 /// first number that is free. Returns a line for people.
 ///
 /// # Errors
-/// [`StudioError::Image`] naming the file.
+/// [`EngineError::Image`] naming the file.
 pub fn write(
     folder: &Path,
-    studio: &Studio,
+    engine: &RenderEngine,
     wanted: &Wanted,
     size: [u32; 2],
-) -> Result<String, StudioError> {
+) -> Result<String, EngineError> {
     let cannot = |reason: String| {
-        StudioError::Image(ImageError::Unwritable {
+        EngineError::Image(ImageError::Unwritable {
             path: folder.to_owned(),
             reason,
         })
@@ -33,16 +33,16 @@ pub fn write(
         .map(|number| format!("view_{number:04}"))
         .find(|name| !folder.join(format!("{name}.png")).exists())
         .ok_or_else(|| cannot("there are 10000 screenshots already".to_owned()))?;
-    let (Some(left), Some(right)) = (studio.mean(0, size), studio.mean(1, size)) else {
-        return Err(StudioError::NoRenderer);
+    let (Some(left), Some(right)) = (engine.mean(0, size), engine.mean(1, size)) else {
+        return Err(EngineError::NoRenderer);
     };
     write_exr(&folder.join(format!("{name}_left.exr")), &left)?;
     write_exr(&folder.join(format!("{name}_right.exr")), &right)?;
     let [left_view, right_view] = &wanted.views;
     let about = json!({
-        "frames": studio.frames(),
+        "frames": engine.frames(),
         "size": size,
-        "scene": studio.scene().name,
+        "scene": engine.scene().name,
         "left_eye": pose_words(&Pose::new(left_view.position_in_world, left_view.orientation)),
         "right_eye": pose_words(&Pose::new(right_view.position_in_world, right_view.orientation)),
     });

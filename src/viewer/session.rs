@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::xr::{
     FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo, View, XrError,
-    XrSession,
+    XrSession, all_frames,
 };
 
 /// The views that the window wants, shared with the thread that renders.
@@ -88,21 +88,9 @@ impl Recording {
     /// Those of the session.
     pub fn of(session: &mut dyn XrSession) -> Result<Self, XrError> {
         let most = (3600.0 * session.info().refresh_hz) as usize;
-        let mut frames = Vec::new();
-        while frames.len() < most
-            && let Some(state) = session.wait_frame()?
-        {
-            let time_ns = state.predicted_display_time_ns;
-            session.begin_frame()?;
-            let located = session.locate_views(time_ns)?;
-            session.end_frame(FrameSubmission::new(time_ns, None))?;
-            if let Some(located) = located {
-                frames.push((time_ns, located.views));
-            }
-        }
         Ok(Self {
             name: session.info().source.clone(),
-            frames,
+            frames: all_frames(session, most)?,
         })
     }
 

@@ -12,8 +12,8 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::app::{App, Start, WindowCommand};
-use super::memory::Memory;
 use super::painter::{Painter, Target};
+use super::window_state::WindowState;
 use crate::caught::caught;
 use crate::desktop::{choose_mode, event_loop, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError};
@@ -45,16 +45,16 @@ pub enum ViewError {
 }
 
 /// Opens the window and answers it until it is closed. Call on the main thread, at most once in a program. The size and
-/// layout of the window are kept at `memory_path`.
+/// layout of the window are kept at `state_path`.
 ///
 /// # Errors
 /// [`ViewError`].
-pub fn show(start: Start, adapter: &str, memory_path: Option<PathBuf>) -> Result<(), ViewError> {
+pub fn show(start: Start, adapter: &str, state_path: Option<PathBuf>) -> Result<(), ViewError> {
     let event_loop = event_loop::<()>().map_err(ViewError::NoWindow)?;
     let mut state = State {
         start: Some(start),
         adapter: adapter.to_owned(),
-        memory_path,
+        state_path,
         proxy: event_loop.create_proxy(),
         open: None,
         error: None,
@@ -65,7 +65,7 @@ pub fn show(start: Start, adapter: &str, memory_path: Option<PathBuf>) -> Result
             .map_err(|error| error.to_string())
     });
     if let Some(open) = &mut state.open {
-        open.remember(state.memory_path.as_deref());
+        open.remember(state.state_path.as_deref());
     }
     if let Some(error) = state.error.take() {
         return Err(error);
@@ -82,7 +82,7 @@ struct State {
     /// Taken when the window opens.
     start: Option<Start>,
     adapter: String,
-    memory_path: Option<PathBuf>,
+    state_path: Option<PathBuf>,
     proxy: EventLoopProxy<()>,
     open: Option<Open>,
     error: Option<ViewError>,
@@ -168,7 +168,7 @@ impl Open {
         adapter: &str,
         proxy: EventLoopProxy<()>,
     ) -> Result<Self, ViewError> {
-        let [width, height] = start.memory.size;
+        let [width, height] = start.window_state.size;
         let attributes = Window::default_attributes()
             .with_title(format!("stereolux: {}", start.document.scene().name))
             .with_inner_size(LogicalSize::new(width, height));
@@ -281,11 +281,11 @@ impl Open {
                 .inner_size()
                 .to_logical::<f32>(self.window.scale_factor());
             if size.width > 0.0 && size.height > 0.0 {
-                self.app.memory_mut().size = [size.width, size.height];
+                self.app.window_state_mut().size = [size.width, size.height];
             }
         }
         if let Some(path) = path
-            && let Err(reason) = Memory::save(self.app.memory(), path)
+            && let Err(reason) = WindowState::save(self.app.window_state(), path)
         {
             log::warn!("the window's size and layout are not kept: {reason}");
         }

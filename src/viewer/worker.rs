@@ -8,18 +8,17 @@
 //! While the views change, frames are small enough to follow; once they stand still, frames grow to the full size and are
 //! averaged there.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use super::frames::{FrameReport, Look};
+use super::frames::{FrameReport, ViewMode, Wanted};
 use super::reference::Reference;
+use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
 use super::session::{DesktopSession, SharedViews};
-use super::studio::{Studio, StudioError};
-use crate::gpu::ShaderLibrary;
 use crate::gpu::timing::milliseconds_since;
 use crate::options::Settings;
 use crate::renderer::Inspection;
@@ -37,31 +36,10 @@ const MOST_FRAMES: u32 = 1024;
 #[cfg(target_os = "linux")]
 const NICE: i32 = 10;
 
-/// Everything that the window wants shown. The latest counts.
-#[derive(Clone)]
-pub struct Wanted {
-    /// Grows with every change of what follows and with every request that came before it.
-    pub number: u64,
-    /// Settings of the renderer. Its `size` and `output.exposure` do not count: those below do.
-    pub settings: Arc<Settings>,
-    /// The other settings of a split view.
-    pub other: Option<Arc<Settings>>,
-    /// Both eyes.
-    pub views: [View; 2],
-    /// Where the scene's animation stands, nanoseconds; none leaves the scene as its nodes have it.
-    pub scene_time_ns: Option<i64>,
-    /// Pixels per eye of a view that stands still.
-    pub size: [u32; 2],
-    /// Exposure of pictures.
-    pub exposure: f64,
-    /// What is shown.
-    pub look: Look,
-}
-
 /// What happens once, in order.
 pub enum Request {
     /// [`Wanted`] has changed.
-    Look,
+    Wanted,
     /// Another scene, with its environment.
     Scene(Box<Scene>),
     /// A change of the scene.
@@ -124,7 +102,7 @@ impl Worker {
                     }),
                     views,
                     session,
-                    studio: Studio::new(*scene),
+                    engine: RenderEngine::new(*scene),
                     other: None,
                     reference: None,
                     screenshots: Vec::new(),
@@ -147,7 +125,7 @@ impl Worker {
     /// Replaces what is wanted.
     pub fn want(&self, wanted: Wanted) {
         *self.wanted.lock().unwrap_or_else(PoisonError::into_inner) = wanted;
-        self.ask(Request::Look);
+        self.ask(Request::Wanted);
     }
 
     /// Asks for something.
@@ -198,8 +176,8 @@ struct Inner {
     reports: Box<dyn Fn(Report) + Send>,
     views: SharedViews,
     session: DesktopSession,
-    studio: Studio,
-    other: Option<Studio>,
+    engine: RenderEngine,
+    other: Option<RenderEngine>,
     reference: Option<Reference>,
     screenshots: Vec<PathBuf>,
     frame_index: u32,
@@ -252,14 +230,14 @@ impl Inner {
 
     fn serve(&mut self, request: Request) {
         match request {
-            Request::Look | Request::Quit => {}
+            Request::Wanted | Request::Quit => {}
             Request::Scene(scene) => {
-                self.studio = Studio::new(*scene);
+                self.engine = RenderEngine::new(*scene);
                 self.other = None;
                 self.restart();
             }
             Request::Edit(edit) => {
-                if let Err(error) = self.studio.edit(&edit) {
+                if let Err(error) = self.engine.edit(&edit) {
                     self.report(Report::Failed(error.to_string()));
                 }
                 if let Some(other) = &mut self.other {
@@ -271,7 +249,7 @@ impl Inner {
             Request::Screenshot(folder) => self.screenshots.push(folder),
             Request::ReloadShaders => {
                 let settings = Arc::clone(&self.wanted().settings);
-                match library(&settings).and_then(|library| self.studio.reload(library)) {
+                match library(&settings).and_then(|library| self.engine.reload(library)) {
                     Ok(()) => {
                         self.other = None;
                         self.report(Report::Done(match settings.gpu.shader_folder.as_str() {
@@ -302,7 +280,7 @@ impl Inner {
 
     /// One turn: makes what is missing, renders a frame, says so.
     fn turn(&mut self, wanted: &Wanted) -> Turn {
-        let settings = Arc::new(effective(&wanted.settings, wanted.look));
+        let settings = Arc::new(effective(&wanted.settings, wanted.view_mode));
         let tried = self
             .prepare(&settings, wanted)
             .and_then(|()| self.frame(wanted));
@@ -321,14 +299,14 @@ impl Inner {
     }
 
     /// Makes the renderers fit what is wanted.
-    fn prepare(&mut self, settings: &Arc<Settings>, wanted: &Wanted) -> Result<(), StudioError> {
+    fn prepare(&mut self, settings: &Arc<Settings>, wanted: &Wanted) -> Result<(), EngineError> {
         // An edit may ask for a new renderer: first the edits.
-        if self.studio.take_changes()? {
+        if self.engine.take_changes()? {
             self.restart();
         }
-        if self.studio.needs_renderer(settings) {
+        if self.engine.needs_renderer(settings) {
             self.report(Report::Busy("compiling"));
-            self.studio.prepare(settings, wanted.size, library)?;
+            self.engine.prepare(settings, wanted.size)?;
             self.restart();
         }
         match &wanted.other {
@@ -336,13 +314,13 @@ impl Inner {
             Some(other) => {
                 let own = self
                     .other
-                    .get_or_insert_with(|| Studio::new(self.studio.scene().clone()));
+                    .get_or_insert_with(|| RenderEngine::new(self.engine.scene().clone()));
                 if own.take_changes()? {
                     self.shown = None;
                 }
                 if own.needs_renderer(other) {
                     (self.reports)(Report::Busy("compiling the other settings"));
-                    own.prepare(other, wanted.size, library)?;
+                    own.prepare(other, wanted.size)?;
                     self.shown = None;
                 }
             }
@@ -351,7 +329,7 @@ impl Inner {
         Ok(())
     }
 
-    fn frame(&mut self, wanted: &Wanted) -> Result<Turn, StudioError> {
+    fn frame(&mut self, wanted: &Wanted) -> Result<Turn, EngineError> {
         let now = Shown {
             views: wanted.views,
             scene_time_ns: wanted.scene_time_ns,
@@ -359,7 +337,7 @@ impl Inner {
         };
         if self.shown.as_ref() != Some(&now) {
             self.divisor = self.preview_divisor(wanted.size);
-            self.studio.clear();
+            self.engine.clear();
             if let Some(other) = &mut self.other {
                 other.clear();
             }
@@ -374,7 +352,7 @@ impl Inner {
             self.shown = Some(now);
         } else if self.divisor > 1 {
             self.divisor /= 2;
-            self.studio.clear();
+            self.engine.clear();
             if let Some(other) = &mut self.other {
                 other.clear();
             }
@@ -387,7 +365,7 @@ impl Inner {
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
         let (session, time) = (&mut self.session, wanted.scene_time_ns);
-        let Some(stats) = self.studio.frame(session, index, time, size)? else {
+        let Some(stats) = self.engine.frame(session, index, time, size)? else {
             return Ok(Turn::Rest);
         };
         let cost = milliseconds_since(began) / (f64::from(size[0]) * f64::from(size[1]));
@@ -403,23 +381,24 @@ impl Inner {
                 Some(other.picture(wanted.exposure, size)?)
             }
         };
-        if wanted.look == Look::Error && self.divisor == 1 {
+        if wanted.view_mode == ViewMode::Error && self.divisor == 1 {
             let reference = match &mut self.reference {
                 Some(reference) => reference,
                 none => {
                     (self.reports)(Report::Busy("compiling the reference"));
-                    none.insert(Reference::new(self.studio.scene(), &wanted.settings, size)?)
+                    none.insert(Reference::new(self.engine.scene(), &wanted.settings, size)?)
                 }
             };
             reference.add(session, index, time)?;
         }
-        let mut report =
-            self.studio
-                .report(wanted, size, &self.views, stats, self.reference.as_ref())?;
+        let reference = self.reference.as_ref().map(Reference::averaged);
+        let mut report = self
+            .engine
+            .report(wanted, size, wanted.views, stats, reference)?;
         report.other = other;
         report.is_full = self.divisor == 1;
         let others = [
-            self.other.as_ref().and_then(Studio::device_bytes),
+            self.other.as_ref().and_then(RenderEngine::device_bytes),
             self.reference.as_ref().and_then(Reference::device_bytes),
         ];
         if let Some(bytes) = &mut report.device_bytes {
@@ -432,7 +411,7 @@ impl Inner {
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
             for folder in std::mem::take(&mut self.screenshots) {
-                let written = screenshot::write(&folder, &self.studio, wanted, size);
+                let written = screenshot::write(&folder, &self.engine, wanted, size);
                 self.report(match written {
                     Ok(paths) => Report::Done(paths),
                     Err(error) => Report::Failed(error.to_string()),
@@ -457,31 +436,22 @@ impl Inner {
     }
 
     fn is_finished(&self, wanted: &Wanted) -> bool {
-        let reference_done = wanted.look != Look::Error
+        let reference_done = wanted.view_mode != ViewMode::Error
             || self
                 .reference
                 .as_ref()
                 .is_some_and(|reference| reference.frames() >= MOST_FRAMES);
-        self.studio.frames() >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
+        self.engine.frames() >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
     }
 }
 
-/// The settings under which a look has something to show, or nearly those that were asked for.
-fn effective(settings: &Settings, look: Look) -> Settings {
-    match look {
+/// The settings under which a view mode has something to show, or nearly those that were asked for.
+fn effective(settings: &Settings, mode: ViewMode) -> Settings {
+    match mode {
         // The averaged frames have a variance of their own.
-        Look::Picture | Look::Error | Look::Inspection(Inspection::Variance) => settings.clone(),
-        Look::Inspection(inspection) => inspection.settings_for(settings),
+        ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {
+            settings.clone()
+        }
+        ViewMode::Inspection(inspection) => inspection.settings_for(settings),
     }
-}
-
-/// Shaders of the program, or of the folder that the settings name.
-///
-/// # Errors
-/// [`StudioError::Render`], naming the shader.
-pub fn library(settings: &Settings) -> Result<ShaderLibrary, StudioError> {
-    Ok(match settings.gpu.shader_folder.as_str() {
-        "" => ShaderLibrary::embedded(),
-        folder => ShaderLibrary::with_folder(Path::new(folder))?,
-    })
 }

@@ -25,6 +25,7 @@
 //! [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
 //! motion), [`replay`], [`openxr`], [`hidden_area`], [`validation`].
 
+mod all_frames;
 mod error;
 mod frame_clock;
 pub mod headset;
@@ -40,6 +41,7 @@ pub mod trajectory;
 pub mod validation;
 pub mod view;
 
+pub use all_frames::all_frames;
 pub use error::{ArgumentError, InputError, XrError};
 pub use frame_clock::Pacing;
 pub use headset::Headset;

@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::metrics::{BlockStatistics, z_test};
 use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::builtin::cornell::WHITE;
 use stereolux::scene::{Material, Needs, Scene};
 
+use super::block_statistics::{BlockStatistics, z_test};
 use super::bsdf_probe::{BsdfProbe, BsdfQuery, NONE, at_angle, wide};
 use super::bsdf_twin::{Dice, tolerance};
 use super::chi_square::{Sampled, p_value, sidak};
@@ -247,7 +247,7 @@ fn paths_and_photons_agree_on_a_users_bsdf() {
     // so an allowance of 0.5 % in its denominator forgives that.
     const ALLOWANCE: f64 = 0.005;
     let scene = example::cornell_with(&PAINTED, &example::clay(1.0, WHITE)).unwrap();
-    let statistics = |renders: &[ImageRgb]| BlockStatistics::of_renders(renders, 8).unwrap();
+    let statistics = |renders: &[ImageRgb]| BlockStatistics::of_renders(renders, 8);
     let path = |s: &mut Settings| {
         s.method = Method::Path;
         s.spp = 8;
@@ -259,13 +259,13 @@ fn paths_and_photons_agree_on_a_users_bsdf() {
         s.photon.count = 65_536;
         s.photon.radius_m = 0.005;
     }));
-    let test = z_test(&paths, &photons, SIGNIFICANCE, ALLOWANCE).unwrap();
+    let test = z_test(&paths, &photons, SIGNIFICANCE, ALLOWANCE);
     eprintln!("clay, paths against photons: {test:?}");
     assert_eq!(test.rejected, 0, "{test:?}");
     // Negative control: Lambert in its place is another picture, in most blocks.
     let plain = example::cornell_with(&PAINTED, &Material::lambert("plain", WHITE)).unwrap();
     let plain = statistics(&renders(&plain, 4, path));
-    let control = z_test(&plain, &photons, SIGNIFICANCE, ALLOWANCE).unwrap();
+    let control = z_test(&plain, &photons, SIGNIFICANCE, ALLOWANCE);
     assert!(control.rejected > control.tests / 4, "{control:?}");
 }
 

@@ -1,11 +1,11 @@
 //! The shaders' traversal: nearest hits against exhaustive search in f64, watertight, free of self-intersection.
 
 use glam::{DAffine3, DVec3, Vec3};
-use stereolux::bvh::reference::{Arrays, Ray, trace};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::scene::{Mesh, MeshTriangle};
 
 use super::bvh_probe::*;
+use super::bvh_reference::{Arrays, Ray, trace};
 use super::support::context;
 
 const MILLION: usize = 1_000_000;

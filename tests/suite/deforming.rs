@@ -2,7 +2,6 @@
 //! frame, and hierarchies that are built anew.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use stereolux::bvh::reference::ExactInstance;
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
@@ -14,6 +13,7 @@ use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
 
 use super::bvh_probe::{Random, TraceProbe, soup};
+use super::bvh_reference::ExactInstance;
 use super::moving_support::*;
 use super::support::*;
 

@@ -1,7 +1,6 @@
 //! Views of intermediate results: surfaces and picking, against f64.
 
 use glam::{DAffine3, DVec3};
-use stereolux::bvh::reference::{ExactInstance, brute_force};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
 use stereolux::gpu::types::bvh::Triangle;
@@ -12,6 +11,7 @@ use stereolux::renderer::{
 use stereolux::scene::{AlphaMode, Material, Scene, builtin::plane};
 use stereolux::xr::{Pose, View};
 
+use super::bvh_reference::{ExactInstance, brute_force};
 use super::hard_support::{add, quad};
 use super::support::*;
 

@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use stereolux::bvh::reference::ExactInstance;
 use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::renderer::{InstanceId, SceneBuffers};
 use stereolux::scene::{Material, Node, Scene};
 
 use super::bvh_probe::{Random, TraceProbe, soup, sphere};
+use super::bvh_reference::ExactInstance;
 use super::moving_support::*;
 use super::support::context;
 

@@ -1,7 +1,6 @@
 //! What the tests of moving scenes share.
 
 use glam::{DAffine3, DVec3};
-use stereolux::bvh::reference::ExactInstance;
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::types::bvh::Triangle;
@@ -9,6 +8,7 @@ use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::SceneBuffers;
 
 use super::bvh_probe::{Random, TraceProbe, TraceQuery, disagreements, features};
+use super::bvh_reference::ExactInstance;
 
 /// Asks the shaders' `previous_point`.
 pub struct PreviousProbe<'a> {

@@ -7,12 +7,12 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::metrics::{BlockStatistics, ZTest, mean_image, z_test};
 use stereolux::options::{Eyes, Method, Reuse, Sampler, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Scene, load_environment};
 use stereolux::xr::{Fov, Pose};
 
+use super::block_statistics::{BlockStatistics, ZTest, mean_image, z_test};
 use crate::suite::support::{context, parallel_views, radiance, settings};
 
 /// Independent renders (frames of one renderer: streams are keyed by frame) and their samples per pixel.
@@ -85,7 +85,7 @@ fn renders(record: &Value, count: u32, change: impl FnOnce(&mut Settings)) -> Ve
 
 /// Pixel means, and their standard errors from the spread of the renders.
 fn mean_and_error(renders: &[ImageRgb]) -> (ImageRgb, ImageRgb) {
-    let mean = mean_image(renders).unwrap();
+    let mean = mean_image(renders);
     let errors = (0..mean.pixels.len()).map(|pixel| {
         [0, 1, 2].map(|channel| {
             let square = |render: &ImageRgb| {
@@ -104,9 +104,9 @@ fn test(
     (mean, error): &(ImageRgb, ImageRgb),
     (other, other_error): &(ImageRgb, ImageRgb),
 ) -> ZTest {
-    let ours = BlockStatistics::of_mean_and_error(mean, error, BLOCK).unwrap();
-    let theirs = BlockStatistics::of_mean_and_error(other, other_error, BLOCK).unwrap();
-    z_test(&ours, &theirs, SIGNIFICANCE, SLACK).unwrap()
+    let ours = BlockStatistics::of_mean_and_error(mean, error, BLOCK);
+    let theirs = BlockStatistics::of_mean_and_error(other, other_error, BLOCK);
+    z_test(&ours, &theirs, SIGNIFICANCE, SLACK)
 }
 
 /// The whole image as one block.
@@ -115,9 +115,9 @@ fn whole(
     (other, other_error): &(ImageRgb, ImageRgb),
 ) -> ZTest {
     let side = mean.width.max(mean.height);
-    let ours = BlockStatistics::of_mean_and_error(mean, error, side).unwrap();
-    let theirs = BlockStatistics::of_mean_and_error(other, other_error, side).unwrap();
-    z_test(&ours, &theirs, SIGNIFICANCE, SLACK).unwrap()
+    let ours = BlockStatistics::of_mean_and_error(mean, error, side);
+    let theirs = BlockStatistics::of_mean_and_error(other, other_error, side);
+    z_test(&ours, &theirs, SIGNIFICANCE, SLACK)
 }
 
 /// Every pixel of the columns' mirror image, times a factor.
@@ -199,10 +199,10 @@ fn photons_agree(name: &str, radius_m: f64) {
             })
             .collect();
         let test = |block| {
-            let ours = BlockStatistics::of_renders(&scaled, block).unwrap();
-            let theirs = BlockStatistics::of_mean_and_error(&mean, &error, block).unwrap();
+            let ours = BlockStatistics::of_renders(&scaled, block);
+            let theirs = BlockStatistics::of_mean_and_error(&mean, &error, block);
             // The allowance is a bound, `z_test` takes a standard deviation: 4.3 is its limit for 48 tests.
-            z_test(&ours, &theirs, SIGNIFICANCE, BIAS / 4.3).unwrap()
+            z_test(&ours, &theirs, SIGNIFICANCE, BIAS / 4.3)
         };
         (test(PHOTON_BLOCK), test(mean.width))
     };

@@ -8,7 +8,7 @@ use glam::DVec3;
 use stereolux::options::Method;
 use stereolux::renderer::Inspection;
 use stereolux::viewer::App;
-use stereolux::viewer::frames::{FrameReport, Look};
+use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
 
 use crate::suite::support::Folder;
@@ -203,31 +203,31 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
     });
     assert_eq!(viewer.state().other_settings().method, Method::Path);
     choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
-    let mut pictures: Vec<(Look, Arc<egui::ColorImage>)> = Vec::new();
-    for look in Look::all() {
-        if look != viewer.state().look() {
-            let now = viewer.state().look().name();
-            choose(&mut viewer, &now, &look.name());
+    let mut pictures: Vec<(ViewMode, Arc<egui::ColorImage>)> = Vec::new();
+    for mode in ViewMode::all() {
+        if mode != viewer.state().view_mode() {
+            let now = viewer.state().view_mode().name();
+            choose(&mut viewer, &now, &mode.name());
         }
-        assert_eq!(viewer.state().look(), look);
+        assert_eq!(viewer.state().view_mode(), mode);
         settle(&mut viewer);
-        if look != Look::Picture {
+        if mode != ViewMode::Picture {
             // The error's reference and the variance begin with later frames.
             until(&mut viewer, "a legend", |app| shown(app).legend.is_some());
         }
         let frame = shown(viewer.state());
         // Provenance is the right eye's.
-        let eye = usize::from(look == Look::Inspection(Inspection::Provenance));
+        let eye = usize::from(mode == ViewMode::Inspection(Inspection::Provenance));
         let picture = Arc::clone(&frame.eyes[eye]);
         let first = picture.pixels[0];
         // Nothing moves.
-        let is_flat = look == Look::Inspection(Inspection::Motion);
+        let is_flat = mode == ViewMode::Inspection(Inspection::Motion);
         let is_one_colour = picture.pixels.iter().all(|pixel| *pixel == first);
-        assert_eq!(is_one_colour, is_flat, "{look:?}");
+        assert_eq!(is_one_colour, is_flat, "{mode:?}");
         for (other, drawn) in &pictures {
-            assert_ne!(drawn.pixels, picture.pixels, "{look:?} and {other:?}");
+            assert_ne!(drawn.pixels, picture.pixels, "{mode:?} and {other:?}");
         }
-        pictures.push((look, picture));
+        pictures.push((mode, picture));
     }
     assert!(
         errors(viewer.state()).is_empty(),

@@ -10,7 +10,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::viewer::frames::FrameReport;
 use stereolux::viewer::layout::{Layout, Part};
-use stereolux::viewer::memory::Memory;
+use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
 use stereolux::xr::Headset;
 
@@ -44,9 +44,9 @@ pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) ->
         headset: narrow(),
         recording: None,
         out: folder.path().to_owned(),
-        memory: Memory {
+        window_state: WindowState {
             layout: Layout::SideBySide,
-            ..Memory::default()
+            ..WindowState::default()
         },
     };
     let app = App::new(start, || {}).unwrap();

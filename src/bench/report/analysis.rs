@@ -9,7 +9,6 @@ use super::super::statistics::{
     LineFit, PowerFit, Spread, line_fit, log_interpolate, pareto_front, power_fit, spread,
 };
 use super::super::suites::REBUILT;
-use super::targets::{EqualErrorSpeed, Target, equal_error_speeds, targets};
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -20,10 +19,6 @@ pub struct Analysis {
     pub pareto: Vec<ParetoScene>,
     /// Growth of costs.
     pub growth: Vec<Growth>,
-    /// Photon mapping against the path tracer at equal error.
-    pub equal_error: Vec<EqualErrorSpeed>,
-    /// What the project set out to reach, as far as the rows cover it.
-    pub targets: Vec<Target>,
 }
 
 /// Milliseconds of the right eye's fill over the number of pixels filled.
@@ -70,7 +65,8 @@ pub struct EqualError {
     pub rel_mse: f64,
     /// The fastest photon mapping that reaches it.
     pub photon: Option<FrontPoint>,
-    /// The path tracer's milliseconds, interpolated between its measured sample counts.
+    /// The path tracer's milliseconds, between its measured sample counts. Errors below its least are reached by more
+    /// samples: its error is variance alone and falls as 1 / time.
     pub path_ms: Option<f64>,
     /// Photon mapping's time over the path tracer's.
     pub photon_over_path: Option<f64>,
@@ -112,6 +108,8 @@ pub struct Growth {
     pub fit: Option<PowerFit>,
     /// Power law through the last three.
     pub fit_of_last_three: Option<PowerFit>,
+    /// Straight line through all points.
+    pub line: Option<LineFit>,
     /// Cost at the last point over that at the first.
     pub last_over_first: Option<f64>,
 }
@@ -119,19 +117,26 @@ pub struct Growth {
 /// Everything that follows from the rows.
 #[must_use]
 pub fn analyse(rows: &[Row]) -> Analysis {
-    let (fill_cost, growth) = (fill_cost(rows), growth(rows));
-    let equal_error = equal_error_speeds(rows);
     Analysis {
-        targets: targets(rows, &fill_cost, &growth, &equal_error),
-        fill_cost,
+        fill_cost: fill_cost(rows),
         pareto: pareto(rows),
-        growth,
-        equal_error,
+        growth: growth(rows),
     }
 }
 
 pub(super) fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
     values.collect::<BTreeSet<_>>().into_iter().collect()
+}
+
+/// Two figures of each row that has both, by the first, rising.
+pub(super) fn points<'a>(
+    rows: impl Iterator<Item = &'a Row>,
+    x: impl Fn(&Row) -> Option<f64>,
+    y: impl Fn(&Row) -> Option<f64>,
+) -> Vec<(f64, f64)> {
+    let mut points: Vec<(f64, f64)> = rows.filter_map(|row| Some((x(row)?, y(row)?))).collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    points
 }
 
 fn fill_cost(rows: &[Row]) -> Vec<FillCost> {
@@ -147,11 +152,12 @@ fn fill_cost(rows: &[Row]) -> Vec<FillCost> {
     pairs
         .into_iter()
         .filter_map(|(scene, reuse)| {
-            let points: Vec<(f64, f64)> = reusing
-                .iter()
-                .filter(|row| row.scene == scene && row.text("reuse") == reuse)
-                .filter_map(|row| Some((row.stereo?.filled, row.ms("fill")?)))
-                .collect();
+            let members = reusing.iter().copied();
+            let points = points(
+                members.filter(|row| row.scene == scene && row.text("reuse") == reuse),
+                |row| Some(row.stereo.as_ref()?.filled),
+                |row| row.ms("fill"),
+            );
             let (x, y): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
             Some(FillCost {
                 scene,
@@ -179,7 +185,7 @@ fn front_point(row: &Row) -> Option<FrontPoint> {
 }
 
 /// Levels 1, 2 and 5 times powers of ten within a range.
-pub(super) fn levels(low: f64, high: f64) -> Vec<f64> {
+fn levels(low: f64, high: f64) -> Vec<f64> {
     if !(low > 0.0 && high >= low && high.is_finite()) {
         return Vec::new();
     }
@@ -195,88 +201,102 @@ fn pareto(rows: &[Row]) -> Vec<ParetoScene> {
     distinct(of_suite().map(|row| row.scene.clone()))
         .into_iter()
         .map(|scene| {
-            let all = || of_suite().filter(|row| row.scene == scene);
-            let anchors: Vec<f64> = all()
-                .filter(|row| row.text("method") == "anchor")
-                .filter_map(frame_ms)
-                .collect();
-            let measured: Vec<&Row> = all().filter(|row| row.text("method") != "anchor").collect();
-            let points: Vec<FrontPoint> =
-                measured.iter().filter_map(|row| front_point(row)).collect();
-            let places: Vec<(f64, f64)> = points.iter().map(|p| (p.ms, p.rel_mse)).collect();
-            let of_method = |method: &'static str| {
-                measured
-                    .iter()
-                    .filter(move |row| row.text("method") == method)
-                    .filter_map(|row| front_point(row))
-                    .collect::<Vec<_>>()
-            };
-            let photon = of_method("photon");
-            let mut path: Vec<(f64, f64)> = of_method("path")
-                .iter()
-                .map(|point| (point.ms, point.rel_mse))
-                .collect();
-            path.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let flips: Vec<(String, (f64, f64))> = measured
-                .iter()
-                .filter_map(|row| {
-                    let flip = row.errors.get("left")?.flip?.value;
-                    Some((row.key.clone(), (frame_ms(row)?, flip)))
-                })
-                .collect();
-            let flip_places: Vec<(f64, f64)> = flips.iter().map(|flip| flip.1).collect();
-            let bounds = |pick: fn(&(f64, f64)) -> f64| {
-                let values: Vec<f64> = places.iter().map(pick).collect();
-                let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-                let high = values.iter().copied().fold(0.0, f64::max);
-                levels(low, high)
-            };
-            let best = |fits: &dyn Fn(&FrontPoint) -> bool, by: fn(&FrontPoint) -> f64| {
-                photon
-                    .iter()
-                    .filter(|point| fits(point))
-                    .min_by(|a, b| by(a).total_cmp(&by(b)))
-                    .cloned()
-            };
-            ParetoScene {
-                front: pareto_front(&places)
-                    .into_iter()
-                    .map(|index| points[index].clone())
-                    .collect(),
-                flip_front: pareto_front(&flip_places)
-                    .into_iter()
-                    .map(|index| flips[index].0.clone())
-                    .collect(),
-                equal_time: bounds(|place| place.0)
-                    .into_iter()
-                    .map(|ms| EqualTime {
-                        ms,
-                        photon: best(&|point| point.ms <= ms, |point| point.rel_mse),
-                        path_rel_mse: path_error_at(&path, ms),
-                    })
-                    .collect(),
-                equal_error: bounds(|place| place.1)
-                    .into_iter()
-                    .rev()
-                    .map(|rel_mse| {
-                        let photon = best(&|point| point.rel_mse <= rel_mse, |point| point.ms);
-                        let path_ms = log_interpolate(&path, rel_mse);
-                        EqualError {
-                            rel_mse,
-                            photon_over_path: photon
-                                .as_ref()
-                                .zip(path_ms)
-                                .map(|(photon, path_ms)| photon.ms / path_ms),
-                            photon,
-                            path_ms,
-                        }
-                    })
-                    .collect(),
-                anchor_ms: spread(&anchors),
-                scene,
-            }
+            let members: Vec<&Row> = of_suite().filter(|row| row.scene == scene).collect();
+            pareto_scene(scene, &members)
         })
         .collect()
+}
+
+fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
+    let of_method = |method: &str| -> Vec<&Row> {
+        let rows = members.iter().copied();
+        rows.filter(|row| row.text("method") == method).collect()
+    };
+    let measured = || members.iter().filter(|row| row.text("method") != "anchor");
+    let points: Vec<FrontPoint> = measured().filter_map(|row| front_point(row)).collect();
+    let places: Vec<(f64, f64)> = points.iter().map(|p| (p.ms, p.rel_mse)).collect();
+    let (keys, flips): (Vec<&String>, Vec<(f64, f64)>) = measured()
+        .filter_map(|row| {
+            Some((
+                &row.key,
+                (frame_ms(row)?, row.errors.get("left")?.flip?.value),
+            ))
+        })
+        .unzip();
+    let photon: Vec<FrontPoint> = of_method("photon")
+        .into_iter()
+        .filter_map(front_point)
+        .collect();
+    let mut path: Vec<(f64, f64)> = of_method("path")
+        .into_iter()
+        .filter_map(front_point)
+        .map(|point| (point.ms, point.rel_mse))
+        .collect();
+    path.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let anchors: Vec<f64> = of_method("anchor")
+        .into_iter()
+        .filter_map(frame_ms)
+        .collect();
+    let levels_of = |pick: fn(&(f64, f64)) -> f64| {
+        let values = || places.iter().map(pick);
+        levels(
+            values().fold(f64::INFINITY, f64::min),
+            values().fold(0.0, f64::max),
+        )
+    };
+    let mut errors = levels_of(|place| place.1);
+    errors.reverse();
+    ParetoScene {
+        front: pareto_front(&places)
+            .into_iter()
+            .map(|index| points[index].clone())
+            .collect(),
+        flip_front: pareto_front(&flips)
+            .into_iter()
+            .map(|index| keys[index].clone())
+            .collect(),
+        equal_time: levels_of(|place| place.0)
+            .into_iter()
+            .map(|ms| EqualTime {
+                ms,
+                photon: photon
+                    .iter()
+                    .filter(|point| point.ms <= ms)
+                    .min_by(|a, b| a.rel_mse.total_cmp(&b.rel_mse))
+                    .cloned(),
+                path_rel_mse: path_error_at(&path, ms),
+            })
+            .collect(),
+        equal_error: errors
+            .into_iter()
+            .map(|rel_mse| equal_error(&photon, &path, rel_mse))
+            .collect(),
+        anchor_ms: spread(&anchors),
+        scene,
+    }
+}
+
+/// The least time in which photon mapping, and that in which the path tracer (by rising time) reaches `rel_mse`.
+fn equal_error(photon: &[FrontPoint], path: &[(f64, f64)], rel_mse: f64) -> EqualError {
+    let photon = photon
+        .iter()
+        .filter(|point| point.rel_mse <= rel_mse)
+        .min_by(|a, b| a.ms.total_cmp(&b.ms))
+        .cloned();
+    let with_more_samples = || {
+        let (ms, error) = path.last().filter(|last| last.1 > rel_mse)?;
+        Some(ms * error / rel_mse)
+    };
+    let path_ms = log_interpolate(path, rel_mse).or_else(with_more_samples);
+    EqualError {
+        rel_mse,
+        photon_over_path: photon
+            .as_ref()
+            .zip(path_ms)
+            .map(|(photon, path_ms)| photon.ms / path_ms),
+        photon,
+        path_ms,
+    }
 }
 
 /// The path tracer's error in `ms` milliseconds, between its measured points.
@@ -292,83 +312,73 @@ fn growth(rows: &[Row]) -> Vec<Growth> {
     let of_suite: Vec<&Row> = rows.iter().filter(|row| row.suite == "scaling").collect();
     // Generated scenes change their name with their size; what stays is the series.
     let scene_of = |row: &Row| {
-        if row.scene.starts_with("generated:") {
-            "generated".to_owned()
-        } else {
-            row.scene.clone()
-        }
+        let generated = row.scene.starts_with("generated:");
+        if generated { "generated" } else { &row.scene }.to_owned()
     };
     // The photon counts are variants of one group; everything else keeps its variant from size to size.
     let variant_of = |row: &Row| match row.text("series").as_str() {
         "photons" => "photon".to_owned(),
         _ => row.variant.clone(),
     };
-    let lines = distinct(
-        of_suite
-            .iter()
-            .map(|row| (row.text("series"), scene_of(row), variant_of(row))),
-    );
+    let line_of = |row: &Row| (row.text("series"), scene_of(row), variant_of(row));
     let mut all = Vec::new();
-    for (series, scene, variant) in lines {
-        let members: Vec<&&Row> = of_suite
+    for line in distinct(of_suite.iter().map(|row| line_of(row))) {
+        let members: Vec<&Row> = of_suite
             .iter()
-            .filter(|row| {
-                row.text("series") == series && scene_of(row) == scene && variant_of(row) == variant
-            })
+            .copied()
+            .filter(|row| line_of(row) == line)
             .collect();
-        let mut line = |cost: &str, unit, value: &dyn Fn(&Row) -> Option<f64>| {
-            let mut points: Vec<(f64, f64)> = members
-                .iter()
-                .filter_map(|row| Some((row.number(&series)?, value(row)?)))
-                .collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            if points.len() < 2 || points.iter().all(|point| point.1 <= 0.0) {
-                return;
-            }
-            let fit = |points: &[(f64, f64)]| {
-                let (x, y): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
-                power_fit(&x, &y)
-            };
-            all.push(Growth {
-                series: series.clone(),
-                scene: scene.clone(),
-                variant: variant.clone(),
-                cost: cost.to_owned(),
-                unit,
-                fit: fit(&points),
-                fit_of_last_three: fit(&points[points.len().saturating_sub(3)..]),
-                last_over_first: points
-                    .last()
-                    .zip(points.first())
-                    .map(|(last, first)| last.1 / first.1)
-                    .filter(|ratio| ratio.is_finite()),
-                points,
-            });
-        };
-        for cost in COSTS {
-            line(cost, "ms", &|row| row.ms(cost));
-        }
+        let (_, scene, variant) = &line;
+        let mut costs = COSTS.to_vec();
         // Only the generated rooms are seen by a head that moves, and the host's work is the same for both methods.
         if scene == "generated" && variant != "path" {
-            line("host_update", "ms", &|row| row.ms("host_update"));
+            costs.push("host_update");
+            // What is built whole is not uploaded.
+            if variant != REBUILT {
+                costs.push("upload_bytes");
+            }
         }
-        // What is built whole is not uploaded.
-        if scene == "generated" && variant != "path" && variant != REBUILT {
-            line("upload_bytes", "bytes", &|row| {
-                Some(row.load.upload_bytes as f64)
-            });
-        }
+        all.extend(
+            costs
+                .into_iter()
+                .filter_map(|cost| growth_of(&line, &members, cost)),
+        );
     }
     all
 }
 
+/// How one cost grows over the rows of a series, scene and variant; `None` without two points.
+fn growth_of(line: &(String, String, String), members: &[&Row], cost: &str) -> Option<Growth> {
+    let (series, scene, variant) = line;
+    let (unit, value): (_, &dyn Fn(&Row) -> Option<f64>) = match cost {
+        "upload_bytes" => ("bytes", &|row| Some(row.load.upload_bytes as f64)),
+        _ => ("ms", &|row| row.ms(cost)),
+    };
+    let points = points(members.iter().copied(), |row| row.number(series), value);
+    if points.len() < 2 || points.iter().all(|point| point.1 <= 0.0) {
+        return None;
+    }
+    let (x, y): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
+    let last_three = points.len().saturating_sub(3);
+    Some(Growth {
+        series: series.clone(),
+        scene: scene.clone(),
+        variant: variant.clone(),
+        cost: cost.to_owned(),
+        unit,
+        fit: power_fit(&x, &y),
+        fit_of_last_three: power_fit(&x[last_three..], &y[last_three..]),
+        line: line_fit(&x, &y),
+        last_over_first: Some(y[y.len() - 1] / y[0]).filter(|ratio| ratio.is_finite()),
+        points,
+    })
+}
+
 #[cfg(test)]
 pub(super) mod tests {
-    use std::collections::BTreeMap;
-
     use serde_json::{Value, json};
 
-    use super::super::super::records::{Load, Machine, RegionErrors, Timing};
+    use super::super::super::records::RegionErrors;
     use super::super::super::statistics::Estimate;
     use super::*;
 
@@ -381,64 +391,26 @@ pub(super) mod tests {
                 standard_error: Some(0.01 * value),
             })
         };
-        Row {
-            key: format!("{suite}/{variant}/{factors}"),
-            suite: suite.to_owned(),
-            group: "g".to_owned(),
-            variant: variant.to_owned(),
-            scene: "s".to_owned(),
-            headset: "h".to_owned(),
-            size: [8, 8],
-            eyes: "left".to_owned(),
-            factors: serde_json::from_value(factors).unwrap(),
-            settings: BTreeMap::from([("spp".to_owned(), json!(2))]),
-            timing: Timing {
-                clock: "device".to_owned(),
-                rounds: 3,
-                warm_up: 1,
-                ms: BTreeMap::from([
-                    ("frame".to_owned(), exact(ms)),
-                    ("left".to_owned(), exact(0.5 * ms)),
-                ]),
-                ratio: BTreeMap::new(),
-                pass_ms: BTreeMap::new(),
-            },
-            errors: BTreeMap::from([(
-                "left".to_owned(),
-                RegionErrors {
-                    pixels: 64.0,
-                    rel_mse: estimate(rel_mse),
-                    rmse: estimate(rel_mse.sqrt()),
-                    mean_rel_bias: None,
-                    flip: estimate(rel_mse.sqrt()),
-                    bias_variance: None,
-                    rel_mse_ratio: None,
-                    reference_variance: Some(1e-6),
-                    reference_settled: true,
-                },
-            )]),
-            frame_noise: None,
-            stereo: None,
-            load: Load {
-                triangles: 12,
-                instances: 1,
-                lights: 1,
-                upload_bytes: 100,
-                photon_paths: 0,
-                photons_stored: 0,
-                photons_dropped: 0,
-                radius_m: None,
-            },
-            machine: Machine {
-                adapter: "test".to_owned(),
-                kind: "software".to_owned(),
-                backend: "none".to_owned(),
-                driver: "none".to_owned(),
-                software_adapter: true,
-            },
-            version: "0".to_owned(),
-            code: "c".to_owned(),
-        }
+        let mut row = Row::imagined(&format!("{suite}/{variant}/{factors}"));
+        row.suite = suite.to_owned();
+        row.variant = variant.to_owned();
+        row.factors = serde_json::from_value(factors).unwrap();
+        row.settings.insert("spp".to_owned(), json!(2));
+        row.timing.ms.insert("frame".to_owned(), exact(ms));
+        row.timing.ms.insert("left".to_owned(), exact(0.5 * ms));
+        let errors = RegionErrors {
+            pixels: 64.0,
+            rel_mse: estimate(rel_mse),
+            rmse: estimate(rel_mse.sqrt()),
+            mean_rel_bias: None,
+            flip: estimate(rel_mse.sqrt()),
+            bias_variance: None,
+            rel_mse_ratio: None,
+            reference_variance: Some(1e-6),
+            reference_settled: true,
+        };
+        row.errors.insert("left".to_owned(), errors);
+        row
     }
 
     fn known_rows() -> Vec<Row> {
@@ -479,6 +451,9 @@ pub(super) mod tests {
         assert_eq!(level.photon.as_ref().unwrap().variant, "fast");
         assert!((level.path_ms.unwrap() - 80.0).abs() < 1e-9);
         assert!((level.photon_over_path.unwrap() - 0.25).abs() < 1e-9);
+        // Half the error of its most samples takes twice their time.
+        let more = equal_error(&[], &[(10.0, 0.8), (160.0, 0.05)], 0.025);
+        assert!((more.path_ms.unwrap() - 320.0).abs() < 1e-9 && more.photon.is_none());
         // Within 50 ms: photon 0.1, path 0.8 / 5.
         let time = scene
             .equal_time
@@ -505,6 +480,7 @@ pub(super) mod tests {
         let of = |cost: &str| found.iter().find(|growth| growth.cost == cost).unwrap();
         assert!((of("frame").fit.unwrap().exponent - 0.5).abs() < 1e-9);
         assert!((of("upload_bytes").fit.unwrap().exponent - 1.0).abs() < 1e-9);
+        assert!((of("upload_bytes").line.unwrap().slope - 64.0).abs() < 1e-9);
         assert!((of("frame").last_over_first.unwrap() - 1000.0_f64.sqrt()).abs() < 1e-9);
         assert!(found.iter().all(|growth| growth.cost != "photons"));
     }

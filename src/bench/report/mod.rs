@@ -1,23 +1,21 @@
 //! The files of a report: rows as JSON and CSV, what follows from them as Markdown and plots.
 
 pub mod analysis;
+mod cells;
 mod charts;
 mod markdown;
 mod tables;
-pub mod targets;
 
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::BenchError;
 use super::fingerprint::{BENCH_CODE, RENDER_CODE};
 use super::plots;
-use super::records::{Machine, REASONS, Row};
-use super::statistics::Estimate;
+use super::records::{Machine, Row, leaves};
 use crate::images::write_atomically;
 use crate::options::BenchOptions;
 
@@ -57,7 +55,10 @@ pub fn write(
     for (stem, chart) in &charts {
         plots::draw(chart, &folder.join(stem))?;
     }
-    let unsettled = rows.iter().filter(|row| !is_settled(row)).count();
+    let unsettled = rows
+        .iter()
+        .filter(|row| !row.errors.values().all(cells::is_settled))
+        .count();
     let report = json!({
         "format": "stereolux-bench",
         "version": env!("CARGO_PKG_VERSION"),
@@ -90,14 +91,6 @@ fn put(path: &Path, text: &str) -> Result<(), BenchError> {
     })?)
 }
 
-/// Whether the reference was good enough for every error of the row.
-fn is_settled(row: &Row) -> bool {
-    // An error of exactly 0 (a part that shows nothing but what is exact) needs no better reference.
-    row.errors.values().all(|errors| {
-        errors.reference_settled || errors.rel_mse.is_none_or(|error| error.value == 0.0)
-    })
-}
-
 /// A field of a CSV file (RFC 4180).
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) {
@@ -107,179 +100,42 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// Groups of passes that have columns.
-const MS_COLUMNS: [&str; 12] = [
-    "photons",
-    "build",
-    "gather",
-    "build_gather",
-    "left",
-    "right",
-    "fill",
-    "carry",
-    "eyes",
-    "frame",
-    "host_update",
-    "host_frame",
-];
-/// Parts of the picture that have columns.
-const REGION_COLUMNS: [&str; 4] = ["left", "right", "right_reused", "right_filled"];
-
-/// All rows as CSV: one line each, columns by name, empty where a row has no such figure. Times by pass are in the JSON.
+/// All rows as CSV: one line each, a column for each figure in report.json, named by its path there
+/// (`timing.ms.frame.median`), empty where a row has no such figure. Times by pass are in the JSON alone.
 #[must_use]
 pub fn csv(rows: &[Row]) -> String {
-    let factors: BTreeSet<&String> = rows.iter().flat_map(|row| row.factors.keys()).collect();
-    let mut lines = String::new();
-    for (index, row) in std::iter::once(None)
-        .chain(rows.iter().map(Some))
-        .enumerate()
-    {
-        let mut cells: Vec<(String, String)> = Vec::new();
-        let empty;
-        let row = match row {
-            Some(row) => row,
-            // The header: any row has all columns.
-            None => match rows.first() {
-                Some(first) => {
-                    empty = first.clone();
-                    &empty
-                }
-                None => return String::new(),
-            },
-        };
-        cells_of(row, &factors, &mut cells);
-        let line: Vec<String> = cells
-            .iter()
-            .map(|(name, value)| quoted(if index == 0 { name } else { value }))
-            .collect();
-        // Writing to a String cannot fail.
-        let _ = writeln!(lines, "{}", line.join(","));
-    }
-    lines
-}
-
-fn cells_of(row: &Row, factors: &BTreeSet<&String>, cells: &mut Vec<(String, String)>) {
-    let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
-    let mut put = |name: &str, value: String| cells.push((name.to_owned(), value));
-    put("key", row.key.clone());
-    put("suite", row.suite.clone());
-    put("group", row.group.clone());
-    put("variant", row.variant.clone());
-    put("scene", row.scene.clone());
-    put("headset", row.headset.clone());
-    put("width", row.size[0].to_string());
-    put("height", row.size[1].to_string());
-    put("eyes", row.eyes.clone());
-    for factor in factors {
-        put(&format!("factor.{factor}"), row.text(factor));
-    }
-    put("clock", row.timing.clock.clone());
-    put("rounds", row.timing.rounds.to_string());
-    for group in MS_COLUMNS {
-        let spread = row.timing.ms.get(group);
-        put(&format!("ms.{group}"), number(spread.map(|s| s.median)));
-        put(&format!("ms.{group}.mad"), number(spread.map(|s| s.mad)));
-        let ratio = row.timing.ratio.get(group);
-        put(&format!("ratio.{group}"), number(ratio.map(|s| s.median)));
-        put(
-            &format!("ratio.{group}.lower_quartile"),
-            number(ratio.map(|s| s.lower_quartile)),
-        );
-        put(
-            &format!("ratio.{group}.upper_quartile"),
-            number(ratio.map(|s| s.upper_quartile)),
-        );
-    }
-    for region in REGION_COLUMNS {
-        let errors = row.errors.get(region);
-        put(
-            &format!("{region}.pixels"),
-            number(errors.map(|e| e.pixels)),
-        );
-        let mut estimate = |name: &str, value: Option<Estimate>| {
-            put(&format!("{region}.{name}"), number(value.map(|e| e.value)));
-            put(
-                &format!("{region}.{name}_se"),
-                number(value.and_then(|e| e.standard_error)),
-            );
-        };
-        estimate("rel_mse", errors.and_then(|e| e.rel_mse));
-        estimate("rmse", errors.and_then(|e| e.rmse));
-        estimate("mean_rel_bias", errors.and_then(|e| e.mean_rel_bias));
-        estimate("flip", errors.and_then(|e| e.flip));
-        let split = errors.and_then(|e| e.bias_variance);
-        estimate(
-            "bias_squared",
-            split.map(|s| Estimate {
-                value: s.bias_squared,
-                standard_error: s.bias_squared_se,
-            }),
-        );
-        estimate(
-            "variance",
-            split.map(|s| Estimate {
-                value: s.variance,
-                standard_error: s.variance_se,
-            }),
-        );
-        put(
-            &format!("{region}.rel_mse_ratio"),
-            number(errors.and_then(|e| e.rel_mse_ratio).map(|s| s.median)),
-        );
-        put(
-            &format!("{region}.reference_variance"),
-            number(errors.and_then(|e| e.reference_variance)),
-        );
-        put(
-            &format!("{region}.reference_settled"),
-            errors.map_or(String::new(), |e| e.reference_settled.to_string()),
-        );
-    }
-    let noise = row.frame_noise;
-    put("frame_noise", number(noise.map(|noise| noise.value)));
-    let stereo = row.stereo.as_ref();
-    put(
-        "reuse_fraction",
-        number(stereo.map(|s| s.reuse_fraction.median)),
-    );
-    put("reused", number(stereo.map(|s| s.reused)));
-    put("filled", number(stereo.map(|s| s.filled)));
-    for (index, reason) in REASONS.iter().enumerate() {
-        put(
-            &format!("filled_because.{reason}"),
-            number(stereo.map(|s| s.because[index])),
-        );
-    }
-    let binocular = stereo.and_then(|s| s.binocular_rel_mse);
-    put("binocular_rel_mse", number(binocular.map(|e| e.value)));
-    put(
-        "binocular_ratio",
-        number(stereo.and_then(|s| s.binocular_ratio).map(|s| s.median)),
-    );
-    let load = &row.load;
-    for (name, value) in [
-        ("triangles", load.triangles),
-        ("instances", load.instances),
-        ("lights", load.lights),
-        ("upload_bytes", load.upload_bytes),
-        ("photon_paths", load.photon_paths),
-        ("photons_stored", load.photons_stored),
-        ("photons_dropped", load.photons_dropped),
-    ] {
-        put(&format!("load.{name}"), value.to_string());
-    }
-    put("load.radius_m", number(load.radius_m));
-    put(
-        "settings",
-        serde_json::to_string(&row.settings).unwrap_or_default(),
-    );
-    put("adapter", row.machine.adapter.clone());
-    put("adapter_kind", row.machine.kind.clone());
-    put("software_adapter", row.machine.software_adapter.to_string());
-    put("backend", row.machine.backend.clone());
-    put("driver", row.machine.driver.clone());
-    put("version", row.version.clone());
-    put("code", row.code.clone());
+    let figures = |row: &Row| -> BTreeMap<String, Value> {
+        let of_row = leaves(row)
+            .into_iter()
+            .flat_map(|(path, value)| match value {
+                Value::Array(items) => (0..)
+                    .zip(items)
+                    .map(|(index, item): (u32, _)| (format!("{path}.{index}"), item))
+                    .collect(),
+                other => vec![(path, other)],
+            });
+        of_row
+            .filter(|(path, value)| !value.is_null() && !path.starts_with("timing.pass_ms."))
+            .collect()
+    };
+    let rows: Vec<BTreeMap<String, Value>> = rows.iter().map(figures).collect();
+    let mut columns: Vec<&String> = rows.iter().flat_map(BTreeMap::keys).collect();
+    // What a row is comes before its figures.
+    columns.sort_by_key(|path| (path.contains('.'), *path));
+    columns.dedup();
+    let cell = |value: Option<&Value>| match value {
+        None => String::new(),
+        Some(Value::String(text)) => quoted(text),
+        Some(other) => quoted(&other.to_string()),
+    };
+    let head = columns.iter().map(|path| quoted(path)).collect();
+    let lines = rows
+        .iter()
+        .map(|row| columns.iter().map(|path| cell(row.get(*path))).collect());
+    std::iter::once(head)
+        .chain(lines)
+        .map(|cells: Vec<String>| cells.join(",") + "\n")
+        .collect()
 }
 
 #[cfg(test)]
@@ -303,9 +159,10 @@ mod tests {
         let header: Vec<&str> = lines[0].split(',').collect();
         let plain: Vec<&str> = lines[2].splitn(header.len(), ',').collect();
         let cell = |name: &str| plain[header.iter().position(|h| *h == name).unwrap()];
-        assert_eq!(cell("factor.x"), "3.0");
-        assert_eq!(cell("factor.spp"), "");
-        assert_eq!((cell("ms.frame"), cell("left.rel_mse")), ("4", "0.5"));
-        assert_eq!(csv(&[]), "");
+        assert_eq!(cell("factors.x"), "3.0");
+        assert_eq!(cell("factors.spp"), "");
+        assert_eq!(cell("timing.ms.frame.median"), "4.0");
+        assert_eq!(cell("errors.left.rel_mse.value"), "0.5");
+        assert_eq!(csv(&[]), "\n");
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::records::Row;
 use super::super::suites::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, WAYS_TABLES, WaysTable};
-use super::markdown::{Table, marked, quartiles, size, speed_up};
+use super::cells::{Table, ms, quartiles, rel_mse, rel_mse_ratio, size, speed_up};
 
 /// All five tables.
 pub(super) fn tables(text: &mut String, rows: &[Row]) {
@@ -35,12 +35,17 @@ fn ways_table(text: &mut String, rows: &[Row], which: &WaysTable) {
     if which.time == "build_gather" {
         times.push(("gather", "gathering alone"));
     }
-    let mut heads = Vec::new();
-    for (time, words) in &times {
+    let mut table = settings_of_tables()
+        .with("way", |row| row.text("way"))
+        .with("building, ms", |row| ms(row, "build"))
+        .with("gathering, ms", |row| ms(row, "gather"))
+        .with("eye, ms", |row| ms(row, "left"))
+        .with("frame, ms", |row| ms(row, "frame"));
+    for (time, words) in times {
         // Ratios are over the default's times.
         let ratios: Vec<f64> = members()
             .filter(|row| row.variant != DEFAULT_WAY)
-            .filter_map(|row| Some(row.timing.ratio.get(*time)?.median))
+            .filter_map(|row| Some(row.timing.ratio.get(time)?.median))
             .collect();
         let _ = writeln!(
             text,
@@ -48,86 +53,47 @@ fn ways_table(text: &mut String, rows: &[Row], which: &WaysTable) {
             ratios.iter().filter(|ratio| **ratio >= 1.0).count(),
             ratios.len()
         );
-        heads.push(format!("{words}, over default"));
+        table = table.with(format!("{words}, over default"), move |row| {
+            quartiles(row.timing.ratio.get(time))
+        });
     }
-    let mut columns = vec![
-        "scene",
-        "size",
-        "photons",
-        "radius",
-        "way",
-        "building, ms",
-        "gathering, ms",
-        "eye, ms",
-        "frame, ms",
-    ];
-    columns.extend(heads.iter().map(String::as_str));
-    columns.extend(["relMSE", "relMSE / default", "on"]);
-    let mut table = Table::new(&columns);
-    for row in members() {
-        let errors = row.errors.get("left");
-        let ms = |group: &str| quartiles(row.timing.ms.get(group));
-        let mut cells = vec![
-            row.scene.clone(),
-            size(row),
-            row.text("photons"),
-            format!("{} = {} m", row.text("radius"), row.text("radius_m")),
-            row.text("way"),
-            ms("build"),
-            ms("gather"),
-            ms("left"),
-            ms("frame"),
-        ];
-        let ratio = |(time, _): &(&str, &str)| quartiles(row.timing.ratio.get(*time));
-        cells.extend(times.iter().map(ratio));
-        cells.extend([
-            marked(errors),
-            quartiles(errors.and_then(|errors| errors.rel_mse_ratio.as_ref())),
-            row.machine.label(),
-        ]);
-        table.row(&cells);
-    }
-    text.push_str(&table.text);
+    let table = table
+        .with("relMSE", |row| rel_mse(row, "left"))
+        .with("relMSE / default", |row| rel_mse_ratio(row, "left"))
+        .with("on", |row| row.machine.label());
+    text.push_str(&table.of(members()));
     text.push('\n');
+}
+
+/// The columns that all tables begin with.
+fn settings_of_tables<'a>() -> Table<'a, &'a Row> {
+    Table::new()
+        .with("scene", |row: &&Row| row.scene.clone())
+        .with("size", |row| size(row))
+        .with("photons", |row| row.text("photons"))
+        .with("radius", |row| {
+            format!("{} = {} m", row.text("radius"), row.text("radius_m"))
+        })
 }
 
 fn stereo_table(text: &mut String, rows: &[Row]) {
     text.push_str("### Table 5: two eyes by themselves against stereo reuse\n\n");
-    let mut table = Table::new(&[
-        "scene",
-        "size",
-        "photons",
-        "radius",
-        "reuse",
-        "photons, ms",
-        "left, ms",
-        "right, ms",
-        "speed-up, both eyes",
-        "relMSE left",
-        "relMSE right",
-        "on reused pixels / native",
-        "on",
-    ]);
-    for row in rows
+    let table = settings_of_tables()
+        .with("reuse", |row| row.text("reuse"))
+        .with("photons, ms", |row| ms(row, "photons"))
+        .with("left, ms", |row| ms(row, "left"))
+        .with("right, ms", |row| ms(row, "right"))
+        .with("speed-up, both eyes", |row| {
+            speed_up(row.timing.ratio.get("eyes"))
+        })
+        .with("relMSE left", |row| rel_mse(row, "left"))
+        .with("relMSE right", |row| rel_mse(row, "right"))
+        .with("on reused pixels / native", |row| {
+            rel_mse_ratio(row, "right_reused")
+        })
+        .with("on", |row| row.machine.label());
+    let members = rows
         .iter()
-        .filter(|row| row.number("table") == Some(5.0) && row.suite == "tables")
-    {
-        let reused = row.errors.get("right_reused");
-        table.row(&[
-            row.scene.clone(),
-            size(row),
-            row.text("photons"),
-            format!("{} = {} m", row.text("radius"), row.text("radius_m")),
-            row.text("reuse"),
-            quartiles(row.timing.ms.get("photons")),
-            quartiles(row.timing.ms.get("left")),
-            quartiles(row.timing.ms.get("right")),
-            speed_up(row.timing.ratio.get("eyes")),
-            marked(row.errors.get("left")),
-            marked(row.errors.get("right")),
-            quartiles(reused.and_then(|errors| errors.rel_mse_ratio.as_ref())),
-            row.machine.label(),
-        ]);
-    }
-    text.push_str(&table.text);
+        .filter(|row| row.number("table") == Some(5.0) && row.suite == "tables");
+    text.push_str(&table.of(members));
 }

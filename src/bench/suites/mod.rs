@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::BenchError;
+use super::instance_motion::InstanceMotion;
 use super::measure::{Candidate, GroupPlan};
-use super::moves::Moves;
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
@@ -196,7 +196,7 @@ fn candidate(
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value))
             .collect::<BTreeMap<_, _>>(),
-        moves: Moves::Nothing,
+        motion: InstanceMotion::Nothing,
     }
 }
 

@@ -4,8 +4,8 @@
 use serde_json::json;
 
 use super::super::BenchError;
+use super::super::instance_motion::InstanceMotion;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
-use super::super::moves::Moves;
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
 use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
@@ -64,137 +64,151 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         Extent::Full => (FULL, PHOTONS),
         Extent::Smoke => (SMOKE, SMOKE_PHOTONS),
     };
-    let settings = |scene: &str, method: Method, count: u32| {
+    let suite = Scaling {
+        base,
+        axes,
+        photons,
+    };
+    let mut plans = suite.generated()?;
+    for scene in &base.scenes {
+        plans.extend(suite.named(scene)?);
+    }
+    Ok(plans)
+}
+
+/// Name, method and motion of a variant.
+type Variant = (&'static str, Method, InstanceMotion);
+
+const BOTH_METHODS: &[Variant] = &[
+    ("photon", Method::Photon, InstanceMotion::Nothing),
+    ("path", Method::Path, InstanceMotion::Nothing),
+];
+
+struct Scaling<'a> {
+    base: &'a SuiteBase,
+    axes: Axes,
+    photons: u32,
+}
+
+impl Scaling<'_> {
+    fn settings(&self, scene: &str, method: Method, photons: u32) -> Settings {
         let mut settings = Settings {
             method,
             reuse: Reuse::Off,
-            ..settings_for(base, scene)
+            ..settings_for(self.base, scene)
         };
-        settings.photon.count = count;
+        settings.photon.count = photons;
         settings
-    };
-    let group = |name: String,
-                 scene: SceneSource,
-                 view: &(Headset, String),
-                 candidates: Vec<Candidate>| GroupPlan {
-        suite: "scaling",
-        name,
-        scene,
-        headset: view.0.clone(),
-        headset_label: view.1.clone(),
-        views: ViewPlan::Start,
-        size: base.size,
-        eyes: Eyes::Left,
-        filter: None,
-        candidates,
-        rounds: base.rounds,
-        warm_up: base.warm_up,
-    };
-    let both_methods = |series: &'static str, value: f64, scene: &str| -> Vec<Candidate> {
-        [("photon", Method::Photon), ("path", Method::Path)]
-            .into_iter()
-            .map(|(name, method)| {
-                let factors = [("series", json!(series)), (series, json!(value))];
-                candidate(name, settings(scene, method, photons), factors)
-            })
-            .collect()
-    };
-    let mut plans = Vec::new();
-    let room = framing_headset(base, &Generated::default().scene())?;
-    let mut generated = |series: &'static str, values: &[u32], made: &dyn Fn(u32) -> Generated| {
-        for &value in values {
-            let scene = SceneSource::Generated(made(value));
-            let candidates = both_methods(series, f64::from(value), &scene.name());
-            plans.push(GroupPlan {
-                views: ViewPlan::Jitter,
-                ..group(format!("{series} {value}"), scene, &room, candidates)
-            });
+    }
+
+    fn group(
+        &self,
+        name: String,
+        scene: SceneSource,
+        (headset, headset_label): &(Headset, String),
+        candidates: Vec<Candidate>,
+    ) -> GroupPlan {
+        GroupPlan {
+            suite: "scaling",
+            name,
+            scene,
+            headset: headset.clone(),
+            headset_label: headset_label.clone(),
+            views: ViewPlan::Start,
+            size: self.base.size,
+            eyes: Eyes::Left,
+            filter: None,
+            candidates,
+            rounds: self.base.rounds,
+            warm_up: self.base.warm_up,
         }
-    };
-    let default = Generated::default();
-    generated("triangles", axes.triangles, &|floor_triangles| Generated {
-        floor_triangles,
-        ..default
-    });
-    generated("instances", axes.instances, &|boxes| Generated {
-        boxes,
-        ..default
-    });
-    generated("lights", axes.lights, &|lights| Generated {
-        lights,
-        ..default
-    });
-    let mut moving =
-        |series: &'static str, value: u32, made: Generated, variants: &[(&str, Moves)]| {
-            let scene = SceneSource::Generated(made);
-            let candidates = variants
-                .iter()
-                .map(|&(variant, moves)| {
-                    let factors = [("series", json!(series)), (series, json!(value))];
-                    let settings = settings(&scene.name(), Method::Path, photons);
-                    Candidate {
-                        moves,
-                        ..candidate(variant, settings, factors)
-                    }
-                })
-                .collect();
-            plans.push(GroupPlan {
-                views: ViewPlan::Jitter,
-                ..group(format!("{series} {value}"), scene, &room, candidates)
-            });
-        };
-    for &value in axes.around_one {
-        let made = Generated {
-            floor_triangles: value,
-            ..default
-        };
-        let variants = [(TWO_LEVELS, Moves::One), (REBUILT, Moves::OneRebuilt)];
-        moving(AROUND_ONE, value, made, &variants);
     }
-    for &value in axes.moving {
-        let made = Generated {
-            boxes: value,
-            ..default
-        };
-        moving(MOVING, value, made, &[(TWO_LEVELS, Moves::All)]);
-    }
-    for scene in &base.scenes {
-        let source = SceneSource::Named(scene.clone());
-        let view = framing_headset(base, &scene_of(scene, base)?)?;
-        let candidates = axes
-            .photons
-            .iter()
-            .map(|&count| {
-                let factors = [("series", json!("photons")), ("photons", json!(count))];
-                let settings = settings(scene, Method::Photon, count);
-                candidate(format!("photon {count}"), settings, factors)
-            })
-            .collect();
-        plans.push(GroupPlan {
-            filter: Some(PixelFilter::Center),
-            ..group(
-                format!("photons, {scene}"),
-                source.clone(),
-                &view,
-                candidates,
+
+    fn candidates(
+        &self,
+        series: &'static str,
+        value: f64,
+        scene: &str,
+        variants: &[Variant],
+    ) -> Vec<Candidate> {
+        let candidate = |&(name, method, motion): &Variant| Candidate {
+            motion,
+            ..candidate(
+                name,
+                self.settings(scene, method, self.photons),
+                [("series", json!(series)), (series, json!(value))],
             )
-        });
-        let mut sizes: Vec<[u32; 2]> = axes.sides.iter().map(|&side| [side, side]).collect();
-        if base.extent == Extent::Full {
+        };
+        variants.iter().map(candidate).collect()
+    }
+
+    /// The series over generated rooms, seen from one place by a head that moves.
+    fn generated(&self) -> Result<Vec<GroupPlan>, BenchError> {
+        let room = framing_headset(self.base, &Generated::default().scene())?;
+        let mut plans = Vec::new();
+        let mut add = |series: &'static str,
+                       values: &[u32],
+                       made: fn(&mut Generated, u32),
+                       variants: &[Variant]| {
+            for &value in values {
+                let mut generated = Generated::default();
+                made(&mut generated, value);
+                let scene = SceneSource::Generated(generated);
+                let candidates = self.candidates(series, f64::from(value), &scene.name(), variants);
+                plans.push(GroupPlan {
+                    views: ViewPlan::Jitter,
+                    ..self.group(format!("{series} {value}"), scene, &room, candidates)
+                });
+            }
+        };
+        let axes = &self.axes;
+        let floor = |made: &mut Generated, value| made.floor_triangles = value;
+        let boxes = |made: &mut Generated, value| made.boxes = value;
+        let lights = |made: &mut Generated, value| made.lights = value;
+        add("triangles", axes.triangles, floor, BOTH_METHODS);
+        add("instances", axes.instances, boxes, BOTH_METHODS);
+        add("lights", axes.lights, lights, BOTH_METHODS);
+        let one = (TWO_LEVELS, Method::Path, InstanceMotion::One);
+        let rebuilt = (REBUILT, Method::Path, InstanceMotion::OneRebuilt);
+        add(AROUND_ONE, axes.around_one, floor, &[one, rebuilt]);
+        let all = (TWO_LEVELS, Method::Path, InstanceMotion::All);
+        add(MOVING, axes.moving, boxes, &[all]);
+        Ok(plans)
+    }
+
+    /// The series of photons and pixels over one scene.
+    fn named(&self, scene: &str) -> Result<Vec<GroupPlan>, BenchError> {
+        let source = SceneSource::Named(scene.to_owned());
+        let view = framing_headset(self.base, &scene_of(scene, self.base)?)?;
+        let with_photons = |&count: &u32| {
+            candidate(
+                format!("photon {count}"),
+                self.settings(scene, Method::Photon, count),
+                [("series", json!("photons")), ("photons", json!(count))],
+            )
+        };
+        let candidates = self.axes.photons.iter().map(with_photons).collect();
+        let photons = format!("photons, {scene}");
+        let mut plans = vec![GroupPlan {
+            filter: Some(PixelFilter::Center),
+            ..self.group(photons, source.clone(), &view, candidates)
+        }];
+        let mut sizes: Vec<[u32; 2]> = self.axes.sides.iter().map(|&side| [side; 2]).collect();
+        if self.base.extent == Extent::Full {
             sizes.push(Headset::load(LARGEST_HEADSET)?.size);
         }
         for size in sizes {
             let pixels = f64::from(size[0]) * f64::from(size[1]);
-            let mut candidates = both_methods("pixels", pixels, scene);
+            let mut candidates = self.candidates("pixels", pixels, scene, BOTH_METHODS);
             for candidate in &mut candidates {
                 candidate.settings.size = Some(size);
             }
             let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
             plans.push(GroupPlan {
                 size,
-                ..group(name, source.clone(), &view, candidates)
+                ..self.group(name, source.clone(), &view, candidates)
             });
         }
+        Ok(plans)
     }
-    Ok(plans)
 }

@@ -14,7 +14,7 @@ use crate::gpu::types::light::{
     LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light,
     LightAlias,
 };
-use crate::scene::facts::loose_bounds;
+use crate::scene::mesh_statistics::loose_bounds;
 use crate::scene::{Bounds, Instance, LightKind, Mesh, Scene};
 
 use super::environment::PackedEnvironment;

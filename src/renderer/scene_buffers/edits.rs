@@ -9,14 +9,14 @@ use crate::gpu::scene::{LightKinds, pack_materials};
 use crate::gpu::types::bvh::Triangle;
 use crate::gpu::types::material::Material;
 use crate::renderer::{InstanceId, RenderError};
-use crate::scene::{Instance, Scene, SceneFacts, ScenePose};
+use crate::scene::{Instance, Scene, ScenePose, SceneStatistics};
 
 /// What an edit asks of the buffers. Meshes, textures, images and skins are those that the buffers were made from.
 pub(in crate::renderer) struct SceneChange<'a> {
     /// The edited scene.
     pub scene: &'a Scene,
     /// What is known of its triangles.
-    pub facts: &'a SceneFacts,
+    pub statistics: &'a SceneStatistics,
     /// By mesh: other materials or marks are to be noted in its triangles.
     pub repainted: &'a [bool],
     /// By mesh: its emissive triangles, or how much they emit, may be others.
@@ -148,7 +148,7 @@ impl SceneBuffers {
         };
         let is_afar = relights || self.packed_lights.shines_from_afar();
         let bounds = is_afar
-            .then(|| change.facts.bounds_in_world(scene))
+            .then(|| change.statistics.bounds_in_world(scene))
             .flatten();
         if relights || self.packed_lights.leaves_sphere(bounds) {
             self.packed_lights

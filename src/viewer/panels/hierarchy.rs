@@ -14,7 +14,7 @@ const MOST_MATCHES: usize = 500;
 
 /// The left panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    if !app.memory.hierarchy {
+    if !app.window_state.hierarchy {
         return;
     }
     let panel = Panel::left("hierarchy").default_size(210.0);

@@ -5,7 +5,7 @@ use egui::{Button, ComboBox, MenuBar, Panel, Slider, TextEdit, Ui};
 use crate::options::Motion as MotionSetting;
 use crate::scene::builtin;
 use crate::viewer::app::{App, WindowCommand};
-use crate::viewer::frames::Look;
+use crate::viewer::frames::ViewMode;
 use crate::viewer::gizmo::Mode;
 use crate::viewer::layout::Layout;
 use crate::viewer::session::{Player, Recording};
@@ -27,21 +27,21 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             }
             ui.separator();
             ComboBox::from_id_salt("layout")
-                .selected_text(app.memory.layout.name())
+                .selected_text(app.window_state.layout.name())
                 .show_ui(ui, |ui| {
                     for layout in Layout::ALL {
-                        ui.selectable_value(&mut app.memory.layout, layout, layout.name())
+                        ui.selectable_value(&mut app.window_state.layout, layout, layout.name())
                             .on_hover_text(layout.about());
                     }
                 })
                 .response
                 .on_hover_text("how the eyes share the picture");
             ComboBox::from_id_salt("look")
-                .selected_text(app.look.name())
+                .selected_text(app.view_mode.name())
                 .height(600.0)
                 .show_ui(ui, |ui| {
-                    for look in Look::all() {
-                        ui.selectable_value(&mut app.look, look, look.name())
+                    for look in ViewMode::all() {
+                        ui.selectable_value(&mut app.view_mode, look, look.name())
                             .on_hover_text(look.about());
                     }
                 })
@@ -155,9 +155,9 @@ fn edit(app: &mut App, ui: &mut Ui) {
 }
 
 fn window(app: &mut App, ui: &mut Ui) {
-    ui.checkbox(&mut app.memory.hierarchy, "Hierarchy");
-    ui.checkbox(&mut app.memory.side, "Inspector and settings");
-    ui.checkbox(&mut app.memory.statistics, "Statistics");
+    ui.checkbox(&mut app.window_state.hierarchy, "Hierarchy");
+    ui.checkbox(&mut app.window_state.side, "Inspector and settings");
+    ui.checkbox(&mut app.window_state.statistics, "Statistics");
     ui.separator();
     if ui
         .add(Button::new("Full screen").shortcut_text("F11"))

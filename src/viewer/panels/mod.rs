@@ -7,70 +7,16 @@ pub mod menu;
 pub mod settings;
 pub mod statistics;
 
-use std::path::Path;
-
 use egui::{Align2, Color32, Context, Frame, Panel, RichText, ScrollArea, Ui, vec2};
 
 use super::app::{App, Tab};
-use super::layout::Part;
-use crate::scene::edit::Original;
-
-/// What text fields hold while they are written in, and other state of widgets.
-#[derive(Clone, Debug, Default)]
-pub struct Fields {
-    /// Search of the hierarchy.
-    pub search: String,
-    /// Search of the settings.
-    pub settings_search: String,
-    /// Path or name of a scene to open.
-    pub open_path: String,
-    /// Where the edited scene is saved.
-    pub scene_path: String,
-    /// Where settings are saved.
-    pub settings_path: String,
-    /// A setting that is being written, and the text so far.
-    pub setting: Option<(&'static str, String)>,
-    /// What was wrong with the last setting, by key.
-    pub refused: Option<(&'static str, String)>,
-    /// The settings panel shows the other settings of the split view.
-    pub edits_other: bool,
-    /// Mesh and materials of a node at a revision of the scene, with how many meshes have each.
-    pub materials: Option<(usize, u64, Vec<[usize; 3]>)>,
-    /// A rename in hand.
-    pub name: Option<(usize, String)>,
-    /// The tree has to show the selected node.
-    pub scroll_to_selected: bool,
-    /// Middle of the selected node and what is below it, in the node's own space.
-    pub pivot: Option<(usize, glam::DVec3)>,
-    /// The picture that has the gizmo.
-    pub gizmo_part: Option<Part>,
-    /// The divider of the split view is held.
-    pub drags_divider: bool,
-}
-
-impl Fields {
-    /// Empty, with names for files beside which nothing stands yet.
-    pub fn new(out: &Path, original: &Original) -> Self {
-        let stem = original.path().file_stem().map_or_else(
-            || "scene".into(),
-            |stem| stem.to_string_lossy().into_owned(),
-        );
-        let stem = stem.trim_start_matches("builtin:").to_owned();
-        let in_out = |name: String| out.join(name).to_string_lossy().into_owned();
-        Self {
-            scene_path: in_out(format!("{stem}_edited.glb")),
-            settings_path: in_out("settings.toml".to_owned()),
-            ..Self::default()
-        }
-    }
-}
 
 /// Share of the window's width or height that one panel may be drawn to: something of the picture stays.
 const MOST_OF_WINDOW: f32 = 0.4;
 
 /// The right panel: inspector and settings.
 pub fn right(app: &mut App, ui: &mut Ui) {
-    if !app.memory.side {
+    if !app.window_state.side {
         return;
     }
     let panel = Panel::right("side").default_size(370.0);

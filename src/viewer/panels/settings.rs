@@ -13,7 +13,7 @@ use crate::xr::Headset;
 
 /// The tab.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    if app.memory.layout == Layout::Split {
+    if app.window_state.layout == Layout::Split {
         ui.horizontal(|ui| {
             ui.selectable_value(&mut app.fields.edits_other, false, "Left of the line");
             ui.selectable_value(&mut app.fields.edits_other, true, "Right of the line");

@@ -18,7 +18,7 @@ const PARTS: [(&str, Color32); 4] = [
 /// The bottom panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
     Panel::bottom("status").show(ui, |ui| status(app, ui));
-    if !app.memory.statistics {
+    if !app.window_state.statistics {
         return;
     }
     Panel::bottom("statistics")

@@ -11,7 +11,7 @@ use crate::images::write_atomically;
 /// Size, layout and open panels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Memory {
+pub struct WindowState {
     /// Inner size of the window, logical points.
     pub size: [f32; 2],
     /// Layout of the eyes.
@@ -26,7 +26,7 @@ pub struct Memory {
     pub statistics: bool,
 }
 
-impl Default for Memory {
+impl Default for WindowState {
     fn default() -> Self {
         Self {
             size: [1280.0, 800.0],
@@ -39,7 +39,7 @@ impl Default for Memory {
     }
 }
 
-impl Memory {
+impl WindowState {
     /// Where it is kept: `stereolux/viewer.toml` in the user's configuration folder (`XDG_CONFIG_HOME` or `~/.config`;
     /// `APPDATA` on Windows). `None` if the system names no such folder.
     pub fn path() -> Option<PathBuf> {
@@ -111,24 +111,24 @@ mod tests {
 
     #[test]
     fn what_is_saved_is_read_back_and_nonsense_is_not() {
-        let folder = std::env::temp_dir().join(format!("stereolux-memory-{}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("stereolux-state-{}", std::process::id()));
         let path = folder.join("viewer.toml");
-        assert_eq!(Memory::load(&path), Memory::default(), "none yet");
-        let memory = Memory {
+        assert_eq!(WindowState::load(&path), WindowState::default(), "none yet");
+        let state = WindowState {
             size: [900.0, 700.0],
             layout: Layout::Anaglyph,
             divider: 0.25,
             statistics: false,
-            ..Memory::default()
+            ..WindowState::default()
         };
-        memory.save(&path).unwrap();
-        assert_eq!(Memory::load(&path), memory);
+        state.save(&path).unwrap();
+        assert_eq!(WindowState::load(&path), state);
         std::fs::write(&path, "size = [nan, 3.0]\nlayout = \"left\"\n").unwrap();
-        let mended = Memory::load(&path);
-        assert_eq!(mended.size, [Memory::default().size[0], 240.0]);
+        let mended = WindowState::load(&path);
+        assert_eq!(mended.size, [WindowState::default().size[0], 240.0]);
         assert_eq!(mended.layout, Layout::Left);
         std::fs::write(&path, "layout = \"upside-down\"").unwrap();
-        assert_eq!(Memory::load(&path), Memory::default());
+        assert_eq!(WindowState::load(&path), WindowState::default());
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

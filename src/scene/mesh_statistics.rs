@@ -2,22 +2,22 @@
 
 use std::sync::OnceLock;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DMat3, DVec3};
 
 use super::deform::cofactor;
 use super::{Bounds, Image, Mesh, Scene, as_dvec3};
 
-/// Facts about all meshes and images of a scene. Edits change them only where [`Mesh::repainted`] does.
+/// Statistics of all meshes and images of a scene. Edits change them only where [`Mesh::repainted`] does.
 #[derive(Debug, Default)]
-pub struct SceneFacts {
+pub struct SceneStatistics {
     /// One per mesh.
-    pub meshes: Vec<MeshFacts>,
+    pub meshes: Vec<MeshStatistics>,
     least_alpha: Vec<OnceLock<u8>>,
 }
 
-/// Facts about one mesh.
+/// Statistics of one mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct MeshFacts {
+pub struct MeshStatistics {
     /// Number of triangles.
     pub triangles: usize,
     /// Materials of its triangles, each once, by index.
@@ -40,11 +40,11 @@ pub struct MaterialUse {
     pub is_translucent: bool,
 }
 
-impl SceneFacts {
+impl SceneStatistics {
     /// Looks at every triangle once. Images are looked at when they are asked for.
     pub fn of(scene: &Scene) -> Self {
         Self {
-            meshes: scene.meshes.iter().map(MeshFacts::of).collect(),
+            meshes: scene.meshes.iter().map(MeshStatistics::of).collect(),
             least_alpha: scene.images.iter().map(|_| OnceLock::new()).collect(),
         }
     }
@@ -97,33 +97,16 @@ pub fn loose_bounds(scene: &Scene, bounds_of: impl Fn(usize) -> Option<Bounds>) 
             let mesh = &scene.meshes[instance.mesh];
             return Bounds::of_points(scene.positions_in_world(instance.node, mesh, rest));
         }
-        Some(box_in_world(
-            &bounds_of(instance.mesh)?,
-            &instance.world_from_object,
-        ))
+        Some(bounds_of(instance.mesh)?.transformed(&instance.world_from_object))
     });
     let boxes: Vec<Bounds> = boxes.collect();
     Bounds::of_points(boxes.iter().flat_map(|bounds| [bounds.min, bounds.max]))
 }
 
-fn box_in_world(bounds: &Bounds, world_from_object: &DAffine3) -> Bounds {
-    let corners = (0..8).map(|corner| {
-        let pick = |axis: usize| {
-            if corner >> axis & 1 == 0 {
-                bounds.min[axis]
-            } else {
-                bounds.max[axis]
-            }
-        };
-        world_from_object.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-    });
-    Bounds::of_points(corners).unwrap_or(*bounds)
-}
-
-impl MeshFacts {
+impl MeshStatistics {
     /// Looks at every triangle of a mesh.
     pub fn of(mesh: &Mesh) -> Self {
-        let mut facts = Self {
+        let mut statistics = Self {
             triangles: mesh.triangles.len(),
             has_tints: mesh.has_colors && mesh.colors.iter().any(|color| *color != [1.0; 4]),
             bounds: Bounds::of_points(mesh.positions.iter().copied().map(as_dvec3)),
@@ -133,7 +116,7 @@ impl MeshFacts {
         let mut last = 0;
         for triangle in &mesh.triangles {
             let material = triangle.material as usize;
-            let uses = &mut facts.uses;
+            let uses = &mut statistics.uses;
             if uses.get(last).map(|known| known.material) != Some(material) {
                 last = uses
                     .iter()
@@ -155,10 +138,10 @@ impl MeshFacts {
                     .iter()
                     .any(|vertex| mesh.colors[*vertex as usize][3] < 1.0);
             let [a, b, c] = mesh.corners(triangle);
-            facts.area.add(0.5 * (b - a).cross(c - a));
+            statistics.area.add(0.5 * (b - a).cross(c - a));
         }
-        facts.uses.sort_by_key(|known| known.material);
-        facts
+        statistics.uses.sort_by_key(|known| known.material);
+        statistics
     }
 
     /// Whether any triangle has the material.
@@ -219,6 +202,8 @@ impl AreaSketch {
 
 #[cfg(test)]
 mod tests {
+    use glam::DAffine3;
+
     use super::*;
 
     fn exact(scene: &Scene) -> f64 {
@@ -229,21 +214,21 @@ mod tests {
     fn areas_are_those_of_the_triangles() {
         for name in ["cornell", "gallery", "sphere", "parade"] {
             let scene = Scene::builtin(name).unwrap();
-            let facts = SceneFacts::of(&scene);
+            let statistics = SceneStatistics::of(&scene);
             // Uniform scaling or faces along the axes: rounding. Parade's meshes bend: a tenth is enough for a radius.
             let most = if name == "parade" { 0.1 } else { 1e-9 };
-            let ratio = facts.area_m2(&scene) / exact(&scene);
+            let ratio = statistics.area_m2(&scene) / exact(&scene);
             assert!((ratio - 1.0).abs() < most, "{name}: {ratio}");
         }
         // What is left of a flattened sphere is the integral of |cos| to its axis. Of that the band within 22.5 degrees of
         // the equator holds sin^2 = 15 %, and counts for nothing, because its two sides share their bins.
         let mut scene = Scene::builtin("sphere").unwrap();
-        let facts = SceneFacts::of(&scene);
+        let statistics = SceneStatistics::of(&scene);
         for scale in [DVec3::new(1.0, 0.01, 1.0), DVec3::new(3.0, 0.2, 1.0)] {
             for root in scene.roots.clone() {
                 scene.nodes[root].parent_from_node = DAffine3::from_scale(scale);
             }
-            let ratio = facts.area_m2(&scene) / exact(&scene);
+            let ratio = statistics.area_m2(&scene) / exact(&scene);
             assert!((ratio - 1.0).abs() < 0.15, "{scale}: {ratio}");
         }
     }
@@ -252,7 +237,7 @@ mod tests {
     fn loose_boxes_hold_the_tight_ones() {
         for name in ["cornell", "gallery", "parade"] {
             let scene = Scene::builtin(name).unwrap();
-            let loose = SceneFacts::of(&scene).bounds_in_world(&scene).unwrap();
+            let loose = SceneStatistics::of(&scene).bounds_in_world(&scene).unwrap();
             let tight = scene.bounds_in_world().unwrap();
             assert!((loose.min - tight.min).max_element() < 1e-9, "{name}");
             assert!((tight.max - loose.max).max_element() < 1e-9, "{name}");

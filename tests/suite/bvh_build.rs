@@ -1,78 +1,15 @@
-//! Unit tests of the room: structure by `validate`, hits by exhaustive search.
-#![allow(clippy::unwrap_used)]
+//! Hierarchies as they are built: structure by `validate`, hits by exhaustive search.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use stereolux::bvh::{
+    BvhError, InstanceSource, MAX_INDEX, MESH_STACK, MaterialMarks, MeshHierarchies, TOP_STACK,
+    TopLevel,
+};
+use stereolux::gpu::types::bvh::NO_EMITTER;
+use stereolux::scene::Mesh;
 
-use super::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
-use super::*;
-use crate::gpu::types::bvh::NO_EMITTER;
-use crate::scene::{Mesh, MeshTriangle};
-
-/// SplitMix64 (Steele, Lea and Flood, 2014): enough randomness for a test, with its seed in the open.
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn signed(&mut self) -> f64 {
-        2.0 * self.unit() - 1.0
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = self.vector();
-            if v.length() > 0.1 && v.length() < 1.0 {
-                return v.normalize();
-            }
-        }
-    }
-
-    fn rotation(&mut self) -> DQuat {
-        DQuat::from_axis_angle(self.direction(), 6.3 * self.unit())
-    }
-}
-
-fn mesh_of(triangles: &[[DVec3; 3]]) -> Mesh {
-    Mesh {
-        name: "test".to_owned(),
-        positions: triangles
-            .iter()
-            .flatten()
-            .map(|v| v.as_vec3().to_array())
-            .collect(),
-        triangles: (0..triangles.len() as u32)
-            .map(|i| MeshTriangle {
-                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
-                material: i % 3,
-            })
-            .collect(),
-        ..Mesh::default()
-    }
-}
-
-fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
-    let triangles: Vec<_> = (0..count)
-        .map(|_| {
-            let center = random.vector();
-            [(); 3].map(|()| center + size * random.vector())
-        })
-        .collect();
-    mesh_of(&triangles)
-}
+use super::bvh_probe::{Random, mesh_of, soup};
+use super::bvh_reference::{Arrays, ExactInstance, Ray, brute_force, trace};
 
 fn placed(world_from_object: DAffine3, mesh: u32) -> InstanceSource {
     InstanceSource {
@@ -233,7 +170,7 @@ fn axis_aligned_rays_and_flat_meshes() {
     let mut triangles = Vec::new();
     for i in 0..16 {
         for j in 0..16 {
-            let at = |x: i32, z: i32| DVec3::new(f64::from(x), 0.0, f64::from(z));
+            let at = |x: i32, z: i32| Vec3::new(x as f32, 0.0, z as f32);
             triangles.push([at(i, j), at(i, j + 1), at(i + 1, j)]);
             triangles.push([at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
@@ -279,8 +216,8 @@ fn axis_aligned_rays_and_flat_meshes() {
 
 #[test]
 fn degenerate_sets_build_and_never_hit_wrongly() {
-    let p = DVec3::new(1.0, 2.0, 3.0);
-    let unit = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let p = Vec3::new(1.0, 2.0, 3.0);
+    let unit = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let sets: Vec<(Mesh, bool)> = vec![
         (Mesh::default(), false),
         (mesh_of(&[unit]), true),
@@ -288,7 +225,7 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
         (mesh_of(&vec![unit; 1000]), true),
         (mesh_of(&[[p, p, p]]), false),
         (
-            mesh_of(&vec![[DVec3::ZERO, DVec3::X, DVec3::X * 2.0]; 50]),
+            mesh_of(&vec![[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]; 50]),
             false,
         ),
         (mesh_of(&[unit, [p * 1e11, p * 1.1e11, p * -1e11]]), true),
@@ -311,7 +248,7 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
 
 #[test]
 fn equal_distances_are_decided_by_index() {
-    let unit = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let unit = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let ray = Ray {
         origin: Vec3::new(0.2, 0.2, 1.0),
         t_max: 1e9,
@@ -353,7 +290,7 @@ fn empty_scene_misses() {
 
 #[test]
 fn instances_without_inverse_are_left_out() {
-    let mesh = mesh_of(&[[DVec3::ZERO, DVec3::X, DVec3::Y]]);
+    let mesh = mesh_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
     let nan = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::splat(f64::NAN)));
     let sources = [
@@ -376,7 +313,7 @@ fn instances_without_inverse_are_left_out() {
 
 #[test]
 fn bad_input_is_named() {
-    let mut mesh = mesh_of(&[[DVec3::ZERO, DVec3::X, DVec3::Y]]);
+    let mut mesh = mesh_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     mesh.positions[1][2] = f32::NAN;
     assert!(matches!(
         MeshHierarchies::build(&[Mesh::default(), mesh.clone()], &[]),
@@ -414,11 +351,16 @@ fn bad_input_is_named() {
 #[test]
 fn arrays_of_several_meshes_refer_to_their_own() {
     let mut random = Random(3);
-    let meshes = [
+    let mut meshes = [
         soup(&mut random, 50, 0.2),
         Mesh::default(),
         soup(&mut random, 70, 0.2),
     ];
+    for mesh in &mut meshes {
+        for (triangle, material) in mesh.triangles.iter_mut().zip((0..3).cycle()) {
+            triangle.material = material;
+        }
+    }
     let marks = [
         MaterialMarks::default(),
         MaterialMarks {
@@ -506,7 +448,7 @@ fn builds_repeat_exactly() {
 #[test]
 fn instance_hierarchies_of_all_sizes_fit_their_stack() {
     let mut random = Random(5);
-    let mesh = [mesh_of(&[[DVec3::ZERO, DVec3::X, DVec3::Y]])];
+    let mesh = [mesh_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]])];
     let meshes = MeshHierarchies::build(&mesh, &[]).unwrap();
     for count in [0usize, 1, 2, 3, 100, 10_000] {
         for kind in 0..3 {
@@ -578,83 +520,6 @@ fn instance_bounds_hold_their_triangles() {
             );
         }
         assert_eq!(world.top.instances()[0].flags, 1, "one axis is mirrored");
-    }
-}
-
-#[test]
-fn perturbed_sphere_is_watertight() {
-    let sphere = perturbed_sphere(64, 48);
-    let targets: Vec<Vec3> = sphere.positions.iter().map(|&p| Vec3::from(p)).collect();
-    let transform = DAffine3::from_scale_rotation_translation(
-        DVec3::new(2.0, -0.7, 1.3),
-        Random(8).rotation(),
-        DVec3::new(0.3, -0.1, 0.2),
-    );
-    let placed_targets: Vec<DVec3> = targets
-        .iter()
-        .map(|p| transform.transform_point3(p.as_dvec3()))
-        .collect();
-    let world = World::new(&[sphere], &[placed(transform, 0)], DVec3::ZERO);
-    let mut random = Random(9);
-    let mut misses = 0;
-    for i in 0..100_000 {
-        let a = placed_targets[(random.bits() % placed_targets.len() as u64) as usize];
-        let b = placed_targets[(random.bits() % placed_targets.len() as u64) as usize];
-        let target = if i % 2 == 0 {
-            a
-        } else {
-            a + random.unit() * (b - a)
-        };
-        // Well inside: the cube's corners lie at 0.69 of a radius that varies by 2 %.
-        let origin = transform.transform_point3(0.4 * random.vector()).as_vec3();
-        let ray = Ray {
-            origin,
-            t_max: 1e9,
-            direction: target.as_vec3() - origin,
-        };
-        misses += usize::from(trace(&world.arrays(), &ray, false).is_none());
-    }
-    assert_eq!(misses, 0);
-}
-
-/// A closed sphere of uneven triangles that share their vertices.
-fn perturbed_sphere(segments: u32, rings: u32) -> Mesh {
-    let mut random = Random(10);
-    let mut positions = vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
-    for ring in 1..rings {
-        for segment in 0..segments {
-            let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
-            let phi = std::f64::consts::TAU * f64::from(segment) / f64::from(segments);
-            let radius = 1.0 + 0.02 * random.signed();
-            let p = radius
-                * DVec3::new(
-                    theta.sin() * phi.cos(),
-                    theta.cos(),
-                    theta.sin() * phi.sin(),
-                );
-            positions.push(p.as_vec3().to_array());
-        }
-    }
-    let at = |ring: u32, segment: u32| 2 + (ring - 1) * segments + segment % segments;
-    let mut triangles = Vec::new();
-    for s in 0..segments {
-        triangles.push([0, at(1, s + 1), at(1, s)]);
-        triangles.push([1, at(rings - 1, s), at(rings - 1, s + 1)]);
-        for ring in 1..rings - 1 {
-            triangles.push([at(ring, s), at(ring, s + 1), at(ring + 1, s)]);
-            triangles.push([at(ring, s + 1), at(ring + 1, s + 1), at(ring + 1, s)]);
-        }
-    }
-    Mesh {
-        positions,
-        triangles: triangles
-            .into_iter()
-            .map(|vertices| MeshTriangle {
-                vertices,
-                material: 0,
-            })
-            .collect(),
-        ..Mesh::default()
     }
 }
 

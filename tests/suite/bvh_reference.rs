@@ -1,12 +1,11 @@
 //! The traversal's twin on the CPU, and a search over every triangle in f64 to judge both by.
 //!
-//! [`trace`] follows `shaders/shared/traversal.wesl` line by line in f32, without alpha. Use it where the device is
-//! out of reach (picking, tests). [`brute_force`] shares no arithmetic with it.
+//! [`trace`] follows `shaders/shared/traversal.wesl` line by line in f32, without alpha. [`brute_force`] shares no
+//! arithmetic with it.
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
-
-use super::{MAX_INDEX, MESH_STACK, TOP_STACK};
-use crate::gpu::types::bvh::{BvhNode, Instance, Triangle};
+use stereolux::bvh::{MAX_INDEX, MESH_STACK, TOP_STACK};
+use stereolux::gpu::types::bvh::{BvhNode, Instance, Triangle};
 
 /// The arrays that the shader sees.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,8 @@
-//! What the window asks of a scene.
+//! A node with what hangs below it.
 
-use crate::scene::{Bounds, Scene};
+use glam::DVec3;
+
+use super::{Bounds, Scene, as_dvec3};
 
 impl Scene {
     /// Whether the scene holds a node: not after it or what it hangs on was deleted.
@@ -35,35 +37,32 @@ impl Scene {
             return None;
         }
         let world = self.rest_pose().world_from_node;
-        let mut points = Vec::new();
+        let boxes = (0..).zip(self.subtree(node)).filter(|(_, inside)| *inside);
+        let boxes = boxes.flat_map(|(index, _): (usize, _)| {
+            let mesh = self.nodes[index]
+                .mesh
+                .and_then(|mesh| self.meshes.get(mesh));
+            let own = mesh.map_or_else(
+                || Bounds::of_points([DVec3::ZERO]),
+                |mesh| Bounds::of_points(mesh.positions.iter().copied().map(as_dvec3)),
+            );
+            own.map(|bounds| bounds.transformed(&world[index]))
+        });
+        Bounds::of_points(boxes.flat_map(|bounds| [bounds.min, bounds.max]))
+    }
+
+    /// Which nodes are `node` or hang below it, by index.
+    pub fn subtree(&self, node: usize) -> Vec<bool> {
+        let mut inside = vec![false; self.nodes.len()];
         let mut pending = vec![node];
-        while let Some(index) = pending.pop() {
-            let found = &self.nodes[index];
-            pending.extend(&found.children);
-            match found.mesh.and_then(|mesh| self.meshes.get(mesh)) {
-                Some(mesh) => {
-                    let positions = mesh
-                        .positions
-                        .iter()
-                        .map(|p| glam::Vec3::from(*p).as_dvec3());
-                    if let Some(Bounds { min, max }) = Bounds::of_points(positions) {
-                        points.extend((0..8).map(|corner| {
-                            let pick = |axis: usize| {
-                                if corner >> axis & 1 == 0 {
-                                    min[axis]
-                                } else {
-                                    max[axis]
-                                }
-                            };
-                            let corner = glam::DVec3::new(pick(0), pick(1), pick(2));
-                            world[index].transform_point3(corner)
-                        }));
-                    }
-                }
-                None => points.push(world[index].translation),
+        while let Some(next) = pending.pop() {
+            if let Some(mark) = inside.get_mut(next)
+                && !std::mem::replace(mark, true)
+            {
+                pending.extend(&self.nodes[next].children);
             }
         }
-        Bounds::of_points(points)
+        inside
     }
 }
 

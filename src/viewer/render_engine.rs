@@ -1,17 +1,16 @@
 //! A scene with its edits, a renderer for it, and the frames that it has made: what the rendering thread keeps for each set
 //! of settings.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use egui::{Color32, ColorImage};
 
 use super::accumulate::Accumulator;
-use super::frames::{FrameReport, Look, Seen};
-use super::reference::Reference;
-use super::session::{DesktopSession, SharedViews};
-use super::worker::Wanted;
-use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
+use super::frames::{FrameReport, Seen, ViewMode, Wanted};
+use super::session::DesktopSession;
+use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
@@ -21,10 +20,14 @@ use crate::renderer::{
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
+use crate::xr::View;
+
+/// In the order of all pairs of eyes here.
+const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
-pub enum StudioError {
+pub enum EngineError {
     /// A pass, the device, settings that do not go together.
     #[error(transparent)]
     Render(#[from] RenderError),
@@ -45,13 +48,13 @@ pub enum StudioError {
     NoRenderer,
 }
 
-impl From<GpuError> for StudioError {
+impl From<GpuError> for EngineError {
     fn from(error: GpuError) -> Self {
         Self::Render(error.into())
     }
 }
 
-impl StudioError {
+impl EngineError {
     /// Whether the device is gone.
     pub fn is_lost(&self) -> bool {
         matches!(
@@ -63,13 +66,13 @@ impl StudioError {
 }
 
 /// See the module.
-pub struct Studio {
+pub struct RenderEngine {
     scene: Scene,
     /// Edited since the renderer was told.
     is_edited: bool,
     /// The scene asks for a renderer of its own, such as one with another feature compiled in.
     is_outgrown: bool,
-    engine: Option<Engine>,
+    compiled: Option<Compiled>,
     /// Settings that made no renderer; not tried again until something changes.
     refused: Option<Arc<Settings>>,
     averaged: [Accumulator; 2],
@@ -77,21 +80,21 @@ pub struct Studio {
     seen: Option<[Arc<Seen>; 2]>,
 }
 
-struct Engine {
+struct Compiled {
     renderer: Renderer,
     library: ShaderLibrary,
     settings: Arc<Settings>,
     size: [u32; 2],
 }
 
-impl Studio {
+impl RenderEngine {
     /// A scene without a renderer yet.
     pub fn new(scene: Scene) -> Self {
         Self {
             scene,
             is_edited: false,
             is_outgrown: false,
-            engine: None,
+            compiled: None,
             refused: None,
             averaged: Default::default(),
             seen: None,
@@ -105,8 +108,8 @@ impl Studio {
 
     /// Device memory in use, bytes.
     pub fn device_bytes(&self) -> Option<u64> {
-        let engine = self.engine.as_ref()?;
-        engine.renderer.context().allocated_bytes()
+        let compiled = self.compiled.as_ref()?;
+        compiled.renderer.context().allocated_bytes()
     }
 
     /// Frames averaged so far.
@@ -122,50 +125,44 @@ impl Studio {
         self.seen = None;
     }
 
-    /// Edits the scene; the renderer is told by [`Studio::take_changes`].
+    /// Edits the scene; the renderer is told by [`RenderEngine::take_changes`].
     ///
     /// # Errors
-    /// [`StudioError::Edit`]; the scene stays as it was.
-    pub fn edit(&mut self, edit: &Edit) -> Result<(), StudioError> {
+    /// [`EngineError::Edit`]; the scene stays as it was.
+    pub fn edit(&mut self, edit: &Edit) -> Result<(), EngineError> {
         edit.clone().apply(&mut self.scene)?;
         self.is_edited = true;
         self.refused = None;
         Ok(())
     }
 
-    /// Whether [`Studio::prepare`] has work to do.
+    /// Whether [`RenderEngine::prepare`] has work to do.
     pub fn needs_renderer(&self, settings: &Arc<Settings>) -> bool {
-        let fits = self
-            .engine
-            .as_ref()
-            .is_some_and(|engine| same_renderer(&engine.settings, settings) && !self.is_outgrown);
+        let fits = self.compiled.as_ref().is_some_and(|compiled| {
+            same_renderer(&compiled.settings, settings) && !self.is_outgrown
+        });
         !fits && !is_refused(self.refused.as_ref(), settings)
     }
 
     /// Makes a renderer. One that was there stays until the new one is whole.
     ///
     /// # Errors
-    /// [`StudioError::Render`]: these settings, this scene or this shader make none. The same settings are not tried again
+    /// [`EngineError::Render`]: these settings, this scene or this shader make none. The same settings are not tried again
     /// until the scene or the shaders change.
-    pub fn prepare(
-        &mut self,
-        settings: &Arc<Settings>,
-        size: [u32; 2],
-        library: impl FnOnce(&Settings) -> Result<ShaderLibrary, StudioError>,
-    ) -> Result<(), StudioError> {
+    pub fn prepare(&mut self, settings: &Arc<Settings>, size: [u32; 2]) -> Result<(), EngineError> {
         let kept = self
-            .engine
+            .compiled
             .as_ref()
-            .filter(|engine| engine.settings.gpu.shader_folder == settings.gpu.shader_folder)
-            .map(|engine| engine.library.clone());
+            .filter(|compiled| compiled.settings.gpu.shader_folder == settings.gpu.shader_folder)
+            .map(|compiled| compiled.library.clone());
         let made = match kept {
             Some(library) => Ok(library),
             None => library(settings),
         }
         .and_then(|library| self.make(settings, size, library));
         match made {
-            Ok(engine) => {
-                self.engine = Some(engine);
+            Ok(compiled) => {
+                self.compiled = Some(compiled);
                 self.is_outgrown = false;
                 self.is_edited = false;
                 self.refused = None;
@@ -184,10 +181,10 @@ impl Studio {
         settings: &Arc<Settings>,
         size: [u32; 2],
         library: ShaderLibrary,
-    ) -> Result<Engine, StudioError> {
+    ) -> Result<Compiled, EngineError> {
         let context = GpuContext::open(Some(&settings.adapter))?;
         let renderer = Renderer::new(context, &library, &self.scene, settings, Eyes::Both, size)?;
-        Ok(Engine {
+        Ok(Compiled {
             renderer,
             library,
             settings: Arc::clone(settings),
@@ -198,14 +195,14 @@ impl Studio {
     /// Compiles everything again from other shaders.
     ///
     /// # Errors
-    /// [`StudioError::Render`] naming the shader; what was there stays.
-    pub fn reload(&mut self, library: ShaderLibrary) -> Result<(), StudioError> {
-        let Some(engine) = &self.engine else {
+    /// [`EngineError::Render`] naming the shader; what was there stays.
+    pub fn reload(&mut self, library: ShaderLibrary) -> Result<(), EngineError> {
+        let Some(compiled) = &self.compiled else {
             self.refused = None;
             return Ok(());
         };
-        let (settings, size) = (Arc::clone(&engine.settings), engine.size);
-        self.engine = Some(self.make(&settings, size, library)?);
+        let (settings, size) = (Arc::clone(&compiled.settings), compiled.size);
+        self.compiled = Some(self.make(&settings, size, library)?);
         self.clear();
         Ok(())
     }
@@ -213,13 +210,13 @@ impl Studio {
     /// Tells the renderer of edits; true if there were any.
     ///
     /// # Errors
-    /// [`StudioError::Render`].
-    pub fn take_changes(&mut self) -> Result<bool, StudioError> {
+    /// [`EngineError::Render`].
+    pub fn take_changes(&mut self) -> Result<bool, EngineError> {
         if !std::mem::take(&mut self.is_edited) {
             return Ok(false);
         }
-        if let Some(engine) = &mut self.engine {
-            match engine.renderer.apply_scene(&self.scene)? {
+        if let Some(compiled) = &mut self.compiled {
+            match compiled.renderer.apply_scene(&self.scene)? {
                 Applied::InPlace(_) => {}
                 Applied::NeedsRebuild { why } => {
                     log::debug!("a new renderer: {why}");
@@ -234,34 +231,34 @@ impl Studio {
     /// The renderer, for images of `size`.
     ///
     /// # Errors
-    /// [`StudioError::NoRenderer`], [`StudioError::Render`].
+    /// [`EngineError::NoRenderer`], [`EngineError::Render`].
     fn renderer_of(
         &mut self,
         size: [u32; 2],
-    ) -> Result<(&mut Renderer, &ShaderLibrary), StudioError> {
-        let engine = self.engine.as_mut().ok_or(StudioError::NoRenderer)?;
-        if engine.size != size {
-            engine.renderer.resize(size)?;
-            engine.size = size;
+    ) -> Result<(&mut Renderer, &ShaderLibrary), EngineError> {
+        let compiled = self.compiled.as_mut().ok_or(EngineError::NoRenderer)?;
+        if compiled.size != size {
+            compiled.renderer.resize(size)?;
+            compiled.size = size;
         }
-        Ok((&mut engine.renderer, &engine.library))
+        Ok((&mut compiled.renderer, &compiled.library))
     }
 
-    fn engine(&mut self) -> Result<&mut Engine, StudioError> {
-        self.engine.as_mut().ok_or(StudioError::NoRenderer)
+    fn compiled(&mut self) -> Result<&mut Compiled, EngineError> {
+        self.compiled.as_mut().ok_or(EngineError::NoRenderer)
     }
 
     /// One frame through the frame loop, added to the mean; `None` if the session shows nothing.
     ///
     /// # Errors
-    /// [`StudioError`].
+    /// [`EngineError`].
     pub fn frame(
         &mut self,
         session: &mut DesktopSession,
         index: u32,
         scene_time_ns: Option<i64>,
         size: [u32; 2],
-    ) -> Result<Option<FrameStats>, StudioError> {
+    ) -> Result<Option<FrameStats>, EngineError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
         let step = frame_loop::step(session, renderer, library, index, |_| scene_time_ns, |_| {})?;
@@ -275,14 +272,14 @@ impl Studio {
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.
     ///
     /// # Errors
-    /// [`StudioError::Render`].
-    fn accumulate(&mut self) -> Result<usize, StudioError> {
-        let engine = self.engine.as_ref().ok_or(StudioError::NoRenderer)?;
+    /// [`EngineError::Render`].
+    fn accumulate(&mut self) -> Result<usize, EngineError> {
+        let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
         let mut non_finite = 0;
         // What is reconstructed is an average already.
-        let is_averaged = engine.settings.reconstruct.is_on();
-        for (eye, averaged) in [Eye::Left, Eye::Right].into_iter().zip(&mut self.averaged) {
-            let mut pixels = engine.renderer.read_radiance(eye)?.unwrap_or_default();
+        let is_averaged = compiled.settings.reconstruct.is_on();
+        for (eye, averaged) in EYES.into_iter().zip(&mut self.averaged) {
+            let mut pixels = compiled.renderer.read_radiance(eye)?.unwrap_or_default();
             for pixel in &mut pixels {
                 if !pixel.iter().all(|channel| channel.is_finite()) {
                     *pixel = [0.0; 3];
@@ -303,16 +300,13 @@ impl Studio {
     }
 
     /// An eye's picture: tone mapped, or what TAA makes for the display.
-    fn shown(&self, eye: usize, exposure: f64, size: [u32; 2]) -> Result<ImageRgb8, StudioError> {
-        let engine = self.engine.as_ref().ok_or(StudioError::NoRenderer)?;
-        let displayed =
-            engine
-                .renderer
-                .read_displayed(if eye == 0 { Eye::Left } else { Eye::Right })?;
+    fn shown(&self, eye: usize, exposure: f64, size: [u32; 2]) -> Result<ImageRgb8, EngineError> {
+        let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
+        let displayed = compiled.renderer.read_displayed(EYES[eye])?;
         Ok(match displayed {
             Some(pixels) => encode_display(&Image::new(size[0], size[1], pixels)?),
             None => {
-                let mean = self.mean(eye, size).ok_or(StudioError::NoRenderer)?;
+                let mean = self.mean(eye, size).ok_or(EngineError::NoRenderer)?;
                 tone_map(&mean, exposure)
             }
         })
@@ -321,22 +315,22 @@ impl Studio {
     /// The left eye's picture.
     ///
     /// # Errors
-    /// [`StudioError`].
-    pub fn picture(&self, exposure: f64, size: [u32; 2]) -> Result<Arc<ColorImage>, StudioError> {
+    /// [`EngineError`].
+    pub fn picture(&self, exposure: f64, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
         Ok(Arc::new(color_image(&self.shown(0, exposure, size)?)))
     }
 
     /// What pixels see, from the frame that was just rendered if the view is new.
-    fn seen(&mut self, size: [u32; 2]) -> Result<[Arc<Seen>; 2], StudioError> {
+    fn seen(&mut self, size: [u32; 2]) -> Result<[Arc<Seen>; 2], EngineError> {
         if let Some(seen) = &self.seen
             && seen[0].size == size
         {
             return Ok(seen.clone());
         }
-        let engine = self.engine()?;
+        let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
-        for eye in [Eye::Left, Eye::Right] {
-            let surfaces = engine.renderer.inspect_surfaces(&engine.library, eye)?;
+        for eye in EYES {
+            let surfaces = compiled.renderer.inspect_surfaces(&compiled.library, eye)?;
             found.push(Arc::new(Seen::of(size, &surfaces)));
         }
         let seen = [Arc::clone(&found[0]), Arc::clone(&found[1])];
@@ -344,24 +338,22 @@ impl Studio {
         Ok(seen)
     }
 
-    /// Everything that the window shows of the frame that was just rendered.
+    /// Everything that the window shows of the frame that was just rendered. `reference`: the frames of both eyes' reference,
+    /// if there is one.
     ///
     /// # Errors
-    /// [`StudioError`].
+    /// [`EngineError`].
     pub fn report(
         &mut self,
         wanted: &Wanted,
         size: [u32; 2],
-        views: &SharedViews,
+        views: [View; 2],
         stats: FrameStats,
-        reference: Option<&Reference>,
-    ) -> Result<FrameReport, StudioError> {
-        let views = *views
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        reference: Option<&[Accumulator; 2]>,
+    ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
         let mut legend = None;
-        let is_dark = self.engine()?.renderer.scene().light_count() == 0;
+        let is_dark = self.compiled()?.renderer.scene().light_count() == 0;
         let mut notes = [0, 1].map(|_| {
             is_dark.then(|| {
                 "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
@@ -370,40 +362,15 @@ impl Studio {
         });
         let mut eyes = Vec::with_capacity(2);
         for (eye, note) in notes.iter_mut().enumerate() {
-            let colored = match wanted.look {
-                Look::Picture => None,
-                Look::Inspection(inspection) => match self.inspect(inspection, eye, size) {
-                    Ok(inspected) => {
-                        let coloring = shared(Coloring::of(inspection), legend.as_ref());
-                        Some(false_color::picture(&inspected, coloring)?)
-                    }
-                    // Such as provenance, which the left eye does not have.
-                    Err(StudioError::Render(RenderError::Settings(why))) => {
-                        *note = Some(why);
-                        None
-                    }
-                    Err(error) => return Err(error),
-                },
-                Look::Error => match (reference, self.mean(eye, size)) {
-                    (Some(reference), Some(mean)) => {
-                        let log = Coloring {
-                            scale: Scale::Log,
-                            range: None,
-                        };
-                        let coloring = shared(log, legend.as_ref());
-                        match reference.mean(eye) {
-                            Some(converged) => {
-                                Some(false_color::relative_error(&mean, &converged, coloring)?)
-                            }
-                            None => None,
-                        }
-                    }
-                    _ => {
-                        *note = Some("the reference begins once the view stands still".to_owned());
-                        None
-                    }
-                },
-            };
+            let reference = reference.map(|frames| &frames[eye]);
+            let colored = self.colored(
+                wanted.view_mode,
+                eye,
+                size,
+                reference,
+                legend.as_ref(),
+                note,
+            )?;
             eyes.push(Arc::new(match colored {
                 Some(picture) => {
                     legend.get_or_insert(picture.legend);
@@ -429,15 +396,57 @@ impl Studio {
         })
     }
 
+    /// An eye in false colour, on the scale of `first`, if there is one; `None` shows the picture itself, and `note` may say
+    /// why.
+    fn colored(
+        &mut self,
+        mode: ViewMode,
+        eye: usize,
+        size: [u32; 2],
+        reference: Option<&Accumulator>,
+        first: Option<&Legend>,
+        note: &mut Option<String>,
+    ) -> Result<Option<Picture>, EngineError> {
+        match mode {
+            ViewMode::Picture => Ok(None),
+            ViewMode::Inspection(inspection) => match self.inspect(inspection, eye, size) {
+                Ok(inspected) => {
+                    let coloring = shared(Coloring::of(inspection), first);
+                    Ok(Some(false_color::picture(&inspected, coloring)?))
+                }
+                // Such as provenance, which the left eye does not have.
+                Err(EngineError::Render(RenderError::Settings(why))) => {
+                    *note = Some(why);
+                    Ok(None)
+                }
+                Err(error) => Err(error),
+            },
+            ViewMode::Error => {
+                let (Some(reference), Some(mean)) = (reference, self.mean(eye, size)) else {
+                    *note = Some("the reference begins once the view stands still".to_owned());
+                    return Ok(None);
+                };
+                let log = Coloring {
+                    scale: Scale::Log,
+                    range: None,
+                };
+                let map = reference.mean(size).map(|converged| {
+                    false_color::relative_error(&mean, &converged, shared(log, first))
+                });
+                Ok(map.transpose()?)
+            }
+        }
+    }
+
     fn inspect(
         &mut self,
         inspection: Inspection,
         eye: usize,
         size: [u32; 2],
-    ) -> Result<Inspected, StudioError> {
+    ) -> Result<Inspected, EngineError> {
         if inspection == Inspection::Variance
-            && let Some(engine) = &self.engine
-            && inspection.missing(&engine.settings).is_some()
+            && let Some(compiled) = &self.compiled
+            && inspection.missing(&compiled.settings).is_some()
         {
             let values = self.averaged[eye].variance().ok_or_else(|| {
                 RenderError::Settings(
@@ -446,16 +455,17 @@ impl Studio {
             })?;
             return Ok(Inspected {
                 inspection,
-                eye: if eye == 0 { Eye::Left } else { Eye::Right },
+                eye: EYES[eye],
                 size,
                 values: InspectedValues::Scalar(values),
                 unit: "(W/(m² sr))²",
                 has_value: None,
             });
         }
-        let engine = self.engine()?;
-        let eye = if eye == 0 { Eye::Left } else { Eye::Right };
-        Ok(engine.renderer.inspect(&engine.library, inspection, eye)?)
+        let compiled = self.compiled()?;
+        Ok(compiled
+            .renderer
+            .inspect(&compiled.library, inspection, EYES[eye])?)
     }
 }
 
@@ -490,6 +500,17 @@ fn same_renderer(one: &Settings, other: &Settings) -> bool {
 
 fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
     refused.is_some_and(|refused| same_renderer(refused, settings))
+}
+
+/// Shaders of the program, or of the folder that the settings name.
+///
+/// # Errors
+/// [`EngineError::Render`], naming the shader.
+pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
+    Ok(match settings.gpu.shader_folder.as_str() {
+        "" => ShaderLibrary::embedded(),
+        folder => ShaderLibrary::with_folder(Path::new(folder))?,
+    })
 }
 
 /// For egui.

@@ -4,18 +4,18 @@
 //! references of every view, independent of each other, and every squared error is the product of the differences from
 //! each: its expectation is the square of the error against the truth. It may come out negative where there is none.
 
-use crate::images::{Image, ImageRgb};
+use stereolux::images::{Image, ImageRgb};
 
 /// Two references of an eye's view, of one size, whose noise is independent.
-pub type Twins = [ImageRgb; 2];
+pub type References = [ImageRgb; 2];
 
 /// Differences from each reference, by rows from the top, in the image's unit.
 pub type Differences = [Vec<[f64; 3]>; 2];
 
-/// An image's differences from its twins; pixels that one of them lacks are left out.
-pub fn differences(image: &ImageRgb, twins: &Twins) -> Differences {
-    [0, 1].map(|twin: usize| {
-        let pixels = image.pixels.iter().zip(&twins[twin].pixels);
+/// An image's differences from its references; pixels that one of them lacks are left out.
+pub fn differences(image: &ImageRgb, references: &References) -> Differences {
+    [0, 1].map(|one: usize| {
+        let pixels = image.pixels.iter().zip(&references[one].pixels);
         pixels
             .map(|(x, r)| std::array::from_fn(|c| f64::from(x[c]) - f64::from(r[c])))
             .collect()
@@ -31,14 +31,14 @@ pub fn mean_product(one: &[[f64; 3]], other: &[[f64; 3]]) -> f64 {
     products.sum::<f64>() / (3 * one.len().max(1)) as f64
 }
 
-/// relMSE as [`super::compare`] has it, without the references' noise: the squared error over the square of the references'
+/// relMSE as [`stereolux::metrics::compare`] has it, without the references' noise: the squared error over the square of the references'
 /// mean plus a hundredth of its mean square; NaN if both references are black.
-pub fn relative_square(differences: &Differences, twins: &Twins) -> f64 {
+pub fn relative_square(differences: &Differences, references: &References) -> f64 {
     let mean = |a: f32, b: f32| 0.5 * (f64::from(a) + f64::from(b));
-    let reference: Vec<[f64; 3]> = twins[0]
+    let reference: Vec<[f64; 3]> = references[0]
         .pixels
         .iter()
-        .zip(&twins[1].pixels)
+        .zip(&references[1].pixels)
         .map(|(a, b)| std::array::from_fn(|c| mean(a[c], b[c])))
         .collect();
     let floor = 0.01 * mean_product(&reference, &reference);
@@ -50,21 +50,21 @@ pub fn relative_square(differences: &Differences, twins: &Twins) -> f64 {
 
 /// How much the error has changed from a frame to the next, squared: one that stays does not flicker.
 pub fn change_square(now: &Differences, before: &Differences) -> f64 {
-    let changed = [0, 1].map(|twin: usize| subtract(&now[twin], before[twin].iter()));
+    let changed = [0, 1].map(|one: usize| subtract(&now[one], before[one].iter()));
     mean_product(&changed[0], &changed[1])
 }
 
-/// How far the eyes' errors lie apart at the points that both see, squared: [`super::binocular_error`] without the
+/// How far the eyes' errors lie apart at the points that both see, squared: [`stereolux::metrics::binocular_error`] without the
 /// references' noise. `left_from_right` as there; 0 if there is no such point.
 pub fn binocular_square(
     left: &Differences,
     right: &Differences,
     left_from_right: &Image<Option<u32>>,
 ) -> f64 {
-    let apart = [0, 1].map(|twin: usize| {
-        let seen = right[twin].iter().zip(&left_from_right.pixels);
+    let apart = [0, 1].map(|one: usize| {
+        let seen = right[one].iter().zip(&left_from_right.pixels);
         let (ours, theirs): (Vec<[f64; 3]>, Vec<&[f64; 3]>) = seen
-            .filter_map(|(here, there)| Some((*here, left[twin].get((*there)? as usize)?)))
+            .filter_map(|(here, there)| Some((*here, left[one].get((*there)? as usize)?)))
             .unzip();
         subtract(&ours, theirs)
     });
@@ -97,9 +97,9 @@ mod tests {
             });
             Image::new(400, 400, pixels.collect()).unwrap()
         };
-        let twins = [noisy(), noisy()];
+        let references = [noisy(), noisy()];
         let image = ImageRgb::filled(400, 400, [1.1; 3]).unwrap();
-        let found = differences(&image, &twins);
+        let found = differences(&image, &references);
         let square = mean_product(&found[0], &found[1]);
         // 480,000 products whose deviation is 1/12 + 2 (0.1 / sqrt 12): four standard errors are 8e-4.
         assert!((square - 0.01).abs() < 8e-4, "{square}");

@@ -1,4 +1,4 @@
-//! What moves between the rounds of a variant.
+//! Instances that move between the rounds of a variant.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ const STEP_M: f64 = 1e-6;
 
 /// What of the scene moves between rounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Moves {
+pub enum InstanceMotion {
     /// Nothing.
     #[default]
     Nothing,
@@ -28,30 +28,30 @@ pub enum Moves {
 }
 
 /// Moves instances of one scene.
-pub struct Mover {
+pub struct InstanceMover {
     moving: Vec<(usize, DAffine3)>,
     rebuilds: bool,
 }
 
-impl Mover {
-    /// What `moves` names of `scene`.
+impl InstanceMover {
+    /// What `motion` names of `scene`.
     #[must_use]
-    pub fn new(scene: &Scene, moves: Moves) -> Self {
+    pub fn new(scene: &Scene, motion: InstanceMotion) -> Self {
         let instances = scene.instances();
         let last = instances.last().copied();
         let moving = instances
             .iter()
             .enumerate()
-            .filter(|(index, placed)| match moves {
-                Moves::Nothing => false,
-                Moves::One | Moves::OneRebuilt => index + 1 == instances.len(),
-                Moves::All => last.is_some_and(|last| last.mesh == placed.mesh),
+            .filter(|(index, placed)| match motion {
+                InstanceMotion::Nothing => false,
+                InstanceMotion::One | InstanceMotion::OneRebuilt => index + 1 == instances.len(),
+                InstanceMotion::All => last.is_some_and(|last| last.mesh == placed.mesh),
             })
             .map(|(_, placed)| (placed.node, placed.world_from_object))
             .collect();
         Self {
             moving,
-            rebuilds: moves == Moves::OneRebuilt,
+            rebuilds: motion == InstanceMotion::OneRebuilt,
         }
     }
 
@@ -94,12 +94,18 @@ mod tests {
             ..Generated::default()
         };
         let scene = made.scene();
-        let count = |moves| Mover::new(&scene, moves).moving.len();
+        let count = |motion| InstanceMover::new(&scene, motion).moving.len();
         assert_eq!(
-            [Moves::Nothing, Moves::One, Moves::OneRebuilt, Moves::All].map(count),
+            [
+                InstanceMotion::Nothing,
+                InstanceMotion::One,
+                InstanceMotion::OneRebuilt,
+                InstanceMotion::All
+            ]
+            .map(count),
             [0, 1, 1, 5]
         );
-        let boxes = Mover::new(&scene, Moves::All);
+        let boxes = InstanceMover::new(&scene, InstanceMotion::All);
         let names = boxes
             .moving
             .iter()

@@ -1,64 +1,13 @@
-//! From where the suites look, and which pixels of both eyes show the same point.
+//! Which pixels of both eyes show the same point.
 
 use glam::DVec3;
 
 use crate::images::Image;
-use crate::xr::{
-    FrameSubmission, Headset, LocatedViews, Motion, Pose, Recorder, ReplayOptions, ReplaySession,
-    SimulatedSession, View, XrError, XrSession,
-};
+use crate::xr::View;
 
 /// Distances along a left ray may differ by this share and still be one surface: what a pixel's width makes of a floor
 /// seen at a grazing angle, while the surfaces behind an edge lie much farther off.
 const SAME_DISTANCE: f64 = 0.02;
-
-/// Runs a session to its end and returns the views of every frame.
-///
-/// # Errors
-/// [`XrError`] of the session.
-pub fn views_of_session(session: &mut dyn XrSession) -> Result<Vec<[View; 2]>, XrError> {
-    let mut all = Vec::new();
-    while let Some(state) = session.wait_frame()? {
-        session.begin_frame()?;
-        let located: Option<LocatedViews> = if state.should_render {
-            session.locate_views(state.predicted_display_time_ns)?
-        } else {
-            None
-        };
-        if let Some(located) = &located {
-            session.acquire_targets()?;
-            all.push(located.views);
-        }
-        session.end_frame(FrameSubmission::new(
-            state.predicted_display_time_ns,
-            located.as_ref(),
-        ))?;
-    }
-    Ok(all)
-}
-
-/// Records `frames` frames of a swaying head as a native trace at `path` and returns the views as the replay gives them.
-///
-/// # Errors
-/// [`XrError`]: the trace cannot be written or read.
-pub fn recorded_trace(
-    path: &std::path::Path,
-    headset: &Headset,
-    start: Pose,
-    frames: u32,
-) -> Result<Vec<[View; 2]>, XrError> {
-    let sway = SimulatedSession::new(
-        headset.clone(),
-        Motion::Sway { seed: 1 },
-        start,
-        Some(u64::from(frames)),
-    );
-    let mut recorder = Recorder::create(path, sway)?;
-    views_of_session(&mut recorder)?;
-    drop(recorder);
-    let mut replay = ReplaySession::open(path, ReplayOptions::new(headset.clone(), start))?;
-    views_of_session(&mut replay)
-}
 
 /// For each right-eye pixel the left-eye pixel that sees the same surface point, from both eyes' first hits: unit
 /// direction and distance per pixel by rows from the top, distance 0 where nothing is hit. In f64 on the host.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use egui::Context;
 
 use super::app::{App, SceneClock, camera_of};
+use super::fields::Fields;
 use super::loading::{Loaded, Loading};
-use super::panels;
 use super::session::Player;
 use super::worker::Request;
 use crate::options::Settings;
@@ -36,7 +36,7 @@ impl App {
                 self.selected = None;
                 self.clock = SceneClock::default();
                 self.camera = camera_of(&self.document);
-                self.fields = panels::Fields::new(&self.out, self.document.original());
+                self.fields = Fields::new(&self.out, self.document.original());
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
                 // Clips have names of their own in each scene.

@@ -1,11 +1,10 @@
-//! What the rounds add up to: times, errors by part of the picture, noise, reuse.
+//! What the rounds of a variant add up to: times, errors by part of the picture, noise, reuse.
 
 use std::collections::BTreeMap;
 
 use super::BenchError;
-use super::measure::REFERENCE_SHARE;
-use super::records::{RegionErrors, StereoFigures, Timing, reasons};
-use super::reference::Reference;
+use super::records::{RegionErrors, StereoFigures, Timing, leaves};
+use super::reference::{REFERENCE_SHARE, Reference};
 use super::statistics::{Spread, mean, median, paired_ratio, spread};
 use crate::frame::passes::Pass;
 use crate::frame::plan::{GATHERS, PATH_PASSES};
@@ -46,7 +45,7 @@ const FILLED: &str = "right_filled";
 
 /// Values of one part of the picture, one per judged round.
 #[derive(Default)]
-struct RegionTally {
+struct RegionSamples {
     pixels: Vec<f64>,
     rel_mse: Vec<f64>,
     rmse: Vec<f64>,
@@ -60,10 +59,10 @@ struct RegionTally {
 
 /// Everything of one variant, round by round.
 #[derive(Default)]
-pub struct Tally {
+pub struct VariantStatistics {
     ms: BTreeMap<String, Vec<f64>>,
     pass_ms: BTreeMap<String, Vec<f64>>,
-    regions: BTreeMap<&'static str, RegionTally>,
+    regions: BTreeMap<&'static str, RegionSamples>,
     moments: [Option<RenderMoments>; 2],
     noise: Vec<f64>,
     previous: Option<ImageRgb>,
@@ -71,7 +70,7 @@ pub struct Tally {
     reuse_fraction: Vec<f64>,
     reused: Vec<f64>,
     filled: Vec<f64>,
-    because: [Vec<f64>; 5],
+    because: BTreeMap<String, Vec<f64>>,
     binocular: Vec<f64>,
     pairs: Vec<f64>,
     last: FrameResult,
@@ -139,7 +138,7 @@ fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64
     groups
 }
 
-impl Tally {
+impl VariantStatistics {
     /// Takes a frame's times and counters in.
     pub fn time(&mut self, frame: &Frame, settings: &Settings) {
         let times = &frame.result.times.passes;
@@ -192,8 +191,9 @@ impl Tally {
             self.reuse_fraction.push(stereo.reuse_fraction);
             self.reused.push(f64::from(stereo.reused));
             self.filled.push(f64::from(stereo.filled));
-            for (values, count) in self.because.iter_mut().zip(reasons(&stereo.filled_because)) {
-                values.push(count);
+            for (reason, count) in leaves(&stereo.filled_because) {
+                let counts = self.because.entry(reason).or_default();
+                counts.extend(count.as_f64());
             }
         }
         self.last = frame.result.clone();
@@ -325,7 +325,7 @@ impl Tally {
 
     /// Errors by part of the picture.
     pub fn errors(&self, truth: &Truth) -> BTreeMap<String, RegionErrors> {
-        let errors = |name: &str, region: &RegionTally| {
+        let errors = |name: &str, region: &RegionSamples| {
             let eye = usize::from(name != EYES[0]);
             let reference = truth.references[eye].as_ref();
             let reference_variance = reference.and_then(|found| {
@@ -375,7 +375,11 @@ impl Tally {
             reuse_fraction: spread(&self.reuse_fraction).unwrap_or(zero),
             reused: middle(&self.reused),
             filled: middle(&self.filled),
-            because: std::array::from_fn(|reason| middle(&self.because[reason])),
+            because: self
+                .because
+                .iter()
+                .map(|(reason, counts)| (reason.clone(), middle(counts)))
+                .collect(),
             binocular_rel_mse: mean(&self.binocular),
             binocular_ratio: paired_ratio(&self.binocular, &first.binocular),
             binocular_pairs: middle(&self.pairs),
@@ -428,7 +432,7 @@ mod tests {
 
     #[test]
     fn passes_are_summed_into_their_groups() {
-        let mut tally = Tally::default();
+        let mut statistics = VariantStatistics::default();
         let settings = Settings::default();
         let passes = [
             ("photons.photon_trace", 7.0),
@@ -438,17 +442,17 @@ mod tests {
             ("right.scatter_depth", 0.5),
             ("right.photon_gather", 1.0),
         ];
-        tally.time(&frame(1.0, &passes), &settings);
-        let of = |name: &str| tally.ms[name][0];
+        statistics.time(&frame(1.0, &passes), &settings);
+        let of = |name: &str| statistics.ms[name][0];
         assert_eq!((of("photons"), of("left"), of("right")), (8.0, 4.0, 1.5));
         assert_eq!((of("eyes"), of("frame")), (5.5, 13.5));
         assert_eq!((of("fill"), of("carry")), (1.0, 0.5));
         assert_eq!((of("build"), of("gather")), (0.75, 5.0));
         assert_eq!(of("build_gather"), 5.75);
         assert_eq!(of("host_frame"), 100.0);
-        assert_eq!(tally.pass_ms.len(), 6);
+        assert_eq!(statistics.pass_ms.len(), 6);
         // One kernel for tracing and gathering: what it spends on which is not known.
-        let mut fused = Tally::default();
+        let mut fused = VariantStatistics::default();
         fused.time(&frame(1.0, &[("left.eye_fused", 4.0)]), &settings);
         assert!(!fused.ms.contains_key("gather") && fused.ms["build"] == [0.0]);
     }
@@ -463,13 +467,13 @@ mod tests {
                 Image::new(16, 16, (0..256).map(Some).collect::<Vec<_>>()).unwrap(),
             ),
         };
-        let mut tally = Tally::default();
+        let mut statistics = VariantStatistics::default();
         for _ in 0..3 {
-            tally
+            statistics
                 .judge(&frame(3.0, &[]), &frame(2.5, &[]), &truth, true)
                 .unwrap();
         }
-        let errors = tally.errors(&truth);
+        let errors = statistics.errors(&truth);
         assert_eq!(
             errors.keys().collect::<Vec<_>>(),
             ["left", "right", "right_filled", "right_reused"]
@@ -487,7 +491,7 @@ mod tests {
         }
         assert_eq!(errors["left"].rel_mse.unwrap().value, 0.0);
         // The eyes' errors are 0 and 1 everywhere: they disagree by 1.
-        assert!((mean(&tally.binocular).unwrap().value - 1.0 / 4.04).abs() < 1e-12);
+        assert!((mean(&statistics.binocular).unwrap().value - 1.0 / 4.04).abs() < 1e-12);
         // A bias of 1 without noise.
         let split = errors["right"].bias_variance.unwrap();
         assert!((split.bias_squared - 1.0 / 4.04).abs() < 1e-12 && split.variance == 0.0);
@@ -513,24 +517,24 @@ mod tests {
             ],
             correspondence: None,
         };
-        let mut tally = Tally::default();
+        let mut statistics = VariantStatistics::default();
         let shown = frame(3.0, &[]);
-        tally.judge(&shown, &shown, &truth, true).unwrap();
-        assert!(!tally.errors(&truth)["right"].reference_settled);
+        statistics.judge(&shown, &shown, &truth, true).unwrap();
+        assert!(!statistics.errors(&truth)["right"].reference_settled);
     }
 
     #[test]
     fn noise_is_half_the_square_difference_of_pairs() {
-        let mut tally = Tally::default();
+        let mut statistics = VariantStatistics::default();
         let level = |value| {
             let mut shown = frame(0.0, &[]);
             shown.images[0] = Some(Image::filled(16, 16, [value; 3]).unwrap());
             shown
         };
         for value in [1.0, 3.0, 2.0] {
-            tally.add_noise(&level(value));
+            statistics.add_noise(&level(value));
         }
         // (1, 3): half of 4 over 2^2; the third frame waits for a partner.
-        assert_eq!(tally.noise(), [0.5]);
+        assert_eq!(statistics.noise(), [0.5]);
     }
 }

@@ -1,0 +1,164 @@
+//! The textures of a frame: the eyes, what is made of both, and the outline of the selection.
+
+use std::sync::Arc;
+
+use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
+
+use super::frames::{FrameReport, Seen};
+use super::layout::{Part, anaglyph, difference};
+
+/// Colour of what is selected.
+const SELECTED: Color32 = Color32::from_rgb(255, 170, 30);
+
+/// Textures of the last frame.
+#[derive(Default)]
+pub struct Pictures {
+    eyes: [Option<TextureHandle>; 2],
+    other: Option<TextureHandle>,
+    combined: Option<(Part, u32, TextureHandle)>,
+    outlines: [Option<TextureHandle>; 2],
+    outlined: Option<(u32, Option<usize>)>,
+}
+
+fn put(context: &Context, slot: &mut Option<TextureHandle>, name: &str, image: Arc<ColorImage>) {
+    let options = TextureOptions::LINEAR;
+    match slot {
+        Some(texture) => texture.set(image, options),
+        None => *slot = Some(context.load_texture(name, image, options)),
+    }
+}
+
+impl Pictures {
+    /// Takes a new frame over.
+    pub fn take(&mut self, context: &Context, frame: &FrameReport) {
+        for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
+            put(
+                context,
+                &mut self.eyes[eye],
+                name,
+                Arc::clone(&frame.eyes[eye]),
+            );
+        }
+        if let Some(other) = &frame.other {
+            put(
+                context,
+                &mut self.other,
+                "other settings",
+                Arc::clone(other),
+            );
+        }
+    }
+
+    /// The left eye under the other settings, of the last frame that had it.
+    pub fn other(&self) -> Option<&TextureHandle> {
+        self.other.as_ref()
+    }
+
+    /// What `part` shows of `frame`.
+    pub fn texture(
+        &mut self,
+        context: &Context,
+        frame: &FrameReport,
+        part: Part,
+    ) -> Option<TextureHandle> {
+        match part {
+            Part::Left | Part::Right => self.eyes[part.eye()].clone(),
+            Part::Anaglyph | Part::Difference => {
+                if let Some((of, index, texture)) = &self.combined
+                    && (*of, *index) == (part, frame.index)
+                {
+                    return Some(texture.clone());
+                }
+                let combine = if part == Part::Anaglyph {
+                    anaglyph
+                } else {
+                    difference
+                };
+                let image = combine(&frame.eyes[0], &frame.eyes[1]);
+                let texture = context.load_texture("both eyes", image, TextureOptions::LINEAR);
+                self.combined = Some((part, frame.index, texture.clone()));
+                Some(texture)
+            }
+        }
+    }
+
+    /// Outline of `node` and what hangs below it, as that eye sees it.
+    pub fn outline(
+        &mut self,
+        context: &Context,
+        frame: &FrameReport,
+        selected: Option<(usize, Vec<bool>)>,
+        eye: usize,
+    ) -> Option<TextureHandle> {
+        let (node, is_inside) = selected?;
+        let key = (frame.index, Some(node));
+        if self.outlined != Some(key) {
+            self.outlined = Some(key);
+            for eye in 0..2 {
+                let image = outline_image(&frame.seen[eye], &is_inside);
+                put(context, &mut self.outlines[eye], "outline", Arc::new(image));
+            }
+        }
+        self.outlines[eye].clone()
+    }
+}
+
+/// Transparent but for the pixels of the selection that touch others.
+fn outline_image(seen: &Seen, is_inside: &[bool]) -> ColorImage {
+    let [width, height] = seen.size.map(|edge| edge as usize);
+    let inside = |x: usize, y: usize| {
+        let node = seen.nodes[y * width + x];
+        is_inside.get(node as usize).copied().unwrap_or(false)
+    };
+    let pixels = (0..width * height)
+        .map(|index| {
+            let (x, y) = (index % width, index / width);
+            let is_edge = inside(x, y)
+                && (x == 0
+                    || y == 0
+                    || x + 1 == width
+                    || y + 1 == height
+                    || !inside(x - 1, y)
+                    || !inside(x + 1, y)
+                    || !inside(x, y - 1)
+                    || !inside(x, y + 1));
+            if is_edge {
+                SELECTED
+            } else {
+                Color32::TRANSPARENT
+            }
+        })
+        .collect();
+    ColorImage::new([width, height], pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outlines_are_the_inner_rim_of_the_selection() {
+        // A 5x5 image in which node 1 covers the 3x3 middle.
+        let nodes = (0..25)
+            .map(|i| u32::from((1..4).contains(&(i % 5)) && (1..4).contains(&(i / 5))))
+            .collect();
+        let seen = Seen {
+            size: [5, 5],
+            nodes,
+            distances_m: vec![1.0; 25],
+        };
+        let image = outline_image(&seen, &[false, true]);
+        let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();
+        assert_eq!(
+            marked,
+            [6, 7, 8, 11, 13, 16, 17, 18],
+            "all but the middle one"
+        );
+        let none = outline_image(&seen, &[false, false]);
+        assert!(
+            none.pixels
+                .iter()
+                .all(|pixel| *pixel == Color32::TRANSPARENT)
+        );
+    }
+}
