@@ -48,6 +48,7 @@ mod suite {
     pub mod edited_frames;
     pub mod editing;
     pub mod forced_features;
+    pub mod frame_plan;
     pub mod gathers;
     pub mod half_rate;
     pub mod hard_cases;

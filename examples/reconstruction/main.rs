@@ -192,7 +192,7 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
         }
         // Which points both eyes see, by what this frame's rays hit.
         renderer.render_frame(views, 0, |_| {})?;
-        let [left, right] = EYES.map(|eye| renderer.eyes().read_hit_rays(renderer.context(), eye));
+        let [left, right] = EYES.map(|eye| renderer.read_hit_rays(eye));
         let (left, right) = (left?.unwrap_or_default(), right?.unwrap_or_default());
         let of = |eye: usize| [halves[0][eye].clone(), halves[1][eye].clone()];
         judged.push(Some(Judged {

@@ -485,7 +485,7 @@ impl FrameRun {
 }
 
 /// The name that a step gives to a binding, by the rules 1 and 3 of [`super::bind`].
-pub(super) fn named(step: &Step, binding: &str) -> String {
+pub fn named(step: &Step, binding: &str) -> String {
     let Action::Run { names, list, .. } = &step.action else {
         return binding.to_owned();
     };

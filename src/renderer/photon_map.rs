@@ -127,7 +127,7 @@ impl PhotonMap {
     /// Slices that the gather needs so that no thread walks too many photons. In a grid: by the bound of 27 cells as full
     /// as the fullest, or all photons; where workgroups load them, or in a kd-tree, by all photons, as gathers there go
     /// on where the slice before stopped and end at once if there is nothing left.
-    pub(super) fn gather_slices(&self) -> u32 {
+    pub fn gather_slices(&self) -> u32 {
         let stored = u64::from(self.last.stored);
         let (walked, per_slice) = if self.layout.is_tree() {
             // Every edge is crossed twice at most.

@@ -76,7 +76,7 @@ fn reused_pixels_are_about_as_true_as_native_ones() {
         });
         let mut renderer = renderer(&scene, &settings, SIZE);
         frame(&mut renderer, &views);
-        let provenance = renderer.eyes().read_provenance(renderer.context()).unwrap();
+        let provenance = renderer.read_provenance().unwrap();
         (radiance(&renderer, Eye::Right), provenance)
     };
     // For the negative control: the left image in the right one's place is far off.

@@ -265,7 +265,7 @@ fn deformed_points_are_found_where_the_frame_before_had_them() {
 }
 
 /// The parade's tube alone, its joints far apart: a shape that its tree was not built for.
-fn torn(scene: &Scene, share: f64) -> ScenePose {
+pub fn torn(scene: &Scene, share: f64) -> ScenePose {
     let mut pose = scene.rest_pose();
     for (index, node) in scene.nodes.iter().enumerate() {
         if node.name == "joint 1" {

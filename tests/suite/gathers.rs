@@ -1,16 +1,15 @@
 //! The ways to gather that the default is compared with: kd-tree, k nearest, one fused kernel, loads by workgroup.
 
 use glam::DVec3;
+use stereolux::frame::passes;
 use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::options::registry::{self, Kind};
 use stereolux::options::{
     DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings,
 };
-use stereolux::passes;
-use stereolux::renderer::kd_tree::KD_TURNS_PER_SLICE;
-use stereolux::renderer::photon_map::{SHARED_BATCH, SHARED_BATCHES_PER_SLICE};
-use stereolux::renderer::{Eye, Photon, RenderError, Renderer};
+use stereolux::renderer::photon_map::{KD_TURNS_PER_SLICE, SHARED_BATCH, SHARED_BATCHES_PER_SLICE};
+use stereolux::renderer::{Eye, MapKind, Photon, RenderError, Renderer};
 use stereolux::scene::Scene;
 
 use super::photon_map::{brute_force, grid, map_only, photons, unpack_photon, views};
@@ -127,8 +126,8 @@ fn tree_faults(nodes: &[[f32; 4]]) -> Vec<String> {
 }
 
 fn nodes(renderer: &Renderer, count: usize) -> Vec<[f32; 4]> {
-    let tree = renderer.photon_map().unwrap().tree().expect("a kd-tree");
-    tree.read(renderer.context(), count as u32).unwrap()
+    let nodes = renderer.read_kd_nodes(MapKind::Photons, count as u32);
+    nodes.unwrap().expect("a kd-tree")
 }
 
 #[test]
@@ -562,19 +561,15 @@ fn shaders_and_host_count_the_same_turns() {
         let line = format!("const {name}: u32 = {value}u");
         assert!(shader.wgsl.contains(&line), "{} lacks {line}", pass.name);
     };
+    says(&passes::kd_gather, "TURNS_PER_SLICE", KD_TURNS_PER_SLICE);
     says(
-        &passes::kd_gather::PASS,
+        &passes::kd_nearest_gather,
         "TURNS_PER_SLICE",
         KD_TURNS_PER_SLICE,
     );
+    says(&passes::shared_gather, "BATCH", SHARED_BATCH);
     says(
-        &passes::kd_nearest_gather::PASS,
-        "TURNS_PER_SLICE",
-        KD_TURNS_PER_SLICE,
-    );
-    says(&passes::shared_gather::PASS, "BATCH", SHARED_BATCH);
-    says(
-        &passes::shared_gather::PASS,
+        &passes::shared_gather,
         "BATCHES_PER_SLICE",
         SHARED_BATCHES_PER_SLICE,
     );
@@ -583,5 +578,5 @@ fn shaders_and_host_count_the_same_turns() {
     let Kind::Whole { max, .. } = registry::find("photon.nearest").unwrap().kind else {
         panic!("photon.nearest is a whole number");
     };
-    says(&passes::nearest_gather::PASS, "HEAP", max);
+    says(&passes::nearest_gather, "HEAP", max);
 }

@@ -176,11 +176,7 @@ fn samples_exactly_on_a_border_are_filled_and_others_carried() {
             views[1].fov.angle_up = centre(20.0 + before);
             let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), [size, size]);
             let stereo = frame(&mut renderer, &views).stereo;
-            let winners = renderer
-                .eyes()
-                .read_winners(renderer.context())
-                .unwrap()
-                .unwrap();
+            let winners = renderer.read_winners().unwrap().unwrap();
             let right = radiance(&renderer, Eye::Right);
             assert_clean(&right, "border");
             for (pixel, &winner) in winners.iter().enumerate() {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::options::{DirectLight, Method, Reuse, Settings};
-use stereolux::renderer::Eye;
+use stereolux::renderer::{Eye, MapKind};
 use stereolux::scene::{LightKind, Material, Scene};
 use stereolux::xr::Pose;
 
@@ -39,11 +39,8 @@ fn a_million_photons_in_one_cell_are_all_gathered() {
     });
     let mut renderer = renderer(&scene, &settings, [4, 4]);
     let result = frame(&mut renderer, &eyes_at(DVec3::ZERO, DQuat::IDENTITY, 8.0));
-    let (grid, starts) = renderer
-        .photon_map()
-        .unwrap()
-        .read_grid(renderer.context())
-        .unwrap();
+    let grid = renderer.read_photon_grid(MapKind::Photons).unwrap();
+    let (grid, starts) = grid.unwrap();
     assert_eq!(grid.dims, [3, 3, 3], "one cell and its padding");
     assert_eq!(starts[13 + 1] - starts[13], PHOTONS);
     assert_eq!(result.photons.map.dropped, 0);

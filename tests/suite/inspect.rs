@@ -393,7 +393,7 @@ fn looking_leaves_the_frames_as_they_are() {
     else {
         panic!("labels");
     };
-    let read = looked_at.eyes().read_provenance(looked_at.context());
+    let read = looked_at.read_provenance();
     assert_eq!(Some(labels), read.unwrap());
 }
 

@@ -36,9 +36,8 @@ fn normal_of(bits: u32) -> DVec3 {
 }
 
 fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
-    let context = renderer.context();
     let (origin, _) = map.traced_at().unwrap();
-    let (grid, _) = map.read_grid(context).unwrap();
+    let (grid, _) = renderer.read_photon_grid(map.kind()).unwrap().unwrap();
     let place = |photon: &Photon| Placed {
         position: origin + glam::Vec3::from(photon.position).as_dvec3(),
         normal: normal_of(photon.normal_depth),
@@ -48,11 +47,8 @@ fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
             at.clamp(1.0, grid.dims[axis] as f32 - 2.0) as u32
         }),
     };
-    map.read_photons(context)
-        .unwrap()
-        .iter()
-        .map(place)
-        .collect()
+    let photons = renderer.read_photons(map.kind()).unwrap().unwrap();
+    photons.iter().map(place).collect()
 }
 
 /// Density and occupancy by going through all photons; `grid_rows` says whether the grid is expected to be hashed.
@@ -67,7 +63,7 @@ fn counts_are_the_hosts(scene: &Scene, settings: &Settings, size: [u32; 2], hash
     renderer.render_frame(&views, 1, |_| {}).unwrap();
     let map = renderer.photon_map().unwrap();
     let slices = map.gather_slices();
-    let (grid, _) = map.read_grid(renderer.context()).unwrap();
+    let (grid, _) = renderer.read_photon_grid(map.kind()).unwrap().unwrap();
     assert_eq!(grid.hashed_rows != 0, hashed);
     let photons = placed(&renderer, map);
     let origin = map.traced_at().unwrap().0;
@@ -305,7 +301,7 @@ fn dots_of_both_maps_on_a_plane_are_all_photons_in_the_picture() {
 fn placed_anywhere(renderer: &Renderer) -> Vec<DVec3> {
     let map = renderer.photon_map().unwrap();
     let (origin, _) = map.traced_at().unwrap();
-    let photons = map.read_photons(renderer.context()).unwrap();
+    let photons = renderer.read_photons(map.kind()).unwrap().unwrap();
     photons
         .iter()
         .map(|p| origin + glam::Vec3::from(p.position).as_dvec3())
@@ -429,11 +425,7 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
             };
             let known = motion.has_value.unwrap();
             assert!(known.iter().filter(|known| **known).count() > 1000);
-            if let Some(own) = renderer.reconstruction() {
-                let (_, read) = own
-                    .read_motion(renderer.context(), eye, 1024)
-                    .unwrap()
-                    .unwrap();
+            if let Some((_, read)) = renderer.read_motion(eye).unwrap() {
                 for ((vector, known), read) in vectors.iter().zip(&known).zip(&read) {
                     assert_eq!((*vector, *known), ([read[0], read[1]], read[3] > 0.0));
                 }
@@ -467,11 +459,7 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
         let mut frames_of_luminance = Vec::new();
         for index in 0..frames {
             renderer.render_frame(&views, index, |_| {}).unwrap();
-            let parts = renderer
-                .eyes()
-                .read_parts(renderer.context(), Eye::Left, 1)
-                .unwrap()
-                .unwrap();
+            let parts = renderer.read_all_parts(Eye::Left).unwrap().unwrap();
             let luminance: Vec<[f64; 2]> = (0..1024)
                 .map(|pixel| {
                     [&parts.direct, &parts.indirect].map(|part| {

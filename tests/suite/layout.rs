@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 
+use stereolux::frame::passes;
+use stereolux::frame::run::specialised;
 use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::passes;
-use stereolux::renderer::kernels::{shader_name, specialised};
 use stereolux::renderer::photon_map;
 
 use super::shaders::every_feature;
@@ -306,7 +306,7 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
         .iter()
         .flat_map(|pass| {
             [every_feature(), buffers]
-                .map(|features| (shader_name(pass), specialised(pass, &features, false)))
+                .map(|features| (pass.shader_name(), specialised(pass, &features, false)))
         })
         .chain([("tests/previous_probe".to_owned(), ShaderFeatures::default())]);
     for (name, features) in compiled {

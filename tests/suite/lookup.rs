@@ -15,8 +15,7 @@ use super::support::{
 };
 
 fn provenance(renderer: &Renderer) -> Vec<u32> {
-    let eyes = renderer.eyes();
-    eyes.read_provenance(renderer.context()).unwrap().unwrap()
+    renderer.read_provenance().unwrap().unwrap()
 }
 
 #[test]

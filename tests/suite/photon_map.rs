@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use stereolux::options::{DirectLight, Kernel, Method, Reuse, Settings};
-use stereolux::renderer::{Eye, Photon, PhotonGrid, Renderer};
+use stereolux::renderer::{Eye, MapKind, Photon, PhotonGrid, Renderer};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::sphere;
 use stereolux::xr::View;
@@ -27,19 +27,12 @@ pub fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
 }
 
 pub fn photons(renderer: &Renderer) -> Vec<Photon> {
-    renderer
-        .photon_map()
-        .unwrap()
-        .read_photons(renderer.context())
-        .unwrap()
+    renderer.read_photons(MapKind::Photons).unwrap().unwrap()
 }
 
 pub fn grid(renderer: &Renderer) -> (PhotonGrid, Vec<u32>) {
-    renderer
-        .photon_map()
-        .unwrap()
-        .read_grid(renderer.context())
-        .unwrap()
+    let grid = renderer.read_photon_grid(MapKind::Photons);
+    grid.unwrap().unwrap()
 }
 
 fn flux(photons: &[Photon]) -> f64 {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::{DAffine3, DVec3};
 use stereolux::options::{Method, Reuse, Settings};
-use stereolux::renderer::{Eye, FrameResult, InstanceId, Renderer};
+use stereolux::renderer::{Eye, FrameResult, InstanceId, MapKind, Renderer};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
@@ -36,9 +36,8 @@ fn step(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> FrameResult {
 
 /// The photons' bits, whatever their order.
 fn photons(renderer: &Renderer) -> BTreeSet<Vec<u8>> {
-    let map = renderer.photon_map().unwrap();
-    map.read_photons(renderer.context())
-        .unwrap()
+    let photons = renderer.read_photons(MapKind::Photons).unwrap().unwrap();
+    photons
         .iter()
         .map(|photon| bytemuck::bytes_of(photon).to_vec())
         .collect()

@@ -61,12 +61,7 @@ fn mean_of_frames(scene: &Scene, views: &[View; 2], eyes: Eyes, frames: u32) -> 
 
 /// Displacement of every pixel of the second frame, and whether it is known.
 pub fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
-    let reconstruction = renderer.reconstruction().unwrap();
-    reconstruction
-        .read_motion(renderer.context(), eye, PIXELS)
-        .unwrap()
-        .unwrap()
-        .1
+    renderer.read_motion(eye).unwrap().unwrap().1
 }
 
 /// Continuous pixel position of a world point in f64; `None` behind the eye.
@@ -280,18 +275,7 @@ fn sharing_makes_the_eyes_agree() {
         let settings = filtered(Reuse::Off, |s| s.reconstruct.stereo = stereo);
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         play(&mut renderer, &views, 0..16);
-        let (seen, _) = renderer
-            .reconstruction()
-            .unwrap()
-            .read_motion(renderer.context(), Eye::Right, PIXELS)
-            .unwrap()
-            .unwrap();
-        let (left_seen, _) = renderer
-            .reconstruction()
-            .unwrap()
-            .read_motion(renderer.context(), Eye::Left, PIXELS)
-            .unwrap()
-            .unwrap();
+        let [left_seen, seen] = Eye::BOTH.map(|eye| renderer.read_motion(eye).unwrap().unwrap().0);
         // Pairs in f64: the right pixel's point in the left image, there at the same distance to 1 %.
         let pairs: Vec<Option<u32>> = seen
             .iter()

@@ -23,7 +23,7 @@ fn picture(renderer: &Renderer) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Option<Vec<u32
     (
         bits(&radiance(renderer, Eye::Left)),
         bits(&radiance(renderer, Eye::Right)),
-        renderer.eyes().read_provenance(renderer.context()).unwrap(),
+        renderer.read_provenance().unwrap(),
     )
 }
 
@@ -113,7 +113,7 @@ fn photons_stay_and_switched_reuse_stays_switched() {
     assert!(frame(&mut renderer, &views).photons.traced);
     assert!(renderer.switch_reuse());
     renderer.resize(LARGE).unwrap();
-    assert!(!renderer.eyes().reuse());
+    assert!(!renderer.reuses());
     let again = renderer.render_frame(&views, 1, |_| {}).unwrap();
     assert!(!again.photons.traced);
     // The right eye rendered by itself: as without reuse.

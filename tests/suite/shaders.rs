@@ -2,39 +2,14 @@
 
 use std::collections::BTreeSet;
 
+use stereolux::frame::passes;
+use stereolux::frame::run::specialised;
 use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
 use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
 use stereolux::gpu::texels::ROW_TEXELS;
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::passes;
-use stereolux::renderer::kernels::{shader_name, specialised};
 
 use super::bvh_probe::features;
-
-/// Buffers that the scene and the frame provide; passes do not list them.
-const SCENE: &[&str] = &[
-    "frame",
-    "dispatch",
-    "reconstruction",
-    "previous_instances",
-    "previous_positions",
-    "top_nodes",
-    "mesh_nodes",
-    "instances",
-    "triangles",
-    "triangle_vertices",
-    "vertices",
-    "materials",
-    "texture_infos",
-    "texels",
-    "lights",
-    "light_alias",
-    "environment_texels",
-    "environment_cdf",
-    "pixel_list",
-    "pixel_count",
-    "hidden_pixels",
-];
 
 /// Storage buffers per stage that the README asks of an adapter.
 const STORAGE_BUFFERS: usize = 24;
@@ -91,7 +66,7 @@ fn shaders_ask_for_the_features_of_the_table_and_for_all_of_them() {
     assert_eq!(unasked, ["uv1"]);
     // It is not off in silence.
     let error = misspelt
-        .compile(&shader_name(&passes::path_trace::PASS), &every_feature())
+        .compile(&passes::path_trace.shader_name(), &every_feature())
         .err()
         .expect("an unknown feature");
     assert!(error.to_string().contains("uv_1"), "{error}");
@@ -111,14 +86,21 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                let mut fills =
-                    [passes::EYE_PHOTON, passes::EYE_PATH, passes::FILL_REASONS].concat();
-                fills.push(&passes::eye_fused::PASS);
+                // Whoever runs over hits always has a list; these run over the pixels that are to be filled, too.
+                let fills = [
+                    passes::eye_hits,
+                    passes::eye_fused,
+                    passes::path_trace,
+                    passes::eye_combine,
+                ];
                 if from_list && !fills.contains(pass) {
                     continue;
                 }
                 let shader = library
-                    .compile(&shader_name(pass), &specialised(pass, &features, from_list))
+                    .compile(
+                        &pass.shader_name(),
+                        &specialised(pass, &features, from_list),
+                    )
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
                 shader
                     .validate()
@@ -141,59 +123,9 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
 }
 
 #[test]
-fn passes_declare_what_their_shaders_read_and_write() {
-    let library = ShaderLibrary::embedded();
-    let features = every_feature();
-    for pass in passes::ALL {
-        let shader = library
-            .compile(&shader_name(pass), &specialised(pass, &features, false))
-            .unwrap();
-        let bindings = reflect_bindings(&shader).unwrap();
-        let names = |kind: BindingKind| -> BTreeSet<&str> {
-            bindings
-                .iter()
-                .filter(|binding| {
-                    // The scene's copies are called so; photons are read from a buffer or its copy by one name.
-                    let is_copy = binding.kind == BindingKind::Texels
-                        && kind == BindingKind::Read
-                        && !binding.name.ends_with("_texels");
-                    (binding.kind == kind || is_copy)
-                        && (!SCENE.contains(&binding.name.as_str())
-                            || kind == BindingKind::ReadWrite)
-                })
-                .map(|binding| binding.name.as_str())
-                .collect()
-        };
-        assert_eq!(
-            names(BindingKind::Read),
-            pass.reads
-                .iter()
-                .copied()
-                .filter(|name| !SCENE.contains(name))
-                .collect(),
-            "{} reads",
-            pass.name
-        );
-        assert_eq!(
-            names(BindingKind::ReadWrite),
-            pass.writes.iter().copied().collect(),
-            "{} writes",
-            pass.name
-        );
-        let slots: BTreeSet<u32> = bindings.iter().map(|binding| binding.slot).collect();
-        assert_eq!(
-            slots.len(),
-            bindings.len(),
-            "{}: two bindings share a slot",
-            pass.name
-        );
-    }
-}
-
-#[test]
 fn every_shader_file_is_a_pass_or_is_imported_by_one() {
     let library = ShaderLibrary::embedded();
-    let passes: BTreeSet<String> = passes::ALL.iter().map(|pass| shader_name(pass)).collect();
+    let passes: BTreeSet<String> = passes::ALL.iter().map(|pass| pass.shader_name()).collect();
     for name in library.names() {
         if name.starts_with("passes/") {
             assert!(

@@ -13,19 +13,11 @@ use crate::suite::support::{
 };
 
 fn winners(renderer: &Renderer) -> Vec<u32> {
-    renderer
-        .eyes()
-        .read_winners(renderer.context())
-        .unwrap()
-        .unwrap()
+    renderer.read_winners().unwrap().unwrap()
 }
 
 fn provenance(renderer: &Renderer) -> Vec<u32> {
-    renderer
-        .eyes()
-        .read_provenance(renderer.context())
-        .unwrap()
-        .unwrap()
+    renderer.read_provenance().unwrap().unwrap()
 }
 
 /// The head rolled about its line of sight, degrees.

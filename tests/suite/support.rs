@@ -147,11 +147,7 @@ pub fn assert_clean(image: &[[f32; 3]], what: &str) {
 
 /// Direction and distance of every pixel's first hit.
 pub fn hit_rays(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
-    renderer
-        .eyes()
-        .read_hit_rays(renderer.context(), eye)
-        .unwrap()
-        .unwrap()
+    renderer.read_hit_rays(eye).unwrap().unwrap()
 }
 
 /// World position of a hit, from an eye's own position and the f32 ray, in f64.

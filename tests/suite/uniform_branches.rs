@@ -5,9 +5,9 @@
 use std::collections::{BTreeSet, HashMap};
 
 use naga::{Block, Expression, Function, Handle, Module, Span, Statement};
+use stereolux::frame::passes;
+use stereolux::frame::run::specialised;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::passes;
-use stereolux::renderer::kernels::{shader_name, specialised};
 
 use super::shaders::kinds_of_scene;
 
@@ -309,7 +309,7 @@ fn no_loop_is_decided_by_uniforms_alone() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             let shader = library
-                .compile(&shader_name(pass), &specialised(pass, &features, false))
+                .compile(&pass.shader_name(), &specialised(pass, &features, false))
                 .unwrap();
             for line in uniform_branches(&shader.module, &shader.wgsl) {
                 found.insert(format!("{}, {line}", pass.name));
@@ -365,7 +365,7 @@ fn the_search_finds_loops_that_uniforms_decide() {
 #[test]
 fn the_search_finds_russian_roulette_behind_its_flag() {
     let mut library = ShaderLibrary::embedded();
-    let name = shader_name(&passes::path_trace::PASS);
+    let name = passes::path_trace.shader_name();
     let (_, source) = library.sources().find(|(n, _)| *n == name).unwrap();
     let ends = "if u_roulette >= survival {";
     assert_eq!(source.matches(ends).count(), 1);

@@ -1,0 +1,273 @@
+//! The plan is what runs: its passes in its order, every name bound, nothing written that is read.
+
+use std::collections::BTreeSet;
+
+use stereolux::frame::bind::meaning;
+use stereolux::frame::plan::on_demand;
+use stereolux::frame::run::{named, specialised};
+use stereolux::frame::step::Action;
+use stereolux::frame::{Only, PlannedStage, Stage, Step};
+use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
+use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
+use stereolux::options::{
+    DirectLight, Force, Loads, Method, PhotonEstimate, Reuse, Schedule, Search, Settings,
+};
+use stereolux::renderer::{Renderer, plan_of_scene};
+
+use super::deforming::torn;
+use super::support::{builtin, parallel_views, renderer, square_fov, start_pose};
+
+type Change = fn(&mut Settings);
+
+/// Every way a frame can be rendered, one change at a time.
+const WAYS: &[(&str, Change)] = &[
+    ("photons", |_| ()),
+    ("paths", |s| s.method = Method::Path),
+    ("paths by themselves", |s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+    }),
+    ("no reuse", |s| s.reuse = Reuse::Off),
+    ("lookup", |s| s.reuse = Reuse::Lookup),
+    ("direct from the map", |s| {
+        s.photon.direct = DirectLight::Map
+    }),
+    ("kd-tree", |s| s.photon.search = Search::KdTree),
+    ("nearest", |s| s.photon.estimate = PhotonEstimate::Nearest),
+    ("nearest in a kd-tree", |s| {
+        s.photon.search = Search::KdTree;
+        s.photon.estimate = PhotonEstimate::Nearest;
+    }),
+    ("cooperative", |s| s.photon.loads = Loads::Cooperative),
+    ("fused", |s| s.photon.schedule = Schedule::Fused),
+    ("half rate", |s| s.photon.half_rate = true),
+    ("half rate without reuse", |s| {
+        s.photon.half_rate = true;
+        s.reuse = Reuse::Off;
+    }),
+    ("shares", |s| s.photon.shares = 3),
+    ("filtered", |s| s.reconstruct.svgf = true),
+    ("filtered, eyes apart", |s| {
+        s.reconstruct.svgf = true;
+        s.reconstruct.stereo = false;
+        s.reconstruct.atrous_passes = 0;
+    }),
+    ("everything shown", |s| {
+        s.reconstruct.svgf = true;
+        s.reconstruct.taa = true;
+        s.reconstruct.still = true;
+        s.reuse = Reuse::Lookup;
+    }),
+    ("parts and motion", |s| {
+        s.output.parts = true;
+        s.output.motion = true;
+    }),
+    ("plain buffers", |s| s.force.record_texels = Force::Off),
+    ("texels", |s| s.force.record_texels = Force::On),
+];
+
+fn settings(change: Change) -> Settings {
+    let mut settings = Settings::default();
+    settings.photon.count = 400;
+    settings.spp = 2;
+    change(&mut settings);
+    settings
+}
+
+/// What shaders are given besides the frame's own buffers.
+fn is_given(name: &str) -> bool {
+    const GIVEN: &[&str] = &[
+        "frame",
+        "dispatch",
+        "reconstruction",
+        "previous_instances",
+        "previous_positions",
+        "top_nodes",
+        "mesh_nodes",
+        "instances",
+        "triangles",
+        "triangle_vertices",
+        "vertices",
+        "materials",
+        "texture_infos",
+        "texels",
+        "lights",
+        "light_alias",
+        "environment_texels",
+        "environment_cdf",
+        "rest_vertices",
+        "deform_meshes",
+        "morph_deltas",
+        "morph_weights",
+        "joint_rows",
+        "deformed_positions",
+        "deformed_triangles",
+        "refit_nodes",
+        "refit_costs",
+        "submission",
+        "mirror",
+    ];
+    GIVEN.contains(&name) || name.ends_with("_texels")
+}
+
+/// What is wrong with a step: names that mean nothing, two bindings of one slot, buffers that it both reads and writes.
+fn faults(step: &Step, features: &ShaderFeatures, library: &ShaderLibrary) -> Vec<String> {
+    let Some(pass) = step.pass() else {
+        return Vec::new();
+    };
+    let features = specialised(pass, features, step.runs_from_list());
+    let shader = library.compile(&pass.shader_name(), &features).unwrap();
+    let bindings = reflect_bindings(&shader).unwrap();
+    let mut faults = Vec::new();
+    let (mut read, mut written, mut slots) = (Vec::new(), Vec::new(), BTreeSet::new());
+    for binding in &bindings {
+        if !slots.insert(binding.slot) {
+            faults.push(format!("{}: slot {} twice", step.label, binding.slot));
+        }
+        let name = named(step, &binding.name);
+        if is_given(&name) {
+            continue;
+        }
+        let Some(found) = meaning(&name, step.owner) else {
+            faults.push(format!("{}: {name} means nothing", step.label));
+            continue;
+        };
+        match binding.kind {
+            BindingKind::ReadWrite => written.push((found.place, found.is_before)),
+            _ => read.push((found.place, found.is_before)),
+        }
+    }
+    let both = written.iter().filter(|place| read.contains(place));
+    faults.extend(both.map(|place| format!("{}: reads and writes {place:?}", step.label)));
+    faults
+}
+
+fn planned(settings: &Settings, scene: &str) -> (Vec<PlannedStage>, ShaderFeatures) {
+    let scene = builtin(scene);
+    let (mut stages, features) = plan_of_scene(&scene, settings, true).unwrap();
+    stages.extend(on_demand(settings));
+    (stages, features)
+}
+
+#[test]
+fn every_name_of_every_plan_means_a_buffer_and_no_pass_writes_what_it_reads() {
+    let library = ShaderLibrary::embedded();
+    let mut seen = BTreeSet::new();
+    for (way, change) in WAYS {
+        for scene in ["gallery", "cornell"] {
+            let (stages, features) = planned(&settings(*change), scene);
+            for step in stages.iter().flat_map(|stage| &stage.steps) {
+                // A step that was judged in another plan is judged alike.
+                if seen.insert(format!("{step:?} {features:?}")) {
+                    let faults = faults(step, &features, &library);
+                    assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_name_and_a_pass_that_writes_what_it_reads_are_found() {
+    let library = ShaderLibrary::embedded();
+    let (stages, features) = planned(&settings(|s| s.reconstruct.svgf = true), "cornell");
+    let atrous = |step: &&Step| step.label == "reconstruction.left.svgf_atrous";
+    let mut steps = stages.iter().flat_map(|stage| &stage.steps);
+    let step = steps.find(atrous).unwrap();
+    assert!(faults(step, &features, &library).is_empty());
+    let renamed = |shader: &'static str, buffer: &'static str| {
+        let mut step = step.clone();
+        if let Action::Run { names, .. } = &mut step.action {
+            names.push((shader, buffer));
+        }
+        faults(&step, &features, &library)
+    };
+    let unknown = renamed("direct_to", "direct_pung");
+    assert!(
+        unknown[0].contains("direct_pung means nothing"),
+        "{unknown:?}"
+    );
+    let from = named(step, "direct_from");
+    let same = renamed("direct_to", Box::leak(from.into_boxed_str()));
+    assert!(same[0].contains("reads and writes"), "{same:?}");
+}
+
+/// Labels of the passes of a stage, as often as they run.
+fn labels(stages: &[PlannedStage], stage: Stage, only: impl Fn(Only) -> bool) -> Vec<String> {
+    let planned = stages.iter().filter(|planned| planned.stage == stage);
+    let steps = planned.flat_map(|planned| &planned.steps);
+    let steps = steps.filter(|step| step.pass().is_some() && only(step.only));
+    steps.map(|step| step.label.clone()).collect()
+}
+
+/// Renders two frames and compares the dispatches with the plan.
+fn runs_as_planned(renderer: &mut Renderer, spp: u32, way: &str) {
+    let views = parallel_views(start_pose(&builtin("gallery")), 0.063, square_fov(20.0));
+    for frame in 0..2 {
+        let result = renderer.render_frame(&views, frame, |_| {}).unwrap();
+        let stages = renderer.plan();
+        let of = |stage| labels(&stages, stage, |_| true);
+        let mut expected = Vec::new();
+        if frame == 0 {
+            for planned in &stages {
+                if matches!(planned.stage, Stage::Photons(_)) {
+                    expected.extend(of(planned.stage));
+                }
+            }
+        }
+        for _ in 0..spp {
+            expected.extend(of(Stage::Left));
+            expected.extend(of(Stage::Right));
+        }
+        expected.extend(of(Stage::Reconstruct));
+        assert_eq!(result.times.dispatched, expected, "{way}, frame {frame}");
+        assert!(expected.len() > 3, "{way}");
+    }
+}
+
+#[test]
+fn what_runs_is_the_plan_in_its_order() {
+    for (way, change) in WAYS {
+        let settings = settings(*change);
+        let spp = match settings.method {
+            // Two samples are one dispatch where no pass needs each one's hits.
+            Method::Path if settings.reuse == Reuse::Off => 1,
+            _ => settings.spp,
+        };
+        let mut renderer = renderer(&builtin("gallery"), &settings, [16, 16]);
+        runs_as_planned(&mut renderer, spp, way);
+    }
+}
+
+#[test]
+fn a_new_pose_and_equal_eyes_run_the_plans_stages() {
+    let scene = builtin("parade");
+    let settings = settings(|s| s.spp = 1);
+    let mut renderer = renderer(&scene, &settings, [16, 16]);
+    let view = parallel_views(start_pose(&scene), 0.0, square_fov(20.0));
+    assert_eq!(view[0], view[1]);
+    renderer.render_frame(&view, 0, |_| {}).unwrap();
+    let rest = renderer.render_frame(&view, 1, |_| {}).unwrap();
+    let stages = renderer.plan();
+    let right = labels(&stages, Stage::RightEqual, |_| true);
+    assert!(
+        rest.times.dispatched.ends_with(&right),
+        "{:?}",
+        rest.times.dispatched
+    );
+    assert!(
+        !rest
+            .times
+            .dispatched
+            .iter()
+            .any(|label| label.starts_with("pose."))
+    );
+    let pose = torn(&scene, 0.3);
+    renderer.set_pose(&pose);
+    let moved = renderer.render_frame(&view, 2, |_| {}).unwrap();
+    let posed = labels(&stages, Stage::Pose, |_| true);
+    assert!(
+        posed.len() > 2 && moved.times.dispatched.starts_with(&posed),
+        "{posed:?}"
+    );
+}
