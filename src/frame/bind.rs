@@ -95,6 +95,8 @@ impl Use {
 }
 
 struct Held {
+    /// Declared, but nothing writes it.
+    is_token: bool,
     /// Two where they take turns.
     turns: Vec<wgpu::Buffer>,
     texels: Option<TexelCopy>,
@@ -122,11 +124,8 @@ impl Buffers {
             let Some(row) = buffers::row(name) else {
                 continue;
             };
-            let bytes = if usage.is_written || row.host_writes {
-                bytes_of(row, whose, image, maps)
-            } else {
-                TOKEN_BYTES
-            };
+            let bytes =
+                (usage.is_written || row.host_writes).then(|| bytes_of(row, whose, image, maps));
             self.hold(context, (whose, name), row, bytes)?;
             if let Some(held) = self
                 .held
@@ -145,12 +144,17 @@ impl Buffers {
         context: &GpuContext,
         place: Place,
         row: &BufferRow,
-        bytes: u64,
+        bytes: Option<u64>,
     ) -> Result<(), GpuError> {
-        let fits = |held: &Held| held.turns[0].size() >= allocated_bytes(bytes);
+        let fits = |held: &Held| {
+            let fits = |bytes| !held.is_token && held.turns[0].size() >= allocated_bytes(bytes);
+            bytes.is_none_or(fits)
+        };
         if self.held.get(&place).is_some_and(fits) {
             return Ok(());
         }
+        let is_token = bytes.is_none();
+        let bytes = bytes.unwrap_or(TOKEN_BYTES);
         let owner = match place.0 {
             Whose::Eye(eye) => eye.name(),
             Whose::Frame => "shared",
@@ -160,8 +164,12 @@ impl Buffers {
         let count = if row.takes_turns { 2 } else { 1 };
         let turns = (0..count).map(|_| storage_buffer(context, &label, bytes));
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
-        let texels = None;
-        self.held.insert(place, Held { turns, texels });
+        let held = Held {
+            is_token,
+            turns,
+            texels: None,
+        };
+        self.held.insert(place, held);
         Ok(())
     }
 
@@ -214,7 +222,7 @@ impl Buffers {
             .flat_map(|held| &held.turns)
     }
 
-    /// Reads the first `count` elements of a buffer back; `None` if no pass uses it. Waits for the device.
+    /// Reads the first `count` elements of a buffer back; `None` if no pass writes it. Waits for the device.
     ///
     /// # Errors
     /// As [`read_buffer`].
@@ -225,15 +233,11 @@ impl Buffers {
         parity: usize,
         count: usize,
     ) -> Result<Option<Vec<T>>, GpuError> {
-        let Some(held) = self.held.get(&(whose, name)) else {
+        let held = self.held.get(&(whose, name));
+        let Some(held) = held.filter(|held| !held.is_token) else {
             return Ok(None);
         };
         let buffer = &held.turns[parity % held.turns.len()];
-        let bytes = (count * size_of::<T>()) as u64;
-        if buffer.size() < bytes {
-            // Declared, but nothing writes it.
-            return Ok(None);
-        }
         read_buffer(context, &name.replace('_', " "), buffer, count).map(Some)
     }
 

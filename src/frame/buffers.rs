@@ -8,8 +8,8 @@
 use super::photon_layout::MapLayout;
 use crate::renderer::photon_records::{PhotonCounters, PhotonGrid};
 
-/// Bytes of a buffer that a shader declares and nothing writes.
-pub const TOKEN_BYTES: u64 = 16;
+/// Bytes of a buffer that a shader declares and nothing writes: more than any record.
+pub const TOKEN_BYTES: u64 = 256;
 /// Counters of the stereo passes; the shaders name the slots.
 pub const STEREO_COUNTERS: usize = 16;
 /// Bytes of a sample's parts: direct light and albedo, three f32 each.
@@ -244,7 +244,7 @@ pub fn row(name: &str) -> Option<&'static BufferRow> {
 /// Bytes that a buffer of `bytes` bytes is given: whole units of 16, as WebGPU binds nothing smaller than the struct it holds.
 #[must_use]
 pub fn allocated_bytes(bytes: u64) -> u64 {
-    bytes.max(TOKEN_BYTES).next_multiple_of(16)
+    bytes.max(16).next_multiple_of(16)
 }
 
 #[cfg(test)]
