@@ -657,10 +657,3 @@ fn perturbed_sphere(segments: u32, rings: u32) -> Mesh {
         ..Mesh::default()
     }
 }
-
-#[test]
-fn stack_sizes_are_those_of_the_shader() {
-    let shader = include_str!("../../shaders/shared/traversal.wesl");
-    assert!(shader.contains(&format!("const MESH_STACK: u32 = {MESH_STACK}u;")));
-    assert!(shader.contains(&format!("const TOP_STACK: u32 = {TOP_STACK}u;")));
-}

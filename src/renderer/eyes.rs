@@ -11,11 +11,12 @@ use super::eye_plan::{EyePlan, GatherSlices};
 use super::half_rate::HalfRate;
 use super::kernels::KernelSet;
 use super::parts::RadianceParts;
+use super::records::stereo::StereoCounters;
 
 /// Samples that one submission holds; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
-/// Counters of the stereo passes; the shaders name the slots.
-pub const STEREO_COUNTERS: usize = 16;
+/// Words of the stereo passes' counters.
+pub const STEREO_COUNTERS: usize = size_of::<StereoCounters>() / 4;
 
 /// Which eye.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

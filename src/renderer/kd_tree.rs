@@ -17,7 +17,7 @@ use crate::passes::{self, Over, Pass};
 pub const KD_DIGIT_BITS: u32 = 8;
 /// Digits of a coordinate. Even: the sort ends in the buffer that it began in.
 pub const KD_DIGITS: u32 = 4;
-/// Turns of a walk in one slice of a gather; `shared/kd_walk.wesl` holds the same number.
+/// Turns of a walk in one slice of a gather.
 pub const KD_TURNS_PER_SLICE: u64 = 60_000;
 /// Bytes of a node.
 const NODE_BYTES: u64 = 16;

@@ -27,6 +27,7 @@ mod photon_records;
 mod photons_over_time;
 mod raster;
 pub mod reconstruction;
+pub mod records;
 pub mod scene_buffers;
 mod session;
 pub mod stats;

@@ -22,15 +22,14 @@ const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
 /// Bytes of one photon.
 pub const PHOTON_BYTES: u64 = 32;
 /// Values that three scan passes cover: 2,048 blocks of 2,048.
-pub(super) const SCAN_LIMIT: u64 = 2048 * 2048;
+pub const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
-pub(super) const SCAN_BLOCK: u64 = 2048;
-/// Photons that one thread of the radix sort handles; `shared/photon.wesl` holds the same number.
+pub const SCAN_BLOCK: u64 = 2048;
+/// Photons that one thread of the radix sort handles.
 pub const RADIX_BLOCK: u32 = 256;
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;
-/// Photons of one batch of the gather by workgroups, and batches of one of its slices; `passes/shared_gather.wesl` holds
-/// the same numbers.
+/// Photons of one batch of the gather by workgroups, and batches of one of its slices.
 pub const SHARED_BATCH: u64 = 64;
 /// See [`SHARED_BATCH`].
 pub const SHARED_BATCHES_PER_SLICE: u64 = 850;

@@ -4,8 +4,7 @@ use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
-use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
-use stereolux::gpu::texels::ROW_TEXELS;
+use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::passes;
 use stereolux::renderer::kernels::{shader_name, specialised};
@@ -254,34 +253,11 @@ fn every_shader_file_is_a_pass_or_is_imported_by_one() {
 }
 
 #[test]
-fn rows_of_workgroups_agree_between_host_and_shaders() {
-    let library = ShaderLibrary::embedded();
-    for name in [
-        "passes/scan_blocks",
-        "passes/grid_setup",
-        "passes/list_setup",
-        "passes/cell_count",
-    ] {
-        let shader = library.compile(name, &ShaderFeatures::default()).unwrap();
-        assert!(
-            shader
-                .wgsl
-                .contains(&format!("ROW_GROUPS: u32 = {ROW_GROUPS}u")),
-            "{name} counts rows of another width than the host"
-        );
-    }
-}
-
-#[test]
-fn rows_of_texels_agree_between_host_and_shaders() {
+fn no_pass_reads_both_a_record_and_its_copy() {
     let features = features(&["emitters", "record_texels"]);
     let shader = ShaderLibrary::embedded()
         .compile("passes/path_trace", &features)
         .unwrap();
-    let shift = ROW_TEXELS.trailing_zeros();
-    assert_eq!(1 << shift, ROW_TEXELS);
-    assert!(shader.wgsl.contains(&format!("ROW_SHIFT: u32 = {shift}u")));
-    // Nothing reads both a record's buffer and its copy.
     let bindings = reflect_bindings(&shader).unwrap();
     let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
     for copy in texels {
