@@ -22,9 +22,9 @@ pub use mesh::{MaterialMarks, MeshHierarchies, MeshRange};
 pub(crate) use top::rows;
 pub use top::{InstanceSource, TopLevel};
 
-/// Stack entries for one mesh hierarchy; the shader holds the same number and a test compares them.
+/// Stack entries for one mesh hierarchy.
 pub const MESH_STACK: u32 = 48;
-/// Stack entries for the instance hierarchy; likewise.
+/// Stack entries for the instance hierarchy.
 pub const TOP_STACK: u32 = 24;
 /// Primitives that one leaf may hold: a stack entry keeps the count in its upper four bits.
 pub const MAX_LEAF: u32 = 15;

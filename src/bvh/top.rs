@@ -9,7 +9,7 @@ use super::{BvhError, MAX_INDEX, TOP_STACK};
 use crate::gpu::types::bvh::{BvhNode, INSTANCE_MIRRORED, Instance};
 
 /// `traversal.wesl` pads the instance boxes by this many times the mesh boxes' share of the ray's origin.
-const RAY_CONDITION: f64 = 4.0;
+pub const RAY_CONDITION: f64 = 4.0;
 /// Transforms that lose more than a few digits in f32 are left out: |R| |R^-1| row sums beyond this.
 const MAX_CONDITION: f64 = 1e5;
 

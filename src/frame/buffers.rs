@@ -7,11 +7,10 @@
 
 use super::photon_layout::MapLayout;
 use crate::renderer::photon_records::{PhotonCounters, PhotonGrid};
+use crate::renderer::records::stereo::StereoCounters;
 
 /// Bytes of a buffer that a shader declares and nothing writes: more than any record.
 pub const TOKEN_BYTES: u64 = 256;
-/// Counters of the stereo passes; the shaders name the slots.
-pub const STEREO_COUNTERS: usize = 16;
 /// Bytes of a sample's parts: direct light and albedo, three f32 each.
 pub const PARTS_BYTES: u64 = 24;
 
@@ -174,7 +173,7 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "fill_count", 16).cleared(&[Moment::Reuse]),
     fixed!(Frame, "fill_groups", 16),
     per_pixel!(Frame, "provenance", 4),
-    fixed!(Frame, "stereo_counters", STEREO_COUNTERS as u64 * 4).cleared(&[Moment::Frame]),
+    fixed!(Frame, "stereo_counters", size_of::<StereoCounters>() as u64).cleared(&[Moment::Frame]),
 
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).takes_turns(),

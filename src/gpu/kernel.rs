@@ -366,7 +366,7 @@ impl Kernel {
     }
 }
 
-/// Workgroups along x of a list kernel; `shared/invocation.wesl` holds the same number and a test compares them.
+/// Workgroups along x of a list kernel.
 pub const ROW_GROUPS: u32 = 1024;
 
 /// Splits `threads` into rows of [`ROW_GROUPS`] workgroups of `group` threads.

@@ -19,6 +19,7 @@ mod photons_over_time;
 mod radii;
 mod read_back;
 pub mod reconstruction;
+pub mod records;
 pub mod scene_buffers;
 mod session;
 pub mod stats;

@@ -11,8 +11,7 @@ pub use super::photon_records::{Photon, PhotonCounters, PhotonGrid};
 
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;
-/// Photons of one batch of the gather by workgroups, and batches of one of its slices; `passes/shared_gather.wesl` holds
-/// the same numbers.
+/// Photons of one batch of the gather by workgroups, and batches of one of its slices.
 pub const SHARED_BATCH: u64 = 64;
 /// See [`SHARED_BATCH`].
 pub const SHARED_BATCHES_PER_SLICE: u64 = 850;

@@ -5,7 +5,6 @@ use super::stats::StereoStats;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose};
-use crate::frame::buffers::STEREO_COUNTERS;
 use crate::options::Eyes as EyeChoice;
 
 /// An eye's radiance in parts, means over a frame's samples, row 0 on top.
@@ -173,12 +172,9 @@ impl Renderer {
         if !self.reuses() {
             return Ok(StereoStats::default());
         }
-        let read = self.read::<u32>((Whose::Frame, "stereo_counters"), STEREO_COUNTERS)?;
-        let mut counters = [0; STEREO_COUNTERS];
-        if let Some(values) = read {
-            counters.copy_from_slice(&values);
-        }
-        Ok(StereoStats::from_counters(&counters))
+        let counters = self.read((Whose::Frame, "stereo_counters"), 1)?;
+        let counters = counters.and_then(|counters| counters.first().copied());
+        Ok(StereoStats::from_counters(&counters.unwrap_or_default()))
     }
 
     /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`

@@ -2,27 +2,10 @@
 
 use serde::Serialize;
 
+use super::records::stereo::StereoCounters;
 use crate::gpu::PassTimes;
 
-/// Where the right eye's pixels came from; the shaders hold the same numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Provenance {
-    /// No surface.
-    Background = 0,
-    /// Carried over.
-    Reused = 1,
-    /// Filled: outside the left image.
-    OutOfLeftView = 2,
-    /// Filled: hidden from the left eye.
-    Disoccluded = 3,
-    /// Filled: the left image shows another surface there.
-    Edge = 4,
-    /// Filled: what is seen depends on the viewing direction.
-    ViewDependent = 5,
-    /// Filled: the left eye sees the surface, but no sample landed in the pixel.
-    Gap = 6,
-}
+pub use super::records::stereo::Provenance;
 
 /// Photons of a frame, for `stats.jsonl`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -115,11 +98,9 @@ pub struct FrameResult {
 }
 
 impl StereoStats {
-    /// From the stereo counters of a frame, as they are read back.
-    pub(super) fn from_counters(counters: &[u32; crate::frame::buffers::STEREO_COUNTERS]) -> Self {
-        // Slots as `scatter_depth`, `reuse_resolve` and `fill_reasons` name them.
-        const REASONS: usize = 6;
-        let because = |provenance: Provenance| counters[REASONS + provenance as usize];
+    /// From the counters, as they are read back.
+    pub(super) fn from_counters(counters: &StereoCounters) -> Self {
+        let because = |provenance: Provenance| counters.filled_because[provenance as usize];
         let filled_because = FilledBecause {
             out_of_left_view: because(Provenance::OutOfLeftView),
             disoccluded: because(Provenance::Disoccluded),
@@ -127,19 +108,15 @@ impl StereoStats {
             view_dependent: because(Provenance::ViewDependent),
             gap: because(Provenance::Gap),
         };
-        let reused = counters[2];
-        let filled = filled_because.out_of_left_view
-            + filled_because.disoccluded
-            + filled_because.edge
-            + filled_because.view_dependent
-            + filled_because.gap;
+        let reused = counters.reused;
+        let filled = counters.filled_because.iter().sum::<u32>();
         let surfaces = f64::from(reused) + f64::from(filled);
         Self {
-            left_hits: counters[0],
-            scattered: counters[1],
+            left_hits: counters.left_hits,
+            scattered: counters.scattered,
             reused,
             filled,
-            indirect_reused: counters[3],
+            indirect_reused: counters.indirect_reused,
             reuse_fraction: if surfaces > 0.0 {
                 f64::from(reused) / surfaces
             } else {

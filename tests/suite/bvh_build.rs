@@ -2,8 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use stereolux::bvh::{
-    BvhError, InstanceSource, MAX_INDEX, MESH_STACK, MaterialMarks, MeshHierarchies, TOP_STACK,
-    TopLevel,
+    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
 };
 use stereolux::gpu::types::bvh::NO_EMITTER;
 use stereolux::scene::Mesh;
@@ -521,11 +520,4 @@ fn instance_bounds_hold_their_triangles() {
         }
         assert_eq!(world.top.instances()[0].flags, 1, "one axis is mirrored");
     }
-}
-
-#[test]
-fn stack_sizes_are_those_of_the_shader() {
-    let shader = include_str!("../../shaders/shared/traversal.wesl");
-    assert!(shader.contains(&format!("const MESH_STACK: u32 = {MESH_STACK}u;")));
-    assert!(shader.contains(&format!("const TOP_STACK: u32 = {TOP_STACK}u;")));
 }

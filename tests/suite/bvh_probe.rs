@@ -125,8 +125,8 @@ impl TraceScene {
 pub fn features(on: &[&str]) -> ShaderFeatures {
     let mut features = ShaderFeatures::default();
     for word in on {
-        let feature = features.by_word_mut(word);
-        *feature.unwrap_or_else(|| panic!("no shader feature is called {word}")) = true;
+        // Its message names a word that is no feature's.
+        *features.by_word_mut(word).ok_or(*word).unwrap() = true;
     }
     features
 }

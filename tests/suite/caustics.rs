@@ -8,7 +8,6 @@ use stereolux::options::{DirectLight, Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Photon, PhotonMap, Renderer, forms_caustics};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::caustic;
-use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
 use stereolux::xr::View;
 
 use super::support::{
@@ -26,16 +25,6 @@ fn photon_settings(change: impl FnOnce(&mut Settings)) -> Settings {
 
 fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
     parallel_views(start_pose(scene), 0.0, square_fov(half_degrees))
-}
-
-#[test]
-fn narrow_lobes_mean_the_same_to_host_and_shaders() {
-    let text = include_str!("../../shaders/shared/bsdf_types.wesl");
-    let alpha = CAUSTIC_ROUGHNESS * CAUSTIC_ROUGHNESS;
-    assert!(
-        text.contains(&format!("NARROW_ALPHA: f32 = {alpha:.2};")),
-        "roughness {CAUSTIC_ROUGHNESS} is alpha {alpha}"
-    );
 }
 
 #[test]

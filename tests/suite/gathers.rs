@@ -1,14 +1,10 @@
 //! The ways to gather that the default is compared with: kd-tree, k nearest, one fused kernel, loads by workgroup.
 
 use glam::DVec3;
-use stereolux::frame::passes;
-use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::registry::{self, Kind};
 use stereolux::options::{
     DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings,
 };
-use stereolux::renderer::photon_map::{KD_TURNS_PER_SLICE, SHARED_BATCH, SHARED_BATCHES_PER_SLICE};
 use stereolux::renderer::{Eye, MapKind, Photon, RenderError, Renderer};
 use stereolux::scene::Scene;
 
@@ -549,34 +545,4 @@ fn no_photons_and_vanishing_radii_are_clean_in_every_way() {
             assert_eq!(strays(&plain, &found, rounding(64)), 0, "{what}");
         }
     }
-}
-
-#[test]
-fn shaders_and_host_count_the_same_turns() {
-    let library = ShaderLibrary::embedded();
-    let says = |pass: &passes::Pass, name: &str, value: u64| {
-        let shader = library
-            .compile(&format!("passes/{}", pass.name), &ShaderFeatures::default())
-            .unwrap();
-        let line = format!("const {name}: u32 = {value}u");
-        assert!(shader.wgsl.contains(&line), "{} lacks {line}", pass.name);
-    };
-    says(&passes::kd_gather, "TURNS_PER_SLICE", KD_TURNS_PER_SLICE);
-    says(
-        &passes::kd_nearest_gather,
-        "TURNS_PER_SLICE",
-        KD_TURNS_PER_SLICE,
-    );
-    says(&passes::shared_gather, "BATCH", SHARED_BATCH);
-    says(
-        &passes::shared_gather,
-        "BATCHES_PER_SLICE",
-        SHARED_BATCHES_PER_SLICE,
-    );
-    // 66 turns a batch, and what the shader's comment adds, within llvmpipe's limit.
-    const { assert!(SHARED_BATCHES_PER_SLICE * (SHARED_BATCH + 2) + 144 < 65_535) };
-    let Kind::Whole { max, .. } = registry::find("photon.nearest").unwrap().kind else {
-        panic!("photon.nearest is a whole number");
-    };
-    says(&passes::nearest_gather, "HEAP", max);
 }

@@ -3,11 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 
+use stereolux::bvh::{bounds, top};
 use stereolux::frame::passes;
+use stereolux::frame::photon_layout;
 use stereolux::frame::run::specialised;
+use stereolux::gpu::kernel::ROW_GROUPS;
+use stereolux::gpu::texels::ROW_TEXELS;
 use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
+use stereolux::options::registry::{self, Kind};
 use stereolux::renderer::photon_map;
+use stereolux::renderer::photon_map::KD_TURNS_PER_SLICE;
+use stereolux::renderer::records::stereo::{self, Provenance};
+use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
 
 use super::shaders::every_feature;
 
@@ -100,6 +108,13 @@ fn host() -> BTreeMap<String, Layout> {
             carries_rays,
             firefly_frames,
             padding,
+        }),
+        host_layout!(stereo::StereoCounters {
+            left_hits,
+            scattered,
+            reused,
+            indirect_reused,
+            filled_because,
         }),
         host_layout!(submit::Submit {
             scale,
@@ -401,4 +416,222 @@ fn a_wrong_layout_is_noticed() {
         ["Vertex"],
         "a struct that no test knows"
     );
+}
+
+/// Numbers that the host and a shader's module both hold.
+fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
+    let rounding_unit = bounds::ROUNDING_UNIT;
+    let mesh_pad = bounds::PAD_UNITS * rounding_unit;
+    let Kind::Whole { max: nearest, .. } = registry::find("photon.nearest").unwrap().kind else {
+        panic!("photon.nearest is a whole number");
+    };
+    let most_sums = photon_layout::SCAN_LIMIT / photon_layout::SCAN_BLOCK;
+    let mut numbers: Vec<(&str, &str, f64)> = vec![
+        (
+            "shared/bsdf_types",
+            "NARROW_ALPHA",
+            f64::from(CAUSTIC_ROUGHNESS).powi(2),
+        ),
+        ("shared/traversal", "ROUNDING_UNIT", rounding_unit),
+        ("shared/traversal", "MESH_PAD", mesh_pad),
+        ("shared/traversal", "TOP_PAD", top::RAY_CONDITION * mesh_pad),
+        ("passes/refit", "PAD", mesh_pad + rounding_unit),
+        (
+            "shared/scan",
+            "SCAN_BLOCK",
+            photon_layout::SCAN_BLOCK as f64,
+        ),
+        ("passes/scan_sums", "THREADS * PER_THREAD", most_sums as f64),
+        (
+            "passes/shared_gather",
+            "BATCH",
+            photon_map::SHARED_BATCH as f64,
+        ),
+        (
+            "passes/shared_gather",
+            "BATCHES_PER_SLICE",
+            photon_map::SHARED_BATCHES_PER_SLICE as f64,
+        ),
+        (
+            "shared/kd_walk",
+            "TURNS_PER_SLICE",
+            KD_TURNS_PER_SLICE as f64,
+        ),
+        ("shared/nearest", "HEAP", nearest as f64),
+    ];
+    let words: &[(&str, &[(&str, u32)])] = &[
+        (
+            "shared/stereo",
+            &[
+                ("PROVENANCE_BACKGROUND", Provenance::Background as u32),
+                ("PROVENANCE_REUSED", Provenance::Reused as u32),
+                (
+                    "PROVENANCE_OUT_OF_LEFT_VIEW",
+                    Provenance::OutOfLeftView as u32,
+                ),
+                ("PROVENANCE_DISOCCLUDED", Provenance::Disoccluded as u32),
+                ("PROVENANCE_EDGE", Provenance::Edge as u32),
+                (
+                    "PROVENANCE_VIEW_DEPENDENT",
+                    Provenance::ViewDependent as u32,
+                ),
+                ("PROVENANCE_GAP", Provenance::Gap as u32),
+            ],
+        ),
+        (
+            "shared/frame",
+            &[
+                ("FRAME_RUSSIAN_ROULETTE", frame::FRAME_RUSSIAN_ROULETTE),
+                ("FRAME_DIRECT_FROM_MAP", frame::FRAME_DIRECT_FROM_MAP),
+                (
+                    "FRAME_KERNEL_EPANECHNIKOV",
+                    frame::FRAME_KERNEL_EPANECHNIKOV,
+                ),
+                ("FRAME_KERNEL_CONE", frame::FRAME_KERNEL_CONE),
+            ],
+        ),
+        (
+            "shared/bvh_types",
+            &[
+                ("INSTANCE_MIRRORED", bvh::INSTANCE_MIRRORED),
+                ("TRIANGLE_ALPHA", bvh::TRIANGLE_ALPHA),
+                ("TRIANGLE_DOUBLE_SIDED", bvh::TRIANGLE_DOUBLE_SIDED),
+            ],
+        ),
+        (
+            "shared/material_types",
+            &[
+                ("MATERIAL_DOUBLE_SIDED", material::MATERIAL_DOUBLE_SIDED),
+                ("MATERIAL_ALPHA_MASK", material::MATERIAL_ALPHA_MASK),
+                ("MATERIAL_ALPHA_BLEND", material::MATERIAL_ALPHA_BLEND),
+                ("TEXTURE_UV1_BIT", material::TEXTURE_UV1_BIT),
+                ("TEXTURE_WRAP_MIRROR", material::TEXTURE_WRAP_MIRROR),
+                ("TEXTURE_WRAP_CLAMP", material::TEXTURE_WRAP_CLAMP),
+                ("TEXTURE_NEAREST_BIT", material::TEXTURE_NEAREST_BIT),
+                ("LIGHT_TRIANGLE", light::LIGHT_TRIANGLE),
+                ("LIGHT_POINT", light::LIGHT_POINT),
+                ("LIGHT_SPOT", light::LIGHT_SPOT),
+                ("LIGHT_DIRECTIONAL", light::LIGHT_DIRECTIONAL),
+                ("LIGHT_ENVIRONMENT", light::LIGHT_ENVIRONMENT),
+            ],
+        ),
+        ("shared/invocation", &[("ROW_GROUPS", ROW_GROUPS)]),
+        (
+            "shared/photon",
+            &[("RADIX_BLOCK", photon_layout::RADIX_BLOCK)],
+        ),
+        (
+            "shared/records",
+            &[("ROW_SHIFT", ROW_TEXELS.trailing_zeros())],
+        ),
+        ("shared/math", &[("INVALID", bvh::NO_EMITTER)]),
+        (
+            "shared/traversal",
+            &[
+                ("MESH_STACK", stereolux::bvh::MESH_STACK),
+                ("TOP_STACK", stereolux::bvh::TOP_STACK),
+                ("COUNT_SHIFT", stereolux::bvh::MAX_INDEX.ilog2()),
+                ("INDEX_MASK", stereolux::bvh::MAX_INDEX - 1),
+            ],
+        ),
+    ];
+    for (module, rows) in words {
+        numbers.extend(
+            rows.iter()
+                .map(|&(name, word)| (*module, name, f64::from(word))),
+        );
+    }
+    numbers
+}
+
+/// The value of a constant expression of a module, by naga: a pass that does nothing else computes it.
+fn number_in_shader(library: &ShaderLibrary, module: &str, expression: &str) -> naga::Literal {
+    let names: Vec<&str> = expression.split(" * ").collect();
+    let import = format!(
+        "import package::{}::{{{}}};",
+        module.replace('/', "::"),
+        names.join(", ")
+    );
+    let code = format!(
+        "const ANSWER = {expression}; @compute @workgroup_size(1) fn main() {{ _ = ANSWER; }}"
+    );
+    let mut library = library.clone();
+    library.insert("tests/number", import + &code);
+    let shader = library.compile("tests/number", &every_feature()).unwrap();
+    let mut constants = shader.module.constants.iter().map(|(_, constant)| constant);
+    let answer = constants
+        .find(|constant| constant.name.as_deref() == Some("ANSWER"))
+        .unwrap();
+    match shader.module.global_expressions[answer.init] {
+        naga::Expression::Literal(literal) => literal,
+        ref other => panic!("{expression} of {module} is {other:?}"),
+    }
+}
+
+/// Names of shared numbers that differ.
+fn differing(library: &ShaderLibrary) -> Vec<&'static str> {
+    let numbers = shared_numbers().into_iter();
+    let wrong =
+        numbers.filter(
+            |&(module, name, host)| match number_in_shader(library, module, name) {
+                naga::Literal::U32(word) => f64::from(word) != host,
+                // The host's products are rounded once more.
+                naga::Literal::F32(number) => (f64::from(number) - host).abs() > 1e-7 * host,
+                other => panic!("{name} is {other:?}"),
+            },
+        );
+    wrong.map(|(_, name, _)| name).collect()
+}
+
+#[test]
+fn shared_numbers_are_equal() {
+    let library = ShaderLibrary::embedded();
+    assert!(differing(&library).is_empty(), "{:?}", differing(&library));
+    // Turns of a batch of the gather by workgroups, and what its comment adds, within llvmpipe's limit.
+    const {
+        assert!(
+            photon_map::SHARED_BATCHES_PER_SLICE * (photon_map::SHARED_BATCH + 2) + 144 < 65_535
+        )
+    };
+    // All of the modules that hold nothing but shared numbers are compared.
+    let numbers = shared_numbers();
+    for (module, source) in library.sources() {
+        let is_shared = [
+            "stereo",
+            "frame",
+            "bvh_types",
+            "material_types",
+            "invocation",
+            "scan",
+        ]
+        .iter()
+        .any(|name| module == format!("shared/{name}"));
+        for line in source.lines().filter(|_| is_shared) {
+            let name = line
+                .strip_prefix("const ")
+                .and_then(|line| line.split(':').next());
+            let is_known = |name| numbers.iter().any(|row| (row.0, row.1) == (module, name));
+            assert!(name.is_none_or(is_known), "{module}: {line}");
+        }
+    }
+    // Negative controls: another word, a float that is off by two units in the last place.
+    for (module, from, to, name) in [
+        (
+            "shared/stereo",
+            "EDGE: u32 = 4u",
+            "EDGE: u32 = 5u",
+            "PROVENANCE_EDGE",
+        ),
+        (
+            "shared/traversal",
+            "f32 = 9.5367432e-7",
+            "f32 = 9.536745e-7",
+            "MESH_PAD",
+        ),
+    ] {
+        let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+        let mut changed = library.clone();
+        changed.insert(module, source.replace(from, to));
+        assert_eq!(differing(&changed), [name]);
+    }
 }

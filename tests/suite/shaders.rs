@@ -1,12 +1,12 @@
 //! Every shader, without a driver: compiles for every kind of scene, validates, and declares what its pass says.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
+use std::sync::Arc;
 
 use stereolux::frame::passes;
 use stereolux::frame::run::specialised;
 use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
-use stereolux::gpu::kernel::{Binding, BindingKind, ROW_GROUPS, reflect_bindings};
-use stereolux::gpu::texels::ROW_TEXELS;
+use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 
 use super::bvh_probe::features;
@@ -83,6 +83,7 @@ fn words_are_found_however_a_condition_is_written() {
 #[test]
 fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     let library = ShaderLibrary::embedded();
+    let mut seen = HashSet::new();
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
@@ -102,6 +103,10 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                         &specialised(pass, &features, from_list),
                     )
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
+                // The library compiles nothing twice.
+                if !seen.insert(Arc::as_ptr(&shader)) {
+                    continue;
+                }
                 shader
                     .validate()
                     .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
@@ -120,6 +125,44 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
             }
         }
     }
+}
+
+#[test]
+fn what_was_compiled_is_remembered_as_long_as_it_is_the_same() {
+    let library = ShaderLibrary::embedded();
+    let compile = |library: &ShaderLibrary, name: &str, on: &[&str]| {
+        library.compile(name, &features(on)).unwrap()
+    };
+    let same = |a: &Arc<_>, b: &Arc<_>| Arc::ptr_eq(a, b);
+    let [scan, gather] = ["passes/scan_sums", "passes/photon_gather"];
+    // A pass that asks for no feature is one shader, for every library that holds its modules as they are embedded.
+    let plain = compile(&library, scan, &[]);
+    assert!(same(
+        &plain,
+        &compile(&ShaderLibrary::embedded(), scan, &["glossy"])
+    ));
+    // One that asks for some is another with those, and no other with the rest.
+    let lambert = compile(&library, gather, &[]);
+    assert!(same(&lambert, &compile(&library, gather, &["keeps_ends"])));
+    let glossy = compile(&library, gather, &["glossy"]);
+    assert!(!same(&lambert, &glossy) && lambert.wgsl != glossy.wgsl);
+    // A module put in place of one that it is made of makes another shader, and of others does not.
+    let source = |name: &str| {
+        let found = library.sources().find(|(module, _)| *module == name);
+        found.unwrap().1.to_owned()
+    };
+    let mut changed = library.clone();
+    let photon = source("shared/photon") + "const UNUSED: u32 = 1u;";
+    changed.insert("shared/photon", photon.clone());
+    assert!(same(&plain, &compile(&changed, scan, &[])));
+    let other = compile(&changed, gather, &[]);
+    assert!(!same(&lambert, &other));
+    assert!(same(&other, &compile(&changed.clone(), gather, &[])));
+    assert!(same(&lambert, &compile(&library, gather, &[])));
+    changed.insert("shared/photon", photon.replace("UNUSED", "NOT_USED"));
+    assert!(!same(&other, &compile(&changed, gather, &[])));
+    changed.insert("shared/photon", source("shared/photon"));
+    assert!(same(&lambert, &compile(&changed, gather, &[])));
 }
 
 #[test]
@@ -142,34 +185,11 @@ fn every_shader_file_is_a_pass_or_is_imported_by_one() {
 }
 
 #[test]
-fn rows_of_workgroups_agree_between_host_and_shaders() {
-    let library = ShaderLibrary::embedded();
-    for name in [
-        "passes/scan_blocks",
-        "passes/grid_setup",
-        "passes/list_setup",
-        "passes/cell_count",
-    ] {
-        let shader = library.compile(name, &ShaderFeatures::default()).unwrap();
-        assert!(
-            shader
-                .wgsl
-                .contains(&format!("ROW_GROUPS: u32 = {ROW_GROUPS}u")),
-            "{name} counts rows of another width than the host"
-        );
-    }
-}
-
-#[test]
-fn rows_of_texels_agree_between_host_and_shaders() {
+fn no_pass_reads_both_a_record_and_its_copy() {
     let features = features(&["emitters", "record_texels"]);
     let shader = ShaderLibrary::embedded()
         .compile("passes/path_trace", &features)
         .unwrap();
-    let shift = ROW_TEXELS.trailing_zeros();
-    assert_eq!(1 << shift, ROW_TEXELS);
-    assert!(shader.wgsl.contains(&format!("ROW_SHIFT: u32 = {shift}u")));
-    // Nothing reads both a record's buffer and its copy.
     let bindings = reflect_bindings(&shader).unwrap();
     let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
     for copy in texels {

@@ -1,0 +1,39 @@
+//! What stereo reuse says of itself: `shaders/shared/stereo.wesl`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Where the right eye's pixels came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Provenance {
+    /// No surface.
+    Background = 0,
+    /// Carried over.
+    Reused = 1,
+    /// Filled: outside the left image.
+    OutOfLeftView = 2,
+    /// Filled: hidden from the left eye.
+    Disoccluded = 3,
+    /// Filled: the left image shows another surface there.
+    Edge = 4,
+    /// Filled: what is seen depends on the viewing direction.
+    ViewDependent = 5,
+    /// Filled: the left eye sees the surface, but no sample landed in the pixel.
+    Gap = 6,
+}
+
+/// Sums over the samples of a frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct StereoCounters {
+    /// Left samples that hit a surface.
+    pub left_hits: u32,
+    /// Those that the right eye sees and may take over.
+    pub scattered: u32,
+    /// Right pixels that took one over.
+    pub reused: u32,
+    /// Of the filled, those whose indirect light was taken over.
+    pub indirect_reused: u32,
+    /// Filled pixels by [`Provenance`].
+    pub filled_because: [u32; Provenance::Gap as usize + 1],
+}
