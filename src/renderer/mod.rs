@@ -403,7 +403,7 @@ impl Renderer {
     ) -> Result<FrameResult, RenderError> {
         let mut result = FrameResult::default();
         let began = Instant::now();
-        let origin = midpoint(views);
+        let origin = View::midpoint_in_world(views);
         self.origin_in_world = origin;
         self.update_hidden(views);
         let replaced = self.scene.begin_frame(&self.context, origin)?;
@@ -681,13 +681,6 @@ impl Renderer {
             _ => None,
         }
     }
-}
-
-/// The point half way between the eyes: the origin of the frame's render space. Taken from the views alone, so that a
-/// recorded trace replays bit for bit.
-fn midpoint(views: &[View; 2]) -> DVec3 {
-    let left = views[0].position_in_world;
-    left + 0.5 * (views[1].position_in_world - left)
 }
 
 fn eye_uniform(view: &View, origin_in_world: DVec3) -> EyeUniform {
