@@ -8,6 +8,7 @@ use std::{env, fs, io};
 /// What decides the pixels of an image.
 const RENDER_CODE: &[&str] = &[
     "Cargo.lock",
+    "assets",
     "shaders",
     "src/bvh",
     "src/frame",
@@ -36,6 +37,7 @@ const BENCH_CODE: &[&str] = &[
 
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-changed=assets");
     println!("cargo:rerun-if-changed=src");
     println!("cargo:rerun-if-changed=config/headsets");
     println!("cargo:rerun-if-changed=Cargo.lock");

@@ -15,9 +15,9 @@ use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
 use crate::caught::caught;
-use crate::desktop::{self, choose_mode, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::renderer::{RenderError, Renderer};
+use crate::windowing::{WindowSurface, event_loop, plain, present};
 
 /// The window's size at the start, logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
@@ -92,7 +92,7 @@ impl MirrorWindow {
     /// [`MirrorError::NoWindow`].
     pub fn open() -> Result<Self, MirrorError> {
         let no_window = |reason: String| MirrorError::NoWindow(plain(&reason));
-        let mut event_loop = desktop::event_loop().map_err(MirrorError::NoWindow)?;
+        let mut event_loop = event_loop().map_err(MirrorError::NoWindow)?;
         let mut events = Events::default();
         caught(|| event_loop.pump_app_events(Some(Duration::ZERO), &mut events))
             .map_err(no_window)?;
@@ -113,12 +113,7 @@ impl MirrorWindow {
 /// The window with a surface that the run's device draws on.
 pub struct Mirror {
     /// `None` once the mirror has ended. Dropped before its window.
-    surface: Option<wgpu::Surface<'static>>,
-    format: wgpu::TextureFormat,
-    present_mode: wgpu::PresentMode,
-    alpha_mode: wgpu::CompositeAlphaMode,
-    /// Size for which the surface is configured.
-    configured: Option<[u32; 2]>,
+    surface: Option<WindowSurface>,
     /// Nothing is presented before.
     not_before: Instant,
     window: MirrorWindow,
@@ -144,29 +139,13 @@ impl Mirror {
     pub fn new(window: MirrorWindow, context: &GpuContext) -> Result<Self, MirrorError> {
         let cannot = |reason: String| MirrorError::CannotShow {
             adapter: context.adapter.name.clone(),
-            reason: plain(&reason),
+            reason,
         };
-        let (surface, capabilities) = context
-            .surface(Arc::clone(&window.window))
+        let surface = WindowSurface::new(context, Arc::clone(&window.window), choose_format)
             .map_err(cannot)?;
-        let format = choose_format(&capabilities.formats).ok_or_else(|| {
-            cannot(match capabilities.formats.as_slice() {
-                [] => "it does not drive the display".to_owned(),
-                others => format!("the display takes only {others:?}"),
-            })
-        })?;
-        let present_mode = choose_mode(&capabilities.present_modes);
-        log::debug!("mirror: {format:?}, {present_mode:?}");
+        log::debug!("mirror: {:?}, {:?}", surface.format, surface.present_mode);
         Ok(Self {
             surface: Some(surface),
-            format,
-            present_mode,
-            alpha_mode: capabilities
-                .alpha_modes
-                .first()
-                .copied()
-                .unwrap_or_default(),
-            configured: None,
             not_before: Instant::now(),
             window,
         })
@@ -224,77 +203,34 @@ impl Mirror {
         library: &ShaderLibrary,
     ) -> Result<(), RenderError> {
         let began = Instant::now();
-        if self.surface.is_none() || began < self.not_before {
+        let Some(surface) = self.surface.as_mut().filter(|_| began >= self.not_before) else {
             return Ok(());
-        }
+        };
         let size = <[u32; 2]>::from(self.window.window.inner_size());
         if size.contains(&0) {
             return Ok(());
         }
-        let context = renderer.context();
-        if self.configured != Some(size) {
-            self.configure(context, size)?;
-        }
-        let Some(surface) = &self.surface else {
-            return Ok(());
-        };
-        let current = context.guarded("mirror", || Ok(surface.get_current_texture()))?;
+        let is_queued = surface.present_mode == wgpu::PresentMode::Fifo;
+        let acquired = surface.acquire(renderer.context(), size)?;
         let wait = began.elapsed();
-        match current {
-            wgpu::CurrentSurfaceTexture::Success(image) => {
-                self.present(renderer, library, image)?;
+        match acquired {
+            Some(acquired) => {
+                if let Some(image) = acquired.image {
+                    let view = image.texture.create_view(&Default::default());
+                    renderer.mirror_to(library, &view)?;
+                    drop(view);
+                    present(renderer.context(), image)?;
+                }
             }
-            wgpu::CurrentSurfaceTexture::Suboptimal(image) => {
-                self.present(renderer, library, image)?;
-                self.configured = None;
-            }
-            // The next frame finds the window in its new state.
-            wgpu::CurrentSurfaceTexture::Outdated => self.configured = None,
-            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {}
-            wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => {
-                self.end("the window was lost");
-            }
+            None => self.end("the window was lost"),
         }
         let took = began.elapsed();
         log::trace!("mirror: waited {wait:?} for an image, took {took:?} in all");
         let mut rest = took * REST;
-        if self.present_mode == wgpu::PresentMode::Fifo {
+        if is_queued {
             rest = rest.max(FIFO_PERIOD);
         }
         self.not_before = Instant::now() + rest;
-        Ok(())
-    }
-
-    fn present(
-        &self,
-        renderer: &mut Renderer,
-        library: &ShaderLibrary,
-        image: wgpu::SurfaceTexture,
-    ) -> Result<(), RenderError> {
-        let view = image
-            .texture
-            .create_view(&wgpu::TextureViewDescriptor::default());
-        renderer.mirror_to(library, &view)?;
-        drop(view);
-        let context = renderer.context();
-        context.guarded("mirror", || {
-            context.queue.present(image);
-            Ok(())
-        })?;
-        Ok(())
-    }
-
-    fn configure(&mut self, context: &GpuContext, size: [u32; 2]) -> Result<(), GpuError> {
-        let Some(surface) = &self.surface else {
-            return Ok(());
-        };
-        let configuration =
-            surface_configuration(self.format, self.present_mode, self.alpha_mode, size);
-        context.guarded("mirror", || {
-            surface.configure(&context.device, &configuration);
-            Ok(())
-        })?;
-        self.configured = Some(size);
         Ok(())
     }
 }

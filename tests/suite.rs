@@ -19,6 +19,10 @@ mod suite {
     #[path = "../../examples/reconstruction/paired_references.rs"]
     pub mod paired_references;
 
+    /// The example that makes the files under assets/.
+    #[path = "../../examples/make_assets/scenes/mod.rs"]
+    pub mod embedded_scenes;
+
     pub mod bench;
     pub mod block_statistics;
     pub mod bsdf_furnace;

@@ -503,6 +503,8 @@ fn cube() -> Mesh {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]
@@ -617,12 +619,17 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("stereolux-{}-cameras", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let keys = [0.5, 0.6].map(|yfov| {
-            use crate::scene::gltf_writer::{GlbWriter, Payload};
-            let mut glb = GlbWriter::new();
-            let camera = glb.camera("viewpoint", yfov);
-            glb.node("viewpoint", DAffine3::IDENTITY, Payload::Camera(camera));
-            let path = folder.join("scene.glb");
-            std::fs::write(&path, glb.finish("scene").unwrap()).unwrap();
+            let path = folder.join("scene.gltf");
+            let camera =
+                json!({"type": "perspective", "perspective": {"yfov": yfov, "znear": 0.1}});
+            let gltf = json!({
+                "asset": {"version": "2.0"},
+                "scene": 0,
+                "scenes": [{"nodes": [0]}],
+                "nodes": [{"camera": 0}],
+                "cameras": [camera],
+            });
+            std::fs::write(&path, gltf.to_string()).unwrap();
             SceneSource::Named(path.display().to_string())
                 .fingerprint(&Settings::default())
                 .unwrap()

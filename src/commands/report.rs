@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::bench::statistics;
 use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
@@ -90,14 +91,7 @@ pub struct RunReport<'a> {
 
 /// Median; 0 of nothing.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => 0.0,
-        n if n % 2 == 1 => values[middle],
-        _ => 0.5 * (values[middle - 1] + values[middle]),
-    }
+    statistics::median(&values.collect::<Vec<_>>()).unwrap_or_default()
 }
 
 impl<'a> RunReport<'a> {
@@ -193,17 +187,5 @@ impl<'a> RunReport<'a> {
             m.reuse_fraction,
             out.display(),
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::median;
-
-    #[test]
-    fn median_of_odd_even_and_none() {
-        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), 2.0);
-        assert_eq!(median([4.0, 1.0, 2.0, 3.0].into_iter()), 2.5);
-        assert_eq!(median(std::iter::empty()), 0.0);
     }
 }

@@ -352,7 +352,7 @@ impl Renderer {
     ) -> Result<FrameResult, RenderError> {
         let mut result = FrameResult::default();
         let began = Instant::now();
-        self.origin_in_world = midpoint(views);
+        self.origin_in_world = View::midpoint_in_world(views);
         self.update_hidden(views);
         let replaced = self
             .scene
@@ -569,13 +569,6 @@ impl Renderer {
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
     }
-}
-
-/// The point half way between the eyes: the origin of the frame's render space. Taken from the views alone, so that a
-/// recorded trace replays bit for bit.
-fn midpoint(views: &[View; 2]) -> DVec3 {
-    let left = views[0].position_in_world;
-    left + 0.5 * (views[1].position_in_world - left)
 }
 
 fn eye_uniform(view: &View, origin_in_world: DVec3) -> EyeUniform {

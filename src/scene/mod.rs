@@ -6,7 +6,7 @@
 //!
 //! - [`Scene`], [`Node`], [`Mesh`], [`Material`] and their parts are the types that the renderer uploads from.
 //! - `import` turns glTF into them; every fault in the file is one line of [`SceneError`], never a panic.
-//! - [`builtin`] generates the embedded scenes and writes them as `.glb` by [`gltf_writer`].
+//! - [`builtin`] holds the embedded scenes.
 //! - [`environment`] reads equirectangular maps.
 //! - [`edit`] changes a scene step by step, with undo and redo; `save` writes it back.
 //! - [`needs`] says which features a scene really uses, and what is left out.

@@ -15,8 +15,8 @@ use super::app::{App, Start, WindowCommand};
 use super::painter::{Painter, Target};
 use super::window_state::WindowState;
 use crate::caught::caught;
-use crate::desktop::{choose_mode, event_loop, plain, surface_configuration};
 use crate::gpu::{GpuContext, GpuError};
+use crate::windowing::{Acquired, WindowSurface, event_loop, plain, present};
 
 /// Why there is no window; one line each.
 #[derive(Debug, thiserror::Error)]
@@ -147,11 +147,7 @@ impl ApplicationHandler<()> for State {
 struct Open {
     app: App,
     painter: Painter,
-    surface: wgpu::Surface<'static>,
-    format: wgpu::TextureFormat,
-    present_mode: wgpu::PresentMode,
-    alpha_mode: wgpu::CompositeAlphaMode,
-    configured: Option<[u32; 2]>,
+    surface: WindowSurface,
     input: egui_winit::State,
     egui: Context,
     gpu: GpuContext,
@@ -183,13 +179,16 @@ impl Open {
         let gpu = GpuContext::open(Some(adapter))?;
         let cannot = |reason: String| ViewError::CannotShow {
             adapter: gpu.adapter.name.clone(),
-            reason: plain(&reason),
+            reason,
         };
-        let (surface, capabilities) = gpu.surface(Arc::clone(&window)).map_err(cannot)?;
-        let format = choose_format(&capabilities.formats)
-            .ok_or_else(|| cannot("it does not drive the display".to_owned()))?;
-        let present_mode = choose_mode(&capabilities.present_modes);
-        log::debug!("window: {format:?}, {present_mode:?}, {}", gpu.adapter.name);
+        let surface =
+            WindowSurface::new(&gpu, Arc::clone(&window), choose_format).map_err(cannot)?;
+        log::debug!(
+            "window: {:?}, {:?}, {}",
+            surface.format,
+            surface.present_mode,
+            gpu.adapter.name
+        );
         let egui = Context::default();
         let input = egui_winit::State::new(
             egui.clone(),
@@ -199,7 +198,7 @@ impl Open {
             window.theme(),
             Some(gpu.device.limits().max_texture_dimension_2d as usize),
         );
-        let painter = Painter::new(&gpu, format)?;
+        let painter = Painter::new(&gpu, surface.format)?;
         let app = App::new(start, move || {
             // The loop may have ended.
             let _ = proxy.send_event(());
@@ -210,14 +209,6 @@ impl Open {
             app,
             painter,
             surface,
-            format,
-            present_mode,
-            alpha_mode: capabilities
-                .alpha_modes
-                .first()
-                .copied()
-                .unwrap_or_default(),
-            configured: None,
             input,
             egui,
             gpu,
@@ -323,28 +314,8 @@ impl Open {
             gpu,
             ..
         } = self;
-        let current = {
-            if self.configured != Some(size) {
-                let configuration =
-                    surface_configuration(self.format, self.present_mode, self.alpha_mode, size);
-                gpu.guarded("window", || {
-                    surface.configure(&gpu.device, &configuration);
-                    Ok(())
-                })?;
-                self.configured = Some(size);
-            }
-            gpu.guarded("window", || Ok(surface.get_current_texture()))?
-        };
-        let (image, is_stale) = match current {
-            wgpu::CurrentSurfaceTexture::Success(image) => (Some(image), false),
-            wgpu::CurrentSurfaceTexture::Suboptimal(image) => (Some(image), true),
-            wgpu::CurrentSurfaceTexture::Outdated => (None, true),
-            wgpu::CurrentSurfaceTexture::Timeout | wgpu::CurrentSurfaceTexture::Occluded => {
-                (None, false)
-            }
-            wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Validation => {
-                return Err(ViewError::Ended("its surface was lost".to_owned()));
-            }
+        let Some(Acquired { image, is_stale }) = surface.acquire(gpu, size)? else {
+            return Err(ViewError::Ended("its surface was lost".to_owned()));
         };
         // Textures change whether the frame is shown or not.
         let view = image
@@ -357,13 +328,9 @@ impl Open {
         });
         painter.paint(gpu, &output.textures_delta, &jobs, target.as_ref())?;
         if let Some(image) = image {
-            gpu.guarded("window", || {
-                gpu.queue.present(image);
-                Ok(())
-            })?;
+            present(gpu, image)?;
         }
         if is_stale {
-            self.configured = None;
             self.window.request_redraw();
         }
         if let Some(since) = self.unanswered.take() {

@@ -202,12 +202,10 @@ impl LocatedViews {
         &self.views[1]
     }
 
-    /// The point half-way between the eyes, metres: the origin of this frame's render space. It is taken
-    /// from the views alone, so that a recording, which holds views and no head, replays bit for bit.
+    /// As [`View::midpoint_in_world`].
     #[must_use]
     pub fn midpoint_in_world(&self) -> DVec3 {
-        let left = self.views[0].position_in_world;
-        left + 0.5 * (self.views[1].position_in_world - left)
+        View::midpoint_in_world(&self.views)
     }
 }
 

@@ -193,6 +193,14 @@ pub struct View {
 }
 
 impl View {
+    /// The point half-way between two eyes, metres: the origin of a frame's render space. It is taken from the views alone,
+    /// so that a recording, which holds views and no head, replays bit for bit.
+    #[must_use]
+    pub fn midpoint_in_world([left, right]: &[Self; 2]) -> DVec3 {
+        let left = left.position_in_world;
+        left + 0.5 * (right.position_in_world - left)
+    }
+
     /// World from eye: rotation and translation, no scale.
     #[must_use]
     pub fn world_from_eye(&self) -> DAffine3 {

@@ -40,7 +40,7 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
         std::fs::write(folder.join(name), bytes).unwrap();
         folder.join(name).display().to_string()
     };
-    let glb = stereolux::scene::builtin::write_builtin_glb("cornell").unwrap();
+    let glb = stereolux::scene::builtin::glb("cornell").unwrap();
     let gltf = |nodes: &str, more: &str| {
         format!(
             r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":{nodes}{more}}}"#

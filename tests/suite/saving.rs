@@ -211,7 +211,7 @@ fn presets_with_and_without_textures_are_read_back() {
 /// A file of several parts: data in two files and an image, a matrix, an animation, another scene, extras and extensions
 /// that nobody knows.
 fn patchwork(folder: &Folder) -> Value {
-    let glb = stereolux::scene::builtin::write_builtin_glb("parade").unwrap();
+    let glb = stereolux::scene::builtin::glb("parade").unwrap();
     let mut root = json_of(&glb);
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let bin = &glb[28 + length..];
@@ -348,7 +348,7 @@ fn deleted_nodes_show_nowhere_and_keep_everybodys_number() {
 
 #[test]
 fn the_default_material_is_written_where_it_is_edited() {
-    let glb = stereolux::scene::builtin::write_builtin_glb("plane").unwrap();
+    let glb = stereolux::scene::builtin::glb("plane").unwrap();
     let folder = Folder::new("saving-default");
     let mut root = json_of(&glb);
     let bin = &glb[28 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize..];

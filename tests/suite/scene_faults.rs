@@ -307,10 +307,10 @@ fn images_must_be_decodable() {
 fn files_that_are_no_scenes() {
     let folder = std::env::temp_dir().join(format!("stereolux-scene-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    let glb = stereolux::scene::builtin::write_builtin_glb("cornell").unwrap();
-    let mut other_magic = glb.clone();
+    let glb = stereolux::scene::builtin::glb("cornell").unwrap();
+    let mut other_magic = glb.to_vec();
     other_magic[0] = b'x';
-    let mut version_1 = glb.clone();
+    let mut version_1 = glb.to_vec();
     version_1[4] = 1;
     let files: [(&str, &[u8], &str); 7] = [
         ("empty.glb", b"", "empty"),
@@ -363,7 +363,7 @@ fn random_damage_never_panics() {
         state ^= state << 17;
         (state >> 11) as usize % bound
     };
-    let cornell = stereolux::scene::builtin::write_builtin_glb("cornell").unwrap();
+    let cornell = stereolux::scene::builtin::glb("cornell").unwrap();
     let json_end = 20 + u32::from_le_bytes(cornell[12..16].try_into().unwrap()) as usize;
     let rounds = std::env::var("STEREOLUX_FUZZ_ROUNDS")
         .ok()
@@ -371,7 +371,7 @@ fn random_damage_never_panics() {
         .unwrap_or(500);
     let (mut accepted, mut refused) = (0, 0);
     for round in 0..rounds {
-        let mut glb = cornell.clone();
+        let mut glb = cornell.to_vec();
         for _ in 0..=next(3) {
             // Digits are replaced by digits half of the time, or hardly any file would get past the JSON parser.
             let at = if round % 4 == 0 {

@@ -2,12 +2,12 @@
 
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
-use stereolux::scene::builtin::{parade, write_builtin_glb};
+use stereolux::scene::builtin::{self, parade};
 use stereolux::scene::{Needs, Scene};
 
 /// `builtin:parade` with its JSON changed; `bin` is its binary chunk.
 fn altered(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> Result<Scene, String> {
-    let glb = write_builtin_glb("parade").unwrap();
+    let glb = builtin::glb("parade").unwrap();
     let length = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
     let json_end = 20 + length(12);
     let mut json: Value = serde_json::from_slice(&glb[20..json_end]).unwrap();

@@ -9,11 +9,7 @@
 //!   in the right picture moved left by this much; columns of the right picture from which it moves in from outside are
 //!   the ones that cannot be reused.
 
-use glam::{DAffine3, DVec3};
-
-use super::shapes::Shape;
-use crate::scene::gltf_writer::{GlbWriter, Payload};
-use crate::scene::{LightKind, Material, PunctualLight, SceneError};
+use glam::DVec3;
 
 /// Distance of the plane from the camera, along -Z.
 pub const DISTANCE_M: f64 = 2.0;
@@ -33,31 +29,4 @@ pub fn radiance_at(x: f64, y: f64) -> f64 {
     let height = light.z + DISTANCE_M;
     f64::from(ALBEDO) / std::f64::consts::PI * f64::from(LIGHT_INTENSITY) * height
         / light.distance(point).powi(3)
-}
-
-/// The binary glTF of the plane.
-pub(super) fn write() -> Result<Vec<u8>, SceneError> {
-    let mut glb = GlbWriter::new();
-    let material = glb.material(&Material::lambert("plane", [ALBEDO; 3]));
-    let corner = DVec3::new(-HALF_EDGE_M, -HALF_EDGE_M, -DISTANCE_M);
-    let plane = Shape::quad(
-        corner,
-        DVec3::X * 2.0 * HALF_EDGE_M,
-        DVec3::Y * 2.0 * HALF_EDGE_M,
-    );
-    let mesh = glb.mesh("plane", &[plane.plain_part(material)])?;
-    glb.node("plane", DAffine3::IDENTITY, Payload::Mesh(mesh));
-    let light = glb.light(&PunctualLight {
-        name: "lamp".to_owned(),
-        kind: LightKind::Point,
-        intensity: [LIGHT_INTENSITY; 3],
-    });
-    glb.node(
-        "lamp",
-        DAffine3::from_translation(DVec3::from_array(LIGHT_POSITION)),
-        Payload::Light(light),
-    );
-    let camera = glb.camera("viewpoint", std::f32::consts::FRAC_PI_2);
-    glb.node("viewpoint", DAffine3::IDENTITY, Payload::Camera(camera));
-    glb.finish("plane")
 }

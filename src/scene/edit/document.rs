@@ -83,7 +83,7 @@ impl Document {
     /// As [`Scene::load`] and [`Scene::builtin`].
     pub fn load(spec: &str) -> Result<Self, SceneError> {
         let (bytes, scene) = if spec.starts_with("builtin:") {
-            let bytes = builtin::write_builtin_glb(spec)?;
+            let bytes = builtin::glb(spec)?.to_vec();
             let scene = Scene::from_bytes(spec, &bytes)?;
             (bytes, scene)
         } else {

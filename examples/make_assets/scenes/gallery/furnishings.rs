@@ -3,11 +3,11 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
+use stereolux::scene::{LightKind, PunctualLight, SceneError};
 
+use super::super::glb_writer::{GlbWriter, Payload};
 use super::super::shapes::{ArchedPanel, Shape};
 use super::{BAY_Z, HALF_LENGTH, HALF_WIDTH, HEIGHT, Palette, place, place_parts};
-use crate::scene::gltf_writer::{GlbWriter, Payload};
-use crate::scene::{LightKind, PunctualLight, SceneError};
 
 /// Three paintings in gilt frames on the right wall.
 pub(super) fn paintings(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
@@ -169,8 +169,15 @@ pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
     Ok(())
 }
 
-/// Plinths with the spheres, the vase in the niche, a bench and the carpet.
+/// Plinths with the spheres, the vase in the niche, benches and the carpet.
 pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+    spheres(glb, palette)?;
+    vase(glb, palette)?;
+    benches(glb, palette)?;
+    carpet(glb, palette)
+}
+
+fn spheres(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     let mut plinth = Shape::beveled_box(
         DVec3::new(-0.34, 0.0, -0.34),
         DVec3::new(0.34, 0.12, 0.34),
@@ -197,7 +204,10 @@ pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
         // A hair above the plinth: touching surfaces would leave light between them.
         place(glb, name, sphere, DVec3::new(x, 0.945 + radius, z), 0.0);
     }
+    Ok(())
+}
 
+fn vase(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     let vase: Vec<DVec2> = [
         (0.0, 0.0),
         (0.20, 0.0),
@@ -241,7 +251,10 @@ pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
     let drum = glb.mesh("drum", &[drum.plain_part(palette.stone)])?;
     place(glb, "drum", drum, DVec3::new(0.0, 0.0, -5.75), 0.0);
     place(glb, "vase", vase, DVec3::new(0.0, 0.742, -5.75), 0.0);
+    Ok(())
+}
 
+fn benches(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     let mut bench = Shape::beveled_box(
         DVec3::new(-0.22, 0.40, -0.8),
         DVec3::new(0.22, 0.46, 0.8),
@@ -273,7 +286,10 @@ pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
     )?;
     place(glb, "bench", bench, DVec3::new(3.2, 0.0, 0.0), 0.0);
     place(glb, "bench", bench, DVec3::new(-3.2, 0.0, -3.0), 0.0);
+    Ok(())
+}
 
+fn carpet(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     let (half_x, half_z, thickness) = (0.62, 4.9, 0.012);
     let mut top = Shape::quad(
         DVec3::new(-half_x, thickness, half_z),

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use crate::scene::gltf_writer::Part;
+use super::glb_writer::Part;
 
 /// A triangle mesh under construction. Front sides are counter-clockwise.
 #[derive(Clone, Debug, Default)]

@@ -7,16 +7,16 @@
 //!
 //! Columns, arches, windows, capitals and frames are instances of shared meshes. The head starts at 1.6 m.
 
-mod furnishings;
-
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
+use stereolux::scene::{Filter, Material, SceneError, TextureRef, Wrap};
 
+use super::glb_writer::{GlbWriter, Part, Payload};
 use super::paint::{self, Picture};
 use super::shapes::{ArchedPanel, Shape};
-use crate::scene::gltf_writer::{GlbWriter, Part, Payload};
-use crate::scene::{Filter, Material, SceneError, TextureRef, Wrap};
+
+mod furnishings;
 
 /// Half the width of the hall.
 const HALF_WIDTH: f64 = 4.0;
@@ -62,7 +62,7 @@ struct Palette {
 }
 
 /// The binary glTF of the hall.
-pub(super) fn write() -> Result<Vec<u8>, SceneError> {
+pub fn write() -> Result<Vec<u8>, SceneError> {
     let mut glb = GlbWriter::new();
     let palette = palette(&mut glb)?;
     hall(&mut glb, &palette)?;

@@ -1,0 +1,17 @@
+//! Makes the scenes under `assets/`, which the library embeds.
+//!
+//! `cargo run --release --example make_assets` writes them again; a test holds them to what this code makes.
+
+mod scenes;
+
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
+    for (name, make) in scenes::SCENES {
+        let path = folder.join(format!("{name}.glb"));
+        std::fs::write(&path, make()?)?;
+        println!("{}", path.display());
+    }
+    Ok(())
+}

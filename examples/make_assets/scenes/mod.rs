@@ -1,0 +1,26 @@
+//! The scenes that are embedded in the library, made by code.
+
+mod caustic;
+mod cornell;
+mod gallery;
+mod glb_writer;
+mod paint;
+mod parade;
+mod plane;
+mod shapes;
+mod sphere;
+
+use stereolux::scene::SceneError;
+
+/// Makes a scene as binary glTF.
+type Make = fn() -> Result<Vec<u8>, SceneError>;
+
+/// All scenes by name.
+pub const SCENES: [(&str, Make); 6] = [
+    ("cornell", cornell::write),
+    ("plane", plane::write),
+    ("sphere", sphere::write),
+    ("caustic", caustic::write),
+    ("gallery", gallery::write),
+    ("parade", parade::write),
+];
