@@ -12,10 +12,10 @@ const RENDER_CODE: &[&str] = &[
     "src/bvh",
     "src/gpu",
     "src/images.rs",
-    "src/options/settings.rs",
     "src/passes",
     "src/renderer",
     "src/scene",
+    "src/settings",
     "src/xr/view.rs",
 ];
 /// What decides how images are measured, beside that; not how figures are laid out.

@@ -14,7 +14,7 @@
 //!
 //! # Modules
 //!
-//! - [`commands`], [`options`]: the program's commands and their checked options;
+//! - [`commands`], [`options`], [`settings`]: the program's commands, their checked options, every setting;
 //! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
@@ -41,5 +41,6 @@ pub mod output;
 pub mod passes;
 pub mod renderer;
 pub mod scene;
+pub mod settings;
 pub mod viewer;
 pub mod xr;

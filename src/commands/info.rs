@@ -4,10 +4,11 @@ use serde_json::{Value, json};
 
 use super::{Failure, load_scene};
 use crate::gpu::context::adapters;
-use crate::options::{Eyes, InfoOptions, Settings, registry};
+use crate::options::InfoOptions;
 use crate::renderer::frame_list::frame_list;
 use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
 use crate::scene::Needs;
+use crate::settings::{Eyes, Settings, registry};
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
@@ -16,11 +17,11 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
         "adapters": adapters(),
         "openxr": openxr_report(),
     });
-    if let Some(name) = &options.scene {
-        report["scene"] = scene_report(name, &options.settings)?;
+    if options.names_scene {
+        report["scene"] = scene_report(&options.settings)?;
     }
-    if options.list_settings {
-        report["settings"] = json!(registry::rows());
+    if options.lists_settings {
+        report["settings"] = registry::listing();
     }
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
     println!("{text}");
@@ -41,16 +42,12 @@ fn openxr_report() -> Value {
     })
 }
 
-fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
-    let settings = Settings {
-        scene: name.to_owned(),
-        ..settings.clone()
-    };
-    let scene = load_scene(&settings)?;
+fn scene_report(settings: &Settings) -> Result<Value, Failure> {
+    let scene = load_scene(settings)?;
     let needs = Needs::of(&scene);
-    let features = shader_features(&needs, &settings);
+    let features = shader_features(&needs, settings);
     Ok(json!({
-        "name": name,
+        "name": settings.scene,
         "warnings": scene.warnings,
         "bounds_in_world": scene
             .bounds_in_world()
@@ -59,10 +56,10 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
         "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
         "needs": needs,
         "shader_features": features,
-        "passes_per_sample": sample_passes(&settings, forms_caustics(&features))
+        "passes_per_sample": sample_passes(settings, forms_caustics(&features))
             .iter()
             .map(|pass| pass.to_string())
             .collect::<Vec<_>>(),
-        "frame": frame_list(&settings, &features, Eyes::Both),
+        "frame": frame_list(settings, &features, Eyes::Both),
     }))
 }

@@ -23,7 +23,7 @@ use crate::xr::{
 };
 
 /// Frames of a simulated run without `--frames`.
-const SIMULATED_FRAMES: u64 = crate::options::resolve::SIMULATED_FRAMES as u64;
+const SIMULATED_FRAMES: u64 = 100;
 
 /// A session, and the device if the session dictates it.
 struct Source {
@@ -42,9 +42,13 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let headset = headset(settings)?;
     let scene = load_scene(settings)?;
     let start = start_pose(&scene);
-    OutputFolder::check(&options.out)?;
+    OutputFolder::check(&options.shared.out)?;
     // Before a session is opened: without a display there is nothing to close again.
-    let window = options.mirror.then(MirrorWindow::open).transpose()?;
+    let window = options
+        .session
+        .mirror
+        .then(MirrorWindow::open)
+        .transpose()?;
     let source = source(options, &headset, start)?;
     interrupt::catch();
     render_session(
@@ -53,10 +57,10 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
             scene: &scene,
             settings,
             eyes: Eyes::Both,
-            every: options.every,
-            frames: options.frames,
-            out: &options.out,
-            record: options.record.as_deref(),
+            every: options.session.every,
+            frames: options.session.frames,
+            out: &options.shared.out,
+            record: options.session.record.as_deref(),
         },
         window,
     )
@@ -66,10 +70,10 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
 pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let mut headset = headset(settings)?;
-    if let Some(ipd_m) = options.ipd_m {
+    if let Some(ipd_m) = options.view.ipd {
         headset = headset.with_ipd(ipd_m)?;
     }
-    if let Some(fov) = options.fov {
+    if let Some(fov) = options.view.fov {
         headset = headset.with_fov(
             fov.left_rad.to_degrees(),
             fov.right_rad.to_degrees(),
@@ -78,7 +82,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         )?;
     }
     let scene = load_scene(settings)?;
-    let pose = match &options.pose {
+    let pose = match &options.view.pose {
         Some(pose) => Pose::new(pose.position, pose.orientation),
         None => start_pose(&scene),
     };
@@ -95,10 +99,10 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         &Job {
             scene: &scene,
             settings,
-            eyes: options.eyes,
+            eyes: options.view.eyes,
             every: 1,
             frames: Some(1),
-            out: &options.out,
+            out: &options.shared.out,
             record: None,
         },
         None,
@@ -127,15 +131,15 @@ fn headset(settings: &Settings) -> Result<Headset, Failure> {
 
 /// Opens the session that the options ask for.
 fn source(options: &RunOptions, headset: &Headset, start: Pose) -> Result<Source, Failure> {
-    let unavailable = match options.session {
+    let unavailable = match options.session.choice {
         SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start) {
             Ok(mut source) => {
-                if options.session == SessionChoice::Auto {
+                if options.session.choice == SessionChoice::Auto {
                     source.announcement = Some(format!("session: {}", source.name));
                 }
                 return Ok(source);
             }
-            Err(failure) if options.session == SessionChoice::Openxr => return Err(failure),
+            Err(failure) if options.session.choice == SessionChoice::Openxr => return Err(failure),
             Err(failure) => Some(failure.message),
         },
         SessionChoice::Simulated | SessionChoice::Replay => None,
@@ -170,7 +174,7 @@ fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
         SessionOptions {
             size,
             start,
-            frame_limit: options.frames.map(u64::from),
+            frame_limit: options.session.frames.map(u64::from),
             settings: settings.openxr.clone(),
         },
     )?;
@@ -202,17 +206,17 @@ fn session(
     headset: &Headset,
     start: Pose,
 ) -> Result<(Box<dyn XrSession>, String), Failure> {
-    let pacing = if options.realtime {
+    let pacing = if options.session.realtime {
         Pacing::RealTime
     } else {
         Pacing::AsFastAsPossible
     };
-    match (options.session, &options.trace) {
-        (SessionChoice::Replay, Some(trace)) => {
-            let mut replay = replay_options(trace, headset.clone(), start);
-            replay.frame_limit = options.frames.map(u64::from);
+    match (options.session.choice, &options.session.recording.trace) {
+        (SessionChoice::Replay, Some(path)) => {
+            let mut replay = replay_options(&options.session.recording, headset.clone(), start);
+            replay.frame_limit = options.session.frames.map(u64::from);
             replay.pacing = pacing;
-            let session = ReplaySession::open(&trace.path, replay)?;
+            let session = ReplaySession::open(path, replay)?;
             let source = session.info().source.clone();
             Ok((Box::new(Validated::new(session)), source))
         }
@@ -220,7 +224,7 @@ fn session(
             "--session replay needs a recording: give one with --trace FILE",
         )),
         (SessionChoice::Auto | SessionChoice::Openxr | SessionChoice::Simulated, _) => {
-            let frames = options.frames.map_or(SIMULATED_FRAMES, u64::from);
+            let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
             let motion = match options.settings.simulated.motion {
                 MotionSetting::Still => Motion::Still,
                 MotionSetting::Yaw => Motion::YawSweep,
@@ -240,16 +244,16 @@ fn session(
 /// How a recording is read.
 pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
     let mut replay = ReplayOptions::new(headset, start);
-    replay.up = trace.up.map(|up| match up {
+    replay.up = trace.trace_up.map(|up| match up {
         TraceUpOption::Y => TraceUp::Y,
         TraceUpOption::Z => TraceUp::Z,
     });
-    replay.body = trace.body.map(|body| match body {
+    replay.body = trace.trace_body.map(|body| match body {
         TraceBodyOption::Openxr => TraceBody::OpenXr,
         TraceBodyOption::Optical => TraceBody::Optical,
         TraceBodyOption::EyeFromBody(rotation) => TraceBody::Quaternion(rotation),
     });
-    replay.recenter = trace.recenter;
+    replay.recenter = trace.trace_recenter;
     replay
 }
 

@@ -29,19 +29,19 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     for warning in &document.scene().warnings {
         log::warn!("{warning}");
     }
-    OutputFolder::check(&options.out)?;
-    let recording = match &options.trace {
-        Some(trace) => {
+    OutputFolder::check(&options.shared.out)?;
+    let recording = match &options.recording.trace {
+        Some(path) => {
             let start = document.scene().start_pose();
             let start = Pose::new(start.position, start.orientation);
-            let replay = replay_options(trace, headset.clone(), start);
-            let session = ReplaySession::open(&trace.path, replay)?;
+            let replay = replay_options(&options.recording, headset.clone(), start);
+            let session = ReplaySession::open(path, replay)?;
             Some(Recording::of(&mut Validated::new(session))?)
         }
         None => None,
     };
-    let path = Memory::path();
-    let memory = path.as_deref().map(Memory::load).unwrap_or_default();
+    let memory_path = Memory::path();
+    let memory = memory_path.as_deref().map(Memory::load).unwrap_or_default();
     interrupt::catch();
     Ok(show(
         Start {
@@ -49,10 +49,10 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
             settings: settings.clone(),
             headset,
             recording,
-            out: options.out.clone(),
+            out: options.shared.out.clone(),
             memory,
         },
         &settings.adapter,
-        path,
+        memory_path,
     )?)
 }

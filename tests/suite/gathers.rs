@@ -3,7 +3,6 @@
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::shaders::ShaderFeatures;
-use stereolux::options::registry::{self, Kind};
 use stereolux::options::{
     DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings,
 };
@@ -12,6 +11,7 @@ use stereolux::renderer::kd_tree::KD_TURNS_PER_SLICE;
 use stereolux::renderer::photon_map::{SHARED_BATCH, SHARED_BATCHES_PER_SLICE};
 use stereolux::renderer::{Eye, Photon, RenderError, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::{Kind, registry};
 
 use super::photon_map::{brute_force, grid, map_only, photons, unpack_photon, views};
 use super::support::{

@@ -9,7 +9,6 @@ use super::super::reference::BOX_SAMPLES;
 use super::super::statistics::{Estimate, Spread};
 use super::super::suites::reference_samples;
 use super::analysis::{Analysis, FrontPoint, frame_ms};
-use super::suite_name;
 use super::tables::tables;
 use super::targets::section;
 use crate::options::BenchOptions;
@@ -101,7 +100,7 @@ pub fn markdown(
     plots: &[&str],
 ) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "# stereolux bench {}\n", suite_name(options));
+    let _ = writeln!(text, "# stereolux bench {}\n", options.suite);
     let _ = writeln!(
         text,
         "{}, {} adapter, {}, driver {}. stereolux {}, code {BENCH_CODE}. {} rows.\n",

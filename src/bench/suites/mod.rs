@@ -208,14 +208,6 @@ fn settings_for(base: &SuiteBase, scene: &str) -> Settings {
     }
 }
 
-/// The word of a choice, as the command line has it.
-fn word(choice: impl clap::ValueEnum) -> String {
-    choice
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
 /// To three significant digits: radii in settings should be readable, and need not be exact.
 fn three_digits(value: f64) -> f64 {
     if value <= 0.0 {
@@ -228,21 +220,18 @@ fn three_digits(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
-    use std::path::PathBuf;
 
     use super::*;
-    use crate::options::{Reuse, Suite};
+    use std::ffi::OsString;
+
+    use crate::options::{Options, parse};
+    use crate::settings::{Choice as _, Reuse};
 
     fn options(suite: Suite) -> BenchOptions {
-        BenchOptions {
-            settings: Settings::default(),
-            suite,
-            out: PathBuf::from("out"),
-            scenes: Vec::new(),
-            rounds: None,
-            frames: None,
-            reference_spp: None,
-            references: None,
+        let args = ["stereolux", "bench", suite.word()];
+        match parse(args.map(OsString::from)) {
+            Ok(Options::Bench(options)) => *options,
+            other => panic!("{other:?}"),
         }
     }
 
@@ -252,13 +241,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_every_group_has_variants() {
-        for suite in [
-            Suite::Tables,
-            Suite::Stereo,
-            Suite::Pareto,
-            Suite::Scaling,
-            Suite::Smoke,
-        ] {
+        for &suite in Suite::ALL {
             let mut seen = BTreeSet::new();
             for plan in all_plans(suite) {
                 assert!(
@@ -278,7 +261,6 @@ mod tests {
 
     #[test]
     fn stereo_takes_every_reuse_mode_from_the_enum_with_off_first() {
-        use clap::ValueEnum as _;
         for plan in all_plans(Suite::Stereo) {
             let modes: Vec<Reuse> = plan
                 .candidates
@@ -286,7 +268,7 @@ mod tests {
                 .map(|candidate| candidate.settings.reuse)
                 .collect();
             assert_eq!(modes[0], Reuse::Off, "{}", plan.name);
-            assert_eq!(modes.len(), Reuse::value_variants().len());
+            assert_eq!(modes.len(), Reuse::ALL.len());
         }
         let names: Vec<String> = all_plans(Suite::Stereo)
             .into_iter()

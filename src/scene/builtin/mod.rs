@@ -11,24 +11,26 @@ mod shapes;
 pub mod sphere;
 
 use super::{Scene, SceneError};
+use crate::settings::{BuiltinScene, Choice as _};
 
 /// Names of all embedded scenes.
-pub const NAMES: [&str; 6] = ["cornell", "plane", "sphere", "caustic", "gallery", "parade"];
+pub const NAMES: &[&str] = BuiltinScene::WORDS;
 
 /// The binary glTF of an embedded scene; `name` with or without the prefix `builtin:`.
 ///
 /// # Errors
 /// An unknown name; the message lists [`NAMES`].
 pub fn write_builtin_glb(name: &str) -> Result<Vec<u8>, SceneError> {
-    match name.strip_prefix("builtin:").unwrap_or(name) {
-        "cornell" => cornell::write(),
-        "plane" => plane::write(),
-        "sphere" => sphere::write(),
-        "caustic" => caustic::write(),
-        "gallery" => gallery::write(),
-        "parade" => parade::write(),
-        unknown => Err(SceneError::UnknownBuiltin {
-            name: unknown.to_owned(),
+    let name = name.strip_prefix("builtin:").unwrap_or(name);
+    match BuiltinScene::from_word(name) {
+        Some(BuiltinScene::Cornell) => cornell::write(),
+        Some(BuiltinScene::Plane) => plane::write(),
+        Some(BuiltinScene::Sphere) => sphere::write(),
+        Some(BuiltinScene::Caustic) => caustic::write(),
+        Some(BuiltinScene::Gallery) => gallery::write(),
+        Some(BuiltinScene::Parade) => parade::write(),
+        None => Err(SceneError::UnknownBuiltin {
+            name: name.to_owned(),
             known: NAMES.join(", "),
         }),
     }

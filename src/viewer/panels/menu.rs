@@ -72,7 +72,7 @@ fn file(app: &mut App, ui: &mut Ui) {
         ui.close();
     }
     ui.menu_button("Embedded scenes", |ui| {
-        for name in builtin::NAMES {
+        for &name in builtin::NAMES {
             if ui.button(name).clicked() {
                 app.open(&context, format!("builtin:{name}"));
                 ui.close();

@@ -1,6 +1,85 @@
-//! Flag values made of several numbers: sizes, angles, poses, quaternions.
+//! Values of flags: words, numbers, poses, angles. An error says what is wrong, to follow the flag and its value.
 
+use std::ops::RangeInclusive;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DQuat, DVec3};
+
+use super::TraceBody;
+use super::quoted;
+use crate::settings::Choice;
+
+/// Largest `--ipd` in metres: scenes may be a hundred kilometres across, eyes on stalks are not absurd.
+const MAX_IPD_M: f64 = 1e3;
+
+/// Words as a flag takes them, each with its sentence in the help.
+pub(super) fn words(words: &[&'static str], sentences: &[&'static str]) -> PossibleValuesParser {
+    let explained = words.iter().zip(sentences);
+    explained
+        .map(|(word, sentence)| PossibleValue::new(*word).help(*sentence))
+        .collect::<Vec<_>>()
+        .into()
+}
+
+/// A choice as a flag takes it.
+pub(super) fn choice<C: Choice>() -> impl TypedValueParser<Value = C> {
+    words(C::WORDS, C::SENTENCES)
+        .try_map(|word| C::from_word(&word).ok_or_else(|| format!("unknown word {word}")))
+}
+
+/// A whole number of a range.
+pub(super) fn whole(range: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, String> + Clone {
+    move |text| {
+        let number = text.trim().parse().ok();
+        number
+            .filter(|number| range.contains(number))
+            .ok_or_else(|| {
+                let (min, max) = (range.start(), range.end());
+                format!("must be a whole number from {min} to {max}")
+            })
+    }
+}
+
+/// A distance between the eyes in metres.
+pub(super) fn ipd_m(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(ipd_m) if (0.0..=MAX_IPD_M).contains(&ipd_m) => Ok(ipd_m + 0.0),
+        _ => Err(format!(
+            "must be a distance in metres from 0 to {MAX_IPD_M}"
+        )),
+    }
+}
+
+/// A finite number that is `allowed`, which `allowed_words` say.
+pub(super) fn real(
+    allowed: fn(f64) -> bool,
+    allowed_words: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| match text.trim().parse::<f64>() {
+        // `-0` is zero.
+        Ok(number) if number.is_finite() && allowed(number) => Ok(number + 0.0),
+        _ => Err(format!("must be {allowed_words}")),
+    }
+}
+
+/// The name of a scene.
+pub(super) fn scene(text: &str) -> Result<String, String> {
+    match text {
+        "" => Err("must be a glTF file or builtin:NAME".to_owned()),
+        name => Ok(name.to_owned()),
+    }
+}
+
+/// What `--trace-body` takes.
+pub(super) fn trace_body(text: &str) -> Result<TraceBody, String> {
+    match text {
+        "openxr" => Ok(TraceBody::Openxr),
+        "optical" => Ok(TraceBody::Optical),
+        text => numbers::<4>(text, "openxr, optical or qx qy qz qw")
+            .and_then(quaternion)
+            .map(TraceBody::EyeFromBody),
+    }
+}
 
 /// Farthest that a FOV angle may lie from straight ahead, in degrees; the tangent of 90 is infinite.
 pub const MAX_FOV_DEGREES: f64 = 89.0;
@@ -44,7 +123,7 @@ pub fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], Stri
     {
         let value: f64 = word
             .parse()
-            .map_err(|_| format!("{} is not a number; give \"{names}\"", super::quoted(word)))?;
+            .map_err(|_| format!("{} is not a number; give \"{names}\"", quoted(word)))?;
         if !value.is_finite() {
             return Err(format!("{word} is not finite; give \"{names}\""));
         }
@@ -57,13 +136,6 @@ pub fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], Stri
         return Err(format!("{count} numbers where {N} are needed: \"{names}\""));
     }
     Ok(values)
-}
-
-/// Width and height in pixels from `WxH`; the range is not checked.
-#[must_use]
-pub fn size(text: &str) -> Option<[u64; 2]> {
-    let (width, height) = text.trim().split_once(['x', 'X'])?;
-    Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
 }
 
 /// A rotation from `qx qy qz qw`, normalised.
