@@ -13,6 +13,7 @@ const RENDER_CODE: &[&str] = &[
     "src/gpu",
     "src/images.rs",
     "src/passes",
+    "src/pose.rs",
     "src/renderer",
     "src/scene",
     "src/settings",

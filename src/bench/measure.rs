@@ -209,7 +209,6 @@ impl<'a> Lab<'a> {
 
     fn views(&self, plan: &GroupPlan, scene: &Scene) -> Result<Vec<[View; 2]>, BenchError> {
         let start = scene.start_pose();
-        let start = Pose::new(start.position, start.orientation);
         let still = || plan.headset.views_from_head(&start);
         let total = plan.warm_up + plan.rounds;
         Ok(match plan.views {

@@ -49,10 +49,11 @@ pub fn recorded_trace(
 ) -> Result<Vec<[View; 2]>, XrError> {
     let sway = SimulatedSession::new(
         headset.clone(),
-        Motion::Sway { seed: 1 },
+        Motion::Sway,
         start,
         Some(u64::from(frames)),
-    );
+    )
+    .with_seed(1);
     let mut recorder = Recorder::create(path, sway)?;
     views_of_session(&mut recorder)?;
     drop(recorder);

@@ -10,16 +10,14 @@ use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
-use crate::options::{
-    Eyes, Motion as MotionSetting, RenderOptions, RunOptions, SessionChoice, Settings,
-    TraceBody as TraceBodyOption, TraceOptions, TraceUp as TraceUpOption,
-};
+use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
 use crate::output::OutputFolder;
 use crate::renderer::Renderer;
 use crate::scene::{Needs, Scene};
+use crate::settings::{Eyes, Settings};
 use crate::xr::{
     Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
-    TraceBody, TraceUp, Validated, XrSession,
+    Validated, XrSession,
 };
 
 /// Frames of a simulated run without `--frames`.
@@ -41,7 +39,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let headset = headset(settings)?;
     let scene = load_scene(settings)?;
-    let start = start_pose(&scene);
+    let start = scene.start_pose();
     OutputFolder::check(&options.shared.out)?;
     // Before a session is opened: without a display there is nothing to close again.
     let window = options
@@ -74,18 +72,10 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         headset = headset.with_ipd(ipd_m)?;
     }
     if let Some(fov) = options.view.fov {
-        headset = headset.with_fov(
-            fov.left_rad.to_degrees(),
-            fov.right_rad.to_degrees(),
-            fov.up_rad.to_degrees(),
-            fov.down_rad.to_degrees(),
-        )?;
+        headset = headset.with_fov(fov)?;
     }
     let scene = load_scene(settings)?;
-    let pose = match &options.view.pose {
-        Some(pose) => Pose::new(pose.position, pose.orientation),
-        None => start_pose(&scene),
-    };
+    let pose = options.view.pose.unwrap_or_else(|| scene.start_pose());
     let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
@@ -118,11 +108,6 @@ struct Job<'a> {
     frames: Option<u32>,
     out: &'a Path,
     record: Option<&'a Path>,
-}
-
-fn start_pose(scene: &Scene) -> Pose {
-    let pose = scene.start_pose();
-    Pose::new(pose.position, pose.orientation)
 }
 
 fn headset(settings: &Settings) -> Result<Headset, Failure> {
@@ -225,15 +210,10 @@ fn session(
         )),
         (SessionChoice::Auto | SessionChoice::Openxr | SessionChoice::Simulated, _) => {
             let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
-            let motion = match options.settings.simulated.motion {
-                MotionSetting::Still => Motion::Still,
-                MotionSetting::Yaw => Motion::YawSweep,
-                MotionSetting::Walk => Motion::Walk,
-                MotionSetting::Sway => Motion::Sway {
-                    seed: u64::from(options.settings.seed),
-                },
-            };
+            let settings = &options.settings;
+            let motion = settings.simulated.motion;
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
+                .with_seed(u64::from(settings.seed))
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -243,18 +223,12 @@ fn session(
 
 /// How a recording is read.
 pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
-    let mut replay = ReplayOptions::new(headset, start);
-    replay.up = trace.trace_up.map(|up| match up {
-        TraceUpOption::Y => TraceUp::Y,
-        TraceUpOption::Z => TraceUp::Z,
-    });
-    replay.body = trace.trace_body.map(|body| match body {
-        TraceBodyOption::Openxr => TraceBody::OpenXr,
-        TraceBodyOption::Optical => TraceBody::Optical,
-        TraceBodyOption::EyeFromBody(rotation) => TraceBody::Quaternion(rotation),
-    });
-    replay.recenter = trace.trace_recenter;
-    replay
+    ReplayOptions {
+        up: trace.trace_up,
+        body: trace.trace_body,
+        recenter: trace.trace_recenter,
+        ..ReplayOptions::new(headset, start)
+    }
 }
 
 fn render_session(

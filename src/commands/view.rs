@@ -10,7 +10,7 @@ use crate::scene::load_environment;
 use crate::viewer::memory::Memory;
 use crate::viewer::session::Recording;
 use crate::viewer::{Start, show};
-use crate::xr::{Headset, Pose, ReplaySession, Validated};
+use crate::xr::{Headset, ReplaySession, Validated};
 
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
@@ -33,7 +33,6 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let recording = match &options.recording.trace {
         Some(path) => {
             let start = document.scene().start_pose();
-            let start = Pose::new(start.position, start.orientation);
             let replay = replay_options(&options.recording, headset.clone(), start);
             let session = ReplaySession::open(path, replay)?;
             Some(Recording::of(&mut Validated::new(session))?)

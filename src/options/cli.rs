@@ -4,12 +4,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use glam::DQuat;
 
 use super::setting_flags::{BENCH, INFO, RUN, SHARED, SettingFlags};
-use super::values::{self, FovAngles, HeadPose, choice, real, whole};
+use super::values::{self, choice, real, whole};
 use crate::settings::choices::choices;
 use crate::settings::{Eyes, Settings};
+use crate::xr::{Fov, Pose, TraceBody, TraceUp};
 
 pub(super) const STATUS_HELP: &str = "\
 Exit status: 0 done, 1 failed while running, 2 unusable arguments or input.";
@@ -125,17 +125,6 @@ pub struct SharedOptions {
     pub out: PathBuf,
 }
 
-/// What the recorded body frame of a trace is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum TraceBody {
-    /// x right, y up, z back.
-    Openxr,
-    /// x right, y down, z forward.
-    Optical,
-    /// Any rotation `eye_from_body`, unit length.
-    EyeFromBody(DQuat),
-}
-
 choices! {
     /// Where head and eye poses come from.
     pub enum SessionChoice {
@@ -147,14 +136,6 @@ choices! {
         Replay = "replay",
         /// OpenXR runtime, or an error if none answers
         Openxr = "openxr",
-    }
-
-    /// The axis that points up in a recorded trace's world.
-    pub enum TraceUp {
-        /// +Y, as in OpenXR and glTF
-        Y = "y",
-        /// +Z, as in TUM and EuRoC recordings
-        Z = "z",
     }
 
     /// What `bench` measures.
@@ -263,15 +244,15 @@ pub struct PoseOptions {
     /// Head pose in the world: position in metres and unit quaternion, +Y up, -Z forward
     /// [default: the scene's first glTF camera, else a pose that frames the scene]
     #[arg(long, value_name = "\"x y z qx qy qz qw\"", value_parser = values::pose)]
-    pub pose: Option<HeadPose>,
-    /// Distance between the eyes in metres, 0 to 1000; replaces the profile's eye offsets and cant
+    pub pose: Option<Pose>,
+    /// Distance between the eyes in metres, 0 to 1; replaces the profile's eye offsets and cant
     /// [default: the headset's]
     #[arg(long, value_name = "M", value_parser = values::ipd_m)]
     pub ipd: Option<f64>,
     /// Angles of both eyes in degrees within +-89, left and down negative, such as "-40 40 40 -40";
     /// replaces the profile's angles and cant [default: the headset's]
     #[arg(long, value_name = "\"left right up down\"", value_parser = values::fov)]
-    pub fov: Option<FovAngles>,
+    pub fov: Option<Fov>,
     /// Eyes to render
     #[arg(long, value_parser = choice::<Eyes>(), default_value_t = Eyes::Both)]
     pub eyes: Eyes,

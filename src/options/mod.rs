@@ -20,12 +20,10 @@ pub use crate::settings::{
 };
 pub use cli::{
     BenchOptions, CompareOptions, InfoOptions, Options, PoseOptions, RenderOptions, RunOptions,
-    SessionChoice, SessionOptions, SharedOptions, Suite, TraceBody, TraceOptions, TraceUp,
-    ViewOptions,
+    SessionChoice, SessionOptions, SharedOptions, Suite, TraceOptions, ViewOptions,
 };
 pub use parse::{EarlyExit, parse};
 pub use save::{Extent, example_toml};
-pub use values::{FovAngles, HeadPose};
 
 /// Unusable flags or settings; each message is one line. Exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,15 +1,16 @@
 //! Settings written as a TOML file that `--config` reads, and changed one by one, as a panel does.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::OptionsError;
 use super::layers::Layers;
-use crate::scene::write_beside;
-use crate::settings::{BuiltinScene, Choice as _, Settings};
+use crate::files::write_beside;
 use crate::settings::registry::{self, Setting};
+use crate::settings::{BuiltinScene, Choice as _, Settings};
 
 /// Which settings a file holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -121,7 +122,7 @@ impl Settings {
         };
         let folder = std::env::current_dir().map_err(unwritable)?;
         let text = self.with_paths_in(&folder).to_toml(extent);
-        write_beside(path, text.as_bytes()).map_err(unwritable)
+        write_beside(path, |out| out.write_all(text.as_bytes())).map_err(unwritable)
     }
 
     /// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.

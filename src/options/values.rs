@@ -5,12 +5,11 @@ use std::ops::RangeInclusive;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DQuat, DVec3};
 
-use super::TraceBody;
 use super::quoted;
 use crate::settings::Choice;
-
-/// Largest `--ipd` in metres: scenes may be a hundred kilometres across, eyes on stalks are not absurd.
-const MAX_IPD_M: f64 = 1e3;
+use crate::xr::headset::MAX_IPD_M;
+use crate::xr::validation::{MAX_FOV_ANGLE_DEG, QUATERNION_LENGTH_TOLERANCE, unit_quaternion};
+use crate::xr::{Fov, Pose, TraceBody};
 
 /// Words as a flag takes them, each with its sentence in the help.
 pub(super) fn words(words: &[&'static str], sentences: &[&'static str]) -> PossibleValuesParser {
@@ -73,48 +72,19 @@ pub(super) fn scene(text: &str) -> Result<String, String> {
 /// What `--trace-body` takes.
 pub(super) fn trace_body(text: &str) -> Result<TraceBody, String> {
     match text {
-        "openxr" => Ok(TraceBody::Openxr),
+        "openxr" => Ok(TraceBody::OpenXr),
         "optical" => Ok(TraceBody::Optical),
         text => numbers::<4>(text, "openxr, optical or qx qy qz qw")
             .and_then(quaternion)
-            .map(TraceBody::EyeFromBody),
+            .map(TraceBody::Quaternion),
     }
 }
 
-/// Farthest that a FOV angle may lie from straight ahead, in degrees; the tangent of 90 is infinite.
-pub const MAX_FOV_DEGREES: f64 = 89.0;
-/// How far a quaternion's length may be from 1 before it is refused.
-pub const QUATERNION_TOLERANCE: f64 = 1e-3;
 /// Largest coordinate of a head position in metres.
 const MAX_COORDINATE_M: f64 = 1e9;
 
-/// FOV angles in radians, signed as OpenXR signs them: left and down negative.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct FovAngles {
-    /// Left edge.
-    pub left_rad: f64,
-    /// Right edge.
-    pub right_rad: f64,
-    /// Upper edge.
-    pub up_rad: f64,
-    /// Lower edge.
-    pub down_rad: f64,
-}
-
-/// A head pose: `world_from_head`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeadPose {
-    /// Head position in the world, metres.
-    pub position: DVec3,
-    /// Rotation that takes head directions (-Z forward) to the world; unit length.
-    pub orientation: DQuat,
-}
-
 /// Exactly `N` finite numbers, separated by blanks or commas.
-///
-/// # Errors
-/// What is wrong, to follow the flag and its value.
-pub fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], String> {
+fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], String> {
     let mut values = [0.0; N];
     let mut count = 0;
     for word in text
@@ -139,25 +109,18 @@ pub fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], Stri
 }
 
 /// A rotation from `qx qy qz qw`, normalised.
-///
-/// # Errors
-/// What is wrong, to follow the flag and its value.
-pub fn quaternion(values: [f64; 4]) -> Result<DQuat, String> {
-    let rotation = DQuat::from_array(values);
-    let length = rotation.length();
-    if (length - 1.0).abs() > QUATERNION_TOLERANCE || !length.is_finite() {
-        return Err(format!(
-            "the quaternion's length is {length:.6}; it must be 1 within {QUATERNION_TOLERANCE}, in the order qx qy qz qw"
-        ));
-    }
-    Ok(rotation.normalize())
+fn quaternion(values: [f64; 4]) -> Result<DQuat, String> {
+    let [x, y, z, w] = values;
+    unit_quaternion(x, y, z, w).map_err(|_| {
+        let length = DQuat::from_array(values).length();
+        format!(
+            "the quaternion's length is {length:.6}; it must be 1 within {QUATERNION_LENGTH_TOLERANCE}, in the order qx qy qz qw"
+        )
+    })
 }
 
 /// A head pose from `x y z qx qy qz qw`.
-///
-/// # Errors
-/// What is wrong, to follow the flag and its value.
-pub fn pose(text: &str) -> Result<HeadPose, String> {
+pub(super) fn pose(text: &str) -> Result<Pose, String> {
     let [x, y, z, qx, qy, qz, qw] = numbers::<7>(text, "x y z qx qy qz qw")?;
     let position = DVec3::new(x, y, z);
     if position.abs().max_element() > MAX_COORDINATE_M {
@@ -165,22 +128,16 @@ pub fn pose(text: &str) -> Result<HeadPose, String> {
             "a position is farther than {MAX_COORDINATE_M:e} m from the origin"
         ));
     }
-    Ok(HeadPose {
-        position,
-        orientation: quaternion([qx, qy, qz, qw])?,
-    })
+    Ok(Pose::new(position, quaternion([qx, qy, qz, qw])?))
 }
 
 /// FOV angles from `left right up down` in degrees.
-///
-/// # Errors
-/// What is wrong, to follow the flag and its value.
-pub fn fov(text: &str) -> Result<FovAngles, String> {
+pub(super) fn fov(text: &str) -> Result<Fov, String> {
     let names = "left right up down";
     let angles = numbers::<4>(text, names)?;
-    if let Some(angle) = angles.iter().find(|angle| angle.abs() > MAX_FOV_DEGREES) {
+    if let Some(angle) = angles.iter().find(|angle| angle.abs() > MAX_FOV_ANGLE_DEG) {
         return Err(format!(
-            "{angle} degrees is beyond +-{MAX_FOV_DEGREES}; give \"{names}\" in degrees"
+            "{angle} degrees is beyond +-{MAX_FOV_ANGLE_DEG}; give \"{names}\" in degrees"
         ));
     }
     let [left, right, up, down] = angles;
@@ -194,10 +151,5 @@ pub fn fov(text: &str) -> Result<FovAngles, String> {
             "down ({down}) must be less than up ({up}); give \"{names}\" with down negative"
         ));
     }
-    Ok(FovAngles {
-        left_rad: left.to_radians(),
-        right_rad: right.to_radians(),
-        up_rad: up.to_radians(),
-        down_rad: down.to_radians(),
-    })
+    Ok(Fov::from_degrees(left, right, up, down))
 }

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use super::Choice;
 use super::table::{SECTIONS, Settings};
 
-/// Largest width or height of an eye's image in pixels.
+/// Largest width or height of an eye's image in pixels. The largest texture that wgpu offers by default is 8192 wide, and
+/// twice that is beyond any headset.
 pub const MAX_SIZE: u32 = 16_384;
 
 /// What values a setting takes.

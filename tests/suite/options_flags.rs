@@ -3,12 +3,12 @@
 use std::ffi::OsString;
 
 use stereolux::options::{
-    self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice,
-    SessionOptions, TraceBody, TraceUp,
+    self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice, SessionOptions,
 };
 use stereolux::settings::{
     BuiltinScene, Choice as _, Eyes, Method, Motion, Reuse, Settings, registry,
 };
+use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 fn outcome(args: &[&str]) -> Result<Options, String> {
     let args = std::iter::once("stereolux")
@@ -134,10 +134,7 @@ fn values_may_begin_with_a_minus_sign_after_a_space() {
         "-o",
     ]);
     let fov = options.view.fov.unwrap();
-    assert_eq!(
-        [fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad],
-        [-40.0, 45.0, 30.0, -35.0_f64].map(f64::to_radians)
-    );
+    assert_eq!(fov, Fov::from_degrees(-40.0, 45.0, 30.0, -35.0));
     let pose = options.view.pose.unwrap();
     assert_eq!(pose.position.to_array(), [-1.0, 2.0, -3.0]);
     assert_eq!(options.settings.photon.normal_min_cos, -1.0);
@@ -146,7 +143,7 @@ fn values_may_begin_with_a_minus_sign_after_a_space() {
         ("-x.glb", Some("-o"))
     );
     let turned = session(&["--trace", "t", "--trace-body", "-0.5 0.5 -0.5 0.5"]);
-    assert!(matches!(turned.recording.trace_body, Some(TraceBody::EyeFromBody(q)) if q.x == -0.5));
+    assert!(matches!(turned.recording.trace_body, Some(TraceBody::Quaternion(q)) if q.x == -0.5));
     // A flag is not a value, though: this is a forgotten value.
     let message = refused(&["run", "--scene", "--spp", "4"]);
     assert!(message.contains("--scene needs a value"), "{message}");
@@ -180,9 +177,11 @@ fn poses_and_angles_are_checked() {
         ("--fov", "-90 40 40 -40", "beyond +-89"),
         ("--fov", "-40 40 40", "3 numbers where 4"),
         ("--fov", "", "0 numbers where 4"),
-        ("--ipd", "-0.06", "from 0 to 1000"),
-        ("--ipd", "nan", "from 0 to 1000"),
-        ("--ipd", "1001", "from 0 to 1000"),
+        ("--fov", "inf 1 1 1", "not finite"),
+        ("--pose", "", "0 numbers where 7"),
+        ("--ipd", "-0.06", "from 0 to 1"),
+        ("--ipd", "nan", "from 0 to 1"),
+        ("--ipd", "1.1", "from 0 to 1"),
         ("--ipd", "6cm", "in metres"),
     ] {
         let message = refused(&["render", flag, value]);
@@ -193,6 +192,7 @@ fn poses_and_angles_are_checked() {
     }
     // Section 10's extremes pass: 170 degrees, 1 degree, half a metre, none.
     assert!(view(&["--fov", "-85 85 85 -85"]).fov.is_some());
+    assert!(view(&["--fov", "-89 89 89 -89"]).fov.is_some());
     assert!(view(&["--fov", "-0.5,0.5,0.5,-0.5"]).fov.is_some());
     assert_eq!(view(&["--ipd", "0.5"]).ipd, Some(0.5));
     assert_eq!(view(&["--ipd", "0"]).ipd, Some(0.0));
@@ -304,6 +304,17 @@ fn sessions_and_traces_go_together() {
             "openxr, optical or",
         ),
         (&["--trace", "t", "--trace-body", "0 0 0 2"], "length is 2"),
+        (
+            &["--trace", "t", "--trace-body", "0 0 0"],
+            "3 numbers where 4",
+        ),
+        (
+            &["--trace", "t", "--trace-body", "0 0 0 1 0"],
+            "5 numbers where 4",
+        ),
+        (&["--trace", "t", "--trace-body", "nan 0 0 1"], "not finite"),
+        (&["--trace", "t", "--trace-body", ""], "0 numbers where 4"),
+        (&["--trace", "t", "--trace-up", "x"], "y, z"),
         (&["--trace", "t", "--record", "t"], "another name"),
         (&["--trace", "t", "--motion", "yaw"], "--motion"),
         (&["--session", "openxr", "--realtime"], "--realtime"),

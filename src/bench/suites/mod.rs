@@ -15,7 +15,7 @@ use super::moves::Moves;
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
-use crate::xr::Headset;
+use crate::xr::{Fov, Headset};
 
 pub use super::scenes::INDIRECT_SCENE;
 pub use scaling::{AROUND_ONE, MOVING, REBUILT, TWO_LEVELS};
@@ -181,7 +181,10 @@ fn framing_headset(base: &SuiteBase, scene: &Scene) -> Result<(Headset, String),
         2.0 * right,
         2.0 * up
     );
-    Ok((own.with_fov(-right, right, up, -up)?, label))
+    Ok((
+        own.with_fov(Fov::from_degrees(-right, right, up, -up))?,
+        label,
+    ))
 }
 
 fn candidate(
