@@ -14,9 +14,10 @@ const RENDER_CODE: &[&str] = &[
     "src/frame",
     "src/gpu",
     "src/images.rs",
-    "src/options/settings.rs",
+    "src/pose.rs",
     "src/renderer",
     "src/scene",
+    "src/settings",
     "src/xr/view.rs",
 ];
 /// What decides how images are measured, beside that; not how figures are laid out.

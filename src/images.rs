@@ -3,10 +3,11 @@
 //! Rows run from the top, pixels from the left. Files are written beside their place and then renamed, so that a
 //! reader never sees half of one.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::files::write_beside;
 use image::{ImageEncoder as _, ImageFormat, ImageReader};
 
 /// Largest width or height that is read or written, in pixels.
@@ -309,31 +310,9 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), ImageError> {
-    let unwritable = |reason: String| ImageError::Unwritable {
+    write_beside(path, write).map_err(|error| ImageError::Unwritable {
         path: path.to_owned(),
-        reason,
-    };
-    let Some(name) = path.file_name() else {
-        return Err(unwritable("the path does not name a file".to_owned()));
-    };
-    if path.is_dir() {
-        return Err(unwritable("it is a directory".to_owned()));
-    }
-    let mut partial_name = std::ffi::OsString::from(".");
-    partial_name.push(name);
-    partial_name.push(format!(".{}.partial", std::process::id()));
-    let partial = path.with_file_name(partial_name);
-    let result = File::create(&partial).and_then(|file| {
-        let mut out = BufWriter::new(file);
-        write(&mut out)?;
-        out.flush()?;
-        drop(out);
-        fs::rename(&partial, path)
-    });
-    result.map_err(|error| {
-        // The first error is the one to report; the file may never have been made.
-        let _ = fs::remove_file(&partial);
-        unwritable(error.to_string())
+        reason: error.to_string(),
     })
 }
 

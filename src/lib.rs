@@ -14,7 +14,7 @@
 //!
 //! # Modules
 //!
-//! - [`commands`], [`options`]: the program's commands and their checked options;
+//! - [`commands`], [`options`], [`settings`]: the program's commands, their checked options, every setting;
 //! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`frame`], [`gpu`]: images from views;
@@ -29,6 +29,7 @@ pub mod bvh;
 mod caught;
 pub mod commands;
 pub mod false_color;
+mod files;
 pub mod frame;
 pub mod frame_loop;
 pub mod gpu;
@@ -38,8 +39,10 @@ pub mod metrics;
 pub mod mirror;
 pub mod options;
 pub mod output;
+mod pose;
 pub mod renderer;
 pub mod scene;
+pub mod settings;
 pub mod viewer;
 mod windowing;
 pub mod xr;

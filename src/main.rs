@@ -3,9 +3,9 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use stereolux::commands::{Failure, execute};
+use stereolux::commands::execute;
 use stereolux::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
-use stereolux::options::{parse, resolve};
+use stereolux::options::parse;
 
 fn main() -> ExitCode {
     disable_device_select_layer();
@@ -17,8 +17,8 @@ fn main() -> ExitCode {
     .format_target(false)
     .format_timestamp(None)
     .init();
-    let cli = match parse(std::env::args_os()) {
-        Ok(cli) => cli,
+    let options = match parse(std::env::args_os()) {
+        Ok(options) => options,
         Err(exit) => {
             if exit.status == 0 {
                 // A closed pipe is the reader's choice.
@@ -29,8 +29,7 @@ fn main() -> ExitCode {
             return ExitCode::from(exit.status);
         }
     };
-    let outcome = resolve(cli).map_err(Failure::from).and_then(execute);
-    match outcome {
+    match execute(options) {
         Ok(status) => ExitCode::from(status),
         Err(failure) => {
             eprintln!("error: {}", failure.message);

@@ -293,10 +293,9 @@ fn main() -> Outcome<()> {
     }
     let scene = Scene::builtin(&options.scene).or_else(|_| Scene::load(&options.scene))?;
     let headset = Headset::load("symmetric")?;
-    let start = scene.start_pose();
     let start = match options.pose {
         Some(place) => Pose::new(place, DQuat::IDENTITY),
-        None => Pose::new(start.position, start.orientation),
+        None => scene.start_pose(),
     };
     let replay = ReplayOptions::new(headset, start);
     let mut session = ReplaySession::open(&options.trace, replay)?;

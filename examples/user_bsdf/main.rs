@@ -25,7 +25,7 @@ use stereolux::images::{Image, ImageRgb, tone_map, write_exr, write_png};
 use stereolux::options::{Eyes, Method, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
-use stereolux::xr::{Headset, Pose};
+use stereolux::xr::{Fov, Headset};
 
 /// The shaders, with the model added. Several go into one list; the first is number 1.
 pub fn library() -> Result<ShaderLibrary> {
@@ -65,9 +65,9 @@ pub fn render(
 ) -> Result<ImageRgb> {
     let size = [side, side];
     let mut renderer = Renderer::new(context, library, scene, settings, Eyes::Left, size)?;
-    let start = scene.start_pose();
-    let head = Pose::new(start.position, start.orientation);
-    let headset = Headset::load("symmetric")?.with_fov(-19.65, 19.65, 19.65, -19.65)?;
+    let head = scene.start_pose();
+    let headset =
+        Headset::load("symmetric")?.with_fov(Fov::from_degrees(-19.65, 19.65, 19.65, -19.65))?;
     renderer.render_frame(&headset.views_from_head(&head), 0, |_| {})?;
     let radiance = renderer.read_radiance(Eye::Left)?;
     Ok(Image::new(

@@ -19,7 +19,7 @@ use stereolux::viewer::layout::Layout;
 use stereolux::viewer::painter::{Painter, Target};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
-use stereolux::xr::Headset;
+use stereolux::xr::{Fov, Headset};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -236,7 +236,8 @@ fn main() -> Outcome<()> {
         Start {
             document: Document::load(&settings.scene)?,
             settings,
-            headset: Headset::load("symmetric")?.with_fov(-32.0, 32.0, 28.0, -28.0)?,
+            headset: Headset::load("symmetric")?
+                .with_fov(Fov::from_degrees(-32.0, 32.0, 28.0, -28.0))?,
             recording: None,
             out: folder.clone(),
             window_state: WindowState::default(),

@@ -210,7 +210,6 @@ impl<'a> Lab<'a> {
 
     fn views(&self, plan: &GroupPlan, scene: &Scene) -> Result<Vec<[View; 2]>, BenchError> {
         let start = scene.start_pose();
-        let start = Pose::new(start.position, start.orientation);
         let still = || plan.headset.views_from_head(&start);
         let total = plan.warm_up + plan.rounds;
         Ok(match plan.views {
@@ -427,8 +426,8 @@ fn smallest_error(frames: &[Frame], eye: usize, reference: &Reference) -> Result
 /// Records a swaying head as a native trace and returns the views as the replay gives them.
 fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View; 2]>, XrError> {
     let frames = u64::from(plan.rounds);
-    let motion = Motion::Sway { seed: 1 };
-    let sway = SimulatedSession::new(plan.headset.clone(), motion, start, Some(frames));
+    let sway =
+        SimulatedSession::new(plan.headset.clone(), Motion::Sway, start, Some(frames)).with_seed(1);
     let mut recorder = Recorder::create(path, sway)?;
     all_frames(&mut recorder, usize::MAX)?;
     drop(recorder);

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::statistics::{Estimate, Spread};
 use crate::gpu::context::AdapterSummary;
 use crate::metrics::BiasVariance;
-use crate::options::Settings;
+use crate::settings::{Settings, registry};
 
 /// Where a row was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -290,33 +290,10 @@ impl Row {
 /// Settings that differ from the defaults, by dotted key.
 #[must_use]
 pub fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
-    fn flatten(prefix: &str, value: &Value, into: &mut BTreeMap<String, Value>) {
-        match value {
-            Value::Object(fields) => {
-                for (key, field) in fields {
-                    let dotted = if prefix.is_empty() {
-                        key.clone()
-                    } else {
-                        format!("{prefix}.{key}")
-                    };
-                    flatten(&dotted, field, into);
-                }
-            }
-            other => {
-                into.insert(prefix.to_owned(), other.clone());
-            }
-        }
-    }
-    let flat = |settings: &Settings| {
-        let tree = serde_json::to_value(settings).unwrap_or(Value::Object(Map::new()));
-        let mut into = BTreeMap::new();
-        flatten("", &tree, &mut into);
-        into
-    };
-    let defaults = flat(&Settings::default());
-    flat(settings)
-        .into_iter()
-        .filter(|(key, value)| defaults.get(key) != Some(value))
+    registry::all()
+        .map(|setting| (setting, setting.value(settings)))
+        .filter(|(setting, value)| *value != setting.default_value())
+        .map(|(setting, value)| (setting.key.to_owned(), value))
         .collect()
 }
 

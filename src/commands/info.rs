@@ -8,9 +8,10 @@ use crate::frame::plan::on_demand;
 use crate::gpu::ShaderLibrary;
 use crate::gpu::context::{AdapterSummary, adapters};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
-use crate::options::{InfoOptions, Settings, registry};
+use crate::options::InfoOptions;
 use crate::renderer::{automatic_radius_m, plan_of_scene, shader_features};
 use crate::scene::Needs;
+use crate::settings::{Settings, registry};
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
@@ -22,11 +23,11 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
         "adapters": adapters,
         "openxr": openxr_report(),
     });
-    if let Some(name) = &options.scene {
-        report["scene"] = scene_report(name, &options.settings, is_software)?;
+    if options.names_scene {
+        report["scene"] = scene_report(&options.settings, is_software)?;
     }
-    if options.list_settings {
-        report["settings"] = json!(registry::rows());
+    if options.lists_settings {
+        report["settings"] = registry::listing();
     }
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
     println!("{text}");
@@ -47,19 +48,15 @@ fn openxr_report() -> Value {
     })
 }
 
-fn scene_report(name: &str, settings: &Settings, is_software: bool) -> Result<Value, Failure> {
-    let settings = Settings {
-        scene: name.to_owned(),
-        ..settings.clone()
-    };
-    let scene = load_scene(&settings)?;
+fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure> {
+    let scene = load_scene(settings)?;
     let needs = Needs::of(&scene);
-    let features = shader_features(&needs, &settings);
+    let features = shader_features(&needs, settings);
     let (mut stages, frame_features) =
-        plan_of_scene(&scene, &settings, is_software).map_err(Failure::failed)?;
-    stages.extend(on_demand(&settings));
+        plan_of_scene(&scene, settings, is_software).map_err(Failure::failed)?;
+    stages.extend(on_demand(settings));
     Ok(json!({
-        "name": name,
+        "name": settings.scene,
         "warnings": scene.warnings,
         "bounds_in_world": scene
             .bounds_in_world()

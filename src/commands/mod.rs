@@ -15,7 +15,7 @@ use crate::gpu::GpuError;
 use crate::images::ImageError;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
-use crate::options::{Options, OptionsError, Settings};
+use crate::options::{Options, Settings};
 use crate::output::OutputError;
 use crate::renderer::RenderError;
 use crate::scene::{Scene, SceneError, load_environment};
@@ -46,12 +46,6 @@ impl Failure {
             status: 1,
             message: message.to_string(),
         }
-    }
-}
-
-impl From<OptionsError> for Failure {
-    fn from(error: OptionsError) -> Self {
-        Self::unusable(error)
     }
 }
 

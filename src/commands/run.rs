@@ -10,20 +10,18 @@ use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
-use crate::options::{
-    Eyes, Motion as MotionSetting, RenderOptions, RunOptions, SessionChoice, Settings,
-    TraceBody as TraceBodyOption, TraceOptions, TraceUp as TraceUpOption,
-};
+use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
 use crate::output::OutputFolder;
 use crate::renderer::Renderer;
 use crate::scene::{Needs, Scene};
+use crate::settings::{Eyes, Settings};
 use crate::xr::{
     Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
-    TraceBody, TraceUp, Validated, XrSession,
+    Validated, XrSession,
 };
 
 /// Frames of a simulated run without `--frames`.
-const SIMULATED_FRAMES: u64 = crate::options::resolve::SIMULATED_FRAMES as u64;
+const SIMULATED_FRAMES: u64 = 100;
 
 /// A session, and the device if the session dictates it.
 struct Source {
@@ -41,10 +39,14 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let headset = headset(settings)?;
     let scene = load_scene(settings)?;
-    let start = start_pose(&scene);
-    OutputFolder::check(&options.out)?;
+    let start = scene.start_pose();
+    OutputFolder::check(&options.shared.out)?;
     // Before a session is opened: without a display there is nothing to close again.
-    let window = options.mirror.then(MirrorWindow::open).transpose()?;
+    let window = options
+        .session
+        .mirror
+        .then(MirrorWindow::open)
+        .transpose()?;
     let source = source(options, &headset, start)?;
     interrupt::catch();
     render_session(
@@ -53,10 +55,10 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
             scene: &scene,
             settings,
             eyes: Eyes::Both,
-            every: options.every,
-            frames: options.frames,
-            out: &options.out,
-            record: options.record.as_deref(),
+            every: options.session.every,
+            frames: options.session.frames,
+            out: &options.shared.out,
+            record: options.session.record.as_deref(),
         },
         window,
     )
@@ -66,22 +68,14 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
 pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let mut headset = headset(settings)?;
-    if let Some(ipd_m) = options.ipd_m {
+    if let Some(ipd_m) = options.view.ipd {
         headset = headset.with_ipd(ipd_m)?;
     }
-    if let Some(fov) = options.fov {
-        headset = headset.with_fov(
-            fov.left_rad.to_degrees(),
-            fov.right_rad.to_degrees(),
-            fov.up_rad.to_degrees(),
-            fov.down_rad.to_degrees(),
-        )?;
+    if let Some(fov) = options.view.fov {
+        headset = headset.with_fov(fov)?;
     }
     let scene = load_scene(settings)?;
-    let pose = match &options.pose {
-        Some(pose) => Pose::new(pose.position, pose.orientation),
-        None => start_pose(&scene),
-    };
+    let pose = options.view.pose.unwrap_or_else(|| scene.start_pose());
     let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
@@ -95,10 +89,10 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         &Job {
             scene: &scene,
             settings,
-            eyes: options.eyes,
+            eyes: options.view.eyes,
             every: 1,
             frames: Some(1),
-            out: &options.out,
+            out: &options.shared.out,
             record: None,
         },
         None,
@@ -116,26 +110,21 @@ struct Job<'a> {
     record: Option<&'a Path>,
 }
 
-fn start_pose(scene: &Scene) -> Pose {
-    let pose = scene.start_pose();
-    Pose::new(pose.position, pose.orientation)
-}
-
 fn headset(settings: &Settings) -> Result<Headset, Failure> {
     Ok(Headset::load(&settings.headset)?)
 }
 
 /// Opens the session that the options ask for.
 fn source(options: &RunOptions, headset: &Headset, start: Pose) -> Result<Source, Failure> {
-    let unavailable = match options.session {
+    let unavailable = match options.session.choice {
         SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start) {
             Ok(mut source) => {
-                if options.session == SessionChoice::Auto {
+                if options.session.choice == SessionChoice::Auto {
                     source.announcement = Some(format!("session: {}", source.name));
                 }
                 return Ok(source);
             }
-            Err(failure) if options.session == SessionChoice::Openxr => return Err(failure),
+            Err(failure) if options.session.choice == SessionChoice::Openxr => return Err(failure),
             Err(failure) => Some(failure.message),
         },
         SessionChoice::Simulated | SessionChoice::Replay => None,
@@ -170,7 +159,7 @@ fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
         SessionOptions {
             size,
             start,
-            frame_limit: options.frames.map(u64::from),
+            frame_limit: options.session.frames.map(u64::from),
             settings: settings.openxr.clone(),
         },
     )?;
@@ -202,17 +191,17 @@ fn session(
     headset: &Headset,
     start: Pose,
 ) -> Result<(Box<dyn XrSession>, String), Failure> {
-    let pacing = if options.realtime {
+    let pacing = if options.session.realtime {
         Pacing::RealTime
     } else {
         Pacing::AsFastAsPossible
     };
-    match (options.session, &options.trace) {
-        (SessionChoice::Replay, Some(trace)) => {
-            let mut replay = replay_options(trace, headset.clone(), start);
-            replay.frame_limit = options.frames.map(u64::from);
+    match (options.session.choice, &options.session.recording.trace) {
+        (SessionChoice::Replay, Some(path)) => {
+            let mut replay = replay_options(&options.session.recording, headset.clone(), start);
+            replay.frame_limit = options.session.frames.map(u64::from);
             replay.pacing = pacing;
-            let session = ReplaySession::open(&trace.path, replay)?;
+            let session = ReplaySession::open(path, replay)?;
             let source = session.info().source.clone();
             Ok((Box::new(Validated::new(session)), source))
         }
@@ -220,16 +209,11 @@ fn session(
             "--session replay needs a recording: give one with --trace FILE",
         )),
         (SessionChoice::Auto | SessionChoice::Openxr | SessionChoice::Simulated, _) => {
-            let frames = options.frames.map_or(SIMULATED_FRAMES, u64::from);
-            let motion = match options.settings.simulated.motion {
-                MotionSetting::Still => Motion::Still,
-                MotionSetting::Yaw => Motion::YawSweep,
-                MotionSetting::Walk => Motion::Walk,
-                MotionSetting::Sway => Motion::Sway {
-                    seed: u64::from(options.settings.seed),
-                },
-            };
+            let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
+            let settings = &options.settings;
+            let motion = settings.simulated.motion;
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
+                .with_seed(u64::from(settings.seed))
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -239,18 +223,12 @@ fn session(
 
 /// How a recording is read.
 pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
-    let mut replay = ReplayOptions::new(headset, start);
-    replay.up = trace.up.map(|up| match up {
-        TraceUpOption::Y => TraceUp::Y,
-        TraceUpOption::Z => TraceUp::Z,
-    });
-    replay.body = trace.body.map(|body| match body {
-        TraceBodyOption::Openxr => TraceBody::OpenXr,
-        TraceBodyOption::Optical => TraceBody::Optical,
-        TraceBodyOption::EyeFromBody(rotation) => TraceBody::Quaternion(rotation),
-    });
-    replay.recenter = trace.recenter;
-    replay
+    ReplayOptions {
+        up: trace.trace_up,
+        body: trace.trace_body,
+        recenter: trace.trace_recenter,
+        ..ReplayOptions::new(headset, start)
+    }
 }
 
 fn render_session(

@@ -10,7 +10,7 @@ use crate::scene::load_environment;
 use crate::viewer::session::Recording;
 use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};
-use crate::xr::{Headset, Pose, ReplaySession, Validated};
+use crate::xr::{Headset, ReplaySession, Validated};
 
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
@@ -29,19 +29,21 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     for warning in &document.scene().warnings {
         log::warn!("{warning}");
     }
-    OutputFolder::check(&options.out)?;
-    let recording = match &options.trace {
-        Some(trace) => {
+    OutputFolder::check(&options.shared.out)?;
+    let recording = match &options.recording.trace {
+        Some(path) => {
             let start = document.scene().start_pose();
-            let start = Pose::new(start.position, start.orientation);
-            let replay = replay_options(trace, headset.clone(), start);
-            let session = ReplaySession::open(&trace.path, replay)?;
+            let replay = replay_options(&options.recording, headset.clone(), start);
+            let session = ReplaySession::open(path, replay)?;
             Some(Recording::of(&mut Validated::new(session))?)
         }
         None => None,
     };
-    let path = WindowState::path();
-    let window_state = path.as_deref().map(WindowState::load).unwrap_or_default();
+    let state_path = WindowState::path();
+    let window_state = state_path
+        .as_deref()
+        .map(WindowState::load)
+        .unwrap_or_default();
     interrupt::catch();
     Ok(show(
         Start {
@@ -49,10 +51,10 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
             settings: settings.clone(),
             headset,
             recording,
-            out: options.out.clone(),
+            out: options.shared.out.clone(),
             window_state,
         },
         &settings.adapter,
-        path,
+        state_path,
     )?)
 }

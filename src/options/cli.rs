@@ -1,17 +1,17 @@
-//! The command line as typed: commands, flags and their help. Nothing is checked here that needs a range or a file;
-//! [`super::resolve()`] does that.
+//! The command line: commands, flags and their help. What one flag takes is checked here, what concerns several of them
+//! in `checks`.
 
-use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::builder::StyledStr;
-use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 
-use super::registry;
-use super::settings::{Method, Motion, Reuse};
+use super::setting_flags::{BENCH, INFO, RUN, SHARED, SettingFlags};
+use super::values::{self, choice, real, whole};
+use crate::settings::choices::choices;
+use crate::settings::{Eyes, Settings};
+use crate::xr::{Fov, Pose, TraceBody, TraceUp};
 
-const STATUS_HELP: &str = "\
+pub(super) const STATUS_HELP: &str = "\
 Exit status: 0 done, 1 failed while running, 2 unusable arguments or input.";
 
 const MAIN_EXAMPLES: &str = "\
@@ -25,7 +25,7 @@ Examples:
 Exit status: 0 done, 1 failed while running, 2 unusable arguments or input.
 `stereolux COMMAND --help` explains a command in full.";
 
-const RUN_EXAMPLES: &str = "\
+pub(super) const RUN_EXAMPLES: &str = "\
 Examples:
   stereolux run --scene builtin:gallery --frames 20 --every 5
   stereolux run --headset quest3 --motion yaw --reuse off --out each-eye-by-itself
@@ -34,20 +34,20 @@ Examples:
   stereolux run --trace freiburg1_xyz-groundtruth.txt --trace-body optical --frames 100
   stereolux run --set photon.kernel=cone --set photon.normal_min_cos=-1";
 
-const RENDER_EXAMPLES: &str = "\
+pub(super) const RENDER_EXAMPLES: &str = "\
 Examples:
   stereolux render --scene builtin:cornell --size 256x256 --ipd 0.063
   stereolux render --pose \"0 1.6 2 0 0 0 1\" --fov \"-40 40 40 -40\" --size 512x512
   stereolux render --method path --spp 256 --eyes left";
 
-const VIEW_EXAMPLES: &str = "\
+pub(super) const VIEW_EXAMPLES: &str = "\
 Examples:
   stereolux view --scene helmet.glb
   stereolux view --scene builtin:gallery --set environment.path=sky.hdr
   stereolux view --trace walk.jsonl
 A recording waits at its first frame; it plays, steps and scrubs in the window. F1 there lists keys and mouse.";
 
-const BENCH_EXAMPLES: &str = "\
+pub(super) const BENCH_EXAMPLES: &str = "\
 Every frame that is measured traces its photons anew. Variants of a group take turns, frame by frame, and ratios are
 formed within a turn. Errors are those of the frames that were timed, against a path-traced reference.
 Settings that a suite varies replace those given here; `spp` is 1 except where the suite varies it.
@@ -78,493 +78,282 @@ Exit status: 0 done, 1 relative MSE above --max-rel-mse (or pixels that are not 
 /// Stereo global illumination for headsets: photon mapping with stereo reuse, and the path tracer it is measured against
 #[derive(Clone, Debug, Parser)]
 #[command(name = "stereolux", version, after_help = MAIN_EXAMPLES, disable_help_subcommand = true)]
-pub struct Cli {
-    /// The command.
+pub(super) struct Cli {
     #[command(subcommand)]
-    pub command: Command,
+    pub(super) options: Options,
 }
 
-/// Commands with their flags.
+/// A command with its options.
 #[derive(Clone, Debug, Subcommand)]
-pub enum Command {
+pub enum Options {
     /// Run the stereo frame loop with a simulated, replayed or real headset
-    Run(RunArgs),
+    Run(Box<RunOptions>),
     /// Render one stereo pair from one pose
-    Render(RenderArgs),
+    Render(Box<RenderOptions>),
     /// Print error metrics of an image against a reference as one JSON object
-    Compare(CompareArgs),
+    Compare(CompareOptions),
     /// Measure speed against error over a suite of settings and write a report
-    Bench(BenchArgs),
+    Bench(Box<BenchOptions>),
     /// Print adapters, OpenXR runtime and what a scene needs as one JSON object
-    Info(InfoArgs),
+    Info(Box<InfoOptions>),
     /// Open the desktop viewer
-    View(ViewArgs),
+    View(Box<ViewOptions>),
 }
 
-/// Where settings come from: file, `--set`.
-#[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Settings")]
-pub struct LayerArgs {
+/// Where settings come from: a command's flags, a file, `--set`.
+#[derive(Clone, Debug, Args)]
+pub(super) struct LayerArgs<const FLAGS: usize> {
+    #[command(flatten)]
+    pub(super) flags: SettingFlags<FLAGS>,
     /// TOML file of settings, under --set and all flags; unknown keys are errors
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
-    pub config: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", help_heading = "Settings")]
+    pub(super) config: Option<PathBuf>,
     /// Change one setting, such as photon.kernel=cone; may be repeated, the last one wins.
     /// The value is TOML, or bare text. All keys are listed at the end of --help
-    #[arg(long, value_name = "KEY=VALUE", allow_hyphen_values = true)]
-    pub set: Vec<String>,
+    #[arg(long, value_name = "KEY=VALUE", help_heading = "Settings")]
+    pub(super) set: Vec<String>,
 }
 
-/// Flags shared by `run`, `render` and `view`.
-#[derive(Clone, Debug, Default, Args)]
+/// Options shared by `run`, `render` and `view`.
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Scene and rendering")]
-pub struct SharedArgs {
-    /// glTF 2.0 file (.gltf, .glb), or builtin:NAME with NAME one of cornell, plane, sphere, caustic, gallery
-    /// [default: builtin:cornell]
-    #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
-    pub scene: Option<String>,
-    /// Light transport [default: photon]
-    #[arg(long, value_enum)]
-    pub method: Option<Method>,
-    /// How the right eye reuses the left eye's work [default: scatter]
-    #[arg(long, value_enum)]
-    pub reuse: Option<Reuse>,
-    /// Photons emitted per frame, 0 to 67108864 [default: 262144]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub photons: Option<String>,
-    /// Gather radius in metres; 0 takes it from the scene's area and the photon count [default: 0]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
-    pub radius: Option<String>,
-    /// Primary samples per pixel, averaged, 1 to 1048576. One goes through the pixel's centre,
-    /// more spread over the pixel [default: 1]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub spp: Option<String>,
-    /// Pixels per eye, such as 512x512, each 1 to 16384 [default: the headset's]
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    pub size: Option<String>,
-    /// Headset profile from config/headsets/: per-eye size, FOV angles, eye poses, IPD, refresh rate
-    /// [default: symmetric]
-    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
-    pub headset: Option<String>,
-    /// Random seed, 0 to 4294967295 [default: 0]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub seed: Option<String>,
-    /// Substring of a wgpu adapter's name (see `stereolux info`), upper or lower case
-    /// [default: a discrete GPU, then integrated, then software]
-    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
-    pub adapter: Option<String>,
-    /// Directory for images, stats.jsonl and run.json; made if missing
-    #[arg(
-        long,
-        value_name = "DIR",
-        default_value = "out",
-        allow_hyphen_values = true
-    )]
-    pub out: PathBuf,
-    /// Config file and `--set`.
+pub struct SharedOptions {
     #[command(flatten)]
-    pub layers: LayerArgs,
+    pub(super) layers: LayerArgs<SHARED>,
+    /// Directory for images, stats.jsonl and run.json; made if missing
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
 }
 
-/// Where head and eye poses come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum SessionChoice {
-    /// OpenXR if a runtime answers, else simulated; says which. With --trace: replay
-    #[default]
-    Auto,
-    /// Simulated headset, the same motion every time
-    Simulated,
-    /// Poses from --trace
-    Replay,
-    /// OpenXR runtime, or an error if none answers
-    Openxr,
+choices! {
+    /// Where head and eye poses come from.
+    pub enum SessionChoice {
+        /// OpenXR if a runtime answers, else simulated; says which. With --trace: replay
+        Auto = "auto",
+        /// Simulated headset, the same motion every time
+        Simulated = "simulated",
+        /// Poses from --trace
+        Replay = "replay",
+        /// OpenXR runtime, or an error if none answers
+        Openxr = "openxr",
+    }
+
+    /// What `bench` measures.
+    pub enum Suite {
+        /// The 2020 report's five tables: ways to gather, and two eyes by themselves against stereo reuse
+        Tables = "tables",
+        /// Reuse modes side by side over scenes, eye distances, headsets and a recorded trace
+        Stereo = "stereo",
+        /// Milliseconds against error over photons, radius, kernel, direct light and samples; the path tracer beside it
+        Pareto = "pareto",
+        /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
+        Scaling = "scaling",
+        /// A little of all of them, in about a minute
+        Smoke = "smoke",
+    }
 }
 
-/// The axis that points up in a recorded trace's world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum TraceUp {
-    /// +Y, as in OpenXR and glTF
-    Y,
-    /// +Z, as in TUM and EuRoC recordings
-    Z,
-}
-
-/// `stereolux run`.
+/// Options of `run`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = RUN_EXAMPLES)]
-pub struct RunArgs {
-    /// Shared flags.
+pub struct RunOptions {
+    /// All settings.
+    #[arg(skip)]
+    pub settings: Settings,
+    /// Those that `render` and `view` have, too.
     #[command(flatten)]
-    pub shared: SharedArgs,
-    /// Session flags.
+    pub shared: SharedOptions,
+    /// Those of the session.
     #[command(flatten)]
-    pub session: SessionArgs,
+    pub session: SessionOptions,
 }
 
-/// Flags of `run` alone.
-#[derive(Clone, Debug, Default, Args)]
+/// Options of `run` alone.
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Session")]
-pub struct SessionArgs {
+pub struct SessionOptions {
     /// Where poses come from
-    #[arg(long, value_enum, default_value_t = SessionChoice::Auto)]
-    pub session: SessionChoice,
-    /// Recording flags.
+    #[arg(
+        long = "session",
+        value_name = "SESSION",
+        value_parser = choice::<SessionChoice>(),
+        default_value_t = SessionChoice::Auto
+    )]
+    pub choice: SessionChoice,
+    /// The recording; there is one exactly if `choice` is [`SessionChoice::Replay`].
     #[command(flatten)]
-    pub recording: TraceArgs,
+    pub recording: TraceOptions,
     /// Write the views that were really used to this native trace
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Frames to run, 1 to 4294967295 [default: simulated 100; replay the whole trace; openxr until the session ends]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub frames: Option<String>,
-    /// Write images of every K-th frame, counted from frame 0; 1 to 4294967295 [default: 1]
-    #[arg(long, value_name = "K", allow_hyphen_values = true)]
-    pub every: Option<String>,
+    #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
+    pub frames: Option<u32>,
+    /// Write images of every K-th frame, counted from frame 0; 1 to 4294967295
+    #[arg(long, value_name = "K", value_parser = whole(1..=u32::MAX), default_value = "1")]
+    pub every: u32,
     /// Replay and simulate at the headset's refresh rate instead of as fast as the machine allows
     #[arg(long)]
     pub realtime: bool,
     /// Show what the eyes see, side by side, in a window of the desktop. Closing it ends the mirror, not the run
     #[arg(long)]
     pub mirror: bool,
-    /// Motion of the simulated headset [default: sway]
-    #[arg(long, value_enum)]
-    pub motion: Option<Motion>,
+    #[command(flatten)]
+    pub(super) flags: SettingFlags<RUN>,
 }
 
-/// Flags of a recording, of `run` and `view`.
-#[derive(Clone, Debug, Default, Args)]
-pub struct TraceArgs {
+/// A recording to replay, in `run` and `view`. `None` leaves a choice to the recording's format.
+#[derive(Clone, Debug, Args)]
+pub struct TraceOptions {
     /// Replay this recording: a native trace (JSON Lines, from --record), a TUM trajectory or a EuRoC ground-truth CSV.
     /// TUM and EuRoC hold head poses; the headset profile adds the eyes
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
     /// World axis that points up in the trace [default: z for TUM and EuRoC, y for native]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = choice::<TraceUp>())]
     pub trace_up: Option<TraceUp>,
     /// What the recorded body frame is: openxr (x right, y up, z back), optical (x right, y down, z forward),
     /// or the rotation eye-from-body as "qx qy qz qw" [default: optical for TUM, the IMU of its vehicles for EuRoC]
-    #[arg(
-        long,
-        value_name = "openxr|optical|\"qx qy qz qw\"",
-        allow_hyphen_values = true
-    )]
-    pub trace_body: Option<String>,
+    #[arg(long, value_name = "openxr|optical|\"qx qy qz qw\"", value_parser = values::trace_body)]
+    pub trace_body: Option<TraceBody>,
     /// Move the trace's first pose onto the scene's starting pose, gravity kept vertical
     /// [default: true for TUM and EuRoC, false for native]
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     pub trace_recenter: Option<bool>,
 }
 
-/// Which eyes `render` renders and writes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Eyes {
-    /// Both eyes
-    #[default]
-    Both,
-    /// The left eye
-    Left,
-    /// The right eye, rendered by itself: there is no left eye to reuse
-    Right,
-}
-
-/// `stereolux render`.
+/// Options of `render`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = RENDER_EXAMPLES)]
-pub struct RenderArgs {
-    /// Shared flags.
+pub struct RenderOptions {
+    /// All settings.
+    #[arg(skip)]
+    pub settings: Settings,
+    /// Those that `run` and `view` have, too.
     #[command(flatten)]
-    pub shared: SharedArgs,
-    /// View flags.
+    pub shared: SharedOptions,
+    /// Those of the view.
     #[command(flatten)]
-    pub view: PoseArgs,
+    pub view: PoseOptions,
 }
 
-/// Flags of `render` alone.
-#[derive(Clone, Debug, Default, Args)]
+/// Options of `render` alone.
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "View")]
-pub struct PoseArgs {
+pub struct PoseOptions {
     /// Head pose in the world: position in metres and unit quaternion, +Y up, -Z forward
     /// [default: the scene's first glTF camera, else a pose that frames the scene]
-    #[arg(long, value_name = "\"x y z qx qy qz qw\"", allow_hyphen_values = true)]
-    pub pose: Option<String>,
-    /// Distance between the eyes in metres, 0 to 1000; replaces the profile's eye offsets and cant
+    #[arg(long, value_name = "\"x y z qx qy qz qw\"", value_parser = values::pose)]
+    pub pose: Option<Pose>,
+    /// Distance between the eyes in metres, 0 to 1; replaces the profile's eye offsets and cant
     /// [default: the headset's]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
-    pub ipd: Option<String>,
+    #[arg(long, value_name = "M", value_parser = values::ipd_m)]
+    pub ipd: Option<f64>,
     /// Angles of both eyes in degrees within +-89, left and down negative, such as "-40 40 40 -40";
     /// replaces the profile's angles and cant [default: the headset's]
-    #[arg(
-        long,
-        value_name = "\"left right up down\"",
-        allow_hyphen_values = true
-    )]
-    pub fov: Option<String>,
+    #[arg(long, value_name = "\"left right up down\"", value_parser = values::fov)]
+    pub fov: Option<Fov>,
     /// Eyes to render
-    #[arg(long, value_enum, default_value_t = Eyes::Both)]
+    #[arg(long, value_parser = choice::<Eyes>(), default_value_t = Eyes::Both)]
     pub eyes: Eyes,
 }
 
-/// `stereolux compare`.
+/// Options of `compare`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = COMPARE_HELP)]
-pub struct CompareArgs {
+pub struct CompareOptions {
     /// Image to judge: EXR or HDR (linear), PNG or JPEG (sRGB, decoded)
     pub image: PathBuf,
     /// Reference image of the same size
     pub reference: PathBuf,
     /// Exit with status 1 if the relative MSE is above this number (0 or more)
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
-    pub max_rel_mse: Option<String>,
+    #[arg(long, value_name = "X", value_parser = real(|limit| limit >= 0.0, "a number, 0 or more"))]
+    pub max_rel_mse: Option<f64>,
     /// Count only pixels that are white (any channel at least half) in this image of the same size
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
     /// Exposure factor before tone mapping, for FLIP only
     #[arg(
         long,
         value_name = "X",
-        default_value = "1",
-        allow_hyphen_values = true
+        value_parser = real(|factor| factor > 0.0 && factor <= 1e9, "a number above 0 and at most 1e9"),
+        default_value = "1"
     )]
-    pub exposure: String,
+    pub exposure: f64,
     /// Pixels per degree of visual angle, for FLIP only; 67 is a 0.7 m wide 4K monitor seen from 0.7 m,
     /// headsets have about 12 to 25
     #[arg(
         long,
         value_name = "N",
-        default_value = "67",
-        allow_hyphen_values = true
+        value_parser = real(|ppd| (1.0..=1000.0).contains(&ppd), "a number from 1 to 1000"),
+        default_value = "67"
     )]
-    pub pixels_per_degree: String,
+    pub pixels_per_degree: f64,
 }
 
-/// What `bench` measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Suite {
-    /// The 2020 report's five tables: ways to gather, and two eyes by themselves against stereo reuse
-    Tables,
-    /// Reuse modes side by side over scenes, eye distances, headsets and a recorded trace
-    Stereo,
-    /// Milliseconds against error over photons, radius, kernel, direct light and samples; the path tracer beside it
-    Pareto,
-    /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
-    Scaling,
-    /// A little of all of them, in about a minute
-    Smoke,
-}
-
-/// `stereolux bench`.
+/// Options of `bench`. `None` leaves a number to the suite.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
-pub struct BenchArgs {
+pub struct BenchOptions {
+    /// All settings, under those that the suite sets.
+    #[arg(skip)]
+    pub settings: Settings,
     /// Suite to run
-    #[arg(value_enum)]
+    #[arg(value_parser = choice::<Suite>())]
     pub suite: Suite,
     /// Directory for the report, the journal of finished rows and, unless --references says otherwise, the
     /// references; made if missing. A second run with the same settings goes on where the first one stopped
-    #[arg(
-        long,
-        value_name = "DIR",
-        default_value = "out",
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Scene to measure, a glTF file or builtin:NAME; may be repeated
     /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
-    #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
-    pub scene: Vec<String>,
-    /// Pixels per eye, such as 256x256, each 1 to 16384 [default: 256x256; smoke 32x32]
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    pub size: Option<String>,
+    #[arg(long = "scene", value_name = "PATH|builtin:NAME", value_parser = values::scene)]
+    pub scenes: Vec<String>,
     /// Rounds that are measured, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub rounds: Option<String>,
+    #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
+    pub rounds: Option<u32>,
     /// Frames of the recorded trace in the stereo suite, 1 to 100000 [default: 24; smoke 4]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub frames: Option<String>,
+    #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
+    pub frames: Option<u32>,
     /// Most samples per pixel of a path-traced reference, 16 to 16777216. Errors that need a better one are marked
     /// [default: 4096; smoke 256]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    pub reference_spp: Option<String>,
+    #[arg(long, value_name = "N", value_parser = whole(16..=1 << 24))]
+    pub reference_spp: Option<u32>,
     /// Directory that keeps path-traced references between runs [default: DIR/references, DIR from --out]
-    #[arg(long, value_name = "DIR", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DIR")]
     pub references: Option<PathBuf>,
-    /// Substring of a wgpu adapter's name [default: a discrete GPU, then integrated, then software]
-    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
-    pub adapter: Option<String>,
-    /// Config file and `--set`.
     #[command(flatten)]
-    pub layers: LayerArgs,
+    pub(super) layers: LayerArgs<BENCH>,
 }
 
-/// `stereolux info`.
+/// Options of `info`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
-pub struct InfoArgs {
-    /// Also say what this scene needs and what is left out: glTF 2.0 file or builtin:NAME
-    #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
-    pub scene: Option<String>,
-    /// Light transport that the scene's needs are worked out for [default: photon]
-    #[arg(long, value_enum)]
-    pub method: Option<Method>,
-    /// Also list all settings: key, kind, default, range, unit, explanation
-    #[arg(long)]
-    pub settings: bool,
-    /// Substring of a wgpu adapter's name; marks the adapter that would be used
-    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
-    pub adapter: Option<String>,
-    /// Config file and `--set`.
+pub struct InfoOptions {
+    /// All settings.
+    #[arg(skip)]
+    pub settings: Settings,
+    /// Whether a flag, `--set` or the config file names a scene to analyse.
+    #[arg(skip)]
+    pub names_scene: bool,
     #[command(flatten)]
-    pub layers: LayerArgs,
+    pub(super) layers: LayerArgs<INFO>,
+    /// Also list all settings: key, kind, default, range, unit, explanation
+    #[arg(long = "settings")]
+    pub lists_settings: bool,
 }
 
-/// `stereolux view`.
+/// Options of `view`.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = VIEW_EXAMPLES)]
-pub struct ViewArgs {
-    /// Shared flags.
+pub struct ViewOptions {
+    /// All settings.
+    #[arg(skip)]
+    pub settings: Settings,
+    /// Those that `run` and `render` have, too; files of `out` are screenshots and what is saved.
     #[command(flatten)]
-    pub shared: SharedArgs,
-    /// Recording flags.
+    pub shared: SharedOptions,
+    /// Views to play.
     #[command(flatten, next_help_heading = "Recording")]
-    pub recording: TraceArgs,
-}
-
-/// Why the command line did not become a [`Cli`]: help was asked for, or it is unusable.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct EarlyExit {
-    /// Text to print; an error is one line that starts with `error: `.
-    pub text: String,
-    /// 0 for help and version (print on stdout), 2 for errors (print on stderr).
-    pub status: u8,
-}
-
-/// The clap command with the settings listed at the end of `--help`.
-#[must_use]
-pub fn command() -> clap::Command {
-    let listed = |command: clap::Command, examples: &str| {
-        let text = format!("{examples}\n\n{}\n{STATUS_HELP}", registry::help_text());
-        command.after_long_help(StyledStr::from(text))
-    };
-    Cli::command()
-        .mut_subcommand("run", |command| listed(command, RUN_EXAMPLES))
-        .mut_subcommand("render", |command| listed(command, RENDER_EXAMPLES))
-        .mut_subcommand("bench", |command| listed(command, BENCH_EXAMPLES))
-        .mut_subcommand("view", |command| listed(command, VIEW_EXAMPLES))
-}
-
-/// Parses the command line; the first argument is the program's name.
-///
-/// # Errors
-/// [`EarlyExit`] with status 0 for `--help` and `--version`, and with status 2 and one line of text for anything
-/// that is not a usable command line.
-pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, EarlyExit> {
-    let args: Vec<OsString> = args.into_iter().collect();
-    refuse_flags_as_values(&args)?;
-    command()
-        .try_get_matches_from(&args)
-        .and_then(|matches| Cli::from_arg_matches(&matches))
-        .map_err(|error| early_exit(&error, subcommand_of(&args).as_deref()))
-}
-
-/// The first argument that names a command.
-fn subcommand_of(args: &[OsString]) -> Option<String> {
-    let root = Cli::command();
-    let found = args
-        .iter()
-        .skip(1)
-        .find_map(|arg| root.find_subcommand(arg.to_str()?))?;
-    Some(found.get_name().to_owned())
-}
-
-/// `--scene --spp 4`: values may begin with a minus sign, so clap would take `--spp` for the scene.
-fn refuse_flags_as_values(args: &[OsString]) -> Result<(), EarlyExit> {
-    let root = Cli::command();
-    let Some(subcommand) = subcommand_of(args).and_then(|name| root.find_subcommand(name)) else {
-        return Ok(());
-    };
-    let takes_value = |flag: &str| {
-        flag.strip_prefix("--").is_some_and(|name| {
-            subcommand.get_arguments().any(|argument| {
-                argument.get_long() == Some(name)
-                    && argument
-                        .get_num_args()
-                        .is_none_or(|range| range.min_values() > 0)
-                    && argument.get_action().takes_values()
-            })
-        })
-    };
-    let mut at = 1;
-    while let Some(arg) = args.get(at) {
-        let text = arg.to_string_lossy();
-        if text == "--" {
-            break;
-        }
-        if !takes_value(&text) {
-            at += 1;
-            continue;
-        }
-        if let Some(value) = args.get(at + 1).map(|value| value.to_string_lossy())
-            && value.starts_with("--")
-        {
-            let text = format!(
-                "error: {text} needs a value, but {} follows; see `stereolux {} --help`",
-                super::quoted(&value),
-                subcommand.get_name()
-            );
-            return Err(EarlyExit { text, status: 2 });
-        }
-        at += 2;
-    }
-    Ok(())
-}
-
-/// Folds clap's report of several paragraphs into one line.
-fn early_exit(error: &clap::Error, subcommand: Option<&str>) -> EarlyExit {
-    let rendered = error.render().to_string();
-    if matches!(
-        error.kind(),
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion
-    ) {
-        return EarlyExit {
-            text: rendered,
-            status: 0,
-        };
-    }
-    let commands = || {
-        let root = Cli::command();
-        let names: Vec<_> = root
-            .get_subcommands()
-            .map(clap::Command::get_name)
-            .collect();
-        names.join(", ")
-    };
-    if matches!(
-        error.kind(),
-        ErrorKind::MissingSubcommand | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
-    ) {
-        let text = format!(
-            "error: no command given; give one of {}; see `stereolux --help`",
-            commands()
-        );
-        return EarlyExit { text, status: 2 };
-    }
-    let mut parts: Vec<String> = Vec::new();
-    for paragraph in rendered.split("\n\n") {
-        let words: Vec<&str> = paragraph.split_whitespace().collect();
-        let line = words.join(" ");
-        if line.is_empty() || line.starts_with("Usage:") || line.starts_with("For more information")
-        {
-            continue;
-        }
-        parts.push(line);
-    }
-    let mut text = parts.join("; ").replace("; tip: ", "; ");
-    if !text.starts_with("error:") {
-        text.insert_str(0, "error: ");
-    }
-    if error.kind() == ErrorKind::InvalidSubcommand {
-        text.push_str(&format!("; the commands are {}", commands()));
-    }
-    let of = subcommand.map_or(String::new(), |name| format!("{name} "));
-    text.push_str(&format!("; see `stereolux {of}--help`"));
-    EarlyExit { text, status: 2 }
+    pub recording: TraceOptions,
 }

@@ -7,40 +7,18 @@ use std::path::Path;
 use serde_json::Value;
 use toml::de::{DeTable, DeValue};
 
-use super::registry::{self, Kind, Setting};
-use super::settings::Settings;
-use super::{OptionsError, numbers, quoted};
+use super::{OptionsError, quoted};
+use crate::settings::registry;
+use crate::settings::{Kind, Settings};
 
 /// Longest config file that is read, in bytes.
 const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
 /// The settings while layers are put on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Layers {
-    tree: Value,
+    settings: Settings,
     changed: Vec<&'static str>,
-}
-
-impl Default for Layers {
-    fn default() -> Self {
-        let tree = serde_json::to_value(Settings::default()).unwrap_or(Value::Null);
-        Self {
-            tree,
-            changed: Vec::new(),
-        }
-    }
-}
-
-/// A value as written, before its setting's kind is known.
-#[derive(Clone, Debug, PartialEq)]
-enum Written {
-    Text(String),
-    Whole(i128),
-    Real(f64),
-    Bool(bool),
-    List(Vec<Self>),
-    /// Something that no setting takes: a table, a date, a number beyond its type.
-    Other,
 }
 
 /// Where a value was written.
@@ -65,29 +43,17 @@ impl Layers {
     #[must_use]
     pub fn of(settings: &Settings) -> Self {
         Self {
-            tree: serde_json::to_value(settings).unwrap_or(Value::Null),
+            settings: settings.clone(),
             changed: Vec::new(),
         }
     }
 
-    /// Puts one value on, checked as [`Self::add_set`] checks it; `null` unsets a setting that is unset by default.
+    /// Puts one value on, checked as [`Self::add_set`] checks it; `null` unsets a setting that may be unset.
     ///
     /// # Errors
     /// As [`Self::add_set`].
     pub fn add_value(&mut self, key: &str, value: &Value) -> Result<(), OptionsError> {
-        if value.is_null() && registry::find(key).is_some() && registry::default_of(key).is_null() {
-            self.write(key, Value::Null);
-            return Ok(());
-        }
-        self.put(key, &written_json(value), &value.to_string(), &Place::Set)
-    }
-
-    fn write(&mut self, key: &str, value: Value) {
-        let mut at = &mut self.tree;
-        for part in key.split('.') {
-            at = &mut at[part];
-        }
-        *at = value;
+        self.put(key, value, &value.to_string(), &Place::Set)
     }
 
     /// Whether a layer above the defaults has set this key.
@@ -160,13 +126,13 @@ impl Layers {
             let place = Place::Line(name, line_of(text.as_bytes(), key.span().start));
             let full = format!("{prefix}{}", key.get_ref());
             if let DeValue::Table(inner) = value.get_ref()
-                && !registry::section_keys(&full).is_empty()
+                && !keys_of(&full).is_empty()
             {
                 self.add_table(inner, &format!("{full}."), text, name)?;
                 continue;
             }
             let source = text.get(value.span()).unwrap_or_default();
-            self.put(&full, &written(value.get_ref()), source, &place)?;
+            self.put(&full, &json_of(value.get_ref()), source, &place)?;
         }
         Ok(())
     }
@@ -178,7 +144,7 @@ impl Layers {
     pub fn add_set(&mut self, argument: &str) -> Result<(), OptionsError> {
         let Some((key, value)) = argument.split_once('=') else {
             return Err(OptionsError::BadFlag {
-                flag: "--set",
+                flag: "--set".to_owned(),
                 value: quoted(argument),
                 reason: "no `=` in it; give --set key=value, such as --set photon.kernel=cone"
                     .to_owned(),
@@ -199,12 +165,9 @@ impl Layers {
         value: &str,
     ) -> Result<(), OptionsError> {
         // A path or a name stays as typed, quotation marks and all.
-        let is_text =
-            registry::find(key).is_some_and(|setting| matches!(setting.kind, Kind::Text { .. }));
-        let raw = if is_text {
-            Written::Text(value.to_owned())
-        } else {
-            loose(value.trim())
+        let raw = match registry::find(key).map(|setting| setting.kind) {
+            Some(Kind::Text { .. }) => Value::from(value),
+            _ => loose(value.trim()),
         };
         self.put(key, &raw, value, &Place::Flag(flag))
     }
@@ -212,39 +175,29 @@ impl Layers {
     fn put(
         &mut self,
         key: &str,
-        raw: &Written,
+        raw: &Value,
         source: &str,
         place: &Place<'_>,
     ) -> Result<(), OptionsError> {
         let Some(setting) = registry::find(key) else {
-            let unknown = |nearest| OptionsError::UnknownKey {
-                place: place.to_string(),
-                key: key.escape_debug().to_string(),
-                nearest,
-            };
-            return Err(match registry::section_keys(key) {
-                keys if keys.is_empty() => unknown(registry::nearest(key, *raw == Written::Other)),
-                keys => OptionsError::Conflict(format!(
-                    "{place}: {key} = {}: `{key}` is a section; its settings are {}",
-                    shown_value(source),
-                    keys.join(", ")
-                )),
-            });
+            return Err(unknown(key, raw, source, place));
         };
-        let value = checked(setting, raw).ok_or_else(|| match place {
-            Place::Flag(flag) => OptionsError::BadFlag {
-                flag,
-                value: quoted(source),
-                reason: format!("must be {}", setting.kind.allowed()),
-            },
-            _ => OptionsError::BadSetting {
-                place: place.to_string(),
-                key: setting.key,
-                value: shown_value(source),
-                allowed: setting.kind.allowed(),
-            },
-        })?;
-        self.write(setting.key, value);
+        if !setting.put(&mut self.settings, raw) {
+            let allowed = setting.kind.allowed();
+            return Err(match place {
+                Place::Flag(flag) => OptionsError::BadFlag {
+                    flag: (*flag).to_owned(),
+                    value: quoted(source),
+                    reason: format!("must be {allowed}"),
+                },
+                _ => OptionsError::BadSetting {
+                    place: place.to_string(),
+                    key: setting.key,
+                    value: shown_value(source),
+                    allowed,
+                },
+            });
+        }
         if !self.is_set(setting.key) {
             self.changed.push(setting.key);
         }
@@ -254,16 +207,59 @@ impl Layers {
     /// The settings.
     ///
     /// # Errors
-    /// Only if the registry and [`Settings`] disagree, which a test rules out.
+    /// [`OptionsError::Conflict`] if some do not go together.
     pub fn finish(self) -> Result<Settings, OptionsError> {
-        let settings: Settings = serde_json::from_value(self.tree)
-            .map_err(|error| OptionsError::Conflict(format!("settings: {error}")))?;
-        settings
+        self.settings
             .photon
             .check_gather()
             .map_err(OptionsError::Conflict)?;
-        Ok(settings)
+        Ok(self.settings)
     }
+}
+
+/// Keys of the settings under a section, such as `photon`; empty if there is no such section.
+fn keys_of(section: &str) -> Vec<&'static str> {
+    let keys = registry::all().map(|setting| setting.key);
+    keys.filter(|key| key.split_once('.').is_some_and(|(own, _)| own == section))
+        .collect()
+}
+
+/// What is wrong with a key that no setting has.
+fn unknown(key: &str, raw: &Value, source: &str, place: &Place<'_>) -> OptionsError {
+    match keys_of(key) {
+        keys if keys.is_empty() => OptionsError::UnknownKey {
+            place: place.to_string(),
+            key: key.escape_debug().to_string(),
+            nearest: nearest(key, raw.is_object()),
+        },
+        keys => OptionsError::Conflict(format!(
+            "{place}: {key} = {}: `{key}` is a section; its settings are {}",
+            shown_value(source),
+            keys.join(", ")
+        )),
+    }
+}
+
+/// The known key most like an unknown one; `section` looks among the sections' names as well.
+fn nearest(unknown: &str, section: bool) -> &'static str {
+    let score = |known: &str| {
+        let whole = strsim::normalized_damerau_levenshtein(unknown, known);
+        // `radius_m` should find `photon.radius_m`; a little less sure than the same words in full.
+        let leaf = known.rsplit('.').next().map_or(0.0, |leaf| {
+            0.9 * strsim::normalized_damerau_levenshtein(unknown, leaf)
+        });
+        whole.max(leaf)
+    };
+    let sections = registry::sections().iter().map(registry::Section::name);
+    let sections = sections.filter(|name| section && !name.is_empty());
+    let mut best = ("scene", -1.0);
+    for known in registry::all().map(|setting| setting.key).chain(sections) {
+        let likeness = score(known);
+        if likeness > best.1 {
+            best = (known, likeness);
+        }
+    }
+    best.0
 }
 
 fn shown_path(path: &Path) -> String {
@@ -291,101 +287,37 @@ fn line_of(bytes: &[u8], offset: usize) -> usize {
 }
 
 /// The value of `--set` or a flag: TOML if it parses as that, else bare text.
-fn loose(text: &str) -> Written {
+fn loose(text: &str) -> Value {
     if let Ok(value) = DeValue::parse(text) {
-        return written(value.get_ref());
+        return json_of(value.get_ref());
     }
     // TOML refuses `.5` and `5.`, which people type.
     match text.parse::<f64>() {
-        Ok(number) if text.starts_with(|c: char| !c.is_alphabetic()) => Written::Real(number),
-        _ => Written::Text(text.to_owned()),
+        Ok(number) if text.starts_with(|c: char| !c.is_alphabetic()) => real(number),
+        _ => Value::from(text),
     }
 }
 
-fn written(value: &DeValue<'_>) -> Written {
+/// A TOML value as JSON. What no setting takes is an empty object: a table, a date, a number beyond its type.
+fn json_of(value: &DeValue<'_>) -> Value {
+    let none = || Value::Object(serde_json::Map::new());
     match value {
-        DeValue::String(text) => Written::Text(text.to_string()),
-        DeValue::Integer(number) => i128::from_str_radix(number.as_str(), number.radix())
-            .map_or(Written::Other, Written::Whole),
-        DeValue::Float(number) => number
-            .as_str()
-            .parse()
-            .map_or(Written::Other, Written::Real),
-        DeValue::Boolean(value) => Written::Bool(*value),
-        DeValue::Array(list) => {
-            Written::List(list.iter().map(|item| written(item.get_ref())).collect())
+        DeValue::String(text) => Value::from(&**text),
+        DeValue::Integer(number) => {
+            let whole = i128::from_str_radix(number.as_str(), number.radix()).ok();
+            whole
+                .and_then(serde_json::Number::from_i128)
+                .map_or_else(none, Value::Number)
         }
-        DeValue::Datetime(_) | DeValue::Table(_) => Written::Other,
+        DeValue::Float(number) => number.as_str().parse().map_or_else(|_| none(), real),
+        DeValue::Boolean(value) => Value::from(*value),
+        DeValue::Array(list) => list.iter().map(|item| json_of(item.get_ref())).collect(),
+        DeValue::Datetime(_) | DeValue::Table(_) => none(),
     }
 }
 
-fn written_json(value: &Value) -> Written {
-    match value {
-        Value::Bool(value) => Written::Bool(*value),
-        Value::String(text) => Written::Text(text.clone()),
-        Value::Number(number) => match (number.as_i64(), number.as_u64(), number.as_f64()) {
-            (Some(whole), ..) => Written::Whole(whole.into()),
-            (_, Some(whole), _) => Written::Whole(whole.into()),
-            (.., Some(real)) => Written::Real(real),
-            _ => Written::Other,
-        },
-        Value::Array(list) => Written::List(list.iter().map(written_json).collect()),
-        Value::Null | Value::Object(_) => Written::Other,
-    }
-}
-
-/// The value as JSON if the setting takes it.
-fn checked(setting: &Setting, raw: &Written) -> Option<Value> {
-    match (setting.kind, raw) {
-        (Kind::Bool, Written::Bool(value)) => Some(Value::from(*value)),
-        (Kind::Whole { min, max }, Written::Whole(value)) => {
-            let value = u64::try_from(*value).ok()?;
-            (min..=max).contains(&value).then(|| Value::from(value))
-        }
-        (
-            Kind::Real {
-                min,
-                max,
-                inclusive,
-            },
-            Written::Whole(_) | Written::Real(_),
-        ) => {
-            let value = match raw {
-                Written::Whole(value) => *value as f64,
-                Written::Real(value) => *value,
-                _ => return None,
-            };
-            let inside = if inclusive {
-                min <= value && value <= max
-            } else {
-                min < value && value < max
-            };
-            // `-0` is zero, and `inside` is false for NaN.
-            inside.then(|| Value::from(value + 0.0))
-        }
-        (Kind::Choice(words), Written::Text(text)) => words
-            .contains(&text.as_str())
-            .then(|| Value::from(text.as_str())),
-        // `force.glossy=off` is text, yet TOML has no bare words; `true` and `false` are near misses worth refusing.
-        (Kind::Text { empty }, Written::Text(text)) => {
-            let usable = (empty || !text.trim().is_empty()) && !text.contains('\0');
-            usable.then(|| Value::from(text.as_str()))
-        }
-        (Kind::Size { max }, Written::Text(text)) => sized(numbers::size(text)?, max),
-        (Kind::Size { max }, Written::List(list)) => match list.as_slice() {
-            [Written::Whole(width), Written::Whole(height)] => sized(
-                [u64::try_from(*width).ok()?, u64::try_from(*height).ok()?],
-                max,
-            ),
-            _ => None,
-        },
-        _ => None,
-    }
-}
-
-fn sized(size: [u64; 2], max: u32) -> Option<Value> {
-    let inside = size
-        .iter()
-        .all(|&side| (1..=u64::from(max)).contains(&side));
-    inside.then(|| Value::from(size.to_vec()))
+/// A number as JSON; one that is not finite is no value of any setting.
+fn real(number: f64) -> Value {
+    serde_json::Number::from_f64(number)
+        .map_or_else(|| Value::Object(serde_json::Map::new()), Value::Number)
 }

@@ -1,33 +1,29 @@
 //! Flags and settings files into validated options.
 //!
-//! A command line passes three stations: [`cli::parse`] reads the flags as typed, [`layers::Layers`] puts the settings
-//! of a config file, `--set` and flags over the defaults and checks each against [`registry`], and [`resolve()`] checks
-//! what concerns several flags together. Nothing is opened or made before all of that has passed, but for the config
-//! file.
+//! A command line passes three stations in [`parse`]: each flag's own check, [`layers::Layers`], which puts the settings
+//! of a config file, `--set` and flags over the defaults and checks each against the
+//! [registry](crate::settings::registry), and the checks of what concerns several flags together. Nothing is opened or
+//! made before all of that has passed, but for the config file.
 
-pub mod cli;
-mod kinds;
+mod checks;
+mod cli;
 pub mod layers;
-pub mod numbers;
-pub mod reconstruct;
-pub mod registry;
-pub mod resolve;
+mod parse;
 mod save;
-mod sections;
-pub mod settings;
+mod setting_flags;
+mod values;
 
-pub use cli::{Cli, EarlyExit, Eyes, SessionChoice, Suite, TraceUp, parse};
-pub use numbers::{FovAngles, HeadPose};
-pub use reconstruct::ReconstructSettings;
-pub use resolve::{
-    BenchOptions, CompareOptions, InfoOptions, Options, RenderOptions, RunOptions, TraceBody,
-    TraceOptions, ViewOptions, resolve,
+pub use crate::settings;
+pub use crate::settings::{
+    DirectLight, Eyes, Force, Kernel, Loads, Method, Motion, PathSettings, PhotonEstimate,
+    ReconstructSettings, Reuse, Sampler, Schedule, Search, Settings, Technique,
 };
-pub use save::Extent;
-pub use settings::{
-    DirectLight, Force, Kernel, Loads, Method, Motion, PathSettings, PhotonEstimate, Reuse,
-    Sampler, Schedule, Search, Settings, Technique,
+pub use cli::{
+    BenchOptions, CompareOptions, InfoOptions, Options, PoseOptions, RenderOptions, RunOptions,
+    SessionChoice, SessionOptions, SharedOptions, Suite, TraceOptions, ViewOptions,
 };
+pub use parse::{EarlyExit, parse};
+pub use save::{Extent, example_toml};
 
 /// Unusable flags or settings; each message is one line. Exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -76,7 +72,7 @@ pub enum OptionsError {
     #[error("{flag} {value}: {reason}")]
     BadFlag {
         /// The flag.
-        flag: &'static str,
+        flag: String,
         /// The value as given, quoted.
         value: String,
         /// What is wrong and what is allowed.

@@ -1,15 +1,16 @@
 //! Settings written as a TOML file that `--config` reads, and changed one by one, as a panel does.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::OptionsError;
 use super::layers::Layers;
-use super::registry::{self, SETTINGS};
-use super::settings::Settings;
-use crate::scene::write_beside;
+use crate::files::write_beside;
+use crate::settings::registry::{self, Setting};
+use crate::settings::{BuiltinScene, Choice as _, Settings};
 
 /// Which settings a file holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,38 +25,65 @@ pub enum Extent {
 /// Settings whose text is a path.
 const PATHS: [&str; 2] = ["environment.path", "gpu.shader_folder"];
 
+/// Size that `config/example.toml` shows, where the default is the headset's.
+const EXAMPLE_SIZE: [u32; 2] = [512, 512];
+
+const EXAMPLE_HEAD: &str = "\
+# Settings of stereolux, each with its default: a copy of this file, with some lines uncommented, goes to --config FILE.
+# Flags win over --set, --set over this file; an unknown key is an error that names the nearest known one.
+# Keys before the first [section] must stay there: TOML puts what follows a section's head into the section.
+# Embedded scenes, builtin:NAME each, are";
+
+/// The text of `config/example.toml`: every setting with its explanation, its default commented out.
+#[must_use]
+pub fn example_toml() -> String {
+    let mut text = format!("{EXAMPLE_HEAD} {}.\n", BuiltinScene::WORDS.join(", "));
+    for section in registry::sections() {
+        let _ = match section.name() {
+            "" => writeln!(text, "\n# {}", section.title),
+            name => writeln!(text, "\n# {}\n[{name}]", section.title),
+        };
+        for setting in section.settings() {
+            let default = match setting.default_value() {
+                Value::Null => json!(EXAMPLE_SIZE),
+                default => default,
+            };
+            if let Some(line) = toml_line(setting, &default, "#") {
+                text.push_str(&line);
+            }
+        }
+    }
+    text
+}
+
+/// A setting in a file, after `mark`, below a comment of what it is, its unit and range; `None` if it is unset.
+fn toml_line(setting: &Setting, value: &Value, mark: &str) -> Option<String> {
+    let key = setting.key.rsplit('.').next()?;
+    let written = toml_value(value)?;
+    let (doc, range) = (setting.doc, setting.range());
+    Some(format!("\n# {doc} ({range})\n{mark}{key} = {written}\n"))
+}
+
 impl Settings {
     /// The settings as TOML: by section, in the registry's order, each below a comment of what it is, its unit and range.
     /// [`Layers::add_toml`] reads equal settings back. Paths are written as they are; see [`Settings::with_paths_in`].
     #[must_use]
     pub fn to_toml(&self, extent: Extent) -> String {
         let mut text = String::from("# Settings of stereolux, for --config.\n");
-        let mut section = "";
-        for setting in SETTINGS {
-            let value = registry::value_of(self, setting.key);
-            let is_default = value == registry::default_of(setting.key);
-            let Some(written) = toml_value(&value) else {
-                continue;
-            };
-            if is_default && extent == Extent::Changed {
-                continue;
+        for section in registry::sections() {
+            let lines: String = section
+                .settings()
+                .map(|setting| (setting, setting.value(self)))
+                .filter(|(setting, value)| {
+                    extent == Extent::All || *value != setting.default_value()
+                })
+                .filter_map(|(setting, value)| toml_line(setting, &value, ""))
+                .collect();
+            if !lines.is_empty() && !section.name().is_empty() {
+                // Writing to a String cannot fail.
+                let _ = write!(text, "\n[{}]", section.name());
             }
-            let (own, key) = setting.key.rsplit_once('.').unwrap_or(("", setting.key));
-            // Writing to a String cannot fail.
-            if own != section {
-                let _ = write!(text, "\n[{own}]");
-                section = own;
-            }
-            let unit = match setting.unit {
-                "" => String::new(),
-                unit => format!("{unit}, "),
-            };
-            let allowed = setting.kind.allowed();
-            let _ = write!(
-                text,
-                "\n# {} ({unit}{allowed})\n{key} = {written}\n",
-                setting.doc
-            );
+            text.push_str(&lines);
         }
         text
     }
@@ -94,7 +122,7 @@ impl Settings {
         };
         let folder = std::env::current_dir().map_err(unwritable)?;
         let text = self.with_paths_in(&folder).to_toml(extent);
-        write_beside(path, text.as_bytes()).map_err(unwritable)
+        write_beside(path, |out| out.write_all(text.as_bytes())).map_err(unwritable)
     }
 
     /// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.
@@ -106,12 +134,6 @@ impl Settings {
         let mut layers = Layers::of(self);
         layers.add_value(key, value)?;
         layers.finish()
-    }
-
-    /// The value under a dotted key, `null` where it is unset or no such setting exists.
-    #[must_use]
-    pub fn value(&self, key: &str) -> Value {
-        registry::value_of(self, key)
     }
 
     /// Whether a setting's text is the path of a file or folder.

@@ -1,9 +1,9 @@
 //! What the shaders of a scene's frames are specialised by, and what follows from that. No device is needed to know.
 
-use crate::gpu::features::{PerFeature, ShaderFeatures};
-use crate::options::settings::ForceSettings;
+use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
 use crate::options::{DirectLight, Force, Method, Reuse, Sampler, Schedule, Settings, Technique};
 use crate::scene::Needs;
+use crate::settings::ForceSettings;
 
 /// Shader features for what a scene needs, with the settings' forces applied.
 pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
@@ -46,7 +46,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
         environment: force.environment,
         caustics: force.caustics,
         record_texels: force.record_texels,
-        ..PerFeature::default()
+        ..WORDS.zip(WORDS, |_, _| Force::Auto)
     }
 }
 

@@ -42,7 +42,8 @@ pub use mesh_statistics::SceneStatistics;
 pub use needs::{LeftOut, Motion, Needs};
 pub use player::Player;
 pub use pose::ScenePose;
-pub(crate) use save::write_beside;
+
+use crate::pose::Pose;
 
 /// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
 ///
@@ -236,15 +237,6 @@ impl Bounds {
     }
 }
 
-/// A rigid placement in the world: `world_from_head`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose64 {
-    /// Position in metres.
-    pub position: DVec3,
-    /// Unit quaternion; identity looks along -Z with +Y up.
-    pub orientation: DQuat,
-}
-
 impl Scene {
     /// Reads a `.gltf` or `.glb` file with everything it refers to.
     ///
@@ -419,35 +411,32 @@ impl Scene {
             .sum()
     }
 
-    /// Where the head starts: the pose of the first glTF camera as it stands, else a level pose outside the scene,
+    /// Where the head starts, `world_from_head`: the pose of the first glTF camera as it stands, else a level pose outside the scene,
     /// slightly above its middle and looking along -Z, from which it fits into +-45 degrees.
-    pub fn start_pose(&self) -> Pose64 {
+    pub fn start_pose(&self) -> Pose {
         self.camera_pose().unwrap_or_else(|| self.framing_pose())
     }
 
     /// Pose of the placed camera with the least camera index (scaling taken out).
-    fn camera_pose(&self) -> Option<Pose64> {
+    fn camera_pose(&self) -> Option<Pose> {
         let (_, world_from_camera) = self
             .placed_nodes()
             .into_iter()
             .filter_map(|(node, world_from_node)| Some((self.nodes[node].camera?, world_from_node)))
             .min_by_key(|(camera, _)| *camera)?;
-        Some(Pose64 {
+        Some(Pose {
             position: world_from_camera.translation,
             orientation: rotation_of(world_from_camera.matrix3),
         })
     }
 
-    fn framing_pose(&self) -> Pose64 {
+    fn framing_pose(&self) -> Pose {
         /// How far above the middle the eye stands, as a share of the height.
         const LIFT: f64 = 0.1;
         /// Room between the picture's border and the scene.
         const MARGIN: f64 = 1.05;
         let Some(bounds) = self.bounds_in_world() else {
-            return Pose64 {
-                position: DVec3::ZERO,
-                orientation: DQuat::IDENTITY,
-            };
+            return Pose::IDENTITY;
         };
         let size = bounds.size();
         // The nearest face fills most of the view; tan(45 deg) = 1, so the distance is the half extent seen.
@@ -458,7 +447,7 @@ impl Scene {
             1.0
         };
         let center = bounds.center();
-        Pose64 {
+        Pose {
             position: DVec3::new(center.x, center.y + LIFT * size.y, bounds.max.z + distance),
             orientation: DQuat::IDENTITY,
         }

@@ -17,9 +17,9 @@ use super::session::{Player, Recording};
 use super::textures::Pictures;
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
-use crate::options::settings::EnvironmentSettings;
 use crate::options::{Extent, Settings};
 use crate::scene::edit::{Document, Edit};
+use crate::settings::EnvironmentSettings;
 use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.

@@ -311,16 +311,12 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
 
 /// A few words on settings.
 fn summary(settings: &crate::options::Settings) -> String {
-    let word = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
-    let method = serde_json::to_value(settings.method)
-        .map(word)
-        .unwrap_or_default();
     let filtered = if settings.reconstruct.is_on() {
         ", filtered"
     } else {
         ""
     };
-    format!("{method}, {} spp{filtered}", settings.spp)
+    format!("{}, {} spp{filtered}", settings.method, settings.spp)
 }
 
 fn note(painter: &Painter, area: Rect, text: &str) {

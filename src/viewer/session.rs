@@ -199,8 +199,7 @@ mod tests {
 
     fn recording(frames: u64) -> Recording {
         let headset = Headset::load("symmetric").unwrap();
-        let mut session =
-            SimulatedSession::new(headset, Motion::YawSweep, Pose::IDENTITY, Some(frames));
+        let mut session = SimulatedSession::new(headset, Motion::Yaw, Pose::IDENTITY, Some(frames));
         Recording::of(&mut session).unwrap()
     }
 

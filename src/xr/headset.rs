@@ -5,6 +5,7 @@
 
 use super::view::{Fov, Pose, View};
 use super::{InputError, XrError, validation};
+use crate::settings::registry::MAX_SIZE;
 use glam::{DQuat, DVec3, EulerRot};
 use serde::Deserialize;
 use std::ops::Range;
@@ -24,10 +25,6 @@ const PROFILES: [(&str, &str); 4] = [
 
 /// A profile is a page of text; anything larger is some other file.
 const MAX_FILE_BYTES: u64 = 1 << 20;
-
-/// Pixels per side that a profile or a flag may ask for; the largest texture that wgpu offers by default
-/// is 8192, and twice that is beyond any headset.
-const MAX_SIDE: u32 = 16384;
 
 /// One eye of a headset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -167,19 +164,12 @@ impl Headset {
         Ok(self)
     }
 
-    /// The same field of view for both eyes (degrees, signed as OpenXR signs them), with parallel eyes:
-    /// replaces the profile's angles, eye offsets and cant. The distance between the eyes stays.
+    /// The same field of view for both eyes, with parallel eyes: replaces the profile's angles, eye offsets and cant. The
+    /// distance between the eyes stays.
     ///
     /// # Errors
     /// Angles out of order or beyond +-89 degrees.
-    pub fn with_fov(
-        mut self,
-        left_deg: f64,
-        right_deg: f64,
-        up_deg: f64,
-        down_deg: f64,
-    ) -> Result<Self, XrError> {
-        let fov = Fov::from_degrees(left_deg, right_deg, up_deg, down_deg);
+    pub fn with_fov(mut self, fov: Fov) -> Result<Self, XrError> {
         validation::check_fov(&fov)
             .map_err(|fault| super::ArgumentError(format!("field of view, {fault}")))?;
         for eye in &mut self.eyes {
@@ -194,9 +184,9 @@ impl Headset {
     /// # Errors
     /// A side is 0 or over 16,384.
     pub fn with_size(mut self, width: u32, height: u32) -> Result<Self, XrError> {
-        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+        if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
             return Err(super::ArgumentError(format!(
-                "size {width}x{height}: each side must be between 1 and {MAX_SIDE} pixels"
+                "size {width}x{height}: each side must be between 1 and {MAX_SIZE} pixels"
             ))
             .into());
         }
@@ -228,8 +218,8 @@ impl Headset {
     }
 }
 
-/// Human IPDs end at 80 mm (Dodgson 2004); experiments may go far beyond, a metre is a mistaken unit.
-const MAX_IPD_M: f64 = 1.0;
+/// Largest distance between the eyes, metres. Human IPDs end at 80 mm (Dodgson 2004); experiments may go far beyond, a metre is a mistaken unit.
+pub const MAX_IPD_M: f64 = 1.0;
 
 /// Refresh rates that make sense, hertz; written by hand or not, they divide a second.
 pub(super) const REFRESH_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
@@ -287,8 +277,8 @@ impl ProfileToml {
             return Err(fault(self.name.span(), "name", "is empty".into()));
         }
         let size = *self.size.get_ref();
-        if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
-            let what = format!("each side must be between 1 and {MAX_SIDE} pixels");
+        if size.iter().any(|side| !(1..=MAX_SIZE).contains(side)) {
+            let what = format!("each side must be between 1 and {MAX_SIZE} pixels");
             return Err(fault(self.size.span(), "size", what));
         }
         let ipd_m = *self.ipd_m.get_ref();

@@ -48,10 +48,12 @@ pub use headset::Headset;
 pub use hidden_area::HiddenArea;
 pub use recorder::Recorder;
 pub use replay::{ReplayOptions, ReplaySession};
-pub use simulated::{Motion, SimulatedSession};
+pub use simulated::SimulatedSession;
 pub use trajectory::{TraceBody, TraceUp};
 pub use validation::Validated;
 pub use view::{Fov, Pose, RayInWorld, Tangents, View};
+
+pub use crate::settings::Motion;
 
 use glam::DVec3;
 

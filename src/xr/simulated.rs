@@ -8,30 +8,12 @@
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::view::Pose;
 use super::{
-    ArgumentError, FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo,
-    XrError, XrSession,
+    FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo, XrError,
+    XrSession,
 };
+use crate::settings::Motion;
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
-use std::fmt;
-use std::str::FromStr;
-
-/// How the simulated head moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Motion {
-    /// Not at all.
-    Still,
-    /// Turns left and right by [`YAW_SWEEP_RAD`] every [`YAW_SWEEP_PERIOD_S`].
-    YawSweep,
-    /// Walks [`WALK_LENGTH_M`] ahead and back every [`WALK_PERIOD_S`], with the head bobbing by
-    /// [`WALK_BOB_M`] at step rate.
-    Walk,
-    /// A person who stands and looks around: band-limited noise, different for each seed.
-    Sway {
-        /// Picks the noise.
-        seed: u64,
-    },
-}
 
 /// Yaw sweep amplitude: 30 degrees to each side, radians.
 pub const YAW_SWEEP_RAD: f64 = TAU / 12.0;
@@ -54,40 +36,6 @@ pub const SWAY_POSITION_M: f64 = 0.03;
 pub const SWAY_ANGLES_RAD: [f64; 3] = [TAU / 45.0, TAU / 90.0, TAU / 180.0];
 /// Sines per noise channel.
 const SINES: usize = 6;
-
-impl fmt::Display for Motion {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Still => f.write_str("still"),
-            Self::YawSweep => f.write_str("yaw-sweep"),
-            Self::Walk => f.write_str("walk"),
-            Self::Sway { seed } => write!(f, "sway, seed {seed}"),
-        }
-    }
-}
-
-impl FromStr for Motion {
-    type Err = ArgumentError;
-
-    /// Reads `still`, `yaw-sweep`, `walk`, `sway` or `sway:SEED`.
-    fn from_str(text: &str) -> Result<Self, ArgumentError> {
-        match text {
-            "still" => Ok(Self::Still),
-            "yaw-sweep" => Ok(Self::YawSweep),
-            "walk" => Ok(Self::Walk),
-            "sway" => Ok(Self::Sway { seed: 0 }),
-            _ => text
-                .strip_prefix("sway:")
-                .and_then(|seed| seed.parse().ok())
-                .map(|seed| Self::Sway { seed })
-                .ok_or_else(|| {
-                    ArgumentError(format!(
-                        "unknown motion {text:?}; known: still, yaw-sweep, walk, sway, sway:SEED"
-                    ))
-                }),
-        }
-    }
-}
 
 /// Displacement and turn of the head against its start pose.
 #[derive(Clone, Copy, Debug, Default)]
@@ -151,6 +99,19 @@ impl SplitMix64 {
     }
 }
 
+fn source(motion: Motion, seed: u64) -> String {
+    match motion {
+        Motion::Sway => format!("simulated ({motion}, seed {seed})"),
+        _ => format!("simulated ({motion})"),
+    }
+}
+
+/// Noise of x, y, z, yaw, pitch and roll.
+fn sway_noise(seed: u64) -> [Noise; 6] {
+    let mut random = SplitMix64(seed);
+    std::array::from_fn(|_| Noise::new(&mut random))
+}
+
 /// A simulated headset: display times at the profile's refresh rate from 0 on, head poses from a
 /// [`Motion`].
 #[derive(Debug)]
@@ -168,17 +129,13 @@ pub struct SimulatedSession {
 }
 
 impl SimulatedSession {
-    /// A head that starts at `start` (world from head) and ends after `frame_limit` frames, or never.
+    /// A head that starts at `start` (world from head) and ends after `frame_limit` frames, or never. Its sway is that of
+    /// seed 0.
     #[must_use]
     pub fn new(headset: Headset, motion: Motion, start: Pose, frame_limit: Option<u64>) -> Self {
-        let seed = match motion {
-            Motion::Sway { seed } => seed,
-            _ => 0,
-        };
-        let mut random = SplitMix64(seed);
         Self {
             info: SessionInfo {
-                source: format!("simulated ({motion})"),
+                source: source(motion, 0),
                 headset: headset.name.clone(),
                 refresh_hz: headset.refresh_hz,
                 recommended_size: Some(headset.size),
@@ -187,12 +144,20 @@ impl SimulatedSession {
             headset,
             motion,
             start,
-            noise: std::array::from_fn(|_| Noise::new(&mut random)),
+            noise: sway_noise(0),
             frame_limit,
             next_frame: 0,
             order: FrameOrder::default(),
             pacer: Pacer::new(Pacing::AsFastAsPossible),
         }
+    }
+
+    /// Another sway for each seed; the other motions have no chance in them.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.noise = sway_noise(seed);
+        self.info.source = source(self.motion, seed);
+        self
     }
 
     /// Frames at once (the default) or when they are due.
@@ -220,7 +185,7 @@ impl SimulatedSession {
     fn offset_at(&self, seconds: f64) -> Offset {
         match self.motion {
             Motion::Still => Offset::default(),
-            Motion::YawSweep => Offset {
+            Motion::Yaw => Offset {
                 yaw_rad: YAW_SWEEP_RAD * (TAU / YAW_SWEEP_PERIOD_S * seconds).sin(),
                 ..Offset::default()
             },
@@ -235,7 +200,7 @@ impl SimulatedSession {
                     ..Offset::default()
                 }
             }
-            Motion::Sway { .. } => {
+            Motion::Sway => {
                 let [x, y, z, yaw, pitch, roll] = &self.noise;
                 let displacement = DVec3::new(x.at(seconds), y.at(seconds), z.at(seconds));
                 Offset {

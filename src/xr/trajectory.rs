@@ -16,20 +16,21 @@
 
 use super::text_lines::{self, Line, TextLines};
 use super::view::Pose;
-use super::{ArgumentError, InputError, validation};
+use super::{InputError, validation};
+use crate::settings::choices::choices;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 use std::io::BufRead;
 use std::path::Path;
-use std::str::FromStr;
 
-/// Which axis of a recording's world points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TraceUp {
-    /// +Y, as in OpenXR.
-    Y,
-    /// +Z, as in robotics.
-    Z,
+choices! {
+    /// The axis that points up in a recording's world.
+    pub enum TraceUp {
+        /// +Y, as in OpenXR and glTF
+        Y = "y",
+        /// +Z, as in TUM and EuRoC recordings
+        Z = "z",
+    }
 }
 
 impl TraceUp {
@@ -39,21 +40,6 @@ impl TraceUp {
         match self {
             Self::Y => DQuat::IDENTITY,
             Self::Z => DQuat::from_rotation_x(-FRAC_PI_2),
-        }
-    }
-}
-
-impl FromStr for TraceUp {
-    type Err = ArgumentError;
-
-    /// Reads `y` or `z`.
-    fn from_str(text: &str) -> Result<Self, ArgumentError> {
-        match text {
-            "y" | "Y" => Ok(Self::Y),
-            "z" | "Z" => Ok(Self::Z),
-            _ => Err(ArgumentError(format!(
-                "unknown up axis {text:?}; the recording's world is y-up or z-up: y or z"
-            ))),
         }
     }
 }
@@ -84,32 +70,6 @@ impl TraceBody {
             // Half a turn about x: diag(1, -1, -1).
             Self::Optical => DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
             Self::Quaternion(eye_from_body) => eye_from_body.conjugate(),
-        }
-    }
-}
-
-impl FromStr for TraceBody {
-    type Err = ArgumentError;
-
-    /// Reads `openxr`, `optical` or `qx qy qz qw` (eye from body).
-    fn from_str(text: &str) -> Result<Self, ArgumentError> {
-        match text {
-            "openxr" => return Ok(Self::OpenXr),
-            "optical" => return Ok(Self::Optical),
-            _ => {}
-        }
-        let numbers: Option<Vec<f64>> = text
-            .split(|c: char| c == ',' || c.is_whitespace())
-            .filter(|word| !word.is_empty())
-            .map(|word| word.parse().ok())
-            .collect();
-        match numbers.as_deref() {
-            Some([x, y, z, w]) => validation::unit_quaternion(*x, *y, *z, *w)
-                .map(Self::Quaternion)
-                .map_err(|what| ArgumentError(format!("trace body {text:?}: {what}"))),
-            _ => Err(ArgumentError(format!(
-                "unknown trace body {text:?}; known: openxr, optical, or a quaternion \"qx qy qz qw\" (eye from body)"
-            ))),
         }
     }
 }

@@ -6,104 +6,13 @@
 //! view is symmetric or that the eyes are parallel. These functions are the f64 twin of the shaders'
 //! projection and the judge of every reprojected pixel.
 
-use super::ArgumentError;
-use super::validation;
+pub use crate::pose::Pose;
+
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
-use std::str::FromStr;
 
 /// Points nearer than this to the eye's plane, or behind it, are not visible; metres. Small enough for
 /// scenes a millimetre across, large enough that tangents stay finite in f32.
 pub const NEAR_M: f64 = 1e-6;
-
-/// A rigid pose: the frame that it places, seen from the frame that it is placed in.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Origin, metres.
-    pub position: DVec3,
-    /// Unit quaternion; rotates vectors of the placed frame into the outer one.
-    pub orientation: DQuat,
-}
-
-impl Pose {
-    /// At the origin, unrotated.
-    pub const IDENTITY: Self = Self {
-        position: DVec3::ZERO,
-        orientation: DQuat::IDENTITY,
-    };
-
-    /// A pose from its parts; `orientation` must have unit length.
-    #[must_use]
-    pub fn new(position: DVec3, orientation: DQuat) -> Self {
-        Self {
-            position,
-            orientation,
-        }
-    }
-
-    /// `self` after `inner`: `a_from_c = a_from_b.then(b_from_c)`.
-    #[must_use]
-    pub fn then(&self, inner: &Self) -> Self {
-        Self {
-            position: self.position + self.orientation * inner.position,
-            orientation: self.orientation * inner.orientation,
-        }
-    }
-
-    /// Heading about +Y, radians in (-pi, pi]: 0 looks along -Z, positive turns left. A gaze straight up
-    /// or down has no heading of its own; there the direction that the top of the head points to (down)
-    /// or away from (up) stands in, which is the limit of tilting the head from the horizon.
-    #[must_use]
-    pub fn heading_rad(&self) -> f64 {
-        let forward = self.orientation * DVec3::NEG_Z;
-        // 1e-6: within 0.2 arc seconds of vertical the horizontal part is mostly rounding of the input.
-        let level = if forward.x.hypot(forward.z) > 1e-6 {
-            forward
-        } else {
-            (self.orientation * DVec3::Y) * -forward.y.signum()
-        };
-        (-level.x).atan2(-level.z)
-    }
-}
-
-impl FromStr for Pose {
-    type Err = ArgumentError;
-
-    /// Reads `x y z qx qy qz qw` (metres, quaternion within 1e-3 of unit length).
-    fn from_str(text: &str) -> Result<Self, ArgumentError> {
-        let v = numbers::<7>(text, "a pose is \"x y z qx qy qz qw\"")?;
-        let orientation = validation::unit_quaternion(v[3], v[4], v[5], v[6])
-            .map_err(|what| ArgumentError(format!("pose {text:?}: {what}")))?;
-        Ok(Self::new(DVec3::new(v[0], v[1], v[2]), orientation))
-    }
-}
-
-/// Exactly `N` finite numbers, separated by spaces or commas.
-fn numbers<const N: usize>(text: &str, shape: &str) -> Result<[f64; N], ArgumentError> {
-    let mut values = [0.0; N];
-    let mut count = 0;
-    for word in text
-        .split(|c: char| c == ',' || c.is_whitespace())
-        .filter(|w| !w.is_empty())
-    {
-        let value = word.parse::<f64>().ok().filter(|v| v.is_finite());
-        let Some(value) = value else {
-            return Err(ArgumentError(format!(
-                "{word:?} is not a finite number; {shape}"
-            )));
-        };
-        if let Some(slot) = values.get_mut(count) {
-            *slot = value;
-        }
-        count += 1;
-    }
-    if count == N {
-        Ok(values)
-    } else {
-        Err(ArgumentError(format!(
-            "{text:?} holds {count} numbers, not {N}; {shape}"
-        )))
-    }
-}
 
 /// Four angles of a view frustum from the eye's -Z axis, radians, signed as OpenXR signs them: left and
 /// down are negative for an eye that sees straight ahead (XrFovf).
@@ -120,7 +29,7 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// From degrees. Not checked; see [`validation::check_fov`].
+    /// From degrees. Not checked; see [`super::validation::check_fov`].
     #[must_use]
     pub fn from_degrees(left: f64, right: f64, up: f64, down: f64) -> Self {
         Self {
@@ -140,22 +49,6 @@ impl Fov {
             up: self.angle_up.tan(),
             down: self.angle_down.tan(),
         }
-    }
-}
-
-impl FromStr for Fov {
-    type Err = ArgumentError;
-
-    /// Reads `left right up down` in degrees, signed as OpenXR signs them, and checks them.
-    fn from_str(text: &str) -> Result<Self, ArgumentError> {
-        let v = numbers::<4>(
-            text,
-            "a field of view is \"left right up down\" in degrees, left and down negative",
-        )?;
-        let fov = Self::from_degrees(v[0], v[1], v[2], v[3]);
-        validation::check_fov(&fov)
-            .map_err(|fault| ArgumentError(format!("field of view {text:?}: {fault}")))?;
-        Ok(fov)
     }
 }
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use stereolux::options::settings::ForceSettings;
 use stereolux::options::{Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::ForceSettings;
 
 use super::bvh_probe::features;
 use super::support::{

@@ -11,11 +11,11 @@ use stereolux::gpu::kernel::ROW_GROUPS;
 use stereolux::gpu::texels::ROW_TEXELS;
 use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::options::registry::{self, Kind};
 use stereolux::renderer::photon_map;
 use stereolux::renderer::photon_map::KD_TURNS_PER_SLICE;
 use stereolux::renderer::records::stereo::{self, Provenance};
 use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
+use stereolux::settings::registry::{self, Kind};
 
 use super::shaders::every_feature;
 

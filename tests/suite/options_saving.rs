@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use stereolux::options::layers::Layers;
-use stereolux::options::registry::{self, Kind, SETTINGS, sections};
-use stereolux::options::{Extent, Settings};
+use stereolux::options::{Extent, example_toml};
+use stereolux::settings::registry::{self, sections};
+use stereolux::settings::{Kind, Settings};
 
 use super::bvh_probe::Random;
 use super::support::{Folder, stereolux};
@@ -35,7 +36,7 @@ fn random_value(random: &mut Random, kind: Kind) -> Value {
             2 => json!(min + (max - min) * 1e-7 * (0.1 + random.unit())),
             _ => json!(min + (max - min) * (0.001 + 0.998 * random.unit())),
         },
-        Kind::Choice(words) => json!(words[random.below(words.len())]),
+        Kind::Choice { words, .. } => json!(words[random.below(words.len())]),
         Kind::Text { .. } => {
             let parts = [
                 "a", "ü", "\"", "\\", "#", "'", " b", "\t", "\n", "=", "]", "builtin:",
@@ -59,7 +60,7 @@ fn random_settings_survive_writing_and_reading() {
     let mut taken = 0;
     for _ in 0..300 {
         let mut settings = Settings::default();
-        for setting in SETTINGS {
+        for setting in registry::all() {
             if random.below(3) == 0 {
                 let value = random_value(&mut random, setting.kind);
                 // Ways to gather that do not go together are refused, and the settings stay.
@@ -74,7 +75,7 @@ fn random_settings_survive_writing_and_reading() {
             assert_eq!(from_toml(&text), settings, "{text}");
         }
     }
-    assert!(taken > 300 * SETTINGS.len() / 4, "{taken}");
+    assert!(taken > 300 * registry::all().count() / 4, "{taken}");
 }
 
 #[test]
@@ -98,9 +99,9 @@ fn only_what_differs_is_written_with_its_explanation() {
         ]
     );
     let all = plain.to_toml(Extent::All);
-    for setting in SETTINGS {
+    for setting in registry::all() {
         let key = setting.key.rsplit('.').next().unwrap();
-        let unset = registry::default_of(setting.key).is_null();
+        let unset = setting.default_value().is_null();
         assert_eq!(all.contains(&format!("\n{key} = ")), !unset, "{key}");
         assert!(all.contains(setting.doc) != unset);
     }
@@ -134,31 +135,61 @@ fn settings_are_changed_by_key_with_the_checks_of_set() {
     assert_eq!(sized.value("size"), json!([640, 480]));
     assert_eq!(sized.with("size", &Value::Null).unwrap(), plain);
     assert!(plain.with("spp", &Value::Null).is_err());
-    for setting in SETTINGS {
+    for setting in registry::all() {
         let value = plain.value(setting.key);
-        assert_eq!(value, registry::default_of(setting.key));
+        assert_eq!(value, setting.default_value());
         assert_eq!(plain.with(setting.key, &value).unwrap(), plain);
     }
 }
 
 #[test]
-fn sections_hold_every_setting_once() {
-    let found: Vec<&str> = sections().iter().flat_map(|s| s.keys.clone()).collect();
-    let all: Vec<&str> = SETTINGS.iter().map(|setting| setting.key).collect();
-    assert_eq!(found, all);
+fn the_sections_of_the_listing_are_those_of_the_keys() {
+    let mut seen = Vec::new();
     for section in sections() {
-        assert!(
-            section.title != section.name,
-            "{} has no heading",
-            section.name
-        );
-        assert!(
-            section
-                .keys
-                .iter()
-                .all(|key| registry::section_of(key) == section.name)
-        );
+        assert_ne!(section.title, section.name(), "no heading");
+        assert!(!seen.contains(&section.name()), "{}", section.name());
+        seen.push(section.name());
+        for setting in section.settings() {
+            assert_eq!(registry::section_of(setting.key), section.name());
+            assert_eq!(registry::find(setting.key).unwrap().doc, setting.doc);
+            assert!(!setting.doc.is_empty(), "{}", setting.key);
+        }
     }
+}
+
+#[test]
+fn the_example_is_what_the_table_gives_and_holds_the_defaults() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/example.toml");
+    if std::env::var_os("STEREOLUX_WRITE_EXAMPLE").is_some() {
+        std::fs::write(&path, example_toml()).unwrap();
+    }
+    let example = std::fs::read_to_string(&path).unwrap();
+    assert!(
+        example == example_toml(),
+        "{} differs from the table of settings: STEREOLUX_WRITE_EXAMPLE=1 writes it again",
+        path.display()
+    );
+    assert_eq!(from_toml(&example), Settings::default());
+    // Uncommented, every line is taken, and changes nothing but what has no default.
+    let mut uncommented = String::new();
+    let mut settings = 0;
+    for line in example.lines() {
+        match line.strip_prefix('#') {
+            Some(setting) if !setting.starts_with(' ') => {
+                uncommented += setting;
+                settings += 1;
+            }
+            _ => uncommented += line,
+        }
+        uncommented.push('\n');
+    }
+    assert_eq!(settings, registry::all().count());
+    let taken = from_toml(&uncommented);
+    assert!(taken.size.is_some());
+    assert_eq!(
+        taken.with("size", &Value::Null).unwrap(),
+        Settings::default()
+    );
 }
 
 #[test]

@@ -2,15 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
-use serde_json::Value;
 use stereolux::options::layers::Layers;
-use stereolux::options::registry::{self, Kind, SETTINGS};
-use stereolux::options::settings::{ImageFormat, Space};
-use stereolux::options::{
-    DirectLight, Force, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
-    Search, Settings, Technique,
-};
+use stereolux::settings::{Kernel, Kind, Settings, registry};
 
 fn from_toml(text: &str) -> Result<Settings, String> {
     let mut layers = Layers::default();
@@ -30,91 +23,17 @@ fn from_set(arguments: &[&str]) -> Result<Settings, String> {
     layers.finish().map_err(|error| error.to_string())
 }
 
-fn leaves(value: &Value, prefix: &str, keys: &mut Vec<String>) {
-    match value {
-        Value::Object(map) => {
-            for (key, value) in map {
-                let dot = if prefix.is_empty() { "" } else { "." };
-                leaves(value, &format!("{prefix}{dot}{key}"), keys);
-            }
-        }
-        _ => keys.push(prefix.to_owned()),
-    }
-}
-
-#[test]
-fn registry_and_struct_hold_the_same_keys_in_the_same_order() {
-    let mut keys = Vec::new();
-    leaves(
-        &serde_json::to_value(Settings::default()).unwrap(),
-        "",
-        &mut keys,
-    );
-    let registered: Vec<_> = SETTINGS.iter().map(|setting| setting.key).collect();
-    assert_eq!(keys, registered);
-}
-
-#[test]
-fn registry_words_are_the_enums_words() {
-    fn words<E: ValueEnum>() -> Vec<String> {
-        let name = |value: &E| value.to_possible_value().unwrap().get_name().to_owned();
-        E::value_variants().iter().map(name).collect()
-    }
-    let mut checked = 0;
-    for (key, words) in [
-        ("method", words::<Method>()),
-        ("reuse", words::<Reuse>()),
-        ("path.sampler", words::<Sampler>()),
-        ("path.technique", words::<Technique>()),
-        ("photon.direct", words::<DirectLight>()),
-        ("photon.kernel", words::<Kernel>()),
-        ("photon.search", words::<Search>()),
-        ("photon.estimate", words::<PhotonEstimate>()),
-        ("photon.schedule", words::<Schedule>()),
-        ("photon.loads", words::<Loads>()),
-        ("simulated.motion", words::<Motion>()),
-        ("openxr.space", words::<Space>()),
-        ("openxr.format", words::<ImageFormat>()),
-    ] {
-        assert_eq!(
-            registry::find(key).unwrap().kind.allowed(),
-            Kind::Choice(leak(words)).allowed(),
-            "{key}"
-        );
-        checked += 1;
-    }
-    let forces = SETTINGS
-        .iter()
-        .filter(|setting| setting.key.starts_with("force."));
-    for setting in forces {
-        assert_eq!(
-            setting.kind.allowed(),
-            Kind::Choice(leak(words::<Force>())).allowed()
-        );
-        checked += 1;
-    }
-    let choices = SETTINGS
-        .iter()
-        .filter(|setting| matches!(setting.kind, Kind::Choice(_)))
-        .count();
-    assert_eq!(checked, choices, "a choice without a check");
-}
-
-fn leak(words: Vec<String>) -> &'static [&'static str] {
-    let words: Vec<&'static str> = words.into_iter().map(|word| &*word.leak()).collect();
-    words.leak()
-}
-
 #[test]
 fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
-    for row in registry::rows() {
-        if row.default.is_null() {
+    for setting in registry::all() {
+        let default = setting.default_value();
+        if default.is_null() {
             continue;
         }
-        let set = format!("{}={}", row.key, row.default);
+        let set = format!("{}={default}", setting.key);
         assert_eq!(from_set(&[&set]), Ok(Settings::default()), "{set}");
     }
-    for setting in SETTINGS {
+    for setting in registry::all() {
         let (inside, outside) = match setting.kind {
             Kind::Whole { min, max } => (
                 vec![min.to_string(), max.to_string()],
@@ -143,7 +62,7 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
                 vec!["true".into(), "false".into()],
                 vec!["1".into(), "yes".into()],
             ),
-            Kind::Choice(words) => (
+            Kind::Choice { words, .. } => (
                 words.iter().map(|&word| word.to_owned()).collect(),
                 vec!["other".into(), "true".into()],
             ),

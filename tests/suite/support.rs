@@ -79,8 +79,7 @@ pub fn square_fov(half_degrees: f64) -> Fov {
 
 /// Where a scene's head starts.
 pub fn start_pose(scene: &Scene) -> Pose {
-    let pose = scene.start_pose();
-    Pose::new(pose.position, pose.orientation)
+    scene.start_pose()
 }
 
 /// An embedded scene.

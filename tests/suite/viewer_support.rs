@@ -12,7 +12,7 @@ use stereolux::viewer::frames::FrameReport;
 use stereolux::viewer::layout::{Layout, Part};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
-use stereolux::xr::Headset;
+use stereolux::xr::{Fov, Headset};
 
 use crate::suite::support::Folder;
 
@@ -26,7 +26,9 @@ pub const SIZE: [u32; 2] = [64, 64];
 /// A headset that the scenes fill.
 pub fn narrow() -> Headset {
     let headset = Headset::load("symmetric").unwrap();
-    headset.with_fov(-21.0, 21.0, 21.0, -21.0).unwrap()
+    headset
+        .with_fov(Fov::from_degrees(-21.0, 21.0, 21.0, -21.0))
+        .unwrap()
 }
 
 pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) -> Viewer {

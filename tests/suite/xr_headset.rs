@@ -67,7 +67,7 @@ fn overrides_replace_offsets_cant_and_angles() {
         assert_eq!(headset.size, size);
         let headset = Headset::load(name)
             .unwrap()
-            .with_fov(-40.0, 50.0, 30.0, -20.0)
+            .with_fov(Fov::from_degrees(-40.0, 50.0, 30.0, -20.0))
             .unwrap();
         assert_eq!(
             headset.eyes[0].fov,
@@ -87,7 +87,7 @@ fn at_ipd_zero_and_equal_angles_the_eyes_are_one() {
         .unwrap()
         .with_ipd(0.0)
         .unwrap()
-        .with_fov(-45.0, 45.0, 45.0, -45.0)
+        .with_fov(Fov::from_degrees(-45.0, 45.0, 45.0, -45.0))
         .unwrap();
     let head = Pose::new(
         DVec3::new(0.1, 1.7, -123.4),
@@ -117,10 +117,26 @@ fn unusable_overrides_are_refused() {
         );
     }
     assert!(headset().with_ipd(0.5).is_ok());
-    assert!(headset().with_fov(45.0, -45.0, 45.0, -45.0).is_err());
-    assert!(headset().with_fov(-90.0, 45.0, 45.0, -45.0).is_err());
-    assert!(headset().with_fov(-85.0, 85.0, 85.0, -85.0).is_ok());
-    assert!(headset().with_fov(-0.5, 0.5, 0.5, -0.5).is_ok());
+    assert!(
+        headset()
+            .with_fov(Fov::from_degrees(45.0, -45.0, 45.0, -45.0))
+            .is_err()
+    );
+    assert!(
+        headset()
+            .with_fov(Fov::from_degrees(-90.0, 45.0, 45.0, -45.0))
+            .is_err()
+    );
+    assert!(
+        headset()
+            .with_fov(Fov::from_degrees(-85.0, 85.0, 85.0, -85.0))
+            .is_ok()
+    );
+    assert!(
+        headset()
+            .with_fov(Fov::from_degrees(-0.5, 0.5, 0.5, -0.5))
+            .is_ok()
+    );
     assert!(headset().with_size(0, 0).is_err());
     assert!(headset().with_size(512, 0).is_err());
     assert!(headset().with_size(100_000, 512).is_err());

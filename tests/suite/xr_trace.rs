@@ -308,10 +308,11 @@ fn simulated(frames: u64) -> SimulatedSession {
     let start = Pose::new(DVec3::new(0.1, 1.6, 1e6), DQuat::from_rotation_y(0.4));
     SimulatedSession::new(
         Headset::load("index").unwrap(),
-        Motion::Sway { seed: 5 },
+        Motion::Sway,
         start,
         Some(frames),
     )
+    .with_seed(5)
 }
 
 #[test]

@@ -175,34 +175,6 @@ fn heading_survives_steep_gazes() {
     );
 }
 
-#[test]
-fn poses_and_fields_of_view_from_text() {
-    let pose: Pose = "1 2 -3 0 0 0 1".parse().unwrap();
-    assert_eq!(pose, Pose::new(DVec3::new(1.0, 2.0, -3.0), DQuat::IDENTITY));
-    let fov: Fov = "-45 45 40 -50".parse().unwrap();
-    assert_eq!(fov, Fov::from_degrees(-45.0, 45.0, 40.0, -50.0));
-    for bad in [
-        "1 2 3",
-        "1 2 3 0 0 0 1 1",
-        "a b c 0 0 0 1",
-        "1 2 3 0 0 0 2",
-        "nan 0 0 0 0 0 1",
-        "",
-    ] {
-        assert!(bad.parse::<Pose>().is_err(), "{bad}");
-    }
-    for bad in [
-        "-45 45 40",
-        "45 -45 40 -50",
-        "-45 45 -50 40",
-        "-90 45 40 -50",
-        "inf 1 1 1",
-    ] {
-        assert!(bad.parse::<Fov>().is_err(), "{bad}");
-    }
-    assert!("-89 89 89 -89".parse::<Fov>().is_ok());
-}
-
 prop_compose! {
     /// Any fov whose edges are at least half a degree apart, up to +-89 degrees, asymmetric.
     fn any_fov()(a in -89.0..88.4_f64, b in 0.5..178.0_f64, c in -89.0..88.4_f64, d in 0.5..178.0_f64) -> Fov {

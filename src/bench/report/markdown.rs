@@ -15,7 +15,6 @@ use super::cells::{
     Table, digits, estimate, is_settled, ms, optional, quartiles, rel_mse, rel_mse_ratio, size,
     speed_up, with_error,
 };
-use super::suite_name;
 use super::tables::tables;
 use crate::options::BenchOptions;
 
@@ -28,7 +27,7 @@ pub fn markdown(
     plots: &[&str],
 ) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "# stereolux bench {}\n", suite_name(options));
+    let _ = writeln!(text, "# stereolux bench {}\n", options.suite);
     let _ = writeln!(
         text,
         "{}, {} adapter, {}, driver {}. stereolux {}, code {BENCH_CODE}. {} rows.\n",

@@ -28,16 +28,6 @@ pub struct Written {
     pub unsettled: usize,
 }
 
-/// The suite's name, as the command line has it.
-pub(super) fn suite_name(options: &BenchOptions) -> String {
-    use clap::ValueEnum as _;
-    options
-        .suite
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
 /// Writes report.md, report.json, rows.csv and plots/ to `out`.
 ///
 /// # Errors
@@ -62,7 +52,7 @@ pub fn write(
     let report = json!({
         "format": "stereolux-bench",
         "version": env!("CARGO_PKG_VERSION"),
-        "suite": suite_name(options),
+        "suite": options.suite,
         "render_code": RENDER_CODE,
         "bench_code": BENCH_CODE,
         "machine": machine,

@@ -15,7 +15,7 @@ use super::measure::{Candidate, GroupPlan};
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Settings, Suite};
 use crate::scene::Scene;
-use crate::xr::Headset;
+use crate::xr::{Fov, Headset};
 
 pub use super::scenes::INDIRECT_SCENE;
 pub use scaling::{AROUND_ONE, MOVING, REBUILT, TWO_LEVELS};
@@ -181,7 +181,10 @@ fn framing_headset(base: &SuiteBase, scene: &Scene) -> Result<(Headset, String),
         2.0 * right,
         2.0 * up
     );
-    Ok((own.with_fov(-right, right, up, -up)?, label))
+    Ok((
+        own.with_fov(Fov::from_degrees(-right, right, up, -up))?,
+        label,
+    ))
 }
 
 fn candidate(
@@ -208,14 +211,6 @@ fn settings_for(base: &SuiteBase, scene: &str) -> Settings {
     }
 }
 
-/// The word of a choice, as the command line has it.
-fn word(choice: impl clap::ValueEnum) -> String {
-    choice
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
 /// To three significant digits: radii in settings should be readable, and need not be exact.
 fn three_digits(value: f64) -> f64 {
     if value <= 0.0 {
@@ -228,21 +223,18 @@ fn three_digits(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
-    use std::path::PathBuf;
 
     use super::*;
-    use crate::options::{Reuse, Suite};
+    use std::ffi::OsString;
+
+    use crate::options::{Options, parse};
+    use crate::settings::{Choice as _, Reuse};
 
     fn options(suite: Suite) -> BenchOptions {
-        BenchOptions {
-            settings: Settings::default(),
-            suite,
-            out: PathBuf::from("out"),
-            scenes: Vec::new(),
-            rounds: None,
-            frames: None,
-            reference_spp: None,
-            references: None,
+        let args = ["stereolux", "bench", suite.word()];
+        match parse(args.map(OsString::from)) {
+            Ok(Options::Bench(options)) => *options,
+            other => panic!("{other:?}"),
         }
     }
 
@@ -252,13 +244,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_every_group_has_variants() {
-        for suite in [
-            Suite::Tables,
-            Suite::Stereo,
-            Suite::Pareto,
-            Suite::Scaling,
-            Suite::Smoke,
-        ] {
+        for &suite in Suite::ALL {
             let mut seen = BTreeSet::new();
             for plan in all_plans(suite) {
                 assert!(
@@ -278,7 +264,6 @@ mod tests {
 
     #[test]
     fn stereo_takes_every_reuse_mode_from_the_enum_with_off_first() {
-        use clap::ValueEnum as _;
         for plan in all_plans(Suite::Stereo) {
             let modes: Vec<Reuse> = plan
                 .candidates
@@ -286,7 +271,7 @@ mod tests {
                 .map(|candidate| candidate.settings.reuse)
                 .collect();
             assert_eq!(modes[0], Reuse::Off, "{}", plan.name);
-            assert_eq!(modes.len(), Reuse::value_variants().len());
+            assert_eq!(modes.len(), Reuse::ALL.len());
         }
         let names: Vec<String> = all_plans(Suite::Stereo)
             .into_iter()

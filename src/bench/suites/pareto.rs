@@ -9,7 +9,7 @@ use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{
     Extent, INDIRECT_SCENE, SuiteBase, candidate, framing_headset, scene_of, settings_for,
-    three_digits, word,
+    three_digits,
 };
 use crate::options::{DirectLight, Eyes, Kernel, Method, Reuse, Settings};
 use crate::renderer::automatic_radius_m;
@@ -87,7 +87,7 @@ fn path(settings: Settings) -> Candidate {
 
 fn photon(settings: Settings, radius_m: f64) -> Candidate {
     let photon = &settings.photon;
-    let (kernel, direct) = (word(photon.kernel), word(photon.direct));
+    let (kernel, direct) = (photon.kernel, photon.direct);
     let rate = if photon.half_rate { "half" } else { "full" };
     let candidates = settings.path.light_candidates;
     let name = format!(

@@ -1,16 +1,15 @@
 //! `stereo`: every reuse mode beside two eyes rendered by themselves, over scenes, distances between the eyes, headsets and
 //! a recorded trace.
 
-use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for, word};
-use crate::options::{Eyes, Reuse, Settings};
+use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for};
 use crate::scene::{Needs, Scene};
+use crate::settings::{Choice as _, Eyes, Reuse, Settings};
 use crate::xr::Headset;
 
 /// Distances between the eyes, millimetres: none, the adult mean of about 63, and one on either side of it; nearly all
@@ -22,7 +21,7 @@ const AHEAD_M: [f64; 2] = [-0.3, 0.3];
 
 /// Reuse modes, each eye by itself first.
 pub(super) fn modes() -> Vec<Reuse> {
-    let others = Reuse::value_variants()
+    let others = Reuse::ALL
         .iter()
         .copied()
         .filter(|mode| *mode != Reuse::Off);
@@ -47,9 +46,9 @@ pub(super) fn candidates(
                 reuse,
                 ..settings.clone()
             };
-            let reuse = word(reuse);
+            let reuse = reuse.word();
             let all = factors.iter().cloned().chain([("reuse", json!(reuse))]);
-            candidate(reuse.clone(), settings, all)
+            candidate(reuse, settings, all)
         })
         .collect()
 }

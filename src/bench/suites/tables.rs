@@ -74,10 +74,10 @@ fn ways(settings: &Settings, factors: &[(&'static str, serde_json::Value)]) -> V
             ..settings.clone()
         };
         // Whatever else the settings say, the first variant is the default.
-        settings.photon.search = Search::default();
-        settings.photon.estimate = PhotonEstimate::default();
-        settings.photon.schedule = Schedule::default();
-        settings.photon.loads = Loads::default();
+        settings.photon.search = Search::Grid;
+        settings.photon.estimate = PhotonEstimate::Radius;
+        settings.photon.schedule = Schedule::Split;
+        settings.photon.loads = Loads::Direct;
         change(&mut settings);
         let own = [("table", json!(table)), ("way", json!(name))];
         all.push(candidate(

@@ -8,25 +8,27 @@ pub mod plane;
 pub mod sphere;
 
 use super::{Scene, SceneError};
+use crate::settings::{BuiltinScene, Choice as _};
 
 /// Names of all embedded scenes.
-pub const NAMES: [&str; 6] = ["cornell", "plane", "sphere", "caustic", "gallery", "parade"];
+pub const NAMES: &[&str] = BuiltinScene::WORDS;
 
 /// The binary glTF of an embedded scene; `name` with or without the prefix `builtin:`.
 ///
 /// # Errors
 /// An unknown name; the message lists [`NAMES`].
 pub fn glb(name: &str) -> Result<&'static [u8], SceneError> {
-    Ok(match name.strip_prefix("builtin:").unwrap_or(name) {
-        "cornell" => include_bytes!("../../../assets/cornell.glb"),
-        "plane" => include_bytes!("../../../assets/plane.glb"),
-        "sphere" => include_bytes!("../../../assets/sphere.glb"),
-        "caustic" => include_bytes!("../../../assets/caustic.glb"),
-        "gallery" => include_bytes!("../../../assets/gallery.glb"),
-        "parade" => include_bytes!("../../../assets/parade.glb"),
-        unknown => {
+    let name = name.strip_prefix("builtin:").unwrap_or(name);
+    Ok(match BuiltinScene::from_word(name) {
+        Some(BuiltinScene::Cornell) => include_bytes!("../../../assets/cornell.glb"),
+        Some(BuiltinScene::Plane) => include_bytes!("../../../assets/plane.glb"),
+        Some(BuiltinScene::Sphere) => include_bytes!("../../../assets/sphere.glb"),
+        Some(BuiltinScene::Caustic) => include_bytes!("../../../assets/caustic.glb"),
+        Some(BuiltinScene::Gallery) => include_bytes!("../../../assets/gallery.glb"),
+        Some(BuiltinScene::Parade) => include_bytes!("../../../assets/parade.glb"),
+        None => {
             return Err(SceneError::UnknownBuiltin {
-                name: unknown.to_owned(),
+                name: name.to_owned(),
                 known: NAMES.join(", "),
             });
         }

@@ -10,8 +10,7 @@
 mod materials;
 mod nodes;
 
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -19,6 +18,7 @@ use serde_json::{Value, json};
 use super::edit::{Document, Original};
 use super::import::{RawParts, raw_parts};
 use super::{Scene, SceneError, gltf_writer};
+use crate::files::write_beside;
 
 impl Document {
     /// Writes the scene as `.glb`, or as `.gltf` with its data in it, by the path's extension. It is written beside its place
@@ -43,7 +43,7 @@ impl Document {
                 ),
             });
         };
-        write_beside(path, &bytes).map_err(|error| SceneError::Write {
+        write_beside(path, |out| out.write_all(&bytes)).map_err(|error| SceneError::Write {
             what: format!("{}: cannot be written: {error}", path.display()),
         })?;
         self.mark_saved();
@@ -238,30 +238,6 @@ fn encode_base64(bytes: &[u8]) -> String {
         }
     }
     text
-}
-
-/// Writes a file beside its place and renames it.
-pub(crate) fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let Some(name) = path.file_name() else {
-        return Err(io::Error::other("the path does not name a file"));
-    };
-    if path.is_dir() {
-        return Err(io::Error::other("it is a directory"));
-    }
-    let mut partial_name = std::ffi::OsString::from(".");
-    partial_name.push(name);
-    partial_name.push(format!(".{}.partial", std::process::id()));
-    let partial = path.with_file_name(partial_name);
-    let written = File::create(&partial).and_then(|mut file| {
-        file.write_all(bytes)?;
-        drop(file);
-        fs::rename(&partial, path)
-    });
-    if written.is_err() {
-        // The first error is the one to report; the file may never have been made.
-        let _ = fs::remove_file(&partial);
-    }
-    written
 }
 
 #[cfg(test)]

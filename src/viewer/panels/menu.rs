@@ -2,7 +2,6 @@
 
 use egui::{Button, ComboBox, MenuBar, Panel, Slider, TextEdit, Ui};
 
-use crate::options::Motion as MotionSetting;
 use crate::scene::builtin;
 use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::ViewMode;
@@ -72,7 +71,7 @@ fn file(app: &mut App, ui: &mut Ui) {
         ui.close();
     }
     ui.menu_button("Embedded scenes", |ui| {
-        for name in builtin::NAMES {
+        for &name in builtin::NAMES {
             if ui.button(name).clicked() {
                 app.open(&context, format!("builtin:{name}"));
                 ui.close();
@@ -174,17 +173,18 @@ fn motion(app: &mut App, ui: &mut Ui) {
         ui.close();
     }
     let seed = u64::from(app.settings.seed);
-    for (name, motion, setting) in [
-        ("Yaw sweep", Motion::YawSweep, MotionSetting::Yaw),
-        ("Walk", Motion::Walk, MotionSetting::Walk),
-        ("Sway", Motion::Sway { seed }, MotionSetting::Sway),
+    for (name, motion) in [
+        ("Yaw sweep", Motion::Yaw),
+        ("Walk", Motion::Walk),
+        ("Sway", Motion::Sway),
     ] {
         if ui.button(name).clicked() {
             let context = ui.ctx().clone();
             let frames = (MOTION_SECONDS * app.headset.refresh_hz) as u64;
             let headset = app.headset.clone();
             let start = app.camera.pose();
-            let mut session = SimulatedSession::new(headset, motion, start, Some(frames));
+            let mut session =
+                SimulatedSession::new(headset, motion, start, Some(frames)).with_seed(seed);
             match Recording::of(&mut session) {
                 Ok(recording) => {
                     let mut player = Player::new(recording);
@@ -192,7 +192,7 @@ fn motion(app: &mut App, ui: &mut Ui) {
                     app.player = Some(player);
                     // What is saved runs like that.
                     let mut settings = (*app.settings).clone();
-                    settings.simulated.motion = setting;
+                    settings.simulated.motion = motion;
                     app.set_settings(&context, settings);
                 }
                 Err(error) => app.say(&context, error.to_string(), true),

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use egui::{CollapsingHeader, Color32, ComboBox, DragValue, Key, RichText, TextEdit, Ui};
 use serde_json::{Value, json};
 
-use crate::options::Settings;
-use crate::options::registry::{self, Kind, Setting};
+use crate::settings::{Kind, Setting, Settings, registry};
 use crate::viewer::app::App;
 use crate::viewer::layout::Layout;
 use crate::xr::Headset;
@@ -57,18 +56,13 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     };
     let mut found = 0;
     for section in registry::sections() {
-        let rows: Vec<&'static Setting> = section
-            .keys
-            .iter()
-            .filter_map(|key| registry::find(key))
-            .filter(matches)
-            .collect();
+        let rows: Vec<&'static Setting> = section.settings().filter(matches).collect();
         if rows.is_empty() {
             continue;
         }
         found += rows.len();
         CollapsingHeader::new(section.title)
-            .default_open(matches!(section.name, "" | "photon"))
+            .default_open(matches!(section.name(), "" | "photon"))
             .open((!wanted.is_empty()).then_some(true))
             .show(ui, |ui| {
                 for setting in rows {
@@ -104,8 +98,8 @@ fn is_fixed(key: &str) -> bool {
 }
 
 fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
-    let value = shown(app).value(setting.key);
-    let default = registry::default_of(setting.key);
+    let value = setting.value(shown(app));
+    let default = setting.default_value();
     let short = setting.key.rsplit('.').next().unwrap_or(setting.key);
     let mut new = None;
     ui.horizontal(|ui| {
@@ -177,13 +171,13 @@ fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) 
             let mut on = value.as_bool().unwrap_or_default();
             ui.checkbox(&mut on, "").changed().then(|| json!(on))
         }
-        Kind::Choice(choices) => {
+        Kind::Choice { words, .. } => {
             let mut chosen = value.as_str().unwrap_or_default().to_owned();
             ComboBox::from_id_salt(setting.key)
                 .selected_text(chosen.clone())
                 .show_ui(ui, |ui| {
-                    for choice in choices {
-                        ui.selectable_value(&mut chosen, (*choice).to_owned(), *choice);
+                    for word in words {
+                        ui.selectable_value(&mut chosen, (*word).to_owned(), *word);
                     }
                 });
             (value.as_str() != Some(&chosen)).then(|| json!(chosen))

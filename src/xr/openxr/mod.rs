@@ -34,7 +34,7 @@ use super::{
 };
 use crate::gpu::GpuContext;
 use crate::gpu::vulkan_interop::openxr::{self as interop, LayerView};
-use crate::options::settings::{OpenXrSettings, Space};
+use crate::settings::{OpenXrSettings, Space};
 
 /// Height of the eyes above the floor at the scene's start, metres, for STAGE space: a standing adult's.
 const EYE_HEIGHT_M: f64 = 1.6;

@@ -4,7 +4,7 @@ use openxr as xr;
 
 use super::runtime::{RuntimeError, failed};
 use crate::gpu::vulkan_interop::openxr as interop;
-use crate::options::settings::ImageFormat;
+use crate::settings::ImageFormat;
 
 /// Colour formats that a tone-mapped image goes into, with Vulkan's numbers. Both keep the eye's 8 bits of lightness:
 /// sRGB by its curve, half floats by 11 bits everywhere. 8-bit formats without the curve band in the dark, and 16-bit

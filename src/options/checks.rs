@@ -1,0 +1,134 @@
+//! What concerns several flags together, and the settings that they make.
+
+use super::cli::{
+    BenchOptions, InfoOptions, LayerArgs, Options, RunOptions, SessionChoice, SessionOptions,
+    TraceOptions,
+};
+use super::layers::Layers;
+use super::{OptionsError, quoted};
+
+impl Options {
+    /// Checks the flags as a whole, and fills the settings in.
+    ///
+    /// # Errors
+    /// [`OptionsError`], one line.
+    pub(super) fn check(&mut self) -> Result<(), OptionsError> {
+        match self {
+            Self::Run(options) => options.check()?,
+            Self::Render(options) => options.settings = options.shared.layers.read()?.finish()?,
+            Self::Compare(_) => {}
+            Self::Bench(options) => options.check()?,
+            Self::Info(options) => options.check()?,
+            Self::View(options) => {
+                options.settings = options.shared.layers.read()?.finish()?;
+                options.recording.check()?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<const FLAGS: usize> LayerArgs<FLAGS> {
+    fn read(&self) -> Result<Layers, OptionsError> {
+        let mut layers = Layers::default();
+        if let Some(path) = &self.config {
+            layers.add_file(path)?;
+        }
+        for argument in &self.set {
+            layers.add_set(argument)?;
+        }
+        self.flags.put_on(&mut layers)?;
+        Ok(layers)
+    }
+}
+
+impl RunOptions {
+    fn check(&mut self) -> Result<(), OptionsError> {
+        let mut layers = self.shared.layers.read()?;
+        self.session.flags.put_on(&mut layers)?;
+        self.session.check()?;
+        self.settings = layers.finish()?;
+        Ok(())
+    }
+}
+
+impl SessionOptions {
+    fn check(&mut self) -> Result<(), OptionsError> {
+        let conflict = |text: &str| Err(OptionsError::Conflict(text.to_owned()));
+        self.choice = match (self.choice, self.recording.trace.is_some()) {
+            (SessionChoice::Auto, true) => SessionChoice::Replay,
+            (SessionChoice::Replay, false) => {
+                return conflict("--session replay needs a recording; add --trace FILE");
+            }
+            (SessionChoice::Simulated, true) => {
+                return conflict(
+                    "--trace does not go with --session simulated; give --session replay or leave one out",
+                );
+            }
+            (SessionChoice::Openxr, true) => {
+                return conflict(
+                    "--trace does not go with --session openxr; give --session replay or leave one out",
+                );
+            }
+            (chosen, _) => chosen,
+        };
+        if self.flags.has("--motion")
+            && matches!(self.choice, SessionChoice::Replay | SessionChoice::Openxr)
+        {
+            return conflict(
+                "--motion moves the simulated headset; give --session simulated or leave --motion out",
+            );
+        }
+        if self.realtime && self.choice == SessionChoice::Openxr {
+            return conflict(
+                "--realtime paces replay and simulation; an OpenXR runtime sets its own pace, leave it out",
+            );
+        }
+        self.recording.check()?;
+        match (&self.record, &self.recording.trace) {
+            (Some(record), Some(trace)) if record == trace => Err(OptionsError::Conflict(format!(
+                "--record {} is the file that --trace reads; give --record another name",
+                quoted(&record.to_string_lossy())
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl TraceOptions {
+    fn check(&self) -> Result<(), OptionsError> {
+        let given = [
+            (self.trace_up.is_some(), "--trace-up"),
+            (self.trace_body.is_some(), "--trace-body"),
+            (self.trace_recenter.is_some(), "--trace-recenter"),
+        ];
+        match given.iter().find(|(is_given, _)| *is_given) {
+            Some((_, flag)) if self.trace.is_none() => Err(OptionsError::Conflict(format!(
+                "{flag} needs a recording to apply to; add --trace FILE"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl BenchOptions {
+    fn check(&mut self) -> Result<(), OptionsError> {
+        let layers = self.layers.read()?;
+        let is_named = layers.is_set("scene");
+        self.settings = layers.finish()?;
+        if self.scenes.is_empty() && is_named {
+            // A scene from --set or the config file is the one to measure, too.
+            self.scenes.push(self.settings.scene.clone());
+        }
+        Ok(())
+    }
+}
+
+impl InfoOptions {
+    fn check(&mut self) -> Result<(), OptionsError> {
+        let layers = self.layers.read()?;
+        self.names_scene = layers.is_set("scene");
+        self.settings = layers.finish()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,228 @@
+//! The command line's words into [`Options`], and clap's reports into one line.
+
+use std::error::Error as _;
+use std::ffi::OsString;
+use std::fmt::Write as _;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, CommandFactory, FromArgMatches};
+use serde_json::Value;
+
+use super::cli::{
+    BENCH_EXAMPLES, Cli, Options, RENDER_EXAMPLES, RUN_EXAMPLES, STATUS_HELP, VIEW_EXAMPLES,
+};
+use super::{OptionsError, quoted};
+use crate::settings::{Kind, registry};
+
+/// Why the command line did not become [`Options`]: help was asked for, or it is unusable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EarlyExit {
+    /// Text to print; an error is one line that starts with `error: `.
+    pub text: String,
+    /// 0 for help and version (print on stdout), 2 for errors (print on stderr).
+    pub status: u8,
+}
+
+/// All settings as text, for `--help`.
+fn settings_text() -> String {
+    let mut text = String::from(
+        "Settings, for --set KEY=VALUE and for the TOML file of --config\n\
+         (a dotted key there is a key under a [section]; flags win over --set, --set over the file):\n",
+    );
+    for setting in registry::all() {
+        let default = match setting.default_value() {
+            Value::Null => "unset".to_owned(),
+            other => other.to_string(),
+        };
+        let unit = match setting.unit {
+            "" => String::new(),
+            unit => format!(", {unit}"),
+        };
+        let range = match setting.kind {
+            Kind::Text { .. } => String::new(),
+            kind => format!("; {}", kind.allowed()),
+        };
+        let (key, doc) = (setting.key, setting.doc);
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "  {key} = {default}{unit}\n      {doc}{range}");
+    }
+    text
+}
+
+/// The clap command: values may begin with a minus sign, and the settings are listed at the end of `--help`.
+fn command() -> clap::Command {
+    let settings = settings_text();
+    let takes_any_text = |arg: &Arg| {
+        arg.get_long().is_some()
+            && arg.get_action().takes_values()
+            && arg.get_possible_values().is_empty()
+    };
+    let plain = Cli::command().mut_subcommands(|command| {
+        command.mut_args(|arg| {
+            let may_begin_with_minus = takes_any_text(&arg);
+            arg.allow_hyphen_values(may_begin_with_minus)
+        })
+    });
+    let listings = [
+        ("run", RUN_EXAMPLES),
+        ("render", RENDER_EXAMPLES),
+        ("bench", BENCH_EXAMPLES),
+        ("view", VIEW_EXAMPLES),
+    ];
+    listings
+        .into_iter()
+        .fold(plain, |command, (name, examples)| {
+            let text = format!("{examples}\n\n{settings}\n{STATUS_HELP}");
+            command.mut_subcommand(name, |command| command.after_long_help(text))
+        })
+}
+
+/// Reads the command line and checks all of it; the first argument is the program's name. Of files only the one of
+/// `--config` is opened.
+///
+/// # Errors
+/// [`EarlyExit`] with status 0 for `--help` and `--version`, and with status 2 and one line of text for anything
+/// that is not a usable command line.
+pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Options, EarlyExit> {
+    let args: Vec<OsString> = args.into_iter().collect();
+    refuse_flags_as_values(&args)?;
+    let Cli { mut options } = command()
+        .try_get_matches_from(&args)
+        .and_then(|matches| Cli::from_arg_matches(&matches))
+        .map_err(|error| early_exit(&error, subcommand_of(&args).as_deref()))?;
+    options.check()?;
+    Ok(options)
+}
+
+impl From<OptionsError> for EarlyExit {
+    fn from(error: OptionsError) -> Self {
+        Self {
+            text: format!("error: {error}"),
+            status: 2,
+        }
+    }
+}
+
+/// The first argument that names a command.
+fn subcommand_of(args: &[OsString]) -> Option<String> {
+    let root = Cli::command();
+    let found = args
+        .iter()
+        .skip(1)
+        .find_map(|arg| root.find_subcommand(arg.to_str()?))?;
+    Some(found.get_name().to_owned())
+}
+
+/// `--scene --spp 4`: values may begin with a minus sign, so clap would take `--spp` for the scene.
+fn refuse_flags_as_values(args: &[OsString]) -> Result<(), EarlyExit> {
+    let root = Cli::command();
+    let Some(subcommand) = subcommand_of(args).and_then(|name| root.find_subcommand(name)) else {
+        return Ok(());
+    };
+    let takes_value = |flag: &str| {
+        flag.strip_prefix("--").is_some_and(|name| {
+            subcommand.get_arguments().any(|argument| {
+                argument.get_long() == Some(name)
+                    && argument
+                        .get_num_args()
+                        .is_none_or(|range| range.min_values() > 0)
+                    && argument.get_action().takes_values()
+            })
+        })
+    };
+    let mut at = 1;
+    while let Some(arg) = args.get(at) {
+        let text = arg.to_string_lossy();
+        if text == "--" {
+            break;
+        }
+        if !takes_value(&text) {
+            at += 1;
+            continue;
+        }
+        if let Some(value) = args.get(at + 1).map(|value| value.to_string_lossy())
+            && value.starts_with("--")
+        {
+            let text = format!(
+                "error: {text} needs a value, but {} follows; see `stereolux {} --help`",
+                quoted(&value),
+                subcommand.get_name()
+            );
+            return Err(EarlyExit { text, status: 2 });
+        }
+        at += 2;
+    }
+    Ok(())
+}
+
+/// Folds clap's report of several paragraphs into one line.
+fn early_exit(error: &clap::Error, subcommand: Option<&str>) -> EarlyExit {
+    let rendered = error.render().to_string();
+    if matches!(
+        error.kind(),
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion
+    ) {
+        return EarlyExit {
+            text: rendered,
+            status: 0,
+        };
+    }
+    if let Some(error) = refused_value(error) {
+        return error.into();
+    }
+    let commands = || {
+        let root = Cli::command();
+        let names: Vec<_> = root
+            .get_subcommands()
+            .map(clap::Command::get_name)
+            .collect();
+        names.join(", ")
+    };
+    if matches!(
+        error.kind(),
+        ErrorKind::MissingSubcommand | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    ) {
+        let text = format!(
+            "error: no command given; give one of {}; see `stereolux --help`",
+            commands()
+        );
+        return EarlyExit { text, status: 2 };
+    }
+    let mut parts: Vec<String> = Vec::new();
+    for paragraph in rendered.split("\n\n") {
+        let words: Vec<&str> = paragraph.split_whitespace().collect();
+        let line = words.join(" ");
+        if line.is_empty() || line.starts_with("Usage:") || line.starts_with("For more information")
+        {
+            continue;
+        }
+        parts.push(line);
+    }
+    let mut text = parts.join("; ").replace("; tip: ", "; ");
+    if !text.starts_with("error:") {
+        text.insert_str(0, "error: ");
+    }
+    if error.kind() == ErrorKind::InvalidSubcommand {
+        text.push_str(&format!("; the commands are {}", commands()));
+    }
+    let of = subcommand.map_or(String::new(), |name| format!("{name} "));
+    text.push_str(&format!("; see `stereolux {of}--help`"));
+    EarlyExit { text, status: 2 }
+}
+
+/// What a flag's own check says of its value.
+fn refused_value(error: &clap::Error) -> Option<OptionsError> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    if error.kind() != ErrorKind::ValueValidation {
+        return None;
+    }
+    let flag = text(ContextKind::InvalidArg)?.split(' ').next()?;
+    Some(OptionsError::BadFlag {
+        flag: flag.to_owned(),
+        value: quoted(text(ContextKind::InvalidValue)?),
+        reason: error.source()?.to_string(),
+    })
+}

@@ -1,0 +1,137 @@
+//! Flags that are settings: a row names the setting, and the help is the setting's own.
+
+use clap::{Arg, ArgMatches, Args, Command, Error, FromArgMatches};
+use serde_json::Value;
+
+use super::OptionsError;
+use super::layers::Layers;
+use super::values::words;
+use crate::settings::registry::{self, Kind};
+use crate::settings::{BuiltinScene, Choice as _};
+
+/// The flag, the setting's key, what stands for the value in the help, and what the help says after the setting's sentence
+/// (`{scenes}` stands for the names of the embedded scenes, a default in brackets replaces the setting's).
+type Row = (&'static str, &'static str, &'static str, &'static str);
+
+/// Those of `run`, `render` and `view`.
+pub(super) const SHARED: usize = 0;
+/// Those of `run` besides.
+pub(super) const RUN: usize = 1;
+/// Those of `bench`.
+pub(super) const BENCH: usize = 2;
+/// Those of `info`.
+pub(super) const INFO: usize = 3;
+
+#[rustfmt::skip]
+const ROWS: [&[Row]; 4] = [
+    &[
+        ("--scene", "scene", "PATH|builtin:NAME", ", with NAME one of {scenes}"),
+        ("--method", "method", "METHOD", ""),
+        ("--reuse", "reuse", "REUSE", ""),
+        ("--photons", "photon.count", "N", ""),
+        ("--radius", "photon.radius_m", "M", ""),
+        ("--spp", "spp", "N", ". One goes through the pixel's centre, more spread over the pixel"),
+        ("--size", "size", "WxH", ""),
+        ("--headset", "headset", "NAME", ": per-eye size, FOV angles, eye poses, IPD, refresh rate"),
+        ("--seed", "seed", "N", ""),
+        ("--adapter", "adapter", "NAME",
+            ": a discrete GPU, then integrated, then software; upper or lower case, see `stereolux info`"),
+    ],
+    &[
+        ("--motion", "simulated.motion", "MOTION", ""),
+    ],
+    &[
+        ("--size", "size", "WxH", " [default: 256x256; smoke 32x32]"),
+        ("--adapter", "adapter", "NAME", ": a discrete GPU, then integrated, then software"),
+    ],
+    &[
+        ("--scene", "scene", "PATH|builtin:NAME", "; says what it needs and what is left out [default: none]"),
+        ("--method", "method", "METHOD", " that the scene's needs are worked out for"),
+        ("--adapter", "adapter", "NAME", "; marks the adapter that would be used"),
+    ],
+];
+
+/// The flags of a list of [`ROWS`] as they were given.
+#[derive(Clone, Debug)]
+pub(super) struct SettingFlags<const LIST: usize> {
+    given: Vec<(Row, String)>,
+}
+
+impl<const LIST: usize> SettingFlags<LIST> {
+    /// Whether a flag was given.
+    pub(super) fn has(&self, flag: &str) -> bool {
+        self.given.iter().any(|((known, ..), _)| *known == flag)
+    }
+
+    /// Puts what was given on.
+    pub(super) fn put_on(&self, layers: &mut Layers) -> Result<(), OptionsError> {
+        for ((flag, key, ..), value) in &self.given {
+            layers.add_flag(flag, key, value)?;
+        }
+        Ok(())
+    }
+}
+
+impl<const LIST: usize> FromArgMatches for SettingFlags<LIST> {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
+        let given = |row: &Row| Some((*row, matches.get_one::<String>(long(row))?.clone()));
+        Ok(Self {
+            given: ROWS[LIST].iter().filter_map(given).collect(),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl<const LIST: usize> Args for SettingFlags<LIST> {
+    fn augment_args(command: Command) -> Command {
+        command.args(ROWS[LIST].iter().filter_map(arg))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+/// The flag without its minus signs.
+fn long((flag, ..): &Row) -> &'static str {
+    flag.trim_start_matches('-')
+}
+
+/// The flag with the setting's sentence, range and default for a help.
+fn arg(row: &Row) -> Option<Arg> {
+    let (_, key, value, more) = *row;
+    let setting = registry::find(key)?;
+    let mut help = setting.doc.to_owned();
+    if !help.starts_with("glTF") {
+        help.get_mut(..1)?.make_ascii_uppercase();
+    }
+    help += &match setting.kind {
+        Kind::Whole { min, max } => format!(", {min} to {max}"),
+        Kind::Size { max } => format!(", such as 512x512, each 1 to {max}"),
+        Kind::Real { .. } if !setting.unit.is_empty() => format!("; {}", setting.unit),
+        _ => String::new(),
+    };
+    help += &more.replace("{scenes}", &BuiltinScene::WORDS.join(", "));
+    match setting.default_value() {
+        _ if more.contains("[default") => {}
+        Value::Null => {}
+        Value::String(text) if text.is_empty() => {}
+        Value::String(text) => help += &format!(" [default: {text}]"),
+        number => help += &format!(" [default: {}]", number.to_string().trim_end_matches(".0")),
+    }
+    let arg = Arg::new(long(row))
+        .long(long(row))
+        .value_name(value)
+        .help(help);
+    Some(match setting.kind {
+        Kind::Choice {
+            words: known,
+            sentences,
+        } => arg.value_parser(words(known, sentences)),
+        _ => arg,
+    })
+}

@@ -1,0 +1,224 @@
+//! What is one of a few words: each choice is said once, and its type, its words and their explanations come from that.
+
+/// A type whose values each have a word, for files, flags and listings.
+pub trait Choice: Copy + Eq + Send + Sync + 'static {
+    /// All values, in the order of listings.
+    const ALL: &'static [Self];
+    /// Their words, in the same order.
+    const WORDS: &'static [&'static str];
+    /// What each does, one sentence without a full stop, in the same order.
+    const SENTENCES: &'static [&'static str];
+
+    /// The value's word.
+    fn word(self) -> &'static str;
+
+    /// The value that a word stands for.
+    fn from_word(word: &str) -> Option<Self> {
+        let place = Self::WORDS.iter().position(|known| *known == word)?;
+        Self::ALL.get(place).copied()
+    }
+}
+
+/// Makes an enum, its [`Choice`] and its words for serde and for people from one line per value and its sentence.
+macro_rules! choices {
+    ($(
+        $(#[$about:meta])*
+        pub enum $name:ident {
+            $( $(#[doc = $sentence:literal])+ $value:ident = $word:literal, )+
+        }
+    )+) => {$(
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+        pub enum $name {
+            $( $(#[doc = $sentence])+ #[serde(rename = $word)] $value, )+
+        }
+
+        impl $crate::settings::Choice for $name {
+            const ALL: &'static [Self] = &[$(Self::$value),+];
+            const WORDS: &'static [&'static str] = &[$($word),+];
+            const SENTENCES: &'static [&'static str] =
+                &[$(concat!($($sentence),+).trim_ascii_start()),+];
+
+            fn word(self) -> &'static str {
+                match self {
+                    $(Self::$value => $word,)+
+                }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str($crate::settings::Choice::word(*self))
+            }
+        }
+    )+};
+}
+pub(crate) use choices;
+
+choices! {
+    /// Light transport method (`method`).
+    pub enum Method {
+        /// Photon mapping: photons traced from the lights, gathered at the eye's hits
+        Photon = "photon",
+        /// Path tracing: the reference that errors are measured against
+        Path = "path",
+    }
+
+    /// How the right eye reuses the left eye's work (`reuse`).
+    pub enum Reuse {
+        /// Render each eye by itself
+        Off = "off",
+        /// Scatter the left eye's hits into the right eye, trace only what stays empty
+        Scatter = "scatter",
+        /// Trace the right eye's primary rays and take light from left samples that agree in place and normal
+        Lookup = "lookup",
+    }
+
+    /// Random numbers of the path tracer (`path.sampler`).
+    pub enum Sampler {
+        /// Independent uniform numbers
+        Random = "random",
+        /// Owen-scrambled Sobol points
+        Sobol = "sobol",
+    }
+
+    /// How the path tracer finds lights (`path.technique`).
+    pub enum Technique {
+        /// By light samples and by the surfaces' directions, weighted by the balance heuristic
+        Mis = "mis",
+        /// By light samples alone
+        Light = "light",
+        /// By the surfaces' directions alone, which find no point, spot or directional light
+        Bsdf = "bsdf",
+    }
+
+    /// Where photon mapping takes direct light from (`photon.direct`).
+    pub enum DirectLight {
+        /// Next-event estimation; the map holds only photons that scattered at least once
+        Nee = "nee",
+        /// The photon map, as in the 2020 report
+        Map = "map",
+    }
+
+    /// Weight of a photon by its distance from the gather point (`photon.kernel`).
+    pub enum Kernel {
+        /// The same weight over the whole disc
+        Constant = "constant",
+        /// 2 (1 - d^2/r^2) / (pi r^2)
+        Epanechnikov = "epanechnikov",
+        /// Falls linearly to the rim: 3 (1 - d/r) / (pi r^2)
+        Cone = "cone",
+    }
+
+    /// How photons around a point are found (`photon.search`).
+    pub enum Search {
+        /// A hash grid whose cells are as wide as the radius
+        Grid = "grid",
+        /// A left-balanced kd-tree
+        KdTree = "kd-tree",
+    }
+
+    /// Which photons make an estimate (`photon.estimate`).
+    pub enum PhotonEstimate {
+        /// All within the radius
+        Radius = "radius",
+        /// The nearest ones within the radius, `photon.nearest` of them at most
+        Nearest = "nearest",
+    }
+
+    /// Kernels of one sample of an eye (`photon.schedule`).
+    pub enum Schedule {
+        /// One that traces, one that gathers
+        Split = "split",
+        /// One that traces and gathers
+        Fused = "fused",
+    }
+
+    /// How a gather loads photons (`photon.loads`).
+    pub enum Loads {
+        /// Every thread its own
+        Direct = "direct",
+        /// A workgroup together, through its shared memory
+        Cooperative = "cooperative",
+    }
+
+    /// Motion of the simulated headset (`simulated.motion`).
+    pub enum Motion {
+        /// The head does not move
+        Still = "still",
+        /// The head turns left and right
+        Yaw = "yaw",
+        /// The head moves along a walk
+        Walk = "walk",
+        /// Small band-limited movements of a standing person
+        Sway = "sway",
+    }
+
+    /// A shader feature that is compiled in when needed, always or never (`force.*`).
+    pub enum Force {
+        /// In when the scene needs it
+        Auto = "auto",
+        /// Always in
+        On = "on",
+        /// Always out, even where that changes the image
+        Off = "off",
+    }
+
+    /// The runtime's space that the scene stands in (`openxr.space`).
+    pub enum Space {
+        /// Origin where the wearer's head was when the runtime recentred last
+        Local = "local",
+        /// Origin on the floor in the middle of the play area
+        Stage = "stage",
+    }
+
+    /// Colour format of the images for the runtime (`openxr.format`).
+    pub enum ImageFormat {
+        /// The first of the two that the runtime names
+        Auto = "auto",
+        /// 8 bits, sRGB
+        Srgb = "srgb",
+        /// Half floats, linear
+        Half = "half",
+    }
+
+    /// Which eyes are rendered; the flag `--eyes`.
+    pub enum Eyes {
+        /// Both eyes
+        Both = "both",
+        /// The left eye
+        Left = "left",
+        /// The right eye, rendered by itself: there is no left eye to reuse
+        Right = "right",
+    }
+}
+
+choices! {
+    /// Scenes that are embedded in the program, `builtin:NAME` each.
+    pub enum BuiltinScene {
+        /// The Cornell box with its published measurements
+        Cornell = "cornell",
+        /// One Lambert plane that faces the viewer, lit by a point light
+        Plane = "plane",
+        /// A closed diffuse sphere seen from inside, with a point light at its centre
+        Sphere = "sphere",
+        /// A glass ball over a diffuse floor, lit from above by a square lamp
+        Caustic = "caustic",
+        /// An interior worth looking at
+        Gallery = "gallery",
+        /// A room in which everything that can move does
+        Parade = "parade",
+    }
+}
+
+impl Force {
+    /// Whether the feature is in, given what the scene needs.
+    #[must_use]
+    pub fn apply(self, needed: bool) -> bool {
+        match self {
+            Self::Auto => needed,
+            Self::On => true,
+            Self::Off => false,
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! Every setting, said once.
+//!
+//! [`table`] has a row for each: type, default, range, unit and one sentence. The structs with their defaults and
+//! documentation come from it, and the [`registry`] from which `--set`, config files, `--help`, `info --settings`,
+//! `config/example.toml` and the viewer's panel work. [`choices`] does the same for what is one of a few words. Nothing
+//! here knows of a command line, a file or a device.
+
+pub(crate) mod choices;
+pub mod registry;
+pub mod table;
+
+pub use choices::{
+    BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Motion,
+    PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
+};
+pub use registry::{Kind, Setting};
+pub use table::{
+    AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, OpenXrSettings,
+    OutputSettings, PathSettings, PhotonSettings, ReconstructSettings, Settings, SimulatedSettings,
+    StereoSettings,
+};

@@ -1,0 +1,457 @@
+//! The table of settings: type, default, range, unit and sentence of each. The structs, their documentation and
+//! defaults, and the [registry](super::registry) that flags, files, listings and panels read come from it.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::choices::{
+    DirectLight, Force, ImageFormat, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler,
+    Schedule, Search, Space, Technique,
+};
+use super::registry::{Kind, MAX_SIZE, OwnKind, Section, Setting};
+
+const fn whole(min: u64, max: u64) -> Kind {
+    Kind::Whole { min, max }
+}
+
+/// The bounds are allowed.
+const fn real(min: f64, max: f64) -> Kind {
+    let inclusive = true;
+    Kind::Real {
+        min,
+        max,
+        inclusive,
+    }
+}
+
+/// The bounds are not allowed.
+const fn between(min: f64, max: f64) -> Kind {
+    let inclusive = false;
+    Kind::Real {
+        min,
+        max,
+        inclusive,
+    }
+}
+
+const SHARE: Kind = real(0.0, 1.0);
+const POSITIVE: Kind = between(0.0, 1e9);
+const NOT_NEGATIVE: Kind = real(0.0, 1e9);
+const TEXT: Kind = Kind::Text { empty: true };
+const NAME: Kind = Kind::Text { empty: false };
+
+fn to_json(value: &impl Serialize) -> Value {
+    serde_json::to_value(value).unwrap_or(Value::Null)
+}
+
+fn put<T: DeserializeOwned>(place: &mut T, value: Value) -> bool {
+    match serde_json::from_value(value) {
+        Ok(value) => {
+            *place = value;
+            true
+        }
+        Err(_) => false,
+    }
+}
+
+/// What a row's type and, where that does not say it, its third column allow.
+macro_rules! kind {
+    ($type:ty) => {
+        <$type as OwnKind>::KIND
+    };
+    ($type:ty, $kind:expr) => {
+        $kind
+    };
+}
+
+/// Makes a struct per block, `at` its place in [`Settings`], with the keys' prefix; and from each group of rows
+/// `field: type = default, kind, unit` a list of [`Setting`]s. The sentence is the row's doc comment. `parts`
+/// names the structs inside.
+macro_rules! settings {
+    ($(
+        $(#[$about:meta])*
+        struct $name:ident at ($($place:ident)*) $prefix:literal {
+            $(rows $group:ident {
+                $(
+                    $(#[doc = $sentence:literal])+
+                    $field:ident: $type:ty = $default:expr $(, $kind:expr $(, $unit:literal)?)?;
+                )+
+            })*
+            $(parts { $( $(#[$part_about:meta])+ $part:ident: $Part:ident; )+ })?
+        }
+    )+) => {$(
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name {
+            $($(
+                $(#[doc = $sentence])+
+                #[doc = concat!("\n\nDefault `", stringify!($default), "`" $(, "; `", stringify!($kind), "`" $(, ", ", $unit)?)?)]
+                pub $field: $type,
+            )+)*
+            $($( $(#[$part_about])+ pub $part: $Part, )+)?
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self {
+                    $($( $field: $default, )+)*
+                    $($( $part: $Part::default(), )+)?
+                }
+            }
+        }
+
+        impl $name {
+            fn within(settings: &Settings) -> &Self {
+                &(*settings)$(.$place)*
+            }
+
+            fn within_mut(settings: &mut Settings) -> &mut Self {
+                &mut (*settings)$(.$place)*
+            }
+        }
+
+        $(const $group: &[Setting] = &[$(
+            Setting {
+                key: concat!($prefix, stringify!($field)),
+                kind: kind!($type $(, $kind)?),
+                unit: concat!($($($unit)?)?),
+                doc: concat!($($sentence),+).trim_ascii_start(),
+                get: |settings| to_json(&$name::within(settings).$field),
+                set: |settings, value| put(&mut $name::within_mut(settings).$field, value),
+            },
+        )+];)*
+    )+};
+}
+
+/// Headings and order of all listings.
+pub(super) const SECTIONS: &[Section] = &[
+    Section::new("General", &[GENERAL]),
+    Section::new("Path tracing", &[PATH]),
+    Section::new("Photon mapping", &[PHOTON]),
+    Section::new("Stereo reuse", &[STEREO]),
+    Section::new("Reconstruction", &[RECONSTRUCT]),
+    Section::new("Environment", &[ENVIRONMENT]),
+    Section::new("Animation", &[ANIMATION]),
+    Section::new("Output", &[OUTPUT]),
+    Section::new("Compiled features", &[FORCE]),
+    Section::new("Simulated headset", &[SIMULATED]),
+    Section::new("OpenXR", &[OPENXR]),
+    Section::new("GPU", &[GPU]),
+];
+
+settings! {
+    /// Every setting, each in the range that the [registry](super::registry) checks.
+    struct Settings at () "" {
+        rows GENERAL {
+            /// glTF file (.gltf, .glb) or builtin:NAME
+            scene: String = "builtin:cornell".to_owned(), NAME;
+            /// light transport
+            method: Method = Method::Photon;
+            /// how the right eye reuses the left; off renders each by itself
+            reuse: Reuse = Reuse::Scatter;
+            /// primary samples per pixel and frame, averaged
+            spp: u32 = 1, whole(1, 1_048_576), "samples per pixel";
+            /// random seed
+            seed: u32 = 0, whole(0, u32::MAX as u64);
+            /// size of each eye's image; unset takes the headset's
+            size: Option<[u32; 2]> = None, Kind::Size { max: MAX_SIZE }, "pixels";
+            /// headset profile from config/headsets/
+            headset: String = "symmetric".to_owned(), NAME;
+            /// substring of the adapter's name; empty takes the best one
+            adapter: String = String::new(), TEXT;
+        }
+        parts {
+            /// Path tracer.
+            path: PathSettings;
+            /// Photon mapping.
+            photon: PhotonSettings;
+            /// Stereo reuse.
+            stereo: StereoSettings;
+            /// Filtering over time, neighbours and eyes.
+            reconstruct: ReconstructSettings;
+            /// Environment map.
+            environment: EnvironmentSettings;
+            /// What moves by itself.
+            animation: AnimationSettings;
+            /// Files written.
+            output: OutputSettings;
+            /// Shader features forced in or out, for measuring.
+            force: ForceSettings;
+            /// Simulated headset.
+            simulated: SimulatedSettings;
+            /// OpenXR sessions.
+            openxr: OpenXrSettings;
+            /// GPU use.
+            gpu: GpuSettings;
+        }
+    }
+
+    /// Settings of the path tracer (`path.*`).
+    struct PathSettings at (path) "path." {
+        rows PATH {
+            /// length of a path from eye to light: 1 is emission seen directly, 2 is direct light
+            max_depth: u32 = 12, whole(1, 64), "segments";
+            /// end dim paths by chance, without bias
+            russian_roulette: bool = true;
+            /// independent random numbers or Owen-scrambled Sobol points
+            sampler: Sampler = Sampler::Sobol;
+            /// how the path tracer finds lights: both ways weighted, by light samples, by the surfaces' directions
+            technique: Technique = Technique::Mis;
+            /// light samples that the one of a shadow ray is chosen from, by what each would bring; in both methods
+            light_candidates: u32 = 4, whole(1, 16), "samples";
+        }
+    }
+
+    /// Settings of photon mapping (`photon.*`).
+    struct PhotonSettings at (photon) "photon." {
+        rows PHOTON {
+            /// photons emitted per frame
+            count: u32 = 262_144, whole(0, 67_108_864), "photons";
+            /// gather radius; 0 takes it from the scene's area and the photon count
+            radius_m: f64 = 0.0, NOT_NEGATIVE, "metres";
+            /// photons emitted for the map of caustics, in scenes that can form them; 0 takes photon.count
+            caustic_count: u32 = 0, whole(0, 67_108_864), "photons";
+            /// gather radius of caustics; 0 takes half of photon.radius_m
+            caustic_radius_m: f64 = 0.0, NOT_NEGATIVE, "metres";
+            /// length of a path from eye to light, counted as path.max_depth is
+            max_depth: u32 = 12, whole(1, 64), "segments";
+            /// direct light by next-event estimation or from the photon map
+            direct: DirectLight = DirectLight::Nee;
+            /// weight of a photon by its distance from the gather point
+            kernel: Kernel = Kernel::Constant;
+            /// stored photons that each map's buffer holds; 0 takes it from the photon count
+            capacity: u32 = 0, whole(0, 268_435_456), "photons";
+            /// upper bound on the hash grid's cells
+            grid_cells_max: u32 = 524_288, whole(64, 4_194_300), "cells";
+            /// trace photons for every frame, even where scene and lights are static
+            every_frame: bool = false;
+            /// shares in which photons are traced anew once something moves, one per frame; light lags by as many frames
+            shares: u32 = 1, whole(1, 64);
+            /// shrink the radius from sample to sample, converging to the path tracer
+            progressive: bool = false;
+            /// share of new photons kept at each progressive step
+            progressive_alpha: f64 = 0.7, between(0.0, 1.0);
+            /// a photon counts where its surface normal and the gather point's agree this well
+            normal_min_cos: f64 = 0.5, real(-1.0, 1.0), "cosine";
+            /// how photons around a point are found; kd-tree is for comparison, and caustics keep the grid
+            search: Search = Search::Grid;
+            /// estimate from all photons within the radius, or from the nearest of them; caustics keep the radius
+            estimate: PhotonEstimate = PhotonEstimate::Radius;
+            /// how many the estimate from the nearest takes, within photon.radius_m
+            nearest: u32 = 50, whole(1, 64), "photons";
+            /// trace and gather in two kernels or in one; fused is for comparison
+            schedule: Schedule = Schedule::Split;
+            /// each thread loads its photons, or a workgroup together; cooperative is for comparison
+            loads: Loads = Loads::Direct;
+            /// gather at every other pixel in each direction and interpolate between them, caustics aside
+            half_rate: bool = false;
+        }
+    }
+
+    /// Settings of stereo reuse (`stereo.*`).
+    struct StereoSettings at (stereo) "stereo." {
+        rows STEREO {
+            /// view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction
+            max_view_dependence: f64 = 0.0, SHARE;
+            /// lookup: glossy surfaces take indirect light over where their lobe moves by no more between the eyes; 0 never
+            max_lobe_shift: f64 = 0.25, NOT_NEGATIVE, "lobe widths";
+        }
+    }
+
+    /// Settings of the passes that make a clean picture of noisy frames (`reconstruct.*`). All of them are off by default:
+    /// a frame is then what its own samples say. The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
+    /// Salvi 2016 (`taa_*`).
+    struct ReconstructSettings at (reconstruct) "reconstruct." {
+        rows RECONSTRUCT {
+            /// filter direct and indirect light over frames and neighbours (SVGF)
+            svgf: bool = false;
+            /// with svgf: the eyes share their accumulated light where both see a surface
+            stereo: bool = true;
+            /// temporal anti-aliasing of what is shown: PNG files, a headset's images, the mirror; EXR files are before it
+            taa: bool = false;
+            /// while nothing moves, the mean over the still frames takes the picture over
+            still: bool = false;
+            /// passes of the wavelet filter; the last reaches 2^(passes + 1) pixels to each side
+            atrous_passes: u32 = 5, whole(0, 8);
+            /// least share of a new frame in the accumulated light
+            color_alpha: f64 = 0.2, SHARE;
+            /// least share of a new frame in the luminance moments
+            moments_alpha: f64 = 0.2, SHARE;
+            /// luminance difference at which a neighbour's weight is 1/e
+            sigma_luminance: f64 = 4.0, POSITIVE, "standard deviations";
+            /// exponent of the cosine between a neighbour's normal and the pixel's
+            sigma_normal: f64 = 128.0, POSITIVE;
+            /// distance from the tangent plane at which a neighbour's weight is 1/e
+            sigma_plane_px: f64 = 1.0, POSITIVE, "pixel widths";
+            // From 4 frames on mirrors and glass are always limited, since their histories are no longer (Hardie and
+            // Barner 1994).
+            /// light with at most so many frames behind it is limited to its brightest neighbour's; 0 never
+            firefly_frames: u32 = 1, whole(0, 1_000_000), "frames";
+            /// share of a new frame in the displayed image
+            taa_alpha: f64 = 0.1, SHARE;
+            /// how far from the mean of its 3x3 neighbours a history colour may lie
+            taa_clip: f64 = 1.0, POSITIVE, "standard deviations";
+            /// still frames up to which the filter alone is shown
+            still_from: u32 = 16, whole(0, 1_000_000), "frames";
+            /// still frames from which on the mean alone is shown
+            still_until: u32 = 64, whole(1, 1_000_000), "frames";
+        }
+    }
+
+    /// Settings of the environment map (`environment.*`).
+    struct EnvironmentSettings at (environment) "environment." {
+        rows ENVIRONMENT {
+            /// equirectangular .hdr or .exr file; empty for a black surround
+            path: String = String::new(), TEXT;
+            /// factor on the environment's radiance
+            strength: f64 = 1.0, NOT_NEGATIVE;
+        }
+    }
+
+    /// Settings of the scene's animation (`animation.*`).
+    struct AnimationSettings at (animation) "animation." {
+        rows ANIMATION {
+            /// clip by name, or by number from 0; none plays nothing, empty the first one there is
+            clip: String = String::new(), TEXT;
+            /// seconds of the clip per second of display time
+            speed: f64 = 1.0, real(-1000.0, 1000.0);
+            /// second of the clip that the first frame shows
+            time_s: f64 = 0.0, real(0.0, 1e6), "s";
+        }
+    }
+
+    /// Settings of the files written (`output.*`).
+    struct OutputSettings at (output) "output." {
+        rows OUTPUT {
+            /// exposure factor of what is shown: PNG files and a headset's images; EXR files are never scaled
+            exposure: f64 = 1.0, NOT_NEGATIVE;
+            /// write images; stats.jsonl and run.json are written in any case
+            images: bool = true;
+            /// also write each eye's direct light, indirect light and albedo, frame_NNNN_EYE_{direct,indirect,albedo}.exr
+            parts: bool = false;
+            /// keep where things were in the frame before, for views of motion; images stay as they are
+            motion: bool = false;
+        }
+    }
+
+    /// Settings of the simulated headset (`simulated.*`).
+    struct SimulatedSettings at (simulated) "simulated." {
+        rows SIMULATED {
+            /// motion of the simulated headset
+            motion: Motion = Motion::Sway;
+        }
+    }
+
+    /// Settings of OpenXR sessions (`openxr.*`).
+    struct OpenXrSettings at (openxr) "openxr." {
+        rows OPENXR {
+            /// space of the runtime that the scene stands in: around the head's place, or on the floor
+            space: Space = Space::Local;
+            /// colour format of the images for the runtime: the runtime's choice, 8-bit sRGB, half floats
+            format: ImageFormat = ImageFormat::Auto;
+            /// submit depth where the runtime takes it
+            depth_layer: bool = true;
+            /// spend no rays on pixels that the lens hides
+            visibility_mask: bool = true;
+            /// refresh rate to ask the runtime for; 0 leaves it to the runtime
+            refresh_hz: f64 = 0.0, real(0.0, 1000.0), "Hz";
+            /// walking speed at full deflection of the stick
+            move_m_per_s: f64 = 1.5, real(0.0, 100.0), "m/s";
+            /// one snap turn
+            snap_turn_deg: f64 = 30.0, real(0.0, 180.0), "degrees";
+        }
+    }
+
+    /// Settings of GPU use (`gpu.*`).
+    struct GpuSettings at (gpu) "gpu." {
+        rows GPU {
+            /// time each pass with GPU timestamp queries
+            timestamps: bool = true;
+            /// folder whose .wesl files replace the embedded shaders of the same name; for work on shaders
+            shader_folder: String = String::new(), TEXT;
+        }
+    }
+}
+
+/// The section `force`, whose settings are all alike, and its list by the features' names.
+macro_rules! forced_features {
+    ($( $(#[doc = $sentence:literal])+ $feature:ident; )+) => {
+        settings! {
+            /// Shader features forced in or out (`force.*`).
+            struct ForceSettings at (force) "force." {
+                rows FORCE {
+                    $( $(#[doc = $sentence])+ $feature: Force = Force::Auto; )+
+                }
+            }
+        }
+
+        impl ForceSettings {
+            /// Shader feature names with their setting.
+            #[must_use]
+            pub fn by_feature(&self) -> Vec<(&'static str, Force)> {
+                vec![$( (stringify!($feature), self.$feature), )+]
+            }
+        }
+    };
+}
+
+forced_features! {
+    /// glossy and metallic lobes in the shaders: as the scene needs, always, never
+    glossy;
+    /// glass in the shaders
+    dielectric;
+    /// textures in the shaders
+    textures;
+    /// normal maps in the shaders; on brings textures, which off takes them away with
+    normal_maps;
+    /// alpha mask and blend in the shaders
+    alpha;
+    /// vertex colours in the shaders
+    vertex_colors;
+    /// the environment map in the shaders
+    environment;
+    /// a map of caustics, apart from the other photons
+    caustics;
+    /// the scene's records in textures, which software adapters read faster; auto: on those
+    record_texels;
+}
+
+impl PhotonSettings {
+    /// Whether these ways to gather go together; if not, in one line, why and what to do.
+    ///
+    /// # Errors
+    /// The line.
+    pub fn check_gather(&self) -> Result<(), String> {
+        if self.half_rate && self.schedule == Schedule::Fused {
+            return Err(
+                "photon.half_rate goes with photon.schedule = \"split\" only; change one of them"
+                    .to_owned(),
+            );
+        }
+        let plain = self.search == Search::Grid && self.estimate == PhotonEstimate::Radius;
+        let fused = self.schedule == Schedule::Fused;
+        let cooperative = self.loads == Loads::Cooperative;
+        let (set, needs) = match (fused, cooperative) {
+            (true, true) => ("photon.schedule = \"fused\"", "photon.loads = \"direct\""),
+            (true, false) if !plain => (
+                "photon.schedule = \"fused\"",
+                "photon.search = \"grid\" and photon.estimate = \"radius\"",
+            ),
+            (false, true) if !plain => (
+                "photon.loads = \"cooperative\"",
+                "photon.search = \"grid\" and photon.estimate = \"radius\"",
+            ),
+            _ => return Ok(()),
+        };
+        Err(format!("{set} goes with {needs} only; change one of them"))
+    }
+}
+
+impl ReconstructSettings {
+    /// Whether any pass of it runs.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.svgf || self.taa || self.still
+    }
+}
