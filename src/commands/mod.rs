@@ -116,6 +116,7 @@ impl From<GpuError> for Failure {
         match error {
             GpuError::NoMatchingAdapter { .. }
             | GpuError::Missing { .. }
+            | GpuError::UserPass(_)
             | GpuError::TooLarge { .. }
             | GpuError::TooManyBuffers { .. } => Self::unusable(error),
             _ => Self::failed(error),

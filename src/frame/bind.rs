@@ -9,10 +9,10 @@
 
 use std::collections::BTreeMap;
 
-use super::buffers::{self, BufferRow, ImageLayout, Moment, Scope, TOKEN_BYTES, allocated_bytes};
+use super::buffers::{self, BufferRow, ImageLayout, Moment, Scope, TOKEN_BYTES};
 use super::photon_layout::{MapKind, MapLayout};
 use super::step::{Eye, Owner};
-use crate::gpu::buffers::read_buffer;
+use crate::gpu::buffers::{allocated_bytes, read_buffer};
 use crate::gpu::kernel::BindingKind;
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};

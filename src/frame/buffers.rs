@@ -240,12 +240,6 @@ pub fn row(name: &str) -> Option<&'static BufferRow> {
     BUFFERS.iter().find(|row| row.name == name)
 }
 
-/// Bytes that a buffer of `bytes` bytes is given: whole units of 16, as WebGPU binds nothing smaller than the struct it holds.
-#[must_use]
-pub fn allocated_bytes(bytes: u64) -> u64 {
-    bytes.max(16).next_multiple_of(16)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,7 @@
 //! ```text
 //! passes.rs   one row per pass                 buffers.rs  one row per buffer
 //!        \                                      /
-//!         plan.rs: settings, features, sizes -> steps, in order; no device
+//!         plan/: settings , features, sizes -> steps, in order; no device
 //!                              |
 //!         run.rs: compiles, allocates, binds by the rules of bind.rs, dispatches
 //! ```
@@ -18,6 +18,7 @@ pub mod photon_layout;
 pub mod plan;
 pub mod run;
 pub mod step;
+pub mod user_passes;
 
 pub use buffers::ImageLayout;
 pub use photon_layout::{AdapterLimits, MapConfig, MapKind, MapLayout};

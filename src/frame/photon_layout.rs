@@ -1,7 +1,7 @@
 //! What a photon map is made for, and the sizes that follow: batches of paths, capacities, digits of the sort.
 
-use super::buffers::allocated_bytes;
 use crate::gpu::GpuError;
+use crate::gpu::buffers::allocated_bytes;
 use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
 use crate::options::{Loads, Search};
 

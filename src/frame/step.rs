@@ -355,6 +355,13 @@ impl Steps {
         )
     }
 
+    /// Runs a pass once per slice of what it loops over.
+    pub(super) fn in_slices(&mut self, pass: &Pass, over: Size, slices: u32) {
+        for slice in 0..slices {
+            self.run(pass, over).words(0, slice, slices);
+        }
+    }
+
     /// Turns the length of a list into the workgroups of passes over it.
     pub(super) fn set_up(&mut self, list: List) {
         let step = self.run(&super::passes::list_setup, Size::Once);

@@ -9,7 +9,14 @@ const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
     .union(wgpu::BufferUsages::COPY_SRC)
     .union(wgpu::BufferUsages::COPY_DST);
 
-/// An empty storage buffer of at least 16 bytes (WebGPU binds nothing smaller than the struct it holds).
+/// Bytes that a storage buffer of `bytes` bytes is given: whole units of 16, and at least one, as WebGPU binds nothing smaller
+/// than the struct it holds.
+#[must_use]
+pub fn allocated_bytes(bytes: u64) -> u64 {
+    bytes.max(16).next_multiple_of(16)
+}
+
+/// An empty storage buffer of [`allocated_bytes`].
 ///
 /// # Errors
 /// [`GpuError::TooLarge`] if the adapter cannot bind it.
@@ -22,7 +29,7 @@ pub fn storage_buffer(
     context.guarded(label, || {
         Ok(context.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
-            size: bytes.max(16).next_multiple_of(16),
+            size: allocated_bytes(bytes),
             usage: STORAGE | wgpu::BufferUsages::INDIRECT,
             mapped_at_creation: false,
         }))

@@ -53,6 +53,9 @@ pub enum GpuError {
         /// The compiler's words.
         reason: String,
     },
+    /// A pass of the user's does not fit into the frame.
+    #[error("{0}")]
+    UserPass(String),
     /// A kernel was given no resource under a name that its shader declares.
     #[error("pass {pass}: no resource is bound to {binding:?}")]
     Unbound {

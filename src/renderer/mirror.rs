@@ -3,7 +3,7 @@
 use crate::gpu::types::mirror::Mirror;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
 
-use super::session::ShownLight;
+use super::submit::ShownLight;
 use crate::frame::plan::present;
 use crate::frame::{FrameRun, Step, passes};
 use crate::gpu::raster::Raster;

@@ -6,20 +6,10 @@ use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
+use super::submit::ShownLight;
 use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Stage, Submitter};
 use crate::frame::FrameRun;
 use crate::frame::bind::Whose;
-
-/// How the values of an image become display light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ShownLight {
-    /// Factor before the filmic curve.
-    pub(super) scale: f32,
-    /// 1 if they are display light already.
-    pub(super) is_display: u32,
-    /// Which of two buffers holds the last frame, where two take turns.
-    pub(super) parity: usize,
-}
 
 /// What the lenses hide, and for which fields of view the device knows it.
 pub(super) struct Hidden {

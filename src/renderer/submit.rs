@@ -5,11 +5,21 @@ use crate::gpu::types::submit::Submit;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
 use crate::xr::RuntimeTargets;
 
-use super::session::ShownLight;
 use crate::frame::plan::present;
 use crate::frame::{FrameRun, Step, passes};
 use crate::gpu::raster::Raster;
 use crate::options::Settings;
+
+/// How the values of an image become display light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ShownLight {
+    /// Factor before the filmic curve.
+    pub(super) scale: f32,
+    /// 1 if they are display light already.
+    pub(super) is_display: u32,
+    /// Which of two buffers holds the last frame, where two take turns.
+    pub(super) parity: usize,
+}
 
 /// One eye's bound passes.
 struct BoundEye {

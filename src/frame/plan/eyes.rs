@@ -1,0 +1,175 @@
+//! One sample of each eye: by itself, or the right one by reuse of the left one's.
+
+use super::FrameSpec;
+use crate::frame::buffers::Moment;
+use crate::frame::passes::{self, Pass};
+use crate::frame::photon_layout::MapKind;
+use crate::frame::step::{Eye, List, Size, Step, Steps};
+use crate::settings::{
+    DirectLight, Loads, Method, PhotonEstimate, Reuse, Schedule, Search, Settings,
+};
+
+fn sample_of(frame: &FrameSpec<'_>, eye: Eye) -> Steps {
+    Steps::of_eye(eye.name(), eye).told_of(frame.slices.photons)
+}
+
+pub(super) fn left_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let mut steps = sample_of(frame, Eye::Left);
+    whole_eye(&mut steps, frame);
+    steps.done()
+}
+
+pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let mut steps = sample_of(frame, Eye::Right);
+    if frame.reuses() {
+        reuse(&mut steps, frame);
+        fill(&mut steps, frame);
+    } else if frame.both {
+        whole_eye(&mut steps, frame);
+    }
+    steps.done()
+}
+
+/// The right eye is the left one's copy.
+pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let mut steps = sample_of(frame, Eye::Right);
+    if frame.reuses() {
+        steps.clear(Moment::Sample);
+        steps.clear(Moment::Reuse);
+        steps.run(&passes::left_copy, Size::Tiles);
+    }
+    steps.done()
+}
+
+/// One sample of an eye by itself.
+fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    steps.clear(Moment::Sample);
+    primary_hits(steps, frame, Size::Tiles);
+    if !frame.is_photon() {
+        return;
+    }
+    direct_light(steps, frame);
+    if frame.settings.photon.half_rate {
+        gather_at_half_rate(steps, frame);
+    } else {
+        gather(steps, frame, List::HITS);
+    }
+    caustics(steps, frame);
+    steps.run(&passes::eye_combine, Size::Tiles);
+}
+
+/// Follows the eye's paths to the surfaces that gather photons, or, with the path method, to their ends.
+fn primary_hits(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
+    match (frame.settings.method, frame.settings.photon.schedule) {
+        (Method::Path, _) => {
+            steps.run(&passes::path_trace, over);
+        }
+        (Method::Photon, Schedule::Split) => {
+            steps.run(&passes::eye_hits, over);
+        }
+        (Method::Photon, Schedule::Fused) => {
+            steps.in_slices(&passes::eye_fused, over, frame.slices.photons);
+        }
+    }
+    steps.set_up(List::HITS);
+}
+
+fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    if frame.settings.photon.direct == DirectLight::Nee {
+        steps.run(&passes::direct_light, Size::List(List::HITS));
+    }
+}
+
+/// The pass that estimates radiance from the map of photons; none where the one that traces does.
+fn gather_pass(settings: &Settings) -> Option<&'static Pass> {
+    let photon = &settings.photon;
+    if photon.schedule == Schedule::Fused {
+        return None;
+    }
+    Some(match (photon.search, photon.estimate, photon.loads) {
+        (Search::Grid, PhotonEstimate::Radius, Loads::Direct) => &passes::photon_gather,
+        (Search::Grid, PhotonEstimate::Radius, Loads::Cooperative) => &passes::shared_gather,
+        (Search::Grid, PhotonEstimate::Nearest, _) => &passes::nearest_gather,
+        (Search::KdTree, PhotonEstimate::Radius, _) => &passes::kd_gather,
+        (Search::KdTree, PhotonEstimate::Nearest, _) => &passes::kd_nearest_gather,
+    })
+}
+
+/// All that [`gather_pass`] may give.
+pub const GATHERS: [&Pass; 5] = [
+    &passes::photon_gather,
+    &passes::shared_gather,
+    &passes::nearest_gather,
+    &passes::kd_gather,
+    &passes::kd_nearest_gather,
+];
+
+fn gather(steps: &mut Steps, frame: &FrameSpec<'_>, list: List) {
+    if let Some(pass) = gather_pass(frame.settings) {
+        steps.in_slices(pass, Size::List(list), frame.slices.photons);
+    }
+}
+
+/// Gathers at every other pixel in each direction, interpolates between them, and gathers where that finds nothing.
+fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    steps.clear(Moment::HalfRate);
+    steps.run(&passes::coarse_list, Size::List(List::HITS));
+    steps.set_up(List::COARSE);
+    gather(steps, frame, List::COARSE);
+    steps.run(&passes::coarse_irradiance, Size::List(List::COARSE));
+    steps.copy_texels("carried_light");
+    steps.run(&passes::coarse_spread, Size::List(List::HITS));
+    steps.set_up(List::GATHER);
+    gather(steps, frame, List::GATHER);
+}
+
+fn caustics(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    if frame.has_caustics() {
+        steps.owner.map = MapKind::Caustics;
+        let (over, slices) = (Size::List(List::HITS), frame.slices.caustics);
+        steps.in_slices(&passes::caustic_gather, over, slices);
+        steps.owner.map = MapKind::Photons;
+    }
+}
+
+/// The right eye takes what it can from the left one's sample and lists the pixels that stay empty.
+fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    steps.clear(Moment::Sample);
+    steps.clear(Moment::Reuse);
+    let left_hits = Size::List(List::LEFT_HITS);
+    match frame.reuse {
+        Reuse::Off => return,
+        // Projects the left hits; the nearest one wins its right pixel.
+        Reuse::Scatter => {
+            steps.run(&passes::scatter_depth, left_hits);
+            steps.run(&passes::scatter_winner, left_hits);
+            steps.run(&passes::reuse_resolve, Size::Tiles);
+        }
+        // Traces primary rays and lights what they meet by the left samples around it.
+        Reuse::Lookup => {
+            steps.run(&passes::left_irradiance, left_hits);
+            steps.copy_texels("carried_light");
+            steps.run(&passes::reuse_lookup, Size::Tiles);
+        }
+    }
+    steps.set_up(List::FILL);
+}
+
+/// The right eye's empty pixels render themselves; glossy ones may still reuse indirect light.
+fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    let over = Size::List(List::FILL);
+    primary_hits(steps, frame, over);
+    if frame.is_photon() {
+        direct_light(steps, frame);
+        if frame.features.carry_indirect {
+            steps.run(&passes::indirect_lookup, Size::List(List::HITS));
+            steps.set_up(List::GATHER);
+            gather(steps, frame, List::GATHER);
+        } else {
+            gather(steps, frame, List::HITS);
+        }
+        caustics(steps, frame);
+        steps.run(&passes::eye_combine, over);
+    }
+    steps.run(&passes::fill_reasons, Size::List(List::HITS));
+}

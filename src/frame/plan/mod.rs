@@ -1,0 +1,167 @@
+//! The frame: which passes run, in which order, over what. This is the only place that says so, and what it says is what runs.
+//!
+//! [`plan`] knows no device. `stereolux info --scene` prints what it returns.
+
+mod eyes;
+mod on_demand;
+mod photons;
+mod reconstruct;
+
+use super::buffers::Moment;
+use super::passes::{self, Pass};
+use super::photon_layout::MapLayout;
+use super::step::{Eye, Only, PlannedStage, Size, Stage, Step, Steps};
+use crate::gpu::features::ShaderFeatures;
+use crate::settings::{Method, Reuse, Settings};
+
+pub use eyes::GATHERS;
+pub use on_demand::{View, inspect, inspection, on_demand, present, shown_light};
+pub use photons::PATH_PASSES;
+
+use eyes::{left_eye, right_eye, right_eye_equal};
+use photons::photons;
+use reconstruct::reconstruct;
+
+/// What a frame is planned for.
+#[derive(Debug, Clone)]
+pub struct FrameSpec<'a> {
+    /// Settings.
+    pub settings: &'a Settings,
+    /// What shaders are specialised by.
+    pub features: ShaderFeatures,
+    /// Whether both eyes are rendered.
+    pub both: bool,
+    /// How the right eye reuses the left one now.
+    pub reuse: Reuse,
+    /// Samples that one dispatch of the path tracer takes, at most.
+    pub samples_per_dispatch: u32,
+    /// The photon map and that of caustics, where there are such.
+    pub maps: Vec<MapLayout>,
+    /// Slices in which photons are gathered, by map.
+    pub slices: GatherSlices,
+    /// What changes its shape, if anything does.
+    pub shapes: Option<ShapeCounts>,
+    /// Whether shaders ask where points were in the frame before.
+    pub keeps_previous: bool,
+}
+
+/// Slices in which photons are gathered: a software driver ends long loops (`docs/lavapipe.md`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GatherSlices {
+    /// From the map of photons.
+    pub photons: u32,
+    /// From the map of caustics.
+    pub caustics: u32,
+}
+
+impl GatherSlices {
+    /// Everything at once.
+    pub const ONE: Self = Self {
+        photons: 1,
+        caustics: 1,
+    };
+}
+
+/// What of the scene changes its shape.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ShapeCounts {
+    /// Vertices.
+    pub vertices: u32,
+    /// Triangles.
+    pub triangles: u32,
+    /// Nodes of the hierarchies by height: first, number.
+    pub levels: Vec<[u32; 2]>,
+}
+
+impl FrameSpec<'_> {
+    /// Whether the right eye reuses the left one.
+    #[must_use]
+    pub fn reuses(&self) -> bool {
+        self.both && self.reuse != Reuse::Off
+    }
+
+    fn is_photon(&self) -> bool {
+        self.settings.method == Method::Photon
+    }
+
+    fn has_caustics(&self) -> bool {
+        self.is_photon() && self.features.caustics
+    }
+
+    fn eyes(&self) -> &'static [Eye] {
+        if self.both { &Eye::BOTH } else { &[Eye::Left] }
+    }
+}
+
+/// The frame's stages, in order.
+#[must_use]
+pub fn plan(frame: &FrameSpec<'_>) -> Vec<PlannedStage> {
+    let mut stages = Vec::new();
+    let mut add = |stage, when, steps: Vec<Step>| {
+        if !steps.is_empty() {
+            stages.push(PlannedStage {
+                stage,
+                when,
+                longest_run: frame.samples_per_dispatch,
+                steps,
+            });
+        }
+    };
+    add(Stage::Pose, "when a shape changes", pose(frame));
+    for map in &frame.maps {
+        let when = photons_when(frame.settings);
+        add(Stage::Photons(map.config.kind), when, photons(map));
+    }
+    add(Stage::Begin, "every frame", begin(frame));
+    add(Stage::Left, "every sample", left_eye(frame));
+    add(Stage::Right, "every sample", right_eye(frame));
+    let equal = "every sample, instead, where both eyes see the same";
+    add(Stage::RightEqual, equal, right_eye_equal(frame));
+    let once = "once, after all samples";
+    add(Stage::Reconstruct, once, reconstruct(frame));
+    stages
+}
+
+/// How often photons are traced.
+fn photons_when(settings: &Settings) -> &'static str {
+    if settings.photon.every_frame {
+        "every frame"
+    } else if settings.photon.progressive {
+        "every sample"
+    } else {
+        "when the map is missing or something has moved: all, or a share per frame"
+    }
+}
+
+/// Vertices, then triangles, then boxes from the leaves up.
+fn pose(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let mut steps = Steps::of_eye(Stage::Pose.name(), Eye::Left);
+    let Some(shapes) = &frame.shapes else {
+        return steps.done();
+    };
+    if frame.keeps_previous {
+        steps.copy("deformed_positions", "previous_positions");
+    }
+    let mut over = |pass: &Pass, first, count| {
+        steps
+            .run(pass, Size::Threads(count))
+            .words(first, count, 0)
+            .only(Only::NewPose);
+    };
+    over(&passes::deform, 0, shapes.vertices);
+    over(&passes::deform_triangles, 0, shapes.triangles);
+    for &[first, count] in &shapes.levels {
+        over(&passes::refit, first, count);
+    }
+    steps.done()
+}
+
+/// Zeroes the sums over a frame's samples.
+fn begin(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let mut steps = Steps::of_eye(Stage::Begin.name(), Eye::Left);
+    for &eye in frame.eyes() {
+        steps.owner.eye = eye;
+        steps.clear(Moment::Frame);
+    }
+    steps.done()
+}

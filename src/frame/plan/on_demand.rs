@@ -1,0 +1,142 @@
+//! What runs beside the frame, where someone asks for it: handing pictures over, and views of intermediate results.
+
+use crate::frame::buffers::Moment;
+use crate::frame::passes::{self, Pass};
+use crate::frame::photon_layout::MapKind;
+use crate::frame::step::{Eye, PlannedStage, Size, Stage, Step, Steps};
+use crate::settings::Settings;
+
+/// The picture of an eye that is shown: a buffer's name.
+#[must_use]
+pub fn shown_light(settings: &Settings) -> &'static str {
+    if settings.reconstruct.taa {
+        "displayed"
+    } else if settings.reconstruct.is_on() {
+        "reconstructed"
+    } else {
+        "radiance_sum"
+    }
+}
+
+/// Both eyes' pictures go to a runtime, with their depths where it takes them, or to a window.
+#[must_use]
+pub fn present(settings: &Settings, passes: &[&Pass]) -> PlannedStage {
+    let mut steps = Steps::of_eye(Stage::Present.name(), Eye::Left);
+    for eye in Eye::BOTH {
+        steps.turn_to(Stage::Present.name(), eye);
+        for pass in passes {
+            let step = steps.run(pass, Size::Fragments);
+            step.names(&[("shown_light", shown_light(settings))]);
+        }
+    }
+    PlannedStage {
+        stage: Stage::Present,
+        when: "where a runtime or a window takes the images",
+        longest_run: 1,
+        steps: steps.done(),
+    }
+}
+
+/// What runs beside the frame, where someone asks for it.
+#[must_use]
+pub fn on_demand(settings: &Settings) -> [PlannedStage; 2] {
+    let takers = [
+        &passes::xr_submit,
+        &passes::xr_submit_depth,
+        &passes::mirror,
+    ];
+    let views = [
+        View::Surfaces,
+        View::PhotonsAround(1),
+        View::PhotonDots {
+            map: MapKind::Photons,
+            stored: 0,
+            clears: true,
+        },
+        View::CausticLight(1),
+        View::Motion,
+    ];
+    let views = views.map(|view| inspect(view, Eye::Left, Eye::Left));
+    [present(settings, &takers), inspection(views.concat())]
+}
+
+/// Steps of views as a stage.
+#[must_use]
+pub fn inspection(steps: Vec<Step>) -> PlannedStage {
+    PlannedStage {
+        stage: Stage::Inspect,
+        when: "when a view is asked for",
+        longest_run: 1,
+        steps,
+    }
+}
+
+/// What a view of intermediate results runs, after a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum View {
+    /// What the ray through each pixel's centre meets.
+    Surfaces,
+    /// Photons around it, in so many slices.
+    PhotonsAround(u32),
+    /// Photons of a map that are seen in each pixel.
+    PhotonDots {
+        /// Which map.
+        map: MapKind,
+        /// How many photons it holds.
+        stored: u32,
+        /// It is the first map that is counted.
+        clears: bool,
+    },
+    /// Light from the map of caustics alone, in so many slices.
+    CausticLight(u32),
+    /// Where surfaces were in the frame before.
+    Motion,
+}
+
+/// The passes of a view of an eye. `eye` looks, `buffers` are the eye's whose image it is (the left ones of an only eye).
+#[must_use]
+pub fn inspect(view: View, eye: Eye, buffers: Eye) -> Vec<Step> {
+    let mut steps = Steps::of_eye(Stage::Inspect.name(), eye);
+    steps.owner.eye = buffers;
+    match view {
+        View::Surfaces => {
+            steps
+                .run(&passes::inspect_surfaces, Size::Tiles)
+                .words(0, 0, 1);
+        }
+        View::PhotonsAround(slices) => {
+            steps.in_slices(&passes::inspect_photons, Size::Tiles, slices);
+        }
+        View::PhotonDots {
+            map,
+            stored,
+            clears,
+        } => {
+            steps.owner.map = map;
+            if clears {
+                steps.clear(Moment::View);
+            }
+            steps
+                .run(&passes::inspect_dots, Size::Threads(stored))
+                .words(0, 0, 1);
+        }
+        View::CausticLight(slices) => {
+            steps.owner.map = MapKind::Caustics;
+            steps.in_slices(&passes::inspect_caustics, Size::Tiles, slices);
+        }
+        // Every pixel has a ray of its own here, so nothing is read of what the other eye left.
+        View::Motion => {
+            let step = steps.run(&passes::motion, Size::Tiles).words(0, 0, 1);
+            step.names(&[
+                ("hit_rays", "inspected_normals"),
+                ("first_surfaces", "inspected_hits"),
+                ("left_first_surfaces", "inspected_hits"),
+                ("scatter_winners", "inspected_hits"),
+                ("provenance", "inspected_hits"),
+                ("seen_surfaces", "inspected_surfaces"),
+                ("motion", "inspection"),
+            ]);
+        }
+    }
+    steps.done()
+}

@@ -1,0 +1,175 @@
+//! Photon maps: paths, then a grid or a kd-tree over their photons.
+
+use crate::frame::buffers::Moment;
+use crate::frame::passes::{self, Pass};
+use crate::frame::photon_layout::{MapKind, MapLayout, SCAN_BLOCK};
+use crate::frame::step::{Only, Size, Step, Steps};
+use crate::renderer::photon_records::PhotonGrid;
+
+/// Passes of the paths of the map of all photons but caustics; the rest of its stage builds what photons are searched by.
+pub const PATH_PASSES: [&Pass; 3] = [
+    &passes::photon_trace,
+    &passes::photon_append,
+    &passes::photon_count,
+];
+
+/// Traces paths batch by batch, then sorts their photons into a grid or a kd-tree.
+pub(super) fn photons(map: &MapLayout) -> Vec<Step> {
+    let mut steps = Steps::of_map(map.config.kind);
+    steps.clear(Moment::Map);
+    for (batch, (first, count)) in (0..).zip(map.batches()) {
+        photon_batch(&mut steps, map, batch, first, count);
+    }
+    steps.owner.batch = 0;
+    let sixteenths = Size::Threads(map.capacity.div_ceil(16));
+    steps.run(&passes::photon_bounds, sixteenths);
+    steps.run(&passes::grid_setup, Size::Once);
+    if map.is_tree() {
+        kd_tree(&mut steps, map);
+    } else {
+        grid(&mut steps, map);
+    }
+    steps.done()
+}
+
+/// Paths leave photons in slots of their own; a prefix sum over their numbers says where each path's go in the list.
+fn photon_batch(steps: &mut Steps, map: &MapLayout, batch: u32, first: u32, count: u32) {
+    steps.owner.batch = if map.keeps_batches() { batch } else { 0 };
+    let slots = map.slots_per_path;
+    let trace = match map.config.kind {
+        MapKind::Photons => &passes::photon_trace,
+        MapKind::Caustics => &passes::caustic_trace,
+    };
+    let due = Only::BatchDue(batch);
+    steps.clear(Moment::Batch).only(due);
+    steps
+        .run(trace, Size::Threads(map.tracing_threads(count)))
+        .words(first, count, slots)
+        .only(due);
+    // The scan is in place, and counts that are kept serve again.
+    let starts = if map.keeps_batches() {
+        steps.copy("path_counts", "path_starts");
+        "path_starts"
+    } else {
+        "path_counts"
+    };
+    scan(steps, starts, "path_sums", map.path_count_bytes());
+    for (pass, size) in [
+        (&passes::photon_append, Size::Threads(count)),
+        (&passes::photon_count, Size::Once),
+    ] {
+        let step = steps.run(pass, size).words(first, count, slots);
+        step.names(&[("path_starts", starts)]);
+    }
+}
+
+/// Prefix sum over a buffer of `bytes` bytes.
+fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64) {
+    let count = MapLayout::scan_values(bytes);
+    let blocks = count.div_ceil(SCAN_BLOCK as u32);
+    // A scan's first pass has one workgroup per block.
+    scan_over(
+        steps,
+        values,
+        sums,
+        [Size::Groups(blocks), Size::Threads(count)],
+    );
+}
+
+/// Prefix sum over the values that are in use.
+fn scan_over(
+    steps: &mut Steps,
+    values: &'static str,
+    sums: &'static str,
+    [blocks, all]: [Size; 2],
+) {
+    let sizes = [blocks, Size::Once, all];
+    let scan = [&passes::scan_blocks, &passes::scan_sums, &passes::scan_add];
+    for (pass, size) in scan.into_iter().zip(sizes) {
+        let names = [("scan_values", values), ("scan_sums", sums)];
+        steps.run(pass, size).names(&names);
+    }
+}
+
+const fn photon_grid(offset: usize) -> Size {
+    Size::Indirect("photon_grid", offset as u64)
+}
+
+/// Over all stored photons.
+const PHOTONS: Size = photon_grid(std::mem::offset_of!(PhotonGrid, photon_groups));
+
+/// Counts the photons of every cell, sorts them by cell, and puts them where gathering reads them.
+fn grid(steps: &mut Steps, map: &MapLayout) {
+    steps
+        .run(&passes::cell_count, PHOTONS)
+        .names(&[("radix_to", "radix_even")]);
+    // A table may have many times as many cells as are in use.
+    let in_use = [
+        photon_grid(std::mem::offset_of!(PhotonGrid, block_groups)),
+        photon_grid(std::mem::offset_of!(PhotonGrid, value_groups)),
+    ];
+    scan_over(steps, "cell_starts", "cell_sums", in_use);
+    radix_sort(steps, map);
+    steps
+        .run(&passes::photon_reorder, PHOTONS)
+        .names(&[("radix_from", "radix_odd")]);
+    steps.copy_texels("sorted_photons");
+}
+
+/// Sorts by key, stably, digit by digit, there and back between two buffers.
+fn radix_sort(steps: &mut Steps, map: &MapLayout) {
+    let (digits, bits) = map.digits();
+    let blocks = map.blocks();
+    for digit in 0..digits {
+        let names = match digit % 2 {
+            0 => [("radix_from", "radix_even"), ("radix_to", "radix_odd")],
+            _ => [("radix_from", "radix_odd"), ("radix_to", "radix_even")],
+        };
+        let over_blocks = |steps: &mut Steps, pass| {
+            let step = steps.run(pass, Size::Threads(blocks)).names(&names);
+            step.words(digit * bits, blocks, (1 << bits) - 1);
+        };
+        steps.clear(Moment::Digit);
+        over_blocks(steps, &passes::radix_count);
+        scan(steps, "radix_table", "radix_sums", map.radix_bytes());
+        over_blocks(steps, &passes::radix_scatter);
+    }
+}
+
+/// Sorts photons once along each axis, then parts all three orders at the medians, level by level (Brown 2015, "Building a
+/// balanced k-d tree in O(kn log n) time").
+fn kd_tree(steps: &mut Steps, map: &MapLayout) {
+    let orders = ["kd_orders_even", "kd_orders_odd"];
+    let groups = |entry: u64| Size::Indirect("kd_groups", entry * 16);
+    steps.run(&passes::kd_setup, Size::Once);
+    for axis in 0..3 {
+        let along = |step: &mut Step| {
+            step.words(axis, map.capacity, 0);
+        };
+        along(
+            steps
+                .run(&passes::kd_keys, PHOTONS)
+                .names(&[("radix_to", "radix_even")]),
+        );
+        radix_sort(steps, map);
+        let names = [("radix_from", "radix_even"), ("kd_to", orders[0])];
+        along(steps.run(&passes::kd_orders, PHOTONS).names(&names));
+    }
+    for level in 0..map.parted_levels() {
+        let from = level as usize % 2;
+        let names = [("kd_from", orders[from]), ("kd_to", orders[1 - from])];
+        let over = |steps: &mut Steps, pass, size| {
+            let step = steps.run(pass, size).names(&names);
+            step.words(level, map.capacity, 0);
+        };
+        over(steps, &passes::kd_axis, Size::Threads(1 << level));
+        over(steps, &passes::kd_flag, groups(0));
+        scan_over(steps, "kd_marks", "kd_mark_sums", [groups(1), groups(2)]);
+        over(steps, &passes::kd_move, groups(0));
+    }
+    let last = orders[map.parted_levels() as usize % 2];
+    let step = steps.run(&passes::kd_place, PHOTONS);
+    step.names(&[("kd_from", last)]).words(0, map.capacity, 0);
+    steps.copy_texels("sorted_photons");
+    steps.copy_texels("kd_nodes");
+}

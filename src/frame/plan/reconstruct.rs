@@ -1,0 +1,138 @@
+//! Clean pictures of noisy frames.
+
+use super::FrameSpec;
+use crate::frame::passes::{self, Pass};
+use crate::frame::step::{Eye, Size, Stage, Step, Steps};
+
+/// Where light lies while it is filtered: direct, indirect.
+type Light = [&'static str; 2];
+const PING: Light = ["direct_ping", "indirect_ping"];
+const PONG: Light = ["direct_pong", "indirect_pong"];
+/// What the next frame reads.
+const HISTORY: Light = ["direct_history", "indirect_history"];
+
+/// Light to write while `light` is read.
+fn other(light: Light) -> Light {
+    if light == PING { PONG } else { PING }
+}
+
+fn named(names: Light, light: Light) -> [(&'static str, &'static str); 2] {
+    [(names[0], light[0]), (names[1], light[1])]
+}
+
+/// Filters both eyes' light (SVGF: Schied et al. 2017), shares it between them, and shows the mean of still frames and
+/// temporal anti-aliasing.
+pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
+    let settings = &frame.settings.reconstruct;
+    let mut steps = Steps::of_eye(Stage::Reconstruct.name(), Eye::Left);
+    if !settings.is_on() {
+        return steps.done();
+    }
+    if settings.svgf || settings.taa {
+        for_eyes(&mut steps, frame, &passes::motion, |_| ());
+    }
+    let filtered = if settings.svgf {
+        svgf(&mut steps, frame)
+    } else {
+        PING
+    };
+    for &eye in frame.eyes() {
+        steps.turn_to(Stage::Reconstruct.name(), eye);
+        let step = steps.run(&passes::recombine, Size::Tiles);
+        step.names(&named(["direct_filtered", "indirect_filtered"], filtered));
+        if settings.taa {
+            steps.run(&passes::taa, Size::Tiles);
+        }
+    }
+    steps.done()
+}
+
+/// Runs a pass over both eyes' images.
+fn for_eyes(steps: &mut Steps, frame: &FrameSpec<'_>, pass: &Pass, set: impl Fn(&mut Step)) {
+    for &eye in frame.eyes() {
+        steps.turn_to(Stage::Reconstruct.name(), eye);
+        set(steps.run(pass, Size::Tiles));
+    }
+}
+
+/// Accumulates light over frames, shares it between the eyes, and filters it by its variance. Says where it lies then.
+fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
+    let settings = &frame.settings.reconstruct;
+    let shares = settings.stereo && frame.both;
+    let mut light = PING;
+    for_eyes(steps, frame, &passes::svgf_temporal, |step| {
+        step.names(&named(["direct_mean", "indirect_mean"], light));
+        if shares {
+            step.names(&[
+                ("moments", "own_moments"),
+                ("history_length", "own_history_length"),
+            ]);
+        }
+    });
+    if shares {
+        let own = [
+            ("moments", "own_moments"),
+            ("history_length", "own_history_length"),
+        ];
+        let theirs = [
+            ("other_moments", "other_own_moments"),
+            ("other_history_length", "other_own_history_length"),
+            ("shared_moments", "moments"),
+            ("shared_length", "history_length"),
+        ];
+        light = share(steps, frame, light, 0, &[&own[..], &theirs].concat());
+    }
+    // What the wavelet's first pass leaves is what the next frame reads; with no pass at all, the light as accumulated.
+    let to = match settings.atrous_passes {
+        0 => HISTORY,
+        _ => other(light),
+    };
+    for_eyes(steps, frame, &passes::svgf_variance, |step| {
+        step.names(&named(["direct_mean", "indirect_mean"], light));
+        step.names(&named(["direct_filtered", "indirect_filtered"], to));
+    });
+    light = to;
+    for index in 0..settings.atrous_passes {
+        let to = if index == 0 { HISTORY } else { other(light) };
+        for_eyes(steps, frame, &passes::svgf_atrous, |step| {
+            step.words(index, 0, 0);
+            step.names(&named(["direct_from", "indirect_from"], light));
+            step.names(&named(["direct_to", "indirect_to"], to));
+        });
+        light = to;
+    }
+    if shares {
+        // Each eye's own pixels have weighed the neighbours a little differently: agree once more. Moments and lengths stay
+        // as they are: what is written goes nowhere.
+        let nowhere = [
+            ("shared_moments", "own_moments"),
+            ("shared_length", "own_history_length"),
+        ];
+        light = share(steps, frame, light, 1, &nowhere);
+    }
+    light
+}
+
+/// Each eye takes in the other's light where both see a surface.
+fn share(
+    steps: &mut Steps,
+    frame: &FrameSpec<'_>,
+    light: Light,
+    index: u32,
+    names: &[(&'static str, &'static str)],
+) -> Light {
+    let theirs = match light {
+        PING => ["other_direct_ping", "other_indirect_ping"],
+        PONG => ["other_direct_pong", "other_indirect_pong"],
+        _ => ["other_direct_history", "other_indirect_history"],
+    };
+    let to = other(light);
+    for_eyes(steps, frame, &passes::stereo_share, |step| {
+        step.words(index, 0, 0);
+        step.names(&named(["direct_mean", "indirect_mean"], light));
+        step.names(&named(["other_direct", "other_indirect"], theirs));
+        step.names(&named(["shared_direct", "shared_indirect"], to));
+        step.names(names);
+    });
+    to
+}

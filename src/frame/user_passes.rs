@@ -1,0 +1,293 @@
+//! Passes of the user's own. A WESL file and a few lines of TOML put a pass into the frame:
+//!
+//! ```toml
+//! [[pass]]
+//! file = "outline.wesl"   # beside the config file
+//! name = "outline"
+//! after = "recombine"     # a pass of an eye or of reconstruction, or another one of the user's
+//! over = "pixels"         # or "hits": the pixels of the eye that see a surface
+//! ```
+//!
+//! The file has one entry point, `main`, and declares the buffers of [`super::buffers`] that it reads and writes by their
+//! names; they mean what they mean to the pass that it follows. It runs for each eye in which that pass runs, over the
+//! whole image. docs/architecture.md has the steps.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::bind::meaning;
+use super::passes::{self, Domain, Pass};
+use super::run::{named, specialised};
+use super::step::{Action, Eye, List, PlannedStage, Size, Stage, Step};
+use crate::gpu::kernel::{BindingKind, reflect_bindings};
+use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
+
+/// What a pass of the user's runs over.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UserDomain {
+    /// All pixels of the eye, in 8x8 tiles of 64 threads.
+    #[default]
+    Pixels,
+    /// Those that see a surface, 64 threads to a workgroup.
+    Hits,
+}
+
+/// One `[[pass]]`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UserPass {
+    /// WESL file.
+    pub file: PathBuf,
+    /// Name in timings and in `after` of others.
+    pub name: String,
+    /// The pass that it follows.
+    pub after: String,
+    /// Domain.
+    #[serde(default)]
+    pub over: UserDomain,
+}
+
+impl UserPass {
+    fn pass(&self) -> Pass {
+        Pass {
+            name: self.name.clone().into(),
+            what: format!("A pass of the user's: {}.", self.file.display()).into(),
+            over: match self.over {
+                UserDomain::Pixels => Domain::Pixels,
+                UserDomain::Hits => Domain::Hits,
+            },
+            sees_scene: true,
+        }
+    }
+
+    /// What is wrong with the pass, in one line.
+    fn fault(&self, reason: impl std::fmt::Display) -> GpuError {
+        GpuError::UserPass(format!(
+            "pass {:?} ({}): {reason}",
+            self.name,
+            self.file.display()
+        ))
+    }
+}
+
+/// The embedded shaders, or those of `folder` where it names one, with the users' passes, read from their files.
+///
+/// # Errors
+/// [`GpuError::UserPass`], naming file or pass: it cannot be read, its name is taken or no name, or its order makes no sense.
+/// [`GpuError::Shader`] if a file of the folder cannot be read.
+pub fn shader_library(folder: &str, user_passes: &[UserPass]) -> Result<ShaderLibrary, GpuError> {
+    let mut library = match folder {
+        "" => ShaderLibrary::embedded(),
+        folder => ShaderLibrary::with_folder(folder.as_ref())?,
+    };
+    let is_name = |name: &str| {
+        let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        name.starts_with(|c: char| c.is_ascii_lowercase()) && name.chars().all(is_letter)
+    };
+    for pass in ordered(user_passes)? {
+        if !is_name(&pass.name) {
+            return Err(pass.fault(
+                "a name is made of small letters, digits and underscores, and begins with a letter",
+            ));
+        }
+        let source = std::fs::read_to_string(&pass.file)
+            .map_err(|error| pass.fault(format_args!("cannot be read: {error}")))?;
+        library.insert(&pass.pass().shader_name(), source);
+    }
+    Ok(library)
+}
+
+/// The passes, each behind the one that it follows.
+fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
+    let is_own = |name: &str| passes::ALL.iter().any(|pass| pass.name == name);
+    let mut names = BTreeSet::new();
+    for pass in user_passes {
+        if is_own(&pass.name) || !names.insert(pass.name.as_str()) {
+            return Err(pass.fault("another pass has that name; give it a name of its own"));
+        }
+    }
+    let mut waiting: Vec<&UserPass> = user_passes.iter().collect();
+    let mut order: Vec<&UserPass> = Vec::new();
+    while let Some(index) = waiting.iter().position(|pass| {
+        is_own(&pass.after) || order.iter().any(|before| before.name == pass.after)
+    }) {
+        order.push(waiting.remove(index));
+    }
+    let Some(stuck) = waiting.first() else {
+        return Ok(order);
+    };
+    if let Some(lost) = waiting
+        .iter()
+        .find(|pass| !names.contains(pass.after.as_str()))
+    {
+        let known = passes::ALL.iter().map(|pass| &*pass.name).chain(names);
+        let likeness = |name: &str| strsim::normalized_damerau_levenshtein(&lost.after, name);
+        let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+        return Err(lost.fault(format_args!(
+            "there is no pass {:?} to follow; the nearest name is {:?}",
+            lost.after,
+            nearest.unwrap_or_default()
+        )));
+    }
+    let circle: Vec<&str> = waiting.iter().map(|pass| pass.name.as_str()).collect();
+    Err(stuck.fault(format_args!(
+        "follows itself in a circle of {}; let one of them follow a pass of the frame",
+        circle.join(", ")
+    )))
+}
+
+/// Puts the users' passes into the eyes' and reconstruction's stages, each behind what it follows. Those that follow nothing
+/// that runs are left out: [`check`] names them.
+pub(super) fn insert(stages: &mut [PlannedStage], user_passes: &[UserPass]) {
+    for pass in ordered(user_passes).unwrap_or_default() {
+        let in_left = |stages: &[PlannedStage]| {
+            let left = stages.iter().find(|planned| planned.stage == Stage::Left);
+            left.is_some_and(|left| left.steps.iter().any(|step| runs(step, &pass.after)))
+        };
+        let in_left = in_left(stages);
+        for planned in &mut *stages {
+            match planned.stage {
+                Stage::Left | Stage::Right | Stage::RightEqual | Stage::Reconstruct => (),
+                _ => continue,
+            }
+            for eye in Eye::BOTH {
+                let follows = |step: &Step| step.owner.eye == eye && runs(step, &pass.after);
+                if let Some(at) = planned.steps.iter().rposition(follows) {
+                    let step = following(&planned.steps[at], pass);
+                    planned.steps.insert(at + 1, step);
+                } else if in_left && eye == Eye::Right && planned.stage != Stage::Reconstruct {
+                    // The right eye got its sample by reuse.
+                    let is_run = |step: &&Step| step.pass().is_some() && step.owner.eye == eye;
+                    if let Some(last) = planned.steps.iter().rfind(is_run) {
+                        let step = following(last, pass);
+                        planned.steps.push(step);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn runs(step: &Step, name: &str) -> bool {
+    step.pass().is_some_and(|pass| pass.name == name)
+}
+
+/// The step of a user's pass behind `before`.
+fn following(before: &Step, user_pass: &UserPass) -> Step {
+    let mut step = before.clone();
+    let prefix = before
+        .label
+        .rsplit_once('.')
+        .map_or("", |(prefix, _)| prefix);
+    step.label = format!("{prefix}.{}", user_pass.name);
+    if let Action::Run {
+        pass,
+        size,
+        list,
+        words,
+        ..
+    } = &mut step.action
+    {
+        *pass = user_pass.pass();
+        (*size, *list) = match user_pass.over {
+            UserDomain::Pixels => (Size::Tiles, None),
+            UserDomain::Hits => (Size::List(List::HITS), Some(List::HITS)),
+        };
+        words.count = 0;
+    }
+    step
+}
+
+/// Whether every pass of the user's runs in `stages`, compiles, and finds what it reads. `is_given` says what is there
+/// besides the frame's own buffers.
+///
+/// # Errors
+/// [`GpuError::UserPass`], one line that names the pass and what to mend.
+pub fn check(
+    user_passes: &[UserPass],
+    stages: &[PlannedStage],
+    library: &ShaderLibrary,
+    features: &ShaderFeatures,
+    is_given: impl Fn(&str) -> bool,
+) -> Result<(), GpuError> {
+    for user_pass in ordered(user_passes)? {
+        let mut steps = stages.iter().flat_map(|planned| &planned.steps);
+        let Some(step) = steps.find(|step| runs(step, &user_pass.name)) else {
+            return Err(user_pass.fault(format_args!(
+                "follows {:?}, which does not run over an image with these settings; see `info --scene`",
+                user_pass.after
+            )));
+        };
+        check_shader(user_pass, step, stages, library, features, &is_given)?;
+    }
+    Ok(())
+}
+
+fn check_shader(
+    user_pass: &UserPass,
+    step: &Step,
+    stages: &[PlannedStage],
+    library: &ShaderLibrary,
+    features: &ShaderFeatures,
+    is_given: &impl Fn(&str) -> bool,
+) -> Result<(), GpuError> {
+    let pass = user_pass.pass();
+    let own = specialised(&pass, features, step.runs_from_list());
+    let shader = library.compile(&pass.shader_name(), &own);
+    let shader = shader.and_then(|shader| shader.validate().map(|_| shader));
+    let shader = shader.map_err(|error| user_pass.fault(error))?;
+    let entry = shader.module.entry_points.iter().find(|e| e.name == "main");
+    let size = entry.map(|entry| entry.workgroup_size);
+    if size.is_none_or(|[x, y, z]| x * y * z != 64) {
+        return Err(user_pass.fault("needs one entry point, `main`, with @workgroup_size(64)"));
+    }
+    for binding in reflect_bindings(&shader).map_err(|error| user_pass.fault(error))? {
+        let name = named(step, &binding.name);
+        if is_given(&name) || name == crate::gpu::kernel::DISPATCH_BINDING {
+            continue;
+        }
+        let Some(found) = meaning(&name, step.owner) else {
+            return Err(user_pass.fault(format_args!(
+                "declares {:?}, which is no buffer of the frame; `info --scene` lists them",
+                binding.name
+            )));
+        };
+        let is_read = binding.kind != BindingKind::ReadWrite;
+        if is_read && !writes(stages, library, features, found.place, &user_pass.name)? {
+            return Err(user_pass.fault(format_args!(
+                "reads {:?}, which no pass writes with these settings",
+                binding.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a pass of the plan, but `except`, writes a buffer.
+fn writes(
+    stages: &[PlannedStage],
+    library: &ShaderLibrary,
+    features: &ShaderFeatures,
+    place: super::bind::Place,
+    except: &str,
+) -> Result<bool, GpuError> {
+    for step in stages.iter().flat_map(|planned| &planned.steps) {
+        let Some(pass) = step.pass().filter(|pass| pass.name != except) else {
+            continue;
+        };
+        let own = specialised(pass, features, step.runs_from_list());
+        let shader = library.compile(&pass.shader_name(), &own)?;
+        let writes = reflect_bindings(&shader)?.iter().any(|binding| {
+            let found = meaning(&named(step, &binding.name), step.owner);
+            binding.kind == BindingKind::ReadWrite
+                && found.is_some_and(|found| found.place == place)
+        });
+        if writes {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
