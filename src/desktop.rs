@@ -2,7 +2,7 @@
 
 use winit::event_loop::EventLoop;
 
-use crate::caught::caught;
+use crate::foreign_errors::{caught, one_line};
 
 /// An event loop on the display. Call on the main thread, at most once in a program.
 ///
@@ -29,7 +29,7 @@ pub(crate) fn event_loop<T: 'static>() -> Result<EventLoop<T>, String> {
 
 /// One line without a full stop, for brackets. winit's errors begin with the place in its sources.
 pub(crate) fn plain(reason: &str) -> String {
-    let line = crate::gpu::context::one_line(reason);
+    let line = one_line(reason);
     let words = line
         .strip_prefix("os error at ")
         .and_then(|rest| rest.split_once(".rs:")?.1.split_once(": "))

@@ -26,10 +26,10 @@
 
 pub mod bench;
 pub mod bvh;
-mod caught;
 pub mod commands;
 mod desktop;
 pub mod false_color;
+mod foreign_errors;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;

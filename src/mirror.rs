@@ -14,8 +14,8 @@ use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
-use crate::caught::caught;
 use crate::desktop::{self, choose_mode, plain, surface_configuration};
+use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::renderer::{RenderError, Renderer};
 

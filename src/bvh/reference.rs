@@ -6,7 +6,7 @@
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
 
 use super::{MAX_INDEX, MESH_STACK, TOP_STACK};
-use crate::gpu::types::bvh::{BvhNode, Instance, Triangle};
+use crate::bvh::records::{BvhNode, Instance, Triangle};
 
 /// The arrays that the shader sees.
 #[derive(Clone, Copy, Debug)]

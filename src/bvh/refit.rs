@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::mesh::{self, MaterialMarks, MeshHierarchies};
 use super::{Bounds32, BvhError, MESH_STACK};
-use crate::gpu::types::bvh::BvhNode;
+use crate::bvh::records::BvhNode;
 use crate::scene::Mesh;
 
 /// What a rebuilt mesh changes in the arrays.

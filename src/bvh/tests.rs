@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
 use super::*;
-use crate::gpu::types::bvh::NO_EMITTER;
+use crate::bvh::records::NO_EMITTER;
 use crate::scene::{Mesh, MeshTriangle};
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): enough randomness for a test, with its seed in the open.

@@ -11,17 +11,17 @@ use glam::{DAffine3, DVec3};
 use super::RenderError;
 use super::kernels::KernelSet;
 pub use super::own_meshes::with_own_meshes;
+use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::refit::{Rebuilt, node_room};
 use crate::bvh::{Bounds32, MESH_STACK, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, DISPATCH_STRIDE, dispatch_table, linear_groups};
-use crate::gpu::types::bvh::{BvhNode, Triangle};
-use crate::gpu::types::deform::{DeformMesh, RestVertex};
-use crate::gpu::types::material::Vertex;
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data,
 };
 use crate::passes;
+use crate::renderer::records::deform::{DeformMesh, RestVertex};
+use crate::renderer::records::material::Vertex;
 use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
 
 /// A hierarchy is built anew when a ray through its box costs this many times what it cost when it was built. Over the

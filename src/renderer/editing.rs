@@ -15,8 +15,8 @@ use super::scene_buffers::{Edited, SceneChange};
 use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
-use crate::gpu::scene::LightKinds;
 use crate::options::Method;
+use crate::renderer::packing::LightKinds;
 use crate::scene::facts::MeshFacts;
 use crate::scene::{Material, Needs, PunctualLight, Scene, SceneFacts};
 

@@ -13,14 +13,14 @@ use super::kernels::{shader_name, specialised};
 use super::{Eye, InstanceId, PhotonMap, RenderError, Renderer};
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::dispatch_table;
-use crate::gpu::types::frame::Frame;
-use crate::gpu::types::reconstruction::Reconstruction as ReconstructionUniform;
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderFeatures,
     ShaderLibrary, storage_buffer, uniform_buffer,
 };
 use crate::options::Settings;
 use crate::passes::{self, Pass};
+use crate::renderer::records::frame::Frame;
+use crate::renderer::records::reconstruction::Reconstruction as ReconstructionUniform;
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;

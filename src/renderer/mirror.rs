@@ -1,8 +1,8 @@
 //! Shows both eyes' images side by side in a window, from the renderer's buffers straight into the window's texture.
 
-use crate::gpu::types::mirror::Mirror;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
+use crate::renderer::records::mirror::Mirror;
 
 use super::eyes::Eye;
 use super::raster::{Raster, Shown, ShownLight, eye_uniform};

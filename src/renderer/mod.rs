@@ -21,9 +21,9 @@ mod map_config;
 pub mod mirror;
 mod moving;
 mod own_meshes;
+pub mod packing;
 pub mod parts;
 pub mod photon_map;
-mod photon_records;
 mod photons_over_time;
 mod raster;
 pub mod reconstruction;
@@ -39,12 +39,7 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use crate::bvh::BvhError;
-use crate::gpu::scene::{PackError, check_user_bsdfs};
 use crate::gpu::timing::{Timer, milliseconds_since};
-use crate::gpu::types::frame::{
-    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
-    FRAME_RUSSIAN_ROULETTE, Frame,
-};
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, ShaderFeatures, ShaderLibrary, uniform_buffer,
 };
@@ -52,6 +47,11 @@ use crate::options::{
     DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
 };
 use crate::passes::{self, Pass};
+use crate::renderer::packing::{PackError, check_user_bsdfs};
+use crate::renderer::records::frame::{
+    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
+    FRAME_RUSSIAN_ROULETTE, Frame,
+};
 use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};
 

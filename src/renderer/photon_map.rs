@@ -15,7 +15,7 @@ use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
 
 pub use super::map_config::{MapKind, PhotonMapConfig};
-pub use super::photon_records::{Photon, PhotonCounters, PhotonGrid};
+pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid};
 
 /// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
 const BATCH_SCRATCH_BYTES: u64 = 32 << 20;

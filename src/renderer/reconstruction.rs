@@ -6,11 +6,11 @@
 
 use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table};
-use crate::gpu::types::frame::{Eye as EyeUniform, Frame};
-use crate::gpu::types::reconstruction::Reconstruction as Uniform;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, uniform_buffer};
 use crate::options::{ReconstructSettings, Settings};
 use crate::passes::{self, Pass};
+use crate::renderer::records::frame::{Eye as EyeUniform, Frame};
+use crate::renderer::records::reconstruction::Reconstruction as Uniform;
 
 use super::eyes::{Eye, Eyes};
 use super::kernels::KernelSet;

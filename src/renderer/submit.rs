@@ -1,9 +1,9 @@
 //! Hands both eyes' images to a runtime: one triangle per image, from the renderer's buffers straight into the
 //! runtime's texture.
 
-use crate::gpu::types::submit::Submit;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::passes;
+use crate::renderer::records::submit::Submit;
 use crate::xr::RuntimeTargets;
 
 use super::eyes::Eye;

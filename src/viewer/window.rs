@@ -14,8 +14,8 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::app::{App, Start, WindowCommand};
 use super::memory::Memory;
 use super::painter::{Painter, Target};
-use crate::caught::caught;
 use crate::desktop::{choose_mode, event_loop, plain, surface_configuration};
+use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
 
 /// Why there is no window; one line each.

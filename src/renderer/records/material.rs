@@ -81,7 +81,7 @@ pub struct Material {
     pub normal_scale: f32,
     /// Threshold for [`MATERIAL_ALPHA_MASK`].
     pub alpha_cutoff: f32,
-    /// 0: the glTF model; else the number of a registered [`crate::gpu::scene::UserBsdf`].
+    /// 0: the glTF model; else the number of a registered [`crate::renderer::packing::UserBsdf`].
     pub user_bsdf: u32,
     /// Zero.
     pub reserved_0: u32,
