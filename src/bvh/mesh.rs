@@ -97,6 +97,11 @@ pub struct MeshHierarchies {
     pub rebuilt_subtrees: u32,
 }
 
+/// Nodes that a hierarchy over `triangles` can have: a binary tree has fewer inner nodes than leaves, and one at least.
+pub fn node_room(triangles: usize) -> usize {
+    triangles.max(1)
+}
+
 impl MeshHierarchies {
     /// Builds the hierarchies of `meshes` on all cores. `marks` holds one entry per material; a material beyond it
     /// has no marks.
@@ -144,7 +149,7 @@ impl MeshHierarchies {
         let mut first_vertex = 0;
         for (index, (mesh, part)) in meshes.iter().zip(&parts).enumerate() {
             let room = if changes(index) {
-                super::refit::node_room(mesh.triangles.len())
+                node_room(mesh.triangles.len())
             } else {
                 0
             };

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::mesh::{self, MaterialMarks, MeshHierarchies};
+use super::mesh::{self, MaterialMarks, MeshHierarchies, node_room};
 use super::{Bounds32, BvhError, MESH_STACK};
 use crate::bvh::records::BvhNode;
 use crate::scene::Mesh;
@@ -14,11 +14,6 @@ pub struct Rebuilt {
     pub nodes: Range<usize>,
     /// Triangles, and their vertices.
     pub triangles: Range<usize>,
-}
-
-/// Nodes that a hierarchy over `triangles` can have: a binary tree has fewer inner nodes than leaves, and one at least.
-pub fn node_room(triangles: usize) -> usize {
-    triangles.max(1)
 }
 
 impl MeshHierarchies {

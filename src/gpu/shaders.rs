@@ -122,11 +122,6 @@ impl ShaderLibrary {
         self.compiled = Arc::default();
     }
 
-    /// Names of all modules, sorted.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.sources().map(|(name, _)| name)
-    }
-
     /// Names and texts of all modules, sorted by name.
     pub fn sources(&self) -> impl Iterator<Item = (&str, &str)> {
         let mut sources: BTreeMap<&str, &str> = EMBEDDED.iter().copied().collect();

@@ -237,7 +237,7 @@ fn passes_declare_what_their_shaders_read_and_write() {
 fn every_shader_file_is_a_pass_or_is_imported_by_one() {
     let library = ShaderLibrary::embedded();
     let passes: BTreeSet<String> = passes::ALL.iter().map(|pass| shader_name(pass)).collect();
-    for name in library.names() {
+    for (name, _) in library.sources() {
         if name.starts_with("passes/") {
             assert!(
                 passes.contains(name),
@@ -248,7 +248,7 @@ fn every_shader_file_is_a_pass_or_is_imported_by_one() {
     assert!(
         passes
             .iter()
-            .all(|pass| library.names().any(|name| name == pass))
+            .all(|pass| library.sources().any(|(name, _)| name == pass))
     );
 }
 

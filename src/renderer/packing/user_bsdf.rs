@@ -99,8 +99,8 @@ pub fn install_user_bsdfs(
 /// [`PackError::UserBsdfMissing`] names the first material whose BSDF is not there.
 pub fn check_user_bsdfs(library: &ShaderLibrary, scene: &Scene) -> Result<(), PackError> {
     let installed = library
-        .names()
-        .filter(|name| name.starts_with(FOLDER))
+        .sources()
+        .filter(|(name, _)| name.starts_with(FOLDER))
         .count() as u32;
     let beyond = |material: &&Material| material.user_bsdf > installed;
     match scene.materials.iter().find(beyond) {

@@ -140,16 +140,3 @@ pub struct Vertex {
     /// Zero.
     pub reserved_2: u32,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_those_of_the_shaders() {
-        assert_eq!(size_of::<TextureSlot>(), 32);
-        assert_eq!(size_of::<Material>(), 320);
-        assert_eq!(size_of::<TextureInfo>(), 16);
-        assert_eq!(size_of::<Vertex>(), 64);
-    }
-}
