@@ -26,10 +26,10 @@
 
 pub mod bench;
 pub mod bvh;
-mod caught;
 pub mod commands;
 pub mod false_color;
 mod files;
+mod foreign_errors;
 pub mod frame;
 pub mod frame_loop;
 pub mod gpu;

@@ -14,7 +14,7 @@ use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
-use crate::caught::caught;
+use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::renderer::{RenderError, Renderer};
 use crate::windowing::{WindowSurface, event_loop, plain, present};

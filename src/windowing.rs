@@ -5,7 +5,7 @@ use std::sync::Arc;
 use winit::event_loop::EventLoop;
 use winit::window::Window;
 
-use crate::caught::caught;
+use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
 
 /// An event loop on the display. Call on the main thread, at most once in a program.
@@ -33,7 +33,7 @@ pub(crate) fn event_loop<T: 'static>() -> Result<EventLoop<T>, String> {
 
 /// One line without a full stop, for brackets. winit's errors begin with the place in its sources.
 pub(crate) fn plain(reason: &str) -> String {
-    let line = crate::gpu::context::one_line(reason);
+    let line = crate::foreign_errors::one_line(reason);
     let words = line
         .strip_prefix("os error at ")
         .and_then(|rest| rest.split_once(".rs:")?.1.split_once(": "))

@@ -1,7 +1,7 @@
 //! What rays meet on a model that changes its shape, beside an exhaustive search over triangles skinned in f64.
 
 use glam::{DVec3, Vec3};
-use stereolux::gpu::types::bvh::Triangle;
+use stereolux::bvh::records::Triangle;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::options::{Eyes, Method, Settings};
 use stereolux::renderer::deform::with_own_meshes;

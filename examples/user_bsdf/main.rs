@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, ensure};
-use stereolux::gpu::scene::{UserBsdf, install_user_bsdfs};
 use stereolux::gpu::vulkan_interop::disable_device_select_layer;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb, tone_map, write_exr, write_png};
 use stereolux::options::{Eyes, Method, Settings};
+use stereolux::renderer::packing::{UserBsdf, install_user_bsdfs};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
 use stereolux::xr::{Fov, Headset};

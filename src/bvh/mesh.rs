@@ -14,9 +14,7 @@ use rayon::prelude::*;
 use super::bounds::{Bounds32, PAD_UNITS};
 use super::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
 use super::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
-use crate::gpu::types::bvh::{
-    BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle,
-};
+use crate::bvh::records::{BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle};
 use crate::scene::{AlphaMode, Material, Mesh};
 
 /// What the hierarchy notes about a material in its triangles.

@@ -1,5 +1,6 @@
 //! The two-level hierarchy that rays are traced through.
 //!
+//! - [`records`]: nodes, triangles and instances as they lie in memory;
 //! - [`mesh`]: one hierarchy per mesh in its object space, built once with SAH quality;
 //! - [`top`]: a hierarchy over the placed meshes, rebuilt each frame relative to the head;
 //! - [`refit`]: hierarchies of meshes that change their shape;
@@ -11,6 +12,7 @@
 
 pub mod bounds;
 pub mod mesh;
+pub mod records;
 pub mod refit;
 pub mod top;
 pub mod tree;

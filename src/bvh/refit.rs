@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::mesh::{self, MaterialMarks, MeshHierarchies, node_room};
 use super::tree::{self, children};
 use super::{Bounds32, BvhError, MESH_STACK};
-use crate::gpu::types::bvh::BvhNode;
+use crate::bvh::records::BvhNode;
 use crate::scene::Mesh;
 
 /// What a rebuilt mesh changes in the arrays.

@@ -6,7 +6,7 @@ use super::bounds::{Bounds32, PAD_UNITS, ROUNDING_UNIT};
 use super::mesh::MeshHierarchies;
 use super::tree::{self, Flat, Scratch, Shape, Split};
 use super::{BvhError, MAX_INDEX, TOP_STACK};
-use crate::gpu::types::bvh::{BvhNode, INSTANCE_MIRRORED, Instance};
+use crate::bvh::records::{BvhNode, INSTANCE_MIRRORED, Instance};
 
 /// `traversal.wesl` pads the instance boxes by this many times the mesh boxes' share of the ray's origin.
 pub const RAY_CONDITION: f64 = 4.0;

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::MAX_LEAF;
 use super::bounds::Bounds32;
-use crate::gpu::types::bvh::BvhNode;
+use crate::bvh::records::BvhNode;
 
 /// A node of the tree to convert.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@
 //! texture under its name get one.
 
 use super::photon_layout::MapLayout;
-use crate::renderer::photon_records::{PhotonCounters, PhotonGrid};
+use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
 use crate::renderer::records::stereo::StereoCounters;
 
 /// Bytes of a buffer that a shader declares and nothing writes: more than any record.

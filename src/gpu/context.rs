@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
-use crate::caught::caught;
+use crate::foreign_errors::{caught, one_line};
 
 /// Storage buffers that the largest kernel binds; the device is asked for no more.
 const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
@@ -439,23 +439,4 @@ fn set_once(slot: &Mutex<Option<String>>, message: String) {
 
 fn take(slot: &Mutex<Option<String>>) -> Option<String> {
     slot.lock().unwrap_or_else(PoisonError::into_inner).take()
-}
-
-/// wgpu's and WESL's messages span lines and may be coloured; an error of ours is one plain line.
-pub(crate) fn one_line(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut chars = text.chars();
-    while let Some(c) = chars.next() {
-        if c == '\u{1b}' {
-            // A colour sequence ends with the letter m.
-            for skipped in chars.by_ref() {
-                if skipped == 'm' {
-                    break;
-                }
-            }
-        } else {
-            plain.push(c);
-        }
-    }
-    plain.split_whitespace().collect::<Vec<_>>().join(" ")
 }

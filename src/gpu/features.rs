@@ -142,7 +142,8 @@ impl ShaderFeatures {
     }
 }
 
-/// The words that a shader's source asks for in `@if` and `@elif`, repeated as they stand there. Comments count.
+/// The words that a shader's source asks for in `@if` and `@elif`, as often as they stand there. What is commented out
+/// counts; there may be no comment between the `@` and the parenthesis.
 pub fn words_asked(source: &str) -> impl Iterator<Item = &str> {
     let attributes = source.split('@').skip(1).filter_map(|attribute| {
         let attribute = attribute.trim_start();

@@ -8,20 +8,18 @@
 //! - [`buffers`]: labelled buffers, uploads and read-back;
 //! - [`texels`]: copies of buffers in textures, for adapters that read those faster;
 //! - [`timing`]: timestamp queries per pass;
-//! - [`types`]: the structs that host and shaders share;
-//! - [`vulkan_interop`]: the one place where `unsafe` is allowed;
-//! - [`scene`]: packing of a scene into those structs.
+//! - [`vulkan_interop`]: the one place where `unsafe` is allowed.
+//!
+//! Nothing here knows scenes, passes or what buffers hold.
 
 pub mod buffers;
 pub mod context;
 pub mod features;
 pub mod kernel;
 pub mod raster;
-pub mod scene;
 pub mod shaders;
 pub mod texels;
 pub mod timing;
-pub mod types;
 pub mod vulkan_interop;
 
 pub use buffers::{GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer};

@@ -13,8 +13,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use wesl::{CompileOptions, Feature, Features, ModulePath, NoMangler, ResolveError, Resolver};
 
-use super::context::{GpuError, one_line};
+use super::context::GpuError;
 use super::features::{ShaderFeatures, words_asked};
+use crate::foreign_errors::one_line;
 
 /// Names and sources, sorted by name.
 static EMBEDDED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shader_table.rs"));
@@ -119,11 +120,6 @@ impl ShaderLibrary {
         }
         // Clones keep what they know.
         self.compiled = Arc::default();
-    }
-
-    /// Names of all modules, sorted.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.sources().map(|(name, _)| name)
     }
 
     /// Names and texts of all modules, sorted by name.

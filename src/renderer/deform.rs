@@ -11,14 +11,14 @@ use glam::{DAffine3, DVec3};
 
 use super::RenderError;
 use crate::bvh::mesh::node_room;
+use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::refit::Rebuilt;
 use crate::bvh::{Bounds32, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::frame::ShapeCounts;
 use crate::gpu::buffers::read_buffer;
-use crate::gpu::types::bvh::{BvhNode, Triangle};
-use crate::gpu::types::deform::{DeformMesh, RestVertex};
-use crate::gpu::types::material::Vertex;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data};
+use crate::renderer::records::deform::{DeformMesh, RestVertex};
+use crate::renderer::records::material::Vertex;
 use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
 
 /// A hierarchy is built anew when a ray through its box costs this many times what it cost when it was built. Over the

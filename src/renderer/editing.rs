@@ -18,8 +18,8 @@ use super::{
 };
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
-use crate::gpu::scene::LightKinds;
 use crate::options::Method;
+use crate::renderer::packing::LightKinds;
 use crate::scene::mesh_statistics::MeshStatistics;
 use crate::scene::{Material, Needs, PunctualLight, Scene, ScenePose, SceneStatistics};
 

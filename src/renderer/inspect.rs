@@ -12,10 +12,10 @@ use crate::frame::bind::Whose;
 use crate::frame::plan::{View, inspect, inspection};
 use crate::frame::step::Owner;
 use crate::frame::{FrameRun, Play};
-use crate::gpu::types::frame::Frame;
-use crate::gpu::types::reconstruction::Reconstruction as ReconstructionUniform;
 use crate::gpu::{FrameRecorder, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::options::Settings;
+use crate::renderer::records::frame::Frame;
+use crate::renderer::records::reconstruction::Reconstruction as ReconstructionUniform;
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;

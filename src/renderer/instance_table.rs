@@ -2,8 +2,8 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
+use crate::bvh::records::{NO_EMITTER, NO_POSITIONS, PreviousInstance};
 use crate::bvh::{InstanceSource, MeshRange};
-use crate::gpu::types::bvh::{NO_EMITTER, NO_POSITIONS, PreviousInstance};
 
 /// Names an instance: its place in the shaders' `instances`. A number is used again only after the frame that no longer
 /// shows it has begun.

@@ -1,7 +1,7 @@
 //! Shows both eyes' images side by side in a window, from the renderer's buffers straight into the window's texture.
 
-use crate::gpu::types::mirror::Mirror;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
+use crate::renderer::records::mirror::Mirror;
 
 use super::submit::ShownLight;
 use crate::frame::plan::present;

@@ -13,8 +13,8 @@ mod inspect;
 pub mod inspection;
 pub mod instance_table;
 pub mod mirror;
+pub mod packing;
 pub mod photon_map;
-pub mod photon_records;
 mod photons_over_time;
 mod radii;
 mod read_back;
@@ -35,12 +35,7 @@ use crate::frame::{
     FrameRun, FrameSpec, GatherSlices, ImageLayout, MapLayout, Only, PlannedStage, Play,
     SAMPLES_PER_SUBMISSION, plan,
 };
-use crate::gpu::scene::{PackError, check_user_bsdfs};
 use crate::gpu::timing::{Timer, milliseconds_since};
-use crate::gpu::types::frame::{
-    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
-    FRAME_RUSSIAN_ROULETTE, Frame,
-};
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
     uniform_buffer,
@@ -48,6 +43,11 @@ use crate::gpu::{
 use crate::options::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate, Reuse,
     Search, Settings,
+};
+use crate::renderer::packing::{PackError, check_user_bsdfs};
+use crate::renderer::records::frame::{
+    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
+    FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::scene::{Needs, Player, Scene};
 use crate::xr::{HiddenArea, View};

@@ -7,7 +7,7 @@ use crate::frame::{AdapterLimits, MapKind, MapLayout};
 use crate::gpu::{GpuContext, GpuError};
 use crate::options::Loads;
 
-pub use super::photon_records::{Photon, PhotonCounters, PhotonGrid};
+pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid};
 
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;

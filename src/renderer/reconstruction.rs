@@ -6,10 +6,10 @@
 
 use glam::DVec3;
 
-use crate::gpu::types::frame::{Eye as EyeUniform, Frame};
-use crate::gpu::types::reconstruction::Reconstruction as Uniform;
 use crate::gpu::{GpuContext, uniform_buffer};
 use crate::options::Settings;
+use crate::renderer::records::frame::{Eye as EyeUniform, Frame};
+use crate::renderer::records::reconstruction::Reconstruction as Uniform;
 
 /// The memory from frame to frame.
 pub struct Reconstruction {

@@ -9,18 +9,18 @@ mod edits;
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
+use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
-use crate::gpu::scene::{
-    LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
-    pack_lights, pack_textures, pack_vertices,
-};
 use crate::gpu::texels::TexelCopy;
-use crate::gpu::types::bvh::{BvhNode, Triangle};
-use crate::gpu::types::material::Material;
 use crate::gpu::{
     GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures, storage_buffer,
     storage_buffer_with_data,
 };
+use crate::renderer::packing::{
+    LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
+    pack_lights, pack_textures, pack_vertices,
+};
+use crate::renderer::records::material::Material;
 use crate::scene::{Scene, ScenePose};
 
 pub(super) use edits::{Edited, SceneChange};

@@ -1,8 +1,8 @@
 //! Hands both eyes' images to a runtime: one triangle per image, from the renderer's buffers straight into the
 //! runtime's texture.
 
-use crate::gpu::types::submit::Submit;
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
+use crate::renderer::records::submit::Submit;
 use crate::xr::RuntimeTargets;
 
 use crate::frame::plan::present;

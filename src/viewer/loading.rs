@@ -60,12 +60,13 @@ impl Loading {
         std::thread::Builder::new()
             .name("loading".to_owned())
             .spawn(move || {
-                let loaded = crate::caught::caught(|| read(kind, &path, &settings, headset, start))
-                    .unwrap_or_else(|panicked| {
-                        Err(format!(
-                            "{path}: reading it failed ({panicked}); please report the file"
-                        ))
-                    });
+                let loaded =
+                    crate::foreign_errors::caught(|| read(kind, &path, &settings, headset, start))
+                        .unwrap_or_else(|panicked| {
+                            Err(format!(
+                                "{path}: reading it failed ({panicked}); please report the file"
+                            ))
+                        });
                 // Cancelled: nobody waits.
                 let _ = sender.send(loaded);
             })

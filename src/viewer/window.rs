@@ -14,7 +14,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::app::{App, Start, WindowCommand};
 use super::painter::{Painter, Target};
 use super::window_state::WindowState;
-use crate::caught::caught;
+use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
 use crate::windowing::{Acquired, WindowSurface, event_loop, plain, present};
 

@@ -3,9 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::scene::{PackedTextures, pack_materials};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::renderer::packing::{PackedTextures, pack_materials};
 use stereolux::scene::{Material, Scene};
 
 use super::bvh_probe::{features, probe_source};

@@ -3,9 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::scene::sample_image;
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::renderer::packing::sample_image;
 use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
 
 use super::bsdf_probe::wide;

@@ -1,10 +1,10 @@
 //! Hierarchies as they are built: structure by `validate`, hits by exhaustive search.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use stereolux::bvh::records::NO_EMITTER;
 use stereolux::bvh::{
     BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
 };
-use stereolux::gpu::types::bvh::NO_EMITTER;
 use stereolux::scene::Mesh;
 
 use super::bvh_probe::{Random, mesh_of, soup};

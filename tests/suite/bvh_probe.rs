@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
+use stereolux::bvh::records::Triangle;
 use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
-use stereolux::gpu::types::bvh::Triangle;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
 use stereolux::scene::{Mesh, MeshTriangle};
 

@@ -4,8 +4,8 @@
 //! arithmetic with it.
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
+use stereolux::bvh::records::{BvhNode, Instance, Triangle};
 use stereolux::bvh::{MAX_INDEX, MESH_STACK, TOP_STACK};
-use stereolux::gpu::types::bvh::{BvhNode, Instance, Triangle};
 
 /// The arrays that the shader sees.
 #[derive(Clone, Copy, Debug)]

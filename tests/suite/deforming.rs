@@ -2,13 +2,13 @@
 //! frame, and hierarchies that are built anew.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
+use stereolux::bvh::records::{BvhNode, Triangle};
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
-use stereolux::gpu::types::bvh::{BvhNode, Triangle};
-use stereolux::gpu::types::material::Vertex;
 use stereolux::options::{Force, Method, Reuse};
 use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
+use stereolux::renderer::records::material::Vertex;
 use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
 

@@ -1,9 +1,9 @@
 //! Views of intermediate results: surfaces and picking, against f64.
 
 use glam::{DAffine3, DVec3};
+use stereolux::bvh::records::Triangle;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
-use stereolux::gpu::types::bvh::Triangle;
 use stereolux::options::{Eyes, Force, Method, Reuse};
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,

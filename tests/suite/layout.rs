@@ -3,17 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 
-use stereolux::bvh::{bounds, top};
+use stereolux::bvh::{self, bounds, records, top};
 use stereolux::frame::passes;
 use stereolux::frame::photon_layout;
 use stereolux::frame::run::specialised;
 use stereolux::gpu::kernel::ROW_GROUPS;
 use stereolux::gpu::texels::ROW_TEXELS;
-use stereolux::gpu::types::{bvh, deform, frame, light, material, mirror, reconstruction, submit};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::photon_map;
 use stereolux::renderer::photon_map::KD_TURNS_PER_SLICE;
 use stereolux::renderer::records::stereo::{self, Provenance};
+use stereolux::renderer::records::{
+    deform, frame, light, material, mirror, reconstruction, submit,
+};
 use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
 use stereolux::settings::registry::{self, Kind};
 
@@ -124,7 +126,7 @@ fn host() -> BTreeMap<String, Layout> {
             is_display,
             padding,
         }),
-        host_layout!(bvh::BvhNode {
+        host_layout!(records::BvhNode {
             left_min,
             left_index,
             left_max,
@@ -134,7 +136,7 @@ fn host() -> BTreeMap<String, Layout> {
             right_max,
             right_count,
         }),
-        host_layout!(bvh::Instance {
+        host_layout!(records::Instance {
             render_from_object_0,
             render_from_object_1,
             render_from_object_2,
@@ -146,7 +148,7 @@ fn host() -> BTreeMap<String, Layout> {
             flags,
             node,
         }),
-        host_layout!(bvh::PreviousInstance {
+        host_layout!(records::PreviousInstance {
             render_from_object_0,
             render_from_object_1,
             render_from_object_2,
@@ -155,7 +157,7 @@ fn host() -> BTreeMap<String, Layout> {
             first_vertex,
             padding,
         }),
-        host_layout!(bvh::Triangle {
+        host_layout!(records::Triangle {
             v0,
             material,
             v1,
@@ -493,9 +495,9 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         (
             "shared/bvh_types",
             &[
-                ("INSTANCE_MIRRORED", bvh::INSTANCE_MIRRORED),
-                ("TRIANGLE_ALPHA", bvh::TRIANGLE_ALPHA),
-                ("TRIANGLE_DOUBLE_SIDED", bvh::TRIANGLE_DOUBLE_SIDED),
+                ("INSTANCE_MIRRORED", records::INSTANCE_MIRRORED),
+                ("TRIANGLE_ALPHA", records::TRIANGLE_ALPHA),
+                ("TRIANGLE_DOUBLE_SIDED", records::TRIANGLE_DOUBLE_SIDED),
             ],
         ),
         (
@@ -524,14 +526,14 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
             "shared/records",
             &[("ROW_SHIFT", ROW_TEXELS.trailing_zeros())],
         ),
-        ("shared/math", &[("INVALID", bvh::NO_EMITTER)]),
+        ("shared/math", &[("INVALID", records::NO_EMITTER)]),
         (
             "shared/traversal",
             &[
-                ("MESH_STACK", stereolux::bvh::MESH_STACK),
-                ("TOP_STACK", stereolux::bvh::TOP_STACK),
-                ("COUNT_SHIFT", stereolux::bvh::MAX_INDEX.ilog2()),
-                ("INDEX_MASK", stereolux::bvh::MAX_INDEX - 1),
+                ("MESH_STACK", bvh::MESH_STACK),
+                ("TOP_STACK", bvh::TOP_STACK),
+                ("COUNT_SHIFT", bvh::MAX_INDEX.ilog2()),
+                ("INDEX_MASK", bvh::MAX_INDEX - 1),
             ],
         ),
     ];

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
-use stereolux::gpu::types::light::LIGHT_TRIANGLE;
+use stereolux::renderer::records::light::LIGHT_TRIANGLE;
 use stereolux::scene::{LightKind, Scene};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};

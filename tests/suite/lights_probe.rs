@@ -2,14 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
+use stereolux::bvh::records::{Instance, Triangle};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::scene::{
+use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::renderer::packing::{
     LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
     pack_lights, pack_materials, pack_textures, pack_vertices,
 };
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
-use stereolux::gpu::types::bvh::{Instance, Triangle};
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::scene::{LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene};
 
 use super::bvh_probe::{features, probe_source};

@@ -1,9 +1,9 @@
 //! What the tests of moving scenes share.
 
 use glam::{DAffine3, DVec3};
+use stereolux::bvh::records::Triangle;
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
 use stereolux::gpu::timing::{FrameRecorder, PassTimes};
-use stereolux::gpu::types::bvh::Triangle;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::SceneBuffers;
 

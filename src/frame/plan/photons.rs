@@ -4,7 +4,7 @@ use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::{MapKind, MapLayout, SCAN_BLOCK};
 use crate::frame::step::{Only, Size, Step, Steps};
-use crate::renderer::photon_records::PhotonGrid;
+use crate::renderer::records::photon::PhotonGrid;
 
 /// Passes of the paths of the map of all photons but caustics; the rest of its stage builds what photons are searched by.
 pub const PATH_PASSES: [&Pass; 3] = [

@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use super::SceneBuffers;
+use crate::bvh::records::Triangle;
 use crate::bvh::{InstanceSource, MaterialMarks};
 use crate::gpu::GpuContext;
-use crate::gpu::scene::{LightKinds, pack_materials};
-use crate::gpu::types::bvh::Triangle;
-use crate::gpu::types::material::Material;
+use crate::renderer::packing::{LightKinds, pack_materials};
+use crate::renderer::records::material::Material;
 use crate::renderer::{InstanceId, RenderError};
 use crate::scene::{Instance, Scene, ScenePose, SceneStatistics};
 

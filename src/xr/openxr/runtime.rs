@@ -327,5 +327,5 @@ impl Runtime {
 
 /// A runtime's or a linker's words as one line.
 fn one_line(text: &impl ToString) -> String {
-    crate::gpu::context::one_line(&text.to_string())
+    crate::foreign_errors::one_line(&text.to_string())
 }

@@ -81,7 +81,7 @@ pub struct Material {
     pub normal_scale: f32,
     /// Threshold for [`MATERIAL_ALPHA_MASK`].
     pub alpha_cutoff: f32,
-    /// 0: the glTF model; else the number of a registered [`crate::gpu::scene::UserBsdf`].
+    /// 0: the glTF model; else the number of a registered [`crate::renderer::packing::UserBsdf`].
     pub user_bsdf: u32,
     /// Zero.
     pub reserved_0: u32,
@@ -139,17 +139,4 @@ pub struct Vertex {
     pub reserved_1: u32,
     /// Zero.
     pub reserved_2: u32,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_those_of_the_shaders() {
-        assert_eq!(size_of::<TextureSlot>(), 32);
-        assert_eq!(size_of::<Material>(), 320);
-        assert_eq!(size_of::<TextureInfo>(), 16);
-        assert_eq!(size_of::<Vertex>(), 64);
-    }
 }

@@ -1,6 +1,6 @@
 //! Vertex attributes that shading reads.
 
-use crate::gpu::types::material::Vertex;
+use crate::renderer::records::material::Vertex;
 use crate::scene::Scene;
 
 /// All meshes' vertices, one after the other.

@@ -1,4 +1,4 @@
-//! Panics of other people's code as errors of ours.
+//! Panics and messages of other people's code as errors of ours: one plain line.
 //!
 //! Two libraries panic where a program cannot keep them from it: wgpu when the device is lost while it is waited for, and
 //! winit when the display lacks an extension.
@@ -35,8 +35,27 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
             .map(|text| (*text).to_owned())
             .or_else(|| payload.downcast_ref::<String>().cloned())
             .unwrap_or_default();
-        crate::gpu::context::one_line(&text)
+        one_line(&text)
     })
+}
+
+/// wgpu's and WESL's messages span lines and may be coloured; an error of ours is one plain line.
+pub(crate) fn one_line(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut chars = text.chars();
+    while let Some(c) = chars.next() {
+        if c == '\u{1b}' {
+            // A colour sequence ends with the letter m.
+            for skipped in chars.by_ref() {
+                if skipped == 'm' {
+                    break;
+                }
+            }
+        } else {
+            plain.push(c);
+        }
+    }
+    plain.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

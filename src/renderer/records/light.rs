@@ -50,14 +50,3 @@ pub struct LightAlias {
     /// The light to take otherwise.
     pub alias_index: u32,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_those_of_the_shaders() {
-        assert_eq!(size_of::<Light>(), 64);
-        assert_eq!(size_of::<LightAlias>(), 8);
-    }
-}

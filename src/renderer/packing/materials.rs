@@ -1,6 +1,6 @@
 //! Materials, with references into the packed textures.
 
-use crate::gpu::types::material::{
+use crate::renderer::records::material::{
     MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, Material, TEXTURE_UV1_BIT,
     TextureSlot,
 };
@@ -107,7 +107,7 @@ fn pack_slot(reference: Option<TextureRef>, textures: &PackedTextures) -> Textur
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::types::material::NO_TEXTURE;
+    use crate::renderer::records::material::NO_TEXTURE;
 
     fn packed(material: scene::Material) -> Material {
         let scene = Scene {

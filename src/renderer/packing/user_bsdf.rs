@@ -3,7 +3,7 @@
 //! The shader file defines `NAME_eval`, `NAME_pdf` and `NAME_sample` (signatures in `shaders/shared/bsdf_user.wesl`).
 //! [`install_user_bsdfs`] adds the files to the shader library and puts a generated switch in place of the stub module
 //! `shared/bsdf_user`. Materials choose a BSDF by its number in [`crate::scene::Material::user_bsdf`]: the first that
-//! is registered is 1. Passes are then compiled with the feature [`UserBsdf::FEATURE`]. `examples/user_bsdf` has a
+//! is registered is 1. Passes are then compiled with the feature `user_bsdf`. `examples/user_bsdf` has a
 //! complete one.
 
 use std::fmt::Write as _;
@@ -26,9 +26,6 @@ pub struct UserBsdf {
 }
 
 impl UserBsdf {
-    /// Shader feature that switches users' BSDFs on.
-    pub const FEATURE: &'static str = "user_bsdf";
-
     /// A model whose functions are called `NAME_eval`, `NAME_pdf` and `NAME_sample`; [`install_user_bsdfs`] checks that
     /// they are there.
     pub fn new(name: impl Into<String>, source: impl Into<String>) -> Self {
@@ -102,8 +99,8 @@ pub fn install_user_bsdfs(
 /// [`PackError::UserBsdfMissing`] names the first material whose BSDF is not there.
 pub fn check_user_bsdfs(library: &ShaderLibrary, scene: &Scene) -> Result<(), PackError> {
     let installed = library
-        .names()
-        .filter(|name| name.starts_with(FOLDER))
+        .sources()
+        .filter(|(name, _)| name.starts_with(FOLDER))
         .count() as u32;
     let beyond = |material: &&Material| material.user_bsdf > installed;
     match scene.materials.iter().find(beyond) {

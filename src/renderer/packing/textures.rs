@@ -1,6 +1,6 @@
 //! Images in one pool of rgba8 texels, and the same sampling in f64 for what the host has to know of a texture.
 
-use crate::gpu::types::material::{
+use crate::renderer::records::material::{
     TEXTURE_NEAREST_BIT, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_REPEAT, TextureInfo,
 };
 use crate::scene::{Filter, Image, Scene, Texture, Wrap};

@@ -107,16 +107,3 @@ pub struct Triangle {
     /// [`TRIANGLE_ALPHA`], [`TRIANGLE_DOUBLE_SIDED`].
     pub flags: u32,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_those_of_the_shaders() {
-        assert_eq!(size_of::<BvhNode>(), 64);
-        assert_eq!(size_of::<Instance>(), 112);
-        assert_eq!(size_of::<Triangle>(), 48);
-        assert_eq!(size_of::<PreviousInstance>(), 64);
-    }
-}
