@@ -7,8 +7,7 @@ use std::fmt::Write as _;
 
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, srgb_encode};
 use crate::metrics::MetricsError;
-use crate::output::provenance_color;
-use crate::renderer::{Inspected, InspectedValues, Inspection};
+use crate::renderer::{Inspected, InspectedValues, Inspection, Provenance};
 
 /// Colour of pixels that have no value: a dark grey that no map holds.
 pub const NO_VALUE: [u8; 3] = [38, 38, 42];
@@ -398,6 +397,21 @@ const PROVENANCES: [&str; 7] = [
     "depends on the direction",
     "no sample landed",
 ];
+/// Colour of a provenance: what the legend in `docs/architecture.md` says.
+pub fn provenance_color(provenance: u32) -> [u8; 3] {
+    match provenance {
+        p if p == Provenance::Background as u32 => [0, 0, 0],
+        p if p == Provenance::Reused as u32 => [70, 130, 90],
+        p if p == Provenance::OutOfLeftView as u32 => [60, 90, 220],
+        p if p == Provenance::Disoccluded as u32 => [220, 50, 40],
+        p if p == Provenance::Edge as u32 => [245, 210, 60],
+        p if p == Provenance::ViewDependent as u32 => [200, 90, 220],
+        p if p == Provenance::Gap as u32 => [240, 240, 240],
+        // Not a provenance: a colour that nobody overlooks.
+        _ => [255, 0, 255],
+    }
+}
+
 /// More labels than this get no legend.
 const MOST_LABELS: usize = 32;
 

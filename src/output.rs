@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::false_color::provenance_color;
 use crate::images::{
-    Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map, write_atomically, write_exr,
-    write_png,
+    Image, ImageError, ImageRgb, encode_display, tone_map, write_atomically, write_exr, write_png,
 };
-use crate::renderer::Provenance;
 
 /// Why nothing can be written; exit status 2.
 #[derive(Debug, thiserror::Error)]
@@ -169,7 +168,8 @@ impl OutputFolder {
             write_png(&self.path.join(format!("frame_{index:04}.png")), &picture)?;
         }
         if let (Some(provenance), Some(right)) = (&images.provenance, &images.right) {
-            let picture = provenance_picture(right.width, right.height, provenance)?;
+            let pixels = provenance.iter().map(|&p| provenance_color(p)).collect();
+            let picture = Image::new(right.width, right.height, pixels)?;
             write_png(
                 &self.path.join(format!("frame_{index:04}_reuse.png")),
                 &picture,
@@ -177,31 +177,4 @@ impl OutputFolder {
         }
         Ok(())
     }
-}
-
-/// Colour of a provenance: what the legend in `docs/architecture.md` says.
-pub fn provenance_color(provenance: u32) -> [u8; 3] {
-    match provenance {
-        p if p == Provenance::Background as u32 => [0, 0, 0],
-        p if p == Provenance::Reused as u32 => [70, 130, 90],
-        p if p == Provenance::OutOfLeftView as u32 => [60, 90, 220],
-        p if p == Provenance::Disoccluded as u32 => [220, 50, 40],
-        p if p == Provenance::Edge as u32 => [245, 210, 60],
-        p if p == Provenance::ViewDependent as u32 => [200, 90, 220],
-        p if p == Provenance::Gap as u32 => [240, 240, 240],
-        // Not a provenance: a colour that nobody overlooks.
-        _ => [255, 0, 255],
-    }
-}
-
-fn provenance_picture(
-    width: u32,
-    height: u32,
-    provenance: &[u32],
-) -> Result<ImageRgb8, ImageError> {
-    Image::new(
-        width,
-        height,
-        provenance.iter().map(|&p| provenance_color(p)).collect(),
-    )
 }

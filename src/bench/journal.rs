@@ -20,7 +20,6 @@ pub struct Journal {
     path: PathBuf,
     file: File,
     rows: HashMap<String, Row>,
-    cut_off: bool,
 }
 
 impl Journal {
@@ -47,8 +46,7 @@ impl Journal {
             .iter()
             .rposition(|&byte| byte == b'\n')
             .map_or(0, |last| last + 1);
-        let cut_off = whole < bytes.len();
-        if cut_off {
+        if whole < bytes.len() {
             file.set_len(whole as u64).map_err(fail)?;
         }
         file.seek(SeekFrom::End(0)).map_err(fail)?;
@@ -73,14 +71,7 @@ impl Journal {
             path: path.to_owned(),
             file,
             rows,
-            cut_off,
         })
-    }
-
-    /// Whether the last line was cut off when the journal was opened.
-    #[must_use]
-    pub fn was_cut_off(&self) -> bool {
-        self.cut_off
     }
 
     /// Rows known, whatever their key.
@@ -143,7 +134,7 @@ mod tests {
         let folder = folder("journal");
         let path = folder.join("journal.jsonl");
         let mut journal = Journal::open(&path).unwrap();
-        assert!(journal.is_empty() && !journal.was_cut_off());
+        assert!(journal.is_empty());
         journal
             .append(&[Row::imagined("a"), Row::imagined("b")])
             .unwrap();
@@ -154,7 +145,6 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
         let mut journal = Journal::open(&path).unwrap();
-        assert!(journal.was_cut_off());
         assert_eq!(journal.len(), 2);
         assert_eq!(
             journal.all(&keys(&["b", "a"])).unwrap(),
@@ -164,7 +154,6 @@ mod tests {
         // What is appended now stands on a line of its own.
         journal.append(&[Row::imagined("c")]).unwrap();
         let journal = Journal::open(&path).unwrap();
-        assert!(!journal.was_cut_off());
         assert_eq!(journal.all(&keys(&["a", "b", "c"])).unwrap().len(), 3);
         std::fs::remove_dir_all(folder).unwrap();
     }

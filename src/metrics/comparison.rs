@@ -304,7 +304,11 @@ mod tests {
             height: 24,
             pixels: (0..32 * 24).map(|index| index % 5 == 0).collect(),
         };
-        let parts = [&mask, &mask.complement()]
+        let rest = Mask {
+            pixels: mask.pixels.iter().map(|counted| !counted).collect(),
+            ..mask
+        };
+        let parts = [&mask, &rest]
             .map(|mask| compare(&image, &reference, Some(mask), FlipView::default()).unwrap());
         let weighted: f64 = parts
             .iter()

@@ -119,16 +119,6 @@ impl Mask {
             pixels: image.pixels.iter().map(white).collect(),
         }
     }
-
-    /// The pixels that this mask leaves out.
-    #[must_use]
-    pub fn complement(&self) -> Self {
-        Self {
-            width: self.width,
-            height: self.height,
-            pixels: self.pixels.iter().map(|counted| !counted).collect(),
-        }
-    }
 }
 
 /// Mean over pixels of values that come in blocks, with the standard error of that mean.

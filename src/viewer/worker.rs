@@ -329,7 +329,9 @@ impl Inner {
         Ok(())
     }
 
-    fn frame(&mut self, wanted: &Wanted) -> Result<Turn, EngineError> {
+    /// Pixels per eye of the next frame, which begins a new picture where what is shown or its size is another; `None` once
+    /// the picture is finished.
+    fn next_size(&mut self, wanted: &Wanted) -> Option<[u32; 2]> {
         let now = Shown {
             views: wanted.views,
             scene_time_ns: wanted.scene_time_ns,
@@ -337,29 +339,29 @@ impl Inner {
         };
         if self.shown.as_ref() != Some(&now) {
             self.divisor = self.preview_divisor(wanted.size);
-            self.engine.clear();
-            if let Some(other) = &mut self.other {
-                other.clear();
-            }
             // Its renderer stays, unless the size is another.
-            self.reference = self
-                .reference
-                .take()
-                .filter(|kept| kept.size() == wanted.size);
+            let kept = self.reference.take();
+            self.reference = kept.filter(|kept| kept.size() == wanted.size);
             if let Some(reference) = &mut self.reference {
                 reference.clear();
             }
             self.shown = Some(now);
         } else if self.divisor > 1 {
             self.divisor /= 2;
-            self.engine.clear();
-            if let Some(other) = &mut self.other {
-                other.clear();
-            }
-        } else if self.is_finished(wanted) {
-            return Ok(Turn::Rest);
+        } else {
+            return (!self.is_finished(wanted)).then_some(wanted.size);
         }
-        let size = wanted.size.map(|edge| (edge / self.divisor).max(1));
+        self.engine.clear();
+        if let Some(other) = &mut self.other {
+            other.clear();
+        }
+        Some(wanted.size.map(|edge| (edge / self.divisor).max(1)))
+    }
+
+    fn frame(&mut self, wanted: &Wanted) -> Result<Turn, EngineError> {
+        let Some(size) = self.next_size(wanted) else {
+            return Ok(Turn::Rest);
+        };
         *self.views.lock().unwrap_or_else(PoisonError::into_inner) = wanted.views;
         let began = Instant::now();
         let index = self.frame_index;
@@ -410,15 +412,19 @@ impl Inner {
         }
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
-            for folder in std::mem::take(&mut self.screenshots) {
-                let written = screenshot::write(&folder, &self.engine, wanted, size);
-                self.report(match written {
-                    Ok(paths) => Report::Done(paths),
-                    Err(error) => Report::Failed(error.to_string()),
-                });
-            }
+            self.write_screenshots(wanted, size);
         }
         Ok(Turn::Go)
+    }
+
+    fn write_screenshots(&mut self, wanted: &Wanted, size: [u32; 2]) {
+        for folder in std::mem::take(&mut self.screenshots) {
+            let written = screenshot::write(&folder, &self.engine, wanted, size);
+            self.report(match written {
+                Ok(paths) => Report::Done(paths),
+                Err(error) => Report::Failed(error.to_string()),
+            });
+        }
     }
 
     /// How much smaller frames have to be for the view to follow the hand.

@@ -350,9 +350,10 @@ fn growth(rows: &[Row]) -> Vec<Growth> {
 /// How one cost grows over the rows of a series, scene and variant; `None` without two points.
 fn growth_of(line: &(String, String, String), members: &[&Row], cost: &str) -> Option<Growth> {
     let (series, scene, variant) = line;
-    let (unit, value): (_, &dyn Fn(&Row) -> Option<f64>) = match cost {
-        "upload_bytes" => ("bytes", &|row| Some(row.load.upload_bytes as f64)),
-        _ => ("ms", &|row| row.ms(cost)),
+    let is_upload = cost == "upload_bytes";
+    let value = |row: &Row| match is_upload {
+        true => Some(row.load.upload_bytes as f64),
+        false => row.ms(cost),
     };
     let points = points(members.iter().copied(), |row| row.number(series), value);
     if points.len() < 2 || points.iter().all(|point| point.1 <= 0.0) {
@@ -365,7 +366,7 @@ fn growth_of(line: &(String, String, String), members: &[&Row], cost: &str) -> O
         scene: scene.clone(),
         variant: variant.clone(),
         cost: cost.to_owned(),
-        unit,
+        unit: if is_upload { "bytes" } else { "ms" },
         fit: power_fit(&x, &y),
         fit_of_last_three: power_fit(&x[last_three..], &y[last_three..]),
         line: line_fit(&x, &y),

@@ -3,9 +3,12 @@
 use super::super::records::{RegionErrors, Row};
 use super::super::statistics::{Estimate, Spread};
 
-/// A Markdown table: a column is its head and what it says of a row.
+/// What a column says of a row.
+type Cell<'a, R> = Box<dyn Fn(&R) -> String + 'a>;
+
+/// A Markdown table: its columns with their heads.
 pub(super) struct Table<'a, R> {
-    columns: Vec<(String, Box<dyn Fn(&R) -> String + 'a>)>,
+    columns: Vec<(String, Cell<'a, R>)>,
 }
 
 impl<'a, R> Table<'a, R> {

@@ -1,12 +1,15 @@
 //! What is selected: where it stands, what it is made of, how it shines.
 
+use std::ops::RangeInclusive;
+
+use egui::emath::Numeric;
 use egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, Response, TextEdit, Ui};
 use glam::{DQuat, DVec3, EulerRot};
 
 use super::hierarchy::kind;
 use crate::scene::Trs;
 use crate::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement};
-use crate::scene::{LightKind, Material, Mesh, PunctualLight};
+use crate::scene::{LightKind, Material, Mesh, Node, PunctualLight};
 use crate::viewer::app::App;
 
 /// Radiant intensity of a light that is added, W/sr: lights a room of a few metres.
@@ -25,23 +28,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(shown) = scene.nodes.get(node) else {
         return;
     };
-    ui.horizontal(|ui| {
-        ui.weak(kind(shown));
-        let mut name = match &app.fields.name {
-            Some((of, name)) if *of == node => name.clone(),
-            _ => shown.name.clone(),
-        };
-        let response = ui.add(TextEdit::singleline(&mut name).desired_width(180.0));
-        if response.lost_focus() {
-            app.fields.name = None;
-            let cancelled = ui.input(|input| input.key_pressed(egui::Key::Escape));
-            if name != shown.name && !cancelled {
-                edits.one = Some(Edit::Rename { node, name });
-            }
-        } else if response.has_focus() {
-            app.fields.name = Some((node, name));
-        }
-    });
+    name(node, shown, &mut app.fields.name, ui, &mut edits);
     let mut is_shown = !shown.is_hidden;
     if ui.checkbox(&mut is_shown, "Visible").changed() {
         edits.one = Some(Edit::Visibility {
@@ -69,54 +56,74 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
     app.fields.materials = Some((node, revision, materials));
     ui.separator();
+    let focus = buttons(node, ui, &mut edits);
+    if focus {
+        app.focus_selected();
+    }
+    carry_out(app, ui, edits);
+}
+
+/// Kind and name of the node. `written` is a name that is being written, and of which node.
+fn name(
+    node: usize,
+    shown: &Node,
+    written: &mut Option<(usize, String)>,
+    ui: &mut Ui,
+    edits: &mut Edits,
+) {
+    ui.horizontal(|ui| {
+        ui.weak(kind(shown));
+        let mut name = match written {
+            Some((of, name)) if *of == node => name.clone(),
+            _ => shown.name.clone(),
+        };
+        let response = ui.add(TextEdit::singleline(&mut name).desired_width(180.0));
+        if response.lost_focus() {
+            *written = None;
+            let cancelled = ui.input(|input| input.key_pressed(egui::Key::Escape));
+            if name != shown.name && !cancelled {
+                edits.one = Some(Edit::Rename { node, name });
+            }
+        } else if response.has_focus() {
+            *written = Some((node, name));
+        }
+    });
+}
+
+/// What can be done with the node; true if it is to be looked at.
+fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> bool {
     let mut focus = false;
     ui.horizontal_wrapped(|ui| {
         focus = ui.add(Button::new("Focus").shortcut_text("F")).clicked();
+        let child = |name: &str, content| Edit::Add {
+            parent: Some(node),
+            node: NewNode {
+                name: name.to_owned(),
+                to: Placement::Parts(Trs::default()),
+                content,
+            },
+        };
         if ui.button("Add child with light").clicked() {
-            edits.one = Some(Edit::Add {
-                parent: Some(node),
-                node: NewNode {
-                    name: "light".to_owned(),
-                    to: Placement::Parts(Trs::default()),
-                    content: NewContent::Light(PunctualLight {
-                        name: "light".to_owned(),
-                        kind: LightKind::Point,
-                        intensity: [NEW_LIGHT_W_PER_SR; 3],
-                    }),
-                },
-            });
-            edits.selects_new = true;
+            let light = PunctualLight {
+                name: "light".to_owned(),
+                kind: LightKind::Point,
+                intensity: [NEW_LIGHT_W_PER_SR; 3],
+            };
+            edits.add(child("light", NewContent::Light(light)));
         }
-        if ui
-            .button("Add child")
-            .on_hover_text("an empty group")
-            .clicked()
-        {
-            edits.one = Some(Edit::Add {
-                parent: Some(node),
-                node: NewNode {
-                    name: "group".to_owned(),
-                    to: Placement::Parts(Trs::default()),
-                    content: NewContent::Empty,
-                },
-            });
-            edits.selects_new = true;
+        let group = ui.button("Add child").on_hover_text("an empty group");
+        if group.clicked() {
+            edits.add(child("group", NewContent::Empty));
         }
-        if ui
-            .add(Button::new("Duplicate").shortcut_text("Ctrl+D"))
-            .clicked()
-        {
-            edits.one = Some(Edit::Duplicate { node });
-            edits.selects_new = true;
+        let duplicate = Button::new("Duplicate").shortcut_text("Ctrl+D");
+        if ui.add(duplicate).clicked() {
+            edits.add(Edit::Duplicate { node });
         }
         if ui.add(Button::new("Delete").shortcut_text("Del")).clicked() {
             edits.one = Some(Edit::Delete { node });
         }
     });
-    if focus {
-        app.focus_selected();
-    }
-    carry_out(app, ui, edits);
+    focus
 }
 
 /// What the widgets asked for.
@@ -130,6 +137,24 @@ struct Edits {
 }
 
 impl Edits {
+    /// An edit that adds a node, which is selected when it is done.
+    fn add(&mut self, edit: Edit) {
+        self.one = Some(edit);
+        self.selects_new = true;
+    }
+
+    /// A number to be dragged or written; true if it changed.
+    fn number<N: Numeric>(
+        &mut self,
+        ui: &mut Ui,
+        value: &mut N,
+        range: RangeInclusive<N>,
+        speed: f64,
+    ) -> bool {
+        let field = DragValue::new(value).range(range).speed(speed);
+        self.watch(&ui.add(field.max_decimals(4)))
+    }
+
     /// Notes the drag of a value; true if the value changed.
     fn watch(&mut self, response: &Response) -> bool {
         self.drag_begins |= response.drag_started();
@@ -194,10 +219,12 @@ fn transform(node: usize, from: Trs, ui: &mut Ui, edits: &mut Edits) {
 fn vector(ui: &mut Ui, edits: &mut Edits, value: &mut DVec3, speed: f64) -> bool {
     let mut changed = false;
     for axis in 0..3 {
-        let field = DragValue::new(&mut value[axis])
-            .speed(speed)
-            .max_decimals(4);
-        changed |= edits.watch(&ui.add(field));
+        changed |= edits.number(
+            ui,
+            &mut value[axis],
+            f64::NEG_INFINITY..=f64::INFINITY,
+            speed,
+        );
     }
     changed
 }
@@ -243,97 +270,16 @@ fn material_panel(
         .default_open(true)
         .show(ui, |ui| {
             let mut to = from.clone();
-            let mut changed = false;
-            Grid::new(("material values", index))
-                .num_columns(2)
-                .show(ui, |ui| {
-                    ui.label("Type");
-                    let now = MaterialPreset::of(from);
-                    let mut wanted = now;
-                    ComboBox::from_id_salt(("type", index))
-                        .selected_text(now.name())
-                        .show_ui(ui, |ui| {
-                            for preset in MaterialPreset::ALL {
-                                ui.selectable_value(&mut wanted, preset, preset.name());
-                            }
-                        });
-                    if wanted != now {
-                        to = wanted.applied_to(from);
-                        changed = true;
-                    }
-                    ui.end_row();
-                    let [r, g, b, a] = to.base_color;
-                    let mut rgb = [r, g, b];
-                    ui.label("Base colour")
-                        .on_hover_text("linear RGB, times the texture if there is one");
-                    if color(ui, edits, &mut rgb) {
-                        to.base_color = [rgb[0], rgb[1], rgb[2], a];
-                        changed = true;
-                    }
-                    ui.end_row();
-                    let mut share =
-                        |ui: &mut Ui, name: &str, about: &str, value: &mut f32, most: f32| {
-                            ui.label(name).on_hover_text(about);
-                            let field = DragValue::new(value)
-                                .range(0.0..=most)
-                                .speed(0.005)
-                                .max_decimals(4);
-                            changed |= edits.watch(&ui.add(field));
-                            ui.end_row();
-                        };
-                    share(
-                        ui,
-                        "Metallic",
-                        "0 dielectric to 1 metal",
-                        &mut to.metallic,
-                        1.0,
-                    );
-                    share(
-                        ui,
-                        "Roughness",
-                        "0 mirror to 1 dull; GGX alpha is its square",
-                        &mut to.roughness,
-                        1.0,
-                    );
-                    share(
-                        ui,
-                        "Specular",
-                        "strength of the dielectric's reflection; 0 is ideal Lambert",
-                        &mut to.specular,
-                        1.0,
-                    );
-                    share(
-                        ui,
-                        "Transmission",
-                        "share of light that passes through: glass at 1",
-                        &mut to.transmission,
-                        1.0,
-                    );
-                    ui.label("Index of refraction");
-                    let field = DragValue::new(&mut to.ior)
-                        .range(1.0..=4.0)
-                        .speed(0.005)
-                        .max_decimals(4);
-                    changed |= edits.watch(&ui.add(field));
-                    ui.end_row();
-                    ui.label("Emission")
-                        .on_hover_text("radiance, W/(m² sr), linear RGB");
-                    changed |= radiance(ui, edits, &mut to.emission);
-                    ui.end_row();
-                });
+            let changed = material_values(index, from, &mut to, ui, edits);
             let textures = [
-                ("base colour", from.base_color_texture.is_some()),
-                (
-                    "metallic and roughness",
-                    from.metallic_roughness_texture.is_some(),
-                ),
-                ("normal", from.normal_texture.is_some()),
-                ("emission", from.emissive_texture.is_some()),
+                ("base colour", from.base_color_texture),
+                ("metallic and roughness", from.metallic_roughness_texture),
+                ("normal", from.normal_texture),
+                ("emission", from.emissive_texture),
             ];
             let textured: Vec<&str> = textures
                 .iter()
-                .filter(|(_, has)| *has)
-                .map(|(name, _)| *name)
+                .filter_map(|(name, texture)| texture.map(|_| *name))
                 .collect();
             if !textured.is_empty() {
                 ui.weak(format!("textures: {}", textured.join(", ")));
@@ -361,6 +307,75 @@ fn material_panel(
         });
 }
 
+/// The material's numbers, from `from` into `to`; true if one changed.
+fn material_values(
+    index: usize,
+    from: &Material,
+    to: &mut Material,
+    ui: &mut Ui,
+    edits: &mut Edits,
+) -> bool {
+    let mut changed = false;
+    let grid = Grid::new(("material values", index)).num_columns(2);
+    grid.show(ui, |ui| {
+        ui.label("Type");
+        let now = MaterialPreset::of(from);
+        let mut wanted = now;
+        ComboBox::from_id_salt(("type", index))
+            .selected_text(now.name())
+            .show_ui(ui, |ui| {
+                for preset in MaterialPreset::ALL {
+                    ui.selectable_value(&mut wanted, preset, preset.name());
+                }
+            });
+        if wanted != now {
+            *to = wanted.applied_to(from);
+            changed = true;
+        }
+        ui.end_row();
+        let [r, g, b, a] = to.base_color;
+        let mut rgb = [r, g, b];
+        ui.label("Base colour")
+            .on_hover_text("linear RGB, times the texture if there is one");
+        if color(ui, edits, &mut rgb) {
+            to.base_color = [rgb[0], rgb[1], rgb[2], a];
+            changed = true;
+        }
+        ui.end_row();
+        let shares = [
+            ("Metallic", "0 dielectric to 1 metal", &mut to.metallic),
+            (
+                "Roughness",
+                "0 mirror to 1 dull; GGX alpha is its square",
+                &mut to.roughness,
+            ),
+            (
+                "Specular",
+                "strength of the dielectric's reflection; 0 is ideal Lambert",
+                &mut to.specular,
+            ),
+            (
+                "Transmission",
+                "share of light that passes through: glass at 1",
+                &mut to.transmission,
+            ),
+        ];
+        for (name, about, value) in shares {
+            ui.label(name).on_hover_text(about);
+            changed |= edits.number(ui, value, 0.0..=1.0, 0.005);
+            ui.end_row();
+        }
+        ui.label("Index of refraction");
+        changed |= edits.number(ui, &mut to.ior, 1.0..=4.0, 0.005);
+        ui.end_row();
+        ui.label("Emission")
+            .on_hover_text("radiance, W/(m² sr), linear RGB");
+        changed |= radiance(ui, edits, &mut to.emission);
+        ui.end_row();
+    });
+    changed
+}
+
 /// A colour to be picked, and its numbers.
 fn color(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
     let mut changed = false;
@@ -372,11 +387,7 @@ fn color(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
             changed = true;
         }
         for channel in rgb {
-            let field = DragValue::new(channel)
-                .range(0.0..=1.0)
-                .speed(0.005)
-                .max_decimals(4);
-            changed |= edits.watch(&ui.add(field));
+            changed |= edits.number(ui, channel, 0.0..=1.0, 0.005);
         }
     });
     changed
@@ -387,11 +398,7 @@ fn radiance(ui: &mut Ui, edits: &mut Edits, rgb: &mut [f32; 3]) -> bool {
     let mut changed = false;
     ui.horizontal(|ui| {
         for channel in rgb {
-            let field = DragValue::new(channel)
-                .range(0.0..=1e9)
-                .speed(0.05)
-                .max_decimals(4);
-            changed |= edits.watch(&ui.add(field));
+            changed |= edits.number(ui, channel, 0.0..=1e9, 0.05);
         }
     });
     changed
