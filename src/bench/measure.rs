@@ -20,9 +20,9 @@ use super::views::{left_from_right, recorded_trace};
 use super::{BenchError, BenchProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
-use crate::options::{Eyes, Settings};
 use crate::renderer::{Eye, MapStats, RenderError, Renderer};
 use crate::scene::Scene;
+use crate::settings::{Eyes, RenderSettings, Settings};
 use crate::xr::{Headset, Pose, View};
 
 /// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
@@ -39,8 +39,8 @@ const JITTER_M: f64 = 1e-6;
 pub struct Candidate {
     /// Name within the group.
     pub variant: String,
-    /// All settings.
-    pub settings: Settings,
+    /// What the renderer takes.
+    pub settings: RenderSettings,
     /// What the suite varies here.
     pub factors: BTreeMap<String, Value>,
     /// What of the scene moves between rounds.
@@ -169,6 +169,16 @@ impl<'a> Lab<'a> {
         Ok(found)
     }
 
+    /// All settings of a variant.
+    fn settings_of(&self, plan: &GroupPlan, candidate: &Candidate) -> Settings {
+        Settings {
+            scene: plan.scene.name(),
+            size: Some(plan.size),
+            render: candidate.settings.clone(),
+            ..self.settings.clone()
+        }
+    }
+
     /// One key per variant. Each covers the whole group: a variant is measured against the others.
     fn keys(&mut self, plan: &GroupPlan) -> Result<Vec<String>, BenchError> {
         let scene = self.fingerprint(&plan.scene)?;
@@ -196,7 +206,7 @@ impl<'a> Lab<'a> {
         for candidate in &plan.candidates {
             group = group
                 .with_text(&candidate.variant)
-                .with_value(&candidate.settings)
+                .with_value(&self.settings_of(plan, candidate))
                 .with_value(&candidate.factors)
                 .with_text(&format!("{:?}", candidate.moves));
         }
@@ -263,7 +273,7 @@ impl<'a> Lab<'a> {
         };
         let mut renderers = Vec::new();
         for candidate in &plan.candidates {
-            let context = GpuContext::open(Some(&candidate.settings.adapter))?;
+            let context = GpuContext::open(Some(&self.settings.adapter))?;
             renderers.push(Renderer::new(
                 context,
                 &self.library,
@@ -342,7 +352,7 @@ impl<'a> Lab<'a> {
                 }
                 .to_owned(),
                 factors: candidate.factors.clone(),
-                settings: differing_settings(&candidate.settings),
+                settings: differing_settings(&self.settings_of(plan, candidate)),
                 timing: tally.timing(first, renderer, plan.rounds, warm_up),
                 errors: tally.errors(&truth),
                 frame_noise: mean(tally.noise()),
@@ -516,7 +526,7 @@ fn load(scene: &Scene, renderer: &Renderer, tally: &Tally) -> Load {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Reuse;
+    use crate::settings::Reuse;
 
     struct Silent;
 
@@ -532,9 +542,9 @@ mod tests {
     fn plan() -> GroupPlan {
         let candidate = |reuse| Candidate {
             variant: format!("{reuse:?}"),
-            settings: Settings {
+            settings: RenderSettings {
                 reuse,
-                ..Settings::default()
+                ..RenderSettings::default()
             },
             factors: BTreeMap::new(),
             moves: Moves::Nothing,

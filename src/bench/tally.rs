@@ -11,9 +11,9 @@ use crate::images::{Image, ImageRgb};
 use crate::metrics::{
     Comparison, FlipView, Mask, MetricsError, RenderMoments, binocular_error, compare, error_image,
 };
-use crate::options::{Method, Reuse, Settings};
 use crate::passes;
 use crate::renderer::{FrameResult, MapKind, Provenance, Renderer, sample_passes};
+use crate::settings::{Method, RenderSettings, Reuse};
 
 /// One frame of one variant.
 pub struct Frame {
@@ -140,7 +140,7 @@ fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64
 
 impl Tally {
     /// Takes a frame's times and counters in.
-    pub fn time(&mut self, frame: &Frame, settings: &Settings) {
+    pub fn time(&mut self, frame: &Frame, settings: &RenderSettings) {
         let times = &frame.result.times.passes;
         let caustics = frame.result.photons.caustics.is_some();
         let fills: Vec<String> = sample_passes(settings, caustics)
@@ -428,7 +428,7 @@ mod tests {
     #[test]
     fn passes_are_summed_into_their_groups() {
         let mut tally = Tally::default();
-        let settings = Settings::default();
+        let settings = RenderSettings::default();
         let passes = [
             ("photons.photon_trace", 7.0),
             ("photons.kd_move", 0.75),

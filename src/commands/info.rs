@@ -45,7 +45,7 @@ fn openxr_report() -> Value {
 fn scene_report(settings: &Settings) -> Result<Value, Failure> {
     let scene = load_scene(settings)?;
     let needs = Needs::of(&scene);
-    let features = shader_features(&needs, settings);
+    let features = shader_features(&needs, &settings.render);
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
@@ -53,13 +53,13 @@ fn scene_report(settings: &Settings) -> Result<Value, Failure> {
             .bounds_in_world()
             .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),
         "surface_area_m2": scene.surface_area_m2(),
-        "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
+        "automatic_radius_m": automatic_radius_m(&scene, settings.render.photon.count),
         "needs": needs,
         "shader_features": features,
-        "passes_per_sample": sample_passes(settings, forms_caustics(&features))
+        "passes_per_sample": sample_passes(&settings.render, forms_caustics(&features))
             .iter()
             .map(|pass| pass.to_string())
             .collect::<Vec<_>>(),
-        "frame": frame_list(settings, &features, Eyes::Both),
+        "frame": frame_list(&settings.render, &features, Eyes::Both),
     }))
 }

@@ -213,7 +213,7 @@ fn session(
             let settings = &options.settings;
             let motion = settings.simulated.motion;
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
-                .with_seed(u64::from(settings.seed))
+                .with_seed(u64::from(settings.render.seed))
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -263,14 +263,14 @@ fn render_session(
         folder => ShaderLibrary::with_folder(Path::new(folder)).map_err(Failure::unusable)?,
     };
     let needs = Needs::of(job.scene);
-    let mut bar = Bar::new(settings.spp, job.frames);
+    let mut bar = Bar::new(settings.render.spp, job.frames);
     bar.say("compiling");
     let hidden = session.info().hidden.clone();
     let mut renderer = Renderer::with_hidden_area(
         context,
         &library,
         job.scene,
-        settings,
+        &settings.render,
         job.eyes,
         size,
         hidden.as_ref(),
@@ -292,7 +292,7 @@ fn render_session(
         LoopOptions {
             every: job.every,
             images: settings.output.images,
-            exposure: settings.output.exposure,
+            exposure: settings.render.output.exposure,
             size,
         },
         &mut bar,

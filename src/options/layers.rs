@@ -210,6 +210,7 @@ impl Layers {
     /// [`OptionsError::Conflict`] if some do not go together.
     pub fn finish(self) -> Result<Settings, OptionsError> {
         self.settings
+            .render
             .photon
             .check_gather()
             .map_err(OptionsError::Conflict)?;

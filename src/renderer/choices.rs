@@ -1,12 +1,12 @@
 //! What a scene and its settings ask for: shader features, passes, radii. No device is needed to know.
 
 use crate::gpu::shaders::ShaderFeatures;
-use crate::options::{
-    DirectLight, Force, Loads, Method, PhotonEstimate, Reuse, Sampler, Schedule, Search, Settings,
-    Technique,
-};
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Scene, SceneFacts};
+use crate::settings::{
+    DirectLight, Force, Loads, Method, PhotonEstimate, RenderSettings, Reuse, Sampler, Schedule,
+    Search, Technique,
+};
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -17,7 +17,7 @@ const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
 pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
 
 /// Shader features for what a scene needs, with the settings' forces applied.
-pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
+pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatures {
     let mut features: ShaderFeatures = needs
         .shader_features()
         .into_iter()
@@ -58,7 +58,7 @@ pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
 }
 
 /// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
-pub fn splits_light(settings: &Settings) -> bool {
+pub fn splits_light(settings: &RenderSettings) -> bool {
     settings.output.parts || settings.reconstruct.svgf
 }
 
@@ -71,7 +71,11 @@ const ENVIRONMENT_TURNS: u32 = 32;
 const MOST_PATHS_PER_THREAD: u32 = 16;
 
 /// Samples of lights that the one of a shadow ray is chosen from. A single light without size leaves nothing to choose.
-pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Settings) -> u32 {
+pub fn light_candidates(
+    lights: usize,
+    features: &ShaderFeatures,
+    settings: &RenderSettings,
+) -> u32 {
     let is_on = |name: &str| features.get(name) == Some(&true);
     if lights <= 1 && !is_on("emitters") && !is_on("environment") {
         1
@@ -84,7 +88,7 @@ pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Set
 /// the longest path among the threads that run as one.
 #[must_use]
 pub fn samples_per_dispatch(
-    settings: &Settings,
+    settings: &RenderSettings,
     features: &ShaderFeatures,
     hierarchy_depth: u32,
 ) -> u32 {
@@ -155,7 +159,7 @@ pub fn stereo_passes(reuse: Reuse) -> &'static [&'static Pass] {
 }
 
 /// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
-pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool {
+pub fn carries_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     let depends_on_view = ["glossy", "dielectric"]
         .into_iter()
         .any(|name| features.get(name) == Some(&true));
@@ -168,7 +172,7 @@ pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool 
 }
 
 /// Paths emitted for the map of caustics.
-pub fn caustic_paths(settings: &Settings) -> u32 {
+pub fn caustic_paths(settings: &RenderSettings) -> u32 {
     match settings.photon.caustic_count {
         0 => settings.photon.count,
         count => count,
@@ -187,7 +191,7 @@ pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
 }
 
 /// The passes of one sample of an eye, in a scene that can form `caustics` or not.
-pub fn sample_passes(settings: &Settings, caustics: bool) -> Vec<&'static Pass> {
+pub fn sample_passes(settings: &RenderSettings, caustics: bool) -> Vec<&'static Pass> {
     let photon = &settings.photon;
     let gather: &Pass = match (photon.search, photon.estimate, photon.loads) {
         (Search::Grid, PhotonEstimate::Radius, Loads::Direct) => &passes::photon_gather::PASS,
@@ -207,7 +211,7 @@ pub fn sample_passes(settings: &Settings, caustics: bool) -> Vec<&'static Pass> 
         .collect()
 }
 
-fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'static Pass] {
+fn plain_sample_passes(settings: &RenderSettings, caustics: bool) -> &'static [&'static Pass] {
     match (settings.method, settings.photon.direct, caustics) {
         (Method::Path, ..) => passes::EYE_PATH,
         (Method::Photon, DirectLight::Nee, false) => passes::EYE_PHOTON,
@@ -220,7 +224,7 @@ fn plain_sample_passes(settings: &Settings, caustics: bool) -> &'static [&'stati
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::PathSettings;
+    use crate::settings::PathSettings;
 
     #[test]
     fn dispatches_stay_within_the_turns_of_a_thread() {
@@ -231,9 +235,9 @@ mod tests {
                 light_candidates: 16,
                 ..PathSettings::default()
             };
-            let settings = Settings {
+            let settings = RenderSettings {
                 path,
-                ..Settings::default()
+                ..RenderSettings::default()
             };
             samples_per_dispatch(&settings, features, depth)
         };

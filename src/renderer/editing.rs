@@ -15,9 +15,9 @@ use super::scene_buffers::{Edited, SceneChange};
 use super::{AUTOMATIC_CAUSTIC_RADIUS, InstanceId, RenderError, Renderer};
 use crate::bvh::MaterialMarks;
 use crate::gpu::scene::LightKinds;
-use crate::options::Method;
 use crate::scene::facts::MeshFacts;
 use crate::scene::{Material, Needs, PunctualLight, Scene, SceneFacts};
+use crate::settings::Method;
 
 /// What became of an edited scene.
 #[derive(Clone, Debug, PartialEq, Eq)]

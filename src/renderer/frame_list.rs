@@ -4,8 +4,8 @@
 use serde::Serialize;
 
 use crate::gpu::shaders::ShaderFeatures;
-use crate::options::{Eyes as EyeChoice, Method, Search, Settings};
 use crate::passes::{self, Pass};
+use crate::settings::{Eyes as EyeChoice, Method, RenderSettings, Search};
 
 use super::choices::{carries_indirect, forms_caustics, sample_passes, stereo_passes};
 use super::reconstruction::ReconstructionPlan;
@@ -67,7 +67,11 @@ fn stage(
 
 /// The stages of a frame of a scene with `features`, in order.
 #[must_use]
-pub fn frame_list(settings: &Settings, features: &ShaderFeatures, eyes: EyeChoice) -> Vec<Stage> {
+pub fn frame_list(
+    settings: &RenderSettings,
+    features: &ShaderFeatures,
+    eyes: EyeChoice,
+) -> Vec<Stage> {
     let mut list = Vec::new();
     let photon = settings.method == Method::Photon;
     let caustics = photon && forms_caustics(features);
@@ -161,7 +165,7 @@ pub fn frame_list(settings: &Settings, features: &ShaderFeatures, eyes: EyeChoic
 mod tests {
     use super::*;
 
-    fn names(settings: &Settings, eyes: EyeChoice) -> Vec<&'static str> {
+    fn names(settings: &RenderSettings, eyes: EyeChoice) -> Vec<&'static str> {
         frame_list(settings, &ShaderFeatures::new(), eyes)
             .iter()
             .flat_map(|stage| stage.passes.iter().map(|pass| pass.pass))
@@ -170,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_stage_is_listed_only_where_it_runs() {
-        let mut settings = Settings::default();
+        let mut settings = RenderSettings::default();
         let plain = names(&settings, EyeChoice::Both);
         assert!(plain.contains(&"photon_trace") && plain.contains(&"reuse_resolve"));
         assert!(!plain.contains(&"motion") && !plain.contains(&"caustic_trace"));

@@ -20,8 +20,8 @@ use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary,
     storage_buffer, uniform_buffer,
 };
-use crate::options::Settings;
 use crate::passes::{self, Pass};
+use crate::settings::RenderSettings;
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;
@@ -564,7 +564,7 @@ impl Renderer {
     }
 
     /// Settings that the renderer was made with.
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &RenderSettings {
         &self.settings
     }
 

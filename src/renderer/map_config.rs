@@ -4,8 +4,8 @@ use super::kd_tree::{KD_DIGIT_BITS, KD_DIGITS, KdTree, largest_tree};
 use super::photon_map::{PHOTON_BYTES, RADIX_BLOCK, SCAN_LIMIT};
 use crate::gpu::GpuContext;
 use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
-use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
+use crate::settings::{Loads, Search};
 
 /// Digits of the sort by cell.
 const RADIX_DIGITS: u32 = 3;

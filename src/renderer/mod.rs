@@ -46,11 +46,12 @@ use crate::gpu::types::frame::{
     FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
-use crate::options::{
-    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, Search, Settings,
-};
 use crate::passes::{self, Pass};
 use crate::scene::{Needs, Player, Scene};
+use crate::settings::{
+    DirectLight, Eyes as EyeChoice, Force, Kernel as DensityKernel, Loads, Method, RenderSettings,
+    Search,
+};
 use crate::xr::{HiddenArea, View};
 
 pub use choices::{
@@ -107,7 +108,7 @@ pub enum RenderError {
 /// Everything that turns views into images for one scene and one set of settings.
 pub struct Renderer {
     context: GpuContext,
-    settings: Settings,
+    settings: RenderSettings,
     features: ShaderFeatures,
     eye_choice: EyeChoice,
     width: u32,
@@ -144,7 +145,7 @@ impl Renderer {
         context: GpuContext,
         library: &ShaderLibrary,
         scene: &Scene,
-        settings: &Settings,
+        settings: &RenderSettings,
         eye_choice: EyeChoice,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
@@ -159,7 +160,7 @@ impl Renderer {
         context: GpuContext,
         library: &ShaderLibrary,
         scene: &Scene,
-        settings: &Settings,
+        settings: &RenderSettings,
         eye_choice: EyeChoice,
         size: [u32; 2],
         hidden: Option<&[HiddenArea; 2]>,

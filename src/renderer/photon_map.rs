@@ -11,8 +11,8 @@ use crate::gpu::buffers::read_buffer;
 use crate::gpu::kernel::{Bound, dispatch_table, linear_groups};
 use crate::gpu::texels::CopiedBuffer;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer};
-use crate::options::{Loads, Search};
 use crate::passes::{self, Pass};
+use crate::settings::{Loads, Search};
 
 pub use super::map_config::{MapKind, PhotonMapConfig};
 pub use super::photon_records::{Photon, PhotonCounters, PhotonGrid};

@@ -9,8 +9,8 @@ use crate::gpu::kernel::{Bound, dispatch_table};
 use crate::gpu::types::frame::{Eye as EyeUniform, Frame};
 use crate::gpu::types::reconstruction::Reconstruction as Uniform;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Resources, storage_buffer, uniform_buffer};
-use crate::options::{ReconstructSettings, Settings};
 use crate::passes::{self, Pass};
+use crate::settings::{ReconstructSettings, RenderSettings};
 
 use super::eyes::{Eye, Eyes};
 use super::kernels::KernelSet;
@@ -356,7 +356,7 @@ impl Reconstruction {
         context: &GpuContext,
         frame: &Frame,
         origin_in_world: DVec3,
-        settings: &Settings,
+        settings: &RenderSettings,
         carries_rays: bool,
         moved: bool,
     ) {

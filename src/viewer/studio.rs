@@ -15,12 +15,12 @@ use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
-use crate::options::{Eyes, Settings};
 use crate::renderer::{
     Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
+use crate::settings::{Eyes, Settings};
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -186,7 +186,14 @@ impl Studio {
         library: ShaderLibrary,
     ) -> Result<Engine, StudioError> {
         let context = GpuContext::open(Some(&settings.adapter))?;
-        let renderer = Renderer::new(context, &library, &self.scene, settings, Eyes::Both, size)?;
+        let renderer = Renderer::new(
+            context,
+            &library,
+            &self.scene,
+            &settings.render,
+            Eyes::Both,
+            size,
+        )?;
         Ok(Engine {
             renderer,
             library,
@@ -280,7 +287,7 @@ impl Studio {
         let engine = self.engine.as_ref().ok_or(StudioError::NoRenderer)?;
         let mut non_finite = 0;
         // What is reconstructed is an average already.
-        let is_averaged = engine.settings.reconstruct.is_on();
+        let is_averaged = engine.settings.render.reconstruct.is_on();
         for (eye, averaged) in [Eye::Left, Eye::Right].into_iter().zip(&mut self.averaged) {
             let mut pixels = engine.renderer.read_radiance(eye)?.unwrap_or_default();
             for pixel in &mut pixels {
@@ -437,7 +444,7 @@ impl Studio {
     ) -> Result<Inspected, StudioError> {
         if inspection == Inspection::Variance
             && let Some(engine) = &self.engine
-            && inspection.missing(&engine.settings).is_some()
+            && inspection.missing(&engine.settings.render).is_some()
         {
             let values = self.averaged[eye].variance().ok_or_else(|| {
                 RenderError::Settings(
@@ -472,20 +479,15 @@ fn shared(coloring: Coloring, first: Option<&Legend>) -> Coloring {
 
 /// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
-    let stripped = |settings: &Settings| {
-        let mut settings = settings.clone();
-        // Given with each frame, brought by the scene, or the session's.
-        let other = Settings::default();
-        settings.size = other.size;
-        settings.output.exposure = other.output.exposure;
-        settings.scene = other.scene;
-        settings.environment = other.environment;
-        settings.headset = other.headset;
-        settings.simulated = other.simulated;
-        settings.openxr = other.openxr;
-        settings
+    let with_equal_exposure = |settings: &Settings| {
+        let mut render = settings.render.clone();
+        // Given with each frame.
+        render.output.exposure = 1.0;
+        render
     };
-    stripped(one) == stripped(other)
+    one.adapter == other.adapter
+        && one.gpu == other.gpu
+        && with_equal_exposure(one) == with_equal_exposure(other)
 }
 
 fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
@@ -511,10 +513,10 @@ mod tests {
         let base = Settings::default();
         let mut other = base.clone();
         other.size = Some([3, 4]);
-        other.output.exposure = 2.0;
+        other.render.output.exposure = 2.0;
         other.environment.strength = 2.0;
         assert!(same_renderer(&base, &other));
-        other.photon.count += 1;
+        other.render.photon.count += 1;
         assert!(!same_renderer(&base, &other));
     }
 }

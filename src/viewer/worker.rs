@@ -21,10 +21,10 @@ use super::session::{DesktopSession, SharedViews};
 use super::studio::{Studio, StudioError};
 use crate::gpu::ShaderLibrary;
 use crate::gpu::timing::milliseconds_since;
-use crate::options::Settings;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
+use crate::settings::Settings;
 use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -471,7 +471,10 @@ fn effective(settings: &Settings, look: Look) -> Settings {
     match look {
         // The averaged frames have a variance of their own.
         Look::Picture | Look::Error | Look::Inspection(Inspection::Variance) => settings.clone(),
-        Look::Inspection(inspection) => inspection.settings_for(settings),
+        Look::Inspection(inspection) => Settings {
+            render: inspection.settings_for(&settings.render),
+            ..settings.clone()
+        },
     }
 }
 

@@ -8,10 +8,10 @@ use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
 use stereolux::gpu::types::bvh::{BvhNode, Triangle};
 use stereolux::gpu::types::material::Vertex;
-use stereolux::options::{Force, Method, Reuse};
 use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
+use stereolux::settings::{Force, Method, Reuse};
 
 use super::bvh_probe::{Random, TraceProbe, soup};
 use super::moving_support::*;

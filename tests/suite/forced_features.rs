@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use stereolux::options::settings::ForceSettings;
-use stereolux::options::{Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::ForceSettings;
+use stereolux::settings::{Force, Method, RenderSettings, Reuse};
 
 use super::support::{
     builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
@@ -35,7 +35,7 @@ fn image(
     half_degrees: f64,
     force: ForceSettings,
 ) -> (Vec<[f32; 3]>, Renderer) {
-    let settings: Settings = settings(|s| {
+    let settings: RenderSettings = settings(|s| {
         s.method = method;
         s.reuse = Reuse::Off;
         s.path.max_depth = 4;

@@ -5,11 +5,11 @@ use stereolux::bvh::reference::{ExactInstance, brute_force};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
 use stereolux::gpu::types::bvh::Triangle;
-use stereolux::options::{Eyes, Force, Method, Reuse};
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
 use stereolux::scene::{AlphaMode, Material, Scene, builtin::plane};
+use stereolux::settings::{Eyes, Force, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::{add, quad};

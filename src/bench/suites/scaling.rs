@@ -8,8 +8,8 @@ use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::moves::Moves;
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
-use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
-use crate::options::{Eyes, Method, Reuse, Settings};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of};
+use crate::settings::{Eyes, Method, RenderSettings, Reuse};
 use crate::xr::Headset;
 
 /// What is varied.
@@ -64,11 +64,11 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         Extent::Full => (FULL, PHOTONS),
         Extent::Smoke => (SMOKE, SMOKE_PHOTONS),
     };
-    let settings = |scene: &str, method: Method, count: u32| {
-        let mut settings = Settings {
+    let settings = |method: Method, count: u32| {
+        let mut settings = RenderSettings {
             method,
             reuse: Reuse::Off,
-            ..settings_for(base, scene)
+            ..base.settings.render.clone()
         };
         settings.photon.count = count;
         settings
@@ -90,12 +90,12 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         rounds: base.rounds,
         warm_up: base.warm_up,
     };
-    let both_methods = |series: &'static str, value: f64, scene: &str| -> Vec<Candidate> {
+    let both_methods = |series: &'static str, value: f64| -> Vec<Candidate> {
         [("photon", Method::Photon), ("path", Method::Path)]
             .into_iter()
             .map(|(name, method)| {
                 let factors = [("series", json!(series)), (series, json!(value))];
-                candidate(name, settings(scene, method, photons), factors)
+                candidate(name, settings(method, photons), factors)
             })
             .collect()
     };
@@ -104,7 +104,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let mut generated = |series: &'static str, values: &[u32], made: &dyn Fn(u32) -> Generated| {
         for &value in values {
             let scene = SceneSource::Generated(made(value));
-            let candidates = both_methods(series, f64::from(value), &scene.name());
+            let candidates = both_methods(series, f64::from(value));
             plans.push(GroupPlan {
                 views: ViewPlan::Jitter,
                 ..group(format!("{series} {value}"), scene, &room, candidates)
@@ -131,7 +131,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 .iter()
                 .map(|&(variant, moves)| {
                     let factors = [("series", json!(series)), (series, json!(value))];
-                    let settings = settings(&scene.name(), Method::Path, photons);
+                    let settings = settings(Method::Path, photons);
                     Candidate {
                         moves,
                         ..candidate(variant, settings, factors)
@@ -166,7 +166,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             .iter()
             .map(|&count| {
                 let factors = [("series", json!("photons")), ("photons", json!(count))];
-                let settings = settings(scene, Method::Photon, count);
+                let settings = settings(Method::Photon, count);
                 candidate(format!("photon {count}"), settings, factors)
             })
             .collect();
@@ -185,10 +185,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         }
         for size in sizes {
             let pixels = f64::from(size[0]) * f64::from(size[1]);
-            let mut candidates = both_methods("pixels", pixels, scene);
-            for candidate in &mut candidates {
-                candidate.settings.size = Some(size);
-            }
+            let candidates = both_methods("pixels", pixels);
             let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
             plans.push(GroupPlan {
                 size,
