@@ -8,10 +8,10 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::options::{Eyes, Settings};
 use stereolux::renderer::{Applied, Renderer};
 use stereolux::scene::Trs;
 use stereolux::scene::edit::{Document, Edit, NewContent, NewNode, Placement};
+use stereolux::settings::{Eyes, RenderSettings};
 use stereolux::xr::{Fov, View};
 
 /// Rounds of every edit; the median and the longest count.
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = document.scene();
     let (instances, triangles) = (scene.instances().len(), scene.triangle_count());
     println!("{spec}: {instances} instances, {triangles} triangles");
-    let mut settings = Settings::default();
+    let mut settings = RenderSettings::default();
     settings.photon.count = 4096;
     let context = GpuContext::open(None)?;
     println!("on {}", context.adapter.name);

@@ -100,6 +100,7 @@ mod suite {
     pub mod support;
     pub mod techniques;
     pub mod uniform_branches;
+    pub mod user_passes;
     pub mod viewer_app;
     pub mod viewer_files;
     pub mod viewer_painter;

@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec3};
 use stereolux::bvh::records::Triangle;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::options::{Eyes, Method, Settings};
 use stereolux::renderer::deform::with_own_meshes;
 use stereolux::renderer::{Renderer, SceneBuffers};
 use stereolux::scene::{Scene, ScenePose};
+use stereolux::settings::{Eyes, Method, RenderSettings};
 use stereolux::xr::View;
 
 use super::Outcome;
@@ -45,9 +45,9 @@ fn skinned(held: &SceneBuffers, scene: &Scene, pose: &ScenePose) -> Vec<Triangle
 /// Prints how many random rays met what the exhaustive search met, clip by clip; false if any did not.
 pub fn check(library: &ShaderLibrary, scene: &Scene, views: &[View; 2]) -> Outcome<bool> {
     let own = with_own_meshes(scene);
-    let settings = Settings {
+    let settings = RenderSettings {
         method: Method::Path,
-        ..Settings::default()
+        ..RenderSettings::default()
     };
     let context = GpuContext::open(None)?;
     let mut renderer = Renderer::new(context, library, scene, &settings, Eyes::Left, [8, 8])?;

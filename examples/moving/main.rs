@@ -26,9 +26,9 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux::bvh::{MaterialMarks, MeshHierarchies};
 use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{InstanceId, Renderer, SceneBuffers};
 use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene};
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, View};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -158,10 +158,10 @@ fn views() -> [View; 2] {
 }
 
 fn frame_ms(library: &ShaderLibrary, scenes: &[Scene]) -> Outcome<Vec<f64>> {
-    let settings = Settings {
+    let settings = RenderSettings {
         method: Method::Path,
         reuse: Reuse::Off,
-        ..Settings::default()
+        ..RenderSettings::default()
     };
     let mut renderers = Vec::new();
     for scene in scenes {
@@ -197,9 +197,9 @@ fn refits(library: &ShaderLibrary, scene: &Scene) -> Outcome<()> {
     println!("|---|---|---|---|");
     for clip in &scene.animations {
         for step in 0..8 {
-            let settings = Settings {
+            let settings = RenderSettings {
                 method: Method::Path,
-                ..Settings::default()
+                ..RenderSettings::default()
             };
             let context = GpuContext::open(None)?;
             let mut renderer =

@@ -25,9 +25,9 @@ use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{
     Image, ImageRgb, encode_display, read_image, tone_map, write_exr, write_png,
 };
-use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
 use stereolux::xr::{Headset, Pose, ReplayOptions, ReplaySession, View, all_frames};
 
 mod paired_references;
@@ -113,7 +113,7 @@ fn open(scene: &Scene, settings: &Settings, size: u32) -> Outcome<Renderer> {
         context,
         &library,
         scene,
-        settings,
+        &settings.render,
         Eyes::Both,
         [size, size],
     )?)
@@ -134,16 +134,20 @@ struct Judged {
 /// Renders references of the frames that are judged, or takes them from `--keep`.
 fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<Option<Judged>>> {
     let size = options.size;
-    let mut settings = Settings {
+    let mut render = RenderSettings {
         method: Method::Path,
         reuse: Reuse::Off,
         seed: 99,
+        ..RenderSettings::default()
+    };
+    render.reconstruct.still = true;
+    render.reconstruct.still_from = 0;
+    render.reconstruct.still_until = 1;
+    render.gpu.timestamps = false;
+    let settings = Settings {
+        render,
         ..Settings::default()
     };
-    settings.reconstruct.still = true;
-    settings.reconstruct.still_from = 0;
-    settings.reconstruct.still_until = 1;
-    settings.gpu.timestamps = false;
     let mut renderer = open(scene, &settings, size)?;
     let mut judged = Vec::new();
     for (frame, views) in views.iter().enumerate() {
@@ -325,15 +329,13 @@ fn main() -> Outcome<()> {
             ("each eye by itself", true, false),
             ("shared", true, true),
         ] {
-            let mut settings = Settings {
-                method,
-                reuse,
-                ..Settings::default()
-            };
-            settings.photon.count = 65_536;
-            settings.reconstruct.svgf = svgf;
-            settings.reconstruct.stereo = stereo;
-            settings.reconstruct.taa = svgf;
+            let mut settings = Settings::default();
+            settings.render.method = method;
+            settings.render.reuse = reuse;
+            settings.render.photon.count = 65_536;
+            settings.render.reconstruct.svgf = svgf;
+            settings.render.reconstruct.stereo = stereo;
+            settings.render.reconstruct.taa = svgf;
             for (key, value) in &options.set {
                 settings = settings.with(key, value)?;
             }

@@ -21,10 +21,10 @@ use anyhow::{Context as _, Result, ensure};
 use stereolux::gpu::vulkan_interop::disable_device_select_layer;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb, tone_map, write_exr, write_png};
-use stereolux::options::{Eyes, Method, Settings};
 use stereolux::renderer::packing::{UserBsdf, install_user_bsdfs};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
+use stereolux::settings::{Eyes, Method, RenderSettings};
 use stereolux::xr::{Fov, Headset};
 
 /// The shaders, with the model added. Several go into one list; the first is number 1.
@@ -60,7 +60,7 @@ pub fn render(
     context: GpuContext,
     library: &ShaderLibrary,
     scene: &Scene,
-    settings: &Settings,
+    settings: &RenderSettings,
     side: u32,
 ) -> Result<ImageRgb> {
     let size = [side, side];
@@ -81,10 +81,10 @@ pub fn render(
 pub fn compare(out: &Path, adapter: Option<&str>, side: u32, samples: u32) -> Result<()> {
     // First: rendering takes longer than being told that there is no place for it.
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let settings = Settings {
+    let settings = RenderSettings {
         method: Method::Path,
         spp: samples,
-        ..Settings::default()
+        ..RenderSettings::default()
     };
     let blocks = ["short block", "tall block"];
     let white = stereolux::scene::builtin::cornell::WHITE;

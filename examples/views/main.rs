@@ -11,9 +11,9 @@ use glam::DVec3;
 use stereolux::false_color::{Coloring, Picture, Scale, picture, relative_error};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, tone_map, write_png};
-use stereolux::options::{Eyes, Settings};
 use stereolux::renderer::{Eye, Inspection, Renderer};
 use stereolux::scene::{Scene, load_environment};
+use stereolux::settings::{Eyes, RenderSettings};
 use stereolux::xr::{Fov, View};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -49,11 +49,11 @@ fn run(name: &str, folder: &Path, size: [u32; 2], environment: Option<&str>) -> 
         scene.environment = Some(load_environment(path, 1.0)?.0);
     }
     let library = ShaderLibrary::embedded();
-    let mut settings = Settings::default();
+    let mut settings = RenderSettings::default();
     for view in Inspection::ALL {
         settings = view.settings_for(&settings);
     }
-    let open = |settings: &Settings| -> Outcome<Renderer> {
+    let open = |settings: &RenderSettings| -> Outcome<Renderer> {
         let context = GpuContext::open(None)?;
         Ok(Renderer::new(
             context,
@@ -85,10 +85,10 @@ fn run(name: &str, folder: &Path, size: [u32; 2], environment: Option<&str>) -> 
     let noisy = image(&renderer)?;
     write_png(&folder.join("picture_left.png"), &tone_map(&noisy, 1.0))?;
     drop(renderer);
-    let better = Settings {
+    let better = RenderSettings {
         spp: 16,
         seed: 1,
-        ..Settings::default()
+        ..RenderSettings::default()
     };
     let mut reference = open(&better)?;
     reference.render_frame(&views(&scene, 1.0), 0, |_| {})?;

@@ -20,9 +20,9 @@ use super::variant_statistics::{Frame, Truth, VariantStatistics, judge_part, reg
 use super::{BenchError, BenchProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
-use crate::options::{Eyes, Settings};
 use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
 use crate::scene::Scene;
+use crate::settings::{Eyes, RenderSettings, Settings};
 use crate::xr::{
     Headset, Motion, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession, View, XrError,
     all_frames,
@@ -40,8 +40,8 @@ const JITTER_M: f64 = 1e-6;
 pub struct Candidate {
     /// Name within the group.
     pub variant: String,
-    /// All settings.
-    pub settings: Settings,
+    /// What the renderer takes.
+    pub settings: RenderSettings,
     /// What the suite varies here.
     pub factors: BTreeMap<String, Value>,
     /// What of the scene moves between rounds.
@@ -170,6 +170,16 @@ impl<'a> Lab<'a> {
         Ok(found)
     }
 
+    /// All settings of a variant.
+    fn settings_of(&self, plan: &GroupPlan, candidate: &Candidate) -> Settings {
+        Settings {
+            scene: plan.scene.name(),
+            size: Some(plan.size),
+            render: candidate.settings.clone(),
+            ..self.settings.clone()
+        }
+    }
+
     /// One key per variant. Each covers the whole group: a variant is measured against the others.
     fn keys(&mut self, plan: &GroupPlan) -> Result<Vec<String>, BenchError> {
         let scene = self.fingerprint(&plan.scene)?;
@@ -197,7 +207,7 @@ impl<'a> Lab<'a> {
         for candidate in &plan.candidates {
             group = group
                 .with_text(&candidate.variant)
-                .with_value(&candidate.settings)
+                .with_value(&self.settings_of(plan, candidate))
                 .with_value(&candidate.factors)
                 .with_text(&format!("{:?}", candidate.motion));
         }
@@ -265,7 +275,15 @@ impl<'a> Lab<'a> {
         let mut contenders: Vec<Contender> = plan
             .candidates
             .iter()
-            .map(|candidate| Contender::open(plan, candidate, scene, &self.library))
+            .map(|candidate| {
+                Contender::open(
+                    plan,
+                    candidate,
+                    scene,
+                    &self.library,
+                    &self.settings.adapter,
+                )
+            })
             .collect::<Result<_, _>>()?;
         let mut truth = Truth::default();
         if plan.filter.is_some() && plan.eyes == Eyes::Both {
@@ -327,7 +345,7 @@ impl<'a> Lab<'a> {
                     }
                     .to_owned(),
                     factors: candidate.factors.clone(),
-                    settings: differing_settings(&candidate.settings),
+                    settings: differing_settings(&self.settings_of(plan, candidate)),
                     timing: own.timing(first, renderer, plan.rounds, warm_up),
                     errors: own.errors(&truth),
                     frame_noise: mean(own.noise()),
@@ -468,9 +486,10 @@ impl Contender {
         candidate: &Candidate,
         scene: &Scene,
         library: &ShaderLibrary,
+        adapter: &str,
     ) -> Result<Self, BenchError> {
         let settings = &candidate.settings;
-        let context = GpuContext::open(Some(&settings.adapter))?;
+        let context = GpuContext::open(Some(adapter))?;
         Ok(Self {
             renderer: Renderer::new(context, library, scene, settings, plan.eyes, plan.size)?,
             mover: InstanceMover::new(scene, candidate.motion),
@@ -533,7 +552,7 @@ fn load(scene: &Scene, renderer: &Renderer, last: &FrameResult) -> Load {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Reuse;
+    use crate::settings::Reuse;
 
     struct Silent;
 
@@ -549,9 +568,9 @@ mod tests {
     fn plan() -> GroupPlan {
         let candidate = |reuse| Candidate {
             variant: format!("{reuse:?}"),
-            settings: Settings {
+            settings: RenderSettings {
                 reuse,
-                ..Settings::default()
+                ..RenderSettings::default()
             },
             factors: BTreeMap::new(),
             motion: InstanceMotion::Nothing,

@@ -35,7 +35,8 @@ use reference::References;
 use scenes::SceneSource;
 use timing::Round;
 
-use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+use crate::frame::user_passes::shader_library;
+use crate::gpu::{GpuContext, GpuError};
 use crate::images::ImageError;
 use crate::metrics::MetricsError;
 use crate::options::BenchOptions;
@@ -143,11 +144,9 @@ pub fn run(
     progress: &mut dyn BenchProgress,
 ) -> Result<Outcome, BenchError> {
     let settings = &options.settings;
-    let library = match settings.gpu.shader_folder.as_str() {
-        "" => ShaderLibrary::embedded(),
-        folder => ShaderLibrary::with_folder(Path::new(folder))
-            .map_err(|error| BenchError::Shaders(error.to_string()))?,
-    };
+    let passes = &settings.render.user_passes;
+    let library = shader_library(&settings.gpu.shader_folder, passes)
+        .map_err(|error| BenchError::Shaders(error.to_string()))?;
     let plans = suites::plans(options)?;
     let mut checked: Vec<&SceneSource> = Vec::new();
     for plan in &plans {

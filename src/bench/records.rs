@@ -305,8 +305,8 @@ mod tests {
     fn only_what_differs_is_listed() {
         assert!(differing_settings(&Settings::default()).is_empty());
         let mut settings = Settings::default();
-        settings.photon.count = 7;
-        settings.spp = 2;
+        settings.render.photon.count = 7;
+        settings.render.spp = 2;
         let found = differing_settings(&settings);
         assert_eq!(found.len(), 2);
         assert_eq!(found["photon.count"], 7);

@@ -20,9 +20,9 @@ use super::records::Machine;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, write_atomically};
 use crate::metrics::RenderMoments;
-use crate::options::{Eyes, Method, Reuse, Settings};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
+use crate::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
 use crate::xr::View;
 
 /// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
@@ -125,17 +125,20 @@ impl References {
         let given = spec.settings;
         let mut settings = Settings {
             scene: String::new(),
-            method: Method::Path,
-            reuse: Reuse::Off,
-            spp: spec.filter.samples_per_batch(),
-            seed: given.seed.wrapping_add(SEED_OFFSET),
             adapter: given.adapter.clone(),
-            force: given.force.clone(),
-            path: given.path.clone(),
             environment: given.environment.clone(),
+            render: RenderSettings {
+                method: Method::Path,
+                reuse: Reuse::Off,
+                spp: spec.filter.samples_per_batch(),
+                seed: given.render.seed.wrapping_add(SEED_OFFSET),
+                force: given.render.force.clone(),
+                path: given.render.path.clone(),
+                ..RenderSettings::default()
+            },
             ..Settings::default()
         };
-        settings.gpu.timestamps = false;
+        settings.render.gpu.timestamps = false;
         settings
     }
 
@@ -185,7 +188,7 @@ impl References {
                 context,
                 &self.library,
                 spec.scene,
-                &settings,
+                &settings.render,
                 Eyes::Left,
                 spec.size,
             )?;
@@ -367,7 +370,7 @@ mod tests {
         let mut moved = view;
         moved.position_in_world.x = 1e-12;
         let mut deeper = settings.clone();
-        deeper.path.max_depth += 1;
+        deeper.render.path.max_depth += 1;
         for other in [
             ReferenceSpec {
                 scene_fingerprint: "other",
@@ -394,8 +397,8 @@ mod tests {
         }
         // Photons have nothing to do with a path-traced picture.
         let mut photons = settings.clone();
-        photons.photon.count = 1;
-        photons.method = Method::Photon;
+        photons.render.photon.count = 1;
+        photons.render.method = Method::Photon;
         let same = ReferenceSpec {
             settings: &photons,
             ..spec

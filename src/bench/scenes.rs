@@ -11,11 +11,11 @@ use serde::Serialize;
 
 use super::BenchError;
 use super::fingerprint::Fingerprint;
-use crate::options::Settings;
 use crate::scene::{
     Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
     load_environment,
 };
+use crate::settings::Settings;
 
 /// A scene to measure.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,8 +12,8 @@ use crate::images::{Image, ImageRgb};
 use crate::metrics::{
     Comparison, FlipView, Mask, MetricsError, RenderMoments, binocular_error, compare, error_image,
 };
-use crate::options::{Method, Reuse, Settings};
 use crate::renderer::{FrameResult, Provenance, Renderer};
+use crate::settings::{Method, RenderSettings, Reuse};
 
 /// One frame of one variant.
 pub struct Frame {
@@ -140,7 +140,7 @@ fn search_groups(times: &BTreeMap<String, (f64, u32)>) -> Vec<(&'static str, f64
 
 impl VariantStatistics {
     /// Takes a frame's times and counters in.
-    pub fn time(&mut self, frame: &Frame, settings: &Settings) {
+    pub fn time(&mut self, frame: &Frame, settings: &RenderSettings) {
         let times = &frame.result.times.passes;
         self.reuses = settings.reuse != Reuse::Off;
         let sum = |wanted: &dyn Fn(&str) -> bool| {
@@ -433,7 +433,7 @@ mod tests {
     #[test]
     fn passes_are_summed_into_their_groups() {
         let mut statistics = VariantStatistics::default();
-        let settings = Settings::default();
+        let settings = RenderSettings::default();
         let passes = [
             ("photons.photon_trace", 7.0),
             ("photons.kd_move", 0.75),

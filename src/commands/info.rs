@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{Failure, load_scene};
 use crate::frame::listing::list;
 use crate::frame::plan::on_demand;
-use crate::gpu::ShaderLibrary;
+use crate::frame::user_passes::shader_library;
 use crate::gpu::context::{AdapterSummary, adapters};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
@@ -51,10 +51,12 @@ fn openxr_report() -> Value {
 fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure> {
     let scene = load_scene(settings)?;
     let needs = Needs::of(&scene);
-    let features = shader_features(&needs, settings);
+    let features = shader_features(&needs, &settings.render);
     let (mut stages, frame_features) =
-        plan_of_scene(&scene, settings, is_software).map_err(Failure::failed)?;
-    stages.extend(on_demand(settings));
+        plan_of_scene(&scene, &settings.render, is_software).map_err(Failure::failed)?;
+    stages.extend(on_demand(&settings.render));
+    let passes = &settings.render.user_passes;
+    let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
@@ -62,9 +64,9 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
             .bounds_in_world()
             .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),
         "surface_area_m2": scene.surface_area_m2(),
-        "automatic_radius_m": automatic_radius_m(&scene, settings.photon.count),
+        "automatic_radius_m": automatic_radius_m(&scene, settings.render.photon.count),
         "needs": needs,
         "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
-        "frame": list(&stages, &frame_features, &ShaderLibrary::embedded()).map_err(Failure::failed)?,
+        "frame": list(&stages, &frame_features, &library).map_err(Failure::failed)?,
     }))
 }

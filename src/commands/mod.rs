@@ -15,10 +15,11 @@ use crate::gpu::GpuError;
 use crate::images::ImageError;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
-use crate::options::{Options, Settings};
+use crate::options::Options;
 use crate::output::OutputError;
 use crate::renderer::RenderError;
 use crate::scene::{Scene, SceneError, load_environment};
+use crate::settings::Settings;
 use crate::viewer::ViewError;
 use crate::xr::XrError;
 
@@ -193,7 +194,7 @@ fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
         scene.environment = Some(environment);
         scene.warnings.extend(warnings);
     }
-    scene.clip(&settings.animation.clip)?;
+    scene.clip(&settings.render.animation.clip)?;
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }

@@ -9,9 +9,9 @@ use crate::bench::statistics;
 use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
-use crate::options::{Method, Settings};
 use crate::renderer::Renderer;
 use crate::scene::{Needs, Scene};
+use crate::settings::{Method, Settings};
 use crate::xr::SessionInfo;
 
 /// What a scene holds, for `run.json`.
@@ -122,12 +122,12 @@ impl<'a> RunReport<'a> {
             version: env!("CARGO_PKG_VERSION"),
             software_adapter: context.adapter.is_software(),
             adapter: context.adapter.clone(),
-            timestamps: context.has_timestamps && settings.gpu.timestamps,
+            timestamps: context.has_timestamps && settings.render.gpu.timestamps,
             session: session.to_owned(),
             headset: info.headset.clone(),
             refresh_hz: info.refresh_hz,
             size,
-            radius_m: (settings.method == Method::Photon).then(|| renderer.radius_m()),
+            radius_m: (settings.render.method == Method::Photon).then(|| renderer.radius_m()),
             caustic_radius_m: renderer.caustic_map().map(|_| renderer.caustic_radius_m()),
             settings,
             scene: SceneSummary {

@@ -6,8 +6,9 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Failure, load_scene, report};
+use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
-use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::gpu::GpuContext;
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
@@ -213,7 +214,7 @@ fn session(
             let settings = &options.settings;
             let motion = settings.simulated.motion;
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
-                .with_seed(u64::from(settings.seed))
+                .with_seed(u64::from(settings.render.seed))
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -258,19 +259,17 @@ fn render_session(
             context.adapter.name
         );
     }
-    let library = match settings.gpu.shader_folder.as_str() {
-        "" => ShaderLibrary::embedded(),
-        folder => ShaderLibrary::with_folder(Path::new(folder)).map_err(Failure::unusable)?,
-    };
+    let passes = &settings.render.user_passes;
+    let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
     let needs = Needs::of(job.scene);
-    let mut bar = Bar::new(settings.spp, job.frames);
+    let mut bar = Bar::new(settings.render.spp, job.frames);
     bar.say("compiling");
     let hidden = session.info().hidden.clone();
     let mut renderer = Renderer::with_hidden_area(
         context,
         &library,
         job.scene,
-        settings,
+        &settings.render,
         job.eyes,
         size,
         hidden.as_ref(),
@@ -292,7 +291,7 @@ fn render_session(
         LoopOptions {
             every: job.every,
             images: settings.output.images,
-            exposure: settings.output.exposure,
+            exposure: settings.render.output.exposure,
             size,
         },
         &mut bar,

@@ -25,7 +25,7 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
             log::warn!("{warning}");
         }
     }
-    document.scene().clip(&settings.animation.clip)?;
+    document.scene().clip(&settings.render.animation.clip)?;
     for warning in &document.scene().warnings {
         log::warn!("{warning}");
     }

@@ -3,7 +3,7 @@
 use crate::gpu::GpuError;
 use crate::gpu::buffers::allocated_bytes;
 use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
-use crate::options::{Loads, Search};
+use crate::settings::{Loads, Search};
 
 /// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
 const BATCH_SCRATCH_BYTES: u64 = 32 << 20;

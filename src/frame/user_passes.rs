@@ -13,9 +13,6 @@
 //! whole image. docs/architecture.md has the steps.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
-
-use serde::{Deserialize, Serialize};
 
 use super::bind::meaning;
 use super::passes::{self, Domain, Pass};
@@ -23,54 +20,28 @@ use super::run::{named, specialised};
 use super::step::{Action, Eye, List, PlannedStage, Size, Stage, Step};
 use crate::gpu::kernel::{BindingKind, reflect_bindings};
 use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
+use crate::settings::{UserDomain, UserPass};
 
-/// What a pass of the user's runs over.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum UserDomain {
-    /// All pixels of the eye, in 8x8 tiles of 64 threads.
-    #[default]
-    Pixels,
-    /// Those that see a surface, 64 threads to a workgroup.
-    Hits,
+/// The pass that a user's one is.
+fn pass_of(user_pass: &UserPass) -> Pass {
+    Pass {
+        name: user_pass.name.clone().into(),
+        what: format!("A pass of the user's: {}.", user_pass.file.display()).into(),
+        over: match user_pass.over {
+            UserDomain::Pixels => Domain::Pixels,
+            UserDomain::Hits => Domain::Hits,
+        },
+        sees_scene: true,
+    }
 }
 
-/// One `[[pass]]`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct UserPass {
-    /// WESL file.
-    pub file: PathBuf,
-    /// Name in timings and in `after` of others.
-    pub name: String,
-    /// The pass that it follows.
-    pub after: String,
-    /// Domain.
-    #[serde(default)]
-    pub over: UserDomain,
-}
-
-impl UserPass {
-    fn pass(&self) -> Pass {
-        Pass {
-            name: self.name.clone().into(),
-            what: format!("A pass of the user's: {}.", self.file.display()).into(),
-            over: match self.over {
-                UserDomain::Pixels => Domain::Pixels,
-                UserDomain::Hits => Domain::Hits,
-            },
-            sees_scene: true,
-        }
-    }
-
-    /// What is wrong with the pass, in one line.
-    fn fault(&self, reason: impl std::fmt::Display) -> GpuError {
-        GpuError::UserPass(format!(
-            "pass {:?} ({}): {reason}",
-            self.name,
-            self.file.display()
-        ))
-    }
+/// What is wrong with a pass, in one line.
+fn fault(user_pass: &UserPass, reason: impl std::fmt::Display) -> GpuError {
+    GpuError::UserPass(format!(
+        "pass {:?} ({}): {reason}",
+        user_pass.name,
+        user_pass.file.display()
+    ))
 }
 
 /// The embedded shaders, or those of `folder` where it names one, with the users' passes, read from their files.
@@ -89,13 +60,14 @@ pub fn shader_library(folder: &str, user_passes: &[UserPass]) -> Result<ShaderLi
     };
     for pass in ordered(user_passes)? {
         if !is_name(&pass.name) {
-            return Err(pass.fault(
+            return Err(fault(
+                pass,
                 "a name is made of small letters, digits and underscores, and begins with a letter",
             ));
         }
         let source = std::fs::read_to_string(&pass.file)
-            .map_err(|error| pass.fault(format_args!("cannot be read: {error}")))?;
-        library.insert(&pass.pass().shader_name(), source);
+            .map_err(|error| fault(pass, format_args!("cannot be read: {error}")))?;
+        library.insert(&pass_of(pass).shader_name(), source);
     }
     Ok(library)
 }
@@ -106,7 +78,10 @@ fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
     let mut names = BTreeSet::new();
     for pass in user_passes {
         if is_own(&pass.name) || !names.insert(pass.name.as_str()) {
-            return Err(pass.fault("another pass has that name; give it a name of its own"));
+            return Err(fault(
+                pass,
+                "another pass has that name; give it a name of its own",
+            ));
         }
     }
     let mut waiting: Vec<&UserPass> = user_passes.iter().collect();
@@ -126,17 +101,23 @@ fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
         let known = passes::ALL.iter().map(|pass| &*pass.name).chain(names);
         let likeness = |name: &str| strsim::normalized_damerau_levenshtein(&lost.after, name);
         let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-        return Err(lost.fault(format_args!(
-            "there is no pass {:?} to follow; the nearest name is {:?}",
-            lost.after,
-            nearest.unwrap_or_default()
-        )));
+        return Err(fault(
+            lost,
+            format_args!(
+                "there is no pass {:?} to follow; the nearest name is {:?}",
+                lost.after,
+                nearest.unwrap_or_default()
+            ),
+        ));
     }
     let circle: Vec<&str> = waiting.iter().map(|pass| pass.name.as_str()).collect();
-    Err(stuck.fault(format_args!(
-        "follows itself in a circle of {}; let one of them follow a pass of the frame",
-        circle.join(", ")
-    )))
+    Err(fault(
+        stuck,
+        format_args!(
+            "follows itself in a circle of {}; let one of them follow a pass of the frame",
+            circle.join(", ")
+        ),
+    ))
 }
 
 /// Puts the users' passes into the eyes' and reconstruction's stages, each behind what it follows. Those that follow nothing
@@ -191,7 +172,7 @@ fn following(before: &Step, user_pass: &UserPass) -> Step {
         ..
     } = &mut step.action
     {
-        *pass = user_pass.pass();
+        *pass = pass_of(user_pass);
         (*size, *list) = match user_pass.over {
             UserDomain::Pixels => (Size::Tiles, None),
             UserDomain::Hits => (Size::List(List::HITS), Some(List::HITS)),
@@ -216,10 +197,13 @@ pub fn check(
     for user_pass in ordered(user_passes)? {
         let mut steps = stages.iter().flat_map(|planned| &planned.steps);
         let Some(step) = steps.find(|step| runs(step, &user_pass.name)) else {
-            return Err(user_pass.fault(format_args!(
-                "follows {:?}, which does not run over an image with these settings; see `info --scene`",
-                user_pass.after
-            )));
+            return Err(fault(
+                user_pass,
+                format_args!(
+                    "follows {:?}, which does not run over an image with these settings; see `info --scene`",
+                    user_pass.after
+                ),
+            ));
         };
         check_shader(user_pass, step, stages, library, features, &is_given)?;
     }
@@ -234,33 +218,42 @@ fn check_shader(
     features: &ShaderFeatures,
     is_given: &impl Fn(&str) -> bool,
 ) -> Result<(), GpuError> {
-    let pass = user_pass.pass();
+    let pass = pass_of(user_pass);
     let own = specialised(&pass, features, step.runs_from_list());
     let shader = library.compile(&pass.shader_name(), &own);
     let shader = shader.and_then(|shader| shader.validate().map(|_| shader));
-    let shader = shader.map_err(|error| user_pass.fault(error))?;
+    let shader = shader.map_err(|error| fault(user_pass, error))?;
     let entry = shader.module.entry_points.iter().find(|e| e.name == "main");
     let size = entry.map(|entry| entry.workgroup_size);
     if size.is_none_or(|[x, y, z]| x * y * z != 64) {
-        return Err(user_pass.fault("needs one entry point, `main`, with @workgroup_size(64)"));
+        return Err(fault(
+            user_pass,
+            "needs one entry point, `main`, with @workgroup_size(64)",
+        ));
     }
-    for binding in reflect_bindings(&shader).map_err(|error| user_pass.fault(error))? {
+    for binding in reflect_bindings(&shader).map_err(|error| fault(user_pass, error))? {
         let name = named(step, &binding.name);
         if is_given(&name) || name == crate::gpu::kernel::DISPATCH_BINDING {
             continue;
         }
         let Some(found) = meaning(&name, step.owner) else {
-            return Err(user_pass.fault(format_args!(
-                "declares {:?}, which is no buffer of the frame; `info --scene` lists them",
-                binding.name
-            )));
+            return Err(fault(
+                user_pass,
+                format_args!(
+                    "declares {:?}, which is no buffer of the frame; `info --scene` lists them",
+                    binding.name
+                ),
+            ));
         };
         let is_read = binding.kind != BindingKind::ReadWrite;
         if is_read && !writes(stages, library, features, found.place, &user_pass.name)? {
-            return Err(user_pass.fault(format_args!(
-                "reads {:?}, which no pass writes with these settings",
-                binding.name
-            )));
+            return Err(fault(
+                user_pass,
+                format_args!(
+                    "reads {:?}, which no pass writes with these settings",
+                    binding.name
+                ),
+            ));
         }
     }
     Ok(())

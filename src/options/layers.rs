@@ -8,8 +8,7 @@ use serde_json::Value;
 use toml::de::{DeTable, DeValue};
 
 use super::{OptionsError, quoted};
-use crate::settings::registry;
-use crate::settings::{Kind, Settings};
+use crate::settings::{Kind, Settings, registry, user_pass};
 
 /// Longest config file that is read, in bytes.
 const MAX_CONFIG_BYTES: u64 = 1 << 20;
@@ -92,7 +91,12 @@ impl Layers {
                 reason: "the text is not UTF-8".to_owned(),
             }
         })?;
-        self.add_toml(&text, &shown)
+        self.add_toml(&text, &shown)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for pass in &mut self.settings.render.user_passes {
+            pass.file = folder.join(&pass.file);
+        }
+        Ok(())
     }
 
     /// Puts TOML text on; `name` stands for the file in messages.
@@ -125,6 +129,10 @@ impl Layers {
         for (key, value) in table {
             let place = Place::Line(name, line_of(text.as_bytes(), key.span().start));
             let full = format!("{prefix}{}", key.get_ref());
+            if full == user_pass::KEY {
+                self.add_passes(value.get_ref(), text, name)?;
+                continue;
+            }
             if let DeValue::Table(inner) = value.get_ref()
                 && !keys_of(&full).is_empty()
             {
@@ -133,6 +141,36 @@ impl Layers {
             }
             let source = text.get(value.span()).unwrap_or_default();
             self.put(&full, &json_of(value.get_ref()), source, &place)?;
+        }
+        Ok(())
+    }
+
+    /// Puts the passes of the user's own on: an array of tables.
+    fn add_passes(
+        &mut self,
+        passes: &DeValue<'_>,
+        text: &str,
+        name: &str,
+    ) -> Result<(), OptionsError> {
+        let fault = |at: usize, reason: String| OptionsError::ConfigSyntax {
+            path: name.to_owned(),
+            line: line_of(text.as_bytes(), at),
+            reason,
+        };
+        let is_written = "passes are written as [[pass]], with file, name, after and over";
+        let DeValue::Array(passes) = passes else {
+            return Err(fault(0, is_written.to_owned()));
+        };
+        for pass in passes {
+            let DeValue::Table(fields) = pass.get_ref() else {
+                return Err(fault(pass.span().start, is_written.to_owned()));
+            };
+            let fields = fields.iter();
+            let fields =
+                fields.map(|(key, value)| (key.get_ref().to_string(), json_of(value.get_ref())));
+            let read = serde_json::from_value(Value::Object(fields.collect()));
+            let read = read.map_err(|error| fault(pass.span().start, format!("[[pass]]: {error}")));
+            self.settings.render.user_passes.push(read?);
         }
         Ok(())
     }
@@ -210,6 +248,7 @@ impl Layers {
     /// [`OptionsError::Conflict`] if some do not go together.
     pub fn finish(self) -> Result<Settings, OptionsError> {
         self.settings
+            .render
             .photon
             .check_gather()
             .map_err(OptionsError::Conflict)?;

@@ -13,11 +13,6 @@ mod save;
 mod setting_flags;
 mod values;
 
-pub use crate::settings;
-pub use crate::settings::{
-    DirectLight, Eyes, Force, Kernel, Loads, Method, Motion, PathSettings, PhotonEstimate,
-    ReconstructSettings, Reuse, Sampler, Schedule, Search, Settings, Technique,
-};
 pub use cli::{
     BenchOptions, CompareOptions, InfoOptions, Options, PoseOptions, RenderOptions, RunOptions,
     SessionChoice, SessionOptions, SharedOptions, Suite, TraceOptions, ViewOptions,

@@ -10,6 +10,7 @@ use super::OptionsError;
 use super::layers::Layers;
 use crate::files::write_beside;
 use crate::settings::registry::{self, Setting};
+use crate::settings::user_pass::{self, UserPass};
 use crate::settings::{BuiltinScene, Choice as _, Settings};
 
 /// Which settings a file holds.
@@ -85,6 +86,21 @@ impl Settings {
             }
             text.push_str(&lines);
         }
+        for pass in &self.render.user_passes {
+            let UserPass {
+                file,
+                name,
+                after,
+                over,
+            } = pass;
+            let over = json!(over);
+            let _ = writeln!(
+                text,
+                "\n[[{}]]\nfile = {:?}\nname = {name:?}\nafter = {after:?}\nover = {over}",
+                user_pass::KEY,
+                file.display().to_string(),
+            );
+        }
         text
     }
 
@@ -107,6 +123,9 @@ impl Settings {
         }
         absolute(&mut settings.environment.path);
         absolute(&mut settings.gpu.shader_folder);
+        for pass in &mut settings.render.user_passes {
+            pass.file = folder.join(&pass.file);
+        }
         settings
     }
 

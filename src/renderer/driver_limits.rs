@@ -1,7 +1,7 @@
 //! How much work one thread may be given: llvmpipe ends long loops without a word (`docs/lavapipe.md`).
 
 use crate::gpu::features::ShaderFeatures;
-use crate::options::Settings;
+use crate::settings::RenderSettings;
 
 /// Turns of loops that one thread may take on llvmpipe, all of its loops together; beyond them it ends loops silently.
 const LOOP_TURNS: u32 = 65_535;
@@ -15,7 +15,7 @@ const MOST_PATHS_PER_THREAD: u32 = 16;
 /// the longest path among the threads that run as one.
 #[must_use]
 pub fn samples_per_dispatch(
-    settings: &Settings,
+    settings: &RenderSettings,
     features: &ShaderFeatures,
     hierarchy_depth: u32,
 ) -> u32 {
@@ -57,7 +57,7 @@ fn paths_within_turns(per_segment: u32, max_depth: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::PathSettings;
+    use crate::settings::PathSettings;
 
     #[test]
     fn dispatches_stay_within_the_turns_of_a_thread() {
@@ -71,9 +71,9 @@ mod tests {
                 light_candidates: 16,
                 ..PathSettings::default()
             };
-            let settings = Settings {
+            let settings = RenderSettings {
                 path,
-                ..Settings::default()
+                ..RenderSettings::default()
             };
             samples_per_dispatch(&settings, features, depth)
         };

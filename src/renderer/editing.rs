@@ -18,10 +18,10 @@ use super::{
 };
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
-use crate::options::Method;
 use crate::renderer::packing::LightKinds;
 use crate::scene::mesh_statistics::MeshStatistics;
 use crate::scene::{Material, Needs, PunctualLight, Scene, ScenePose, SceneStatistics};
+use crate::settings::Method;
 
 /// What became of an edited scene.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,12 +1,13 @@
 //! What the shaders of a scene's frames are specialised by, and what follows from that. No device is needed to know.
 
 use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
-use crate::options::{DirectLight, Force, Method, Reuse, Sampler, Schedule, Settings, Technique};
 use crate::scene::Needs;
-use crate::settings::ForceSettings;
+use crate::settings::{
+    DirectLight, Force, ForceSettings, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
+};
 
 /// Shader features for what a scene needs, with the settings' forces applied.
-pub fn shader_features(needs: &Needs, settings: &Settings) -> ShaderFeatures {
+pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatures {
     let technique = settings.path.technique;
     // Photon mapping's direct light always uses both.
     let is_path = settings.method == Method::Path;
@@ -51,7 +52,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
 }
 
 /// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
-pub fn splits_light(settings: &Settings) -> bool {
+pub fn splits_light(settings: &RenderSettings) -> bool {
     settings.output.parts || settings.reconstruct.svgf
 }
 
@@ -61,7 +62,11 @@ pub fn forms_caustics(features: &ShaderFeatures) -> bool {
 }
 
 /// Samples of lights that the one of a shadow ray is chosen from. A single light without size leaves nothing to choose.
-pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Settings) -> u32 {
+pub fn light_candidates(
+    lights: usize,
+    features: &ShaderFeatures,
+    settings: &RenderSettings,
+) -> u32 {
     if lights <= 1 && !features.emitters && !features.environment {
         1
     } else {
@@ -70,7 +75,7 @@ pub fn light_candidates(lights: usize, features: &ShaderFeatures, settings: &Set
 }
 
 /// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
-pub fn carries_indirect(settings: &Settings, features: &ShaderFeatures) -> bool {
+pub fn carries_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     (features.glossy || features.dielectric)
         && settings.method == Method::Photon
         && settings.photon.direct == DirectLight::Nee

@@ -10,8 +10,8 @@ use crate::frame::{
     ShapeCounts, plan,
 };
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures};
-use crate::options::{Force, Loads, Method, Reuse, Search, Settings};
 use crate::scene::{Needs, Scene};
+use crate::settings::{Force, Loads, Method, RenderSettings, Reuse, Search};
 
 /// The stages of a scene's first frame on a hardware or a software adapter, and what their shaders are specialised by. No
 /// device is needed to know. Of shapes that change, boxes are refitted once per level of the deepest hierarchy, which is
@@ -21,7 +21,7 @@ use crate::scene::{Needs, Scene};
 /// As [`MapLayout::new`].
 pub fn plan_of_scene(
     scene: &Scene,
-    settings: &Settings,
+    settings: &RenderSettings,
     is_software: bool,
 ) -> Result<(Vec<PlannedStage>, ShaderFeatures), GpuError> {
     let needs = Needs::of(scene);
@@ -54,7 +54,7 @@ pub fn plan_of_scene(
 /// What the shaders of a renderer's frames are specialised by; who sees hidden areas adds that.
 pub(super) fn frame_features(
     needs: &Needs,
-    settings: &Settings,
+    settings: &RenderSettings,
     both: bool,
     is_software: bool,
 ) -> ShaderFeatures {
@@ -74,7 +74,7 @@ pub(super) fn frame_features(
 /// The photon map, and that of caustics where `features` say so; none with the path method.
 pub(super) fn photon_maps(
     context: &GpuContext,
-    settings: &Settings,
+    settings: &RenderSettings,
     features: &ShaderFeatures,
     scene: &SceneBuffers,
 ) -> Result<Vec<PhotonMap>, GpuError> {
@@ -95,7 +95,7 @@ pub(super) fn adapter_limits(context: &GpuContext) -> AdapterLimits {
 
 /// What the photon maps of a frame are made for. Without lights there is nothing to emit, and no path may be traced for it.
 fn map_configs(
-    settings: &Settings,
+    settings: &RenderSettings,
     features: &ShaderFeatures,
     has_lights: bool,
     (is_software, hierarchy_depth): (bool, u32),

@@ -13,9 +13,9 @@ use crate::frame::plan::{View, inspect, inspection};
 use crate::frame::step::Owner;
 use crate::frame::{FrameRun, Play};
 use crate::gpu::{FrameRecorder, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
-use crate::options::Settings;
 use crate::renderer::records::frame::Frame;
 use crate::renderer::records::reconstruction::Reconstruction as ReconstructionUniform;
+use crate::settings::RenderSettings;
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;
@@ -464,8 +464,8 @@ impl Renderer {
         self.inspector.forget_kernels();
     }
 
-    /// Settings that the renderer was made with.
-    pub fn settings(&self) -> &Settings {
+    /// RenderSettings that the renderer was made with.
+    pub fn settings(&self) -> &RenderSettings {
         &self.settings
     }
 

@@ -1,7 +1,7 @@
 //! Views of intermediate results: which there are, what they ask of the settings, and what they hold. No device is needed to
 //! know; [`crate::false_color`] makes pictures of them.
 
-use crate::options::{Force, Method, Reuse, Search, Settings};
+use crate::settings::{Force, Method, RenderSettings, Reuse, Search};
 
 use super::{Eye, InstanceId};
 
@@ -120,7 +120,7 @@ impl Inspection {
 
     /// The setting that the view lacks under `settings`, as `--set` takes it; `None` if it lacks nothing.
     #[must_use]
-    pub fn missing(self, settings: &Settings) -> Option<&'static str> {
+    pub fn missing(self, settings: &RenderSettings) -> Option<&'static str> {
         let photon = settings.method == Method::Photon;
         let grid = settings.photon.search == Search::Grid;
         let reconstruct = &settings.reconstruct;
@@ -151,7 +151,7 @@ impl Inspection {
     /// ask for another method, reuse or reconstruction where theirs is off. [`Inspection::Caustic`] has a map made even
     /// where the scene forms no caustics.
     #[must_use]
-    pub fn settings_for(self, settings: &Settings) -> Settings {
+    pub fn settings_for(self, settings: &RenderSettings) -> RenderSettings {
         let mut changed = settings.clone();
         if self == Self::Caustic {
             // The scene may form none, and then there would be no map to look at.
@@ -238,10 +238,10 @@ mod tests {
 
     #[test]
     fn settings_for_a_view_lack_nothing_and_change_nothing_that_is_not_needed() {
-        let mut poor = Settings {
+        let mut poor = RenderSettings {
             method: Method::Path,
             reuse: Reuse::Off,
-            ..Settings::default()
+            ..RenderSettings::default()
         };
         poor.photon.search = Search::KdTree;
         poor.force.caustics = Force::Off;
@@ -258,13 +258,13 @@ mod tests {
             );
         }
         // Whoever filters has parts and motion already.
-        let mut filtered = Settings::default();
+        let mut filtered = RenderSettings::default();
         filtered.reconstruct.svgf = true;
         for view in [Inspection::Direct, Inspection::Motion, Inspection::Variance] {
             assert_eq!(view.settings_for(&filtered), filtered);
         }
-        let parts = Inspection::Direct.settings_for(&Settings::default());
-        let mut expected = Settings::default();
+        let parts = Inspection::Direct.settings_for(&RenderSettings::default());
+        let mut expected = RenderSettings::default();
         expected.output.parts = true;
         assert_eq!(parts, expected);
     }

@@ -7,7 +7,7 @@ use super::submit::ShownLight;
 use crate::frame::plan::present;
 use crate::frame::{FrameRun, Step, passes};
 use crate::gpu::raster::Raster;
-use crate::options::Settings;
+use crate::settings::RenderSettings;
 
 /// Where an eye's image lies in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl MirrorPass {
         library: &ShaderLibrary,
         frame: &mut FrameRun,
         given: &Resources<'_>,
-        settings: &Settings,
+        settings: &RenderSettings,
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
         let name = &passes::mirror.name;

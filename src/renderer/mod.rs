@@ -31,6 +31,7 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use crate::bvh::BvhError;
+use crate::frame::user_passes;
 use crate::frame::{
     FrameRun, FrameSpec, GatherSlices, ImageLayout, MapLayout, Only, PlannedStage, Play,
     SAMPLES_PER_SUBMISSION, plan,
@@ -40,16 +41,16 @@ use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
     uniform_buffer,
 };
-use crate::options::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate, Reuse,
-    Search, Settings,
-};
 use crate::renderer::packing::{PackError, check_user_bsdfs};
 use crate::renderer::records::frame::{
     Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
     FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::scene::{Needs, Player, Scene};
+use crate::settings::{
+    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
+    RenderSettings, Reuse, Search,
+};
 use crate::xr::{HiddenArea, View};
 
 pub use crate::frame::{Eye, MapKind, Stage};
@@ -90,7 +91,7 @@ pub enum RenderError {
     /// The scene's textures or materials.
     #[error(transparent)]
     Pack(#[from] PackError),
-    /// Settings that do not go together.
+    /// RenderSettings that do not go together.
     #[error("{0}")]
     Settings(String),
 }
@@ -98,7 +99,7 @@ pub enum RenderError {
 /// Everything that turns views into images for one scene and one set of settings.
 pub struct Renderer {
     context: GpuContext,
-    settings: Settings,
+    settings: RenderSettings,
     eye_choice: EyeChoice,
     image: ImageLayout,
     radius_m: f64,
@@ -138,7 +139,7 @@ impl Renderer {
         context: GpuContext,
         library: &ShaderLibrary,
         scene: &Scene,
-        settings: &Settings,
+        settings: &RenderSettings,
         eye_choice: EyeChoice,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
@@ -153,7 +154,7 @@ impl Renderer {
         context: GpuContext,
         library: &ShaderLibrary,
         scene: &Scene,
-        settings: &Settings,
+        settings: &RenderSettings,
         eye_choice: EyeChoice,
         size: [u32; 2],
         hidden: Option<&[HiddenArea; 2]>,
@@ -220,7 +221,12 @@ impl Renderer {
     /// and that time belongs to no frame.
     fn warm_up(&mut self, library: &ShaderLibrary) -> Result<(), RenderError> {
         self.scene.begin_frame(&self.context, DVec3::ZERO)?;
-        for PlannedStage { stage, steps, .. } in self.plan() {
+        let stages = self.plan();
+        let given = self.given();
+        let is_given = |name: &str| given.get(name).is_some();
+        let passes = &self.settings.user_passes;
+        user_passes::check(passes, &stages, library, self.features(), is_given)?;
+        for PlannedStage { stage, steps, .. } in stages {
             let frame = &mut self.frame;
             frame.compile(&self.context, library, stage, &steps)?;
         }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::frame::bind::{Buffers, Whose};
 use crate::frame::{AdapterLimits, MapKind, MapLayout};
 use crate::gpu::{GpuContext, GpuError};
-use crate::options::Loads;
+use crate::settings::Loads;
 
 pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid};
 

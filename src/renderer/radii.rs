@@ -1,7 +1,7 @@
 //! Gather radii, and how many paths a map of caustics gets.
 
-use crate::options::Settings;
 use crate::scene::{Scene, SceneStatistics};
+use crate::settings::RenderSettings;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
 /// that the bias stays small.
@@ -17,7 +17,7 @@ pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
 const AUTOMATIC_CAUSTIC_RADIUS: f64 = 0.5;
 
 /// Radii of photons and of caustics, metres: those of the settings, or automatic ones for a scene of so much area.
-pub(super) fn radii_m(settings: &Settings, area_m2: impl FnOnce() -> f64) -> [f64; 2] {
+pub(super) fn radii_m(settings: &RenderSettings, area_m2: impl FnOnce() -> f64) -> [f64; 2] {
     let photon = &settings.photon;
     let radius_m = if photon.radius_m > 0.0 {
         photon.radius_m.max(LEAST_RADIUS_M)
@@ -49,7 +49,7 @@ pub(super) fn radius_for_area_m(area_m2: f64, paths: u32) -> f64 {
 }
 
 /// Paths emitted for the map of caustics.
-pub fn caustic_paths(settings: &Settings) -> u32 {
+pub fn caustic_paths(settings: &RenderSettings) -> u32 {
     match settings.photon.caustic_count {
         0 => settings.photon.count,
         count => count,

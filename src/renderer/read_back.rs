@@ -5,7 +5,7 @@ use super::stats::StereoStats;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose};
-use crate::options::Eyes as EyeChoice;
+use crate::settings::Eyes as EyeChoice;
 
 /// An eye's radiance in parts, means over a frame's samples, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,9 +7,9 @@
 use glam::DVec3;
 
 use crate::gpu::{GpuContext, uniform_buffer};
-use crate::options::Settings;
 use crate::renderer::records::frame::{Eye as EyeUniform, Frame};
 use crate::renderer::records::reconstruction::Reconstruction as Uniform;
+use crate::settings::RenderSettings;
 
 /// The memory from frame to frame.
 pub struct Reconstruction {
@@ -61,7 +61,7 @@ impl Reconstruction {
         context: &GpuContext,
         frame: &Frame,
         origin_in_world: DVec3,
-        settings: &Settings,
+        settings: &RenderSettings,
         carries_rays: bool,
         moved: bool,
     ) {

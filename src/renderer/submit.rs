@@ -8,7 +8,7 @@ use crate::xr::RuntimeTargets;
 use crate::frame::plan::present;
 use crate::frame::{FrameRun, Step, passes};
 use crate::gpu::raster::Raster;
-use crate::options::Settings;
+use crate::settings::RenderSettings;
 
 /// How the values of an image become display light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +58,7 @@ impl Submitter {
         library: &ShaderLibrary,
         frame: &mut FrameRun,
         given: &Resources<'_>,
-        settings: &Settings,
+        settings: &RenderSettings,
         targets: &RuntimeTargets,
     ) -> Result<Self, GpuError> {
         let formats = formats_of(targets);

@@ -2,12 +2,13 @@
 //!
 //! [`table`] has a row for each: type, default, range, unit and one sentence. The structs with their defaults and
 //! documentation come from it, and the [`registry`] from which `--set`, config files, `--help`, `info --settings`,
-//! `config/example.toml` and the viewer's panel work. [`choices`] does the same for what is one of a few words. Nothing
+//! `config/example.toml` and the viewer's panel work. A [`Choice`] is the same for what is one of a few words. Nothing
 //! here knows of a command line, a file or a device.
 
 pub(crate) mod choices;
 pub mod registry;
 pub mod table;
+pub mod user_pass;
 
 pub use choices::{
     BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Motion,
@@ -16,6 +17,7 @@ pub use choices::{
 pub use registry::{Kind, Setting};
 pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, OpenXrSettings,
-    OutputSettings, PathSettings, PhotonSettings, ReconstructSettings, Settings, SimulatedSettings,
-    StereoSettings,
+    OutputSettings, PathSettings, PhotonSettings, PictureSettings, ReconstructSettings,
+    RenderSettings, Settings, SimulatedSettings, StereoSettings, TimingSettings,
 };
+pub use user_pass::{UserDomain, UserPass};

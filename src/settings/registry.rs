@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::Choice;
 use super::table::{SECTIONS, Settings};
+use super::user_pass;
 
 /// Largest width or height of an eye's image in pixels. The largest texture that wgpu offers by default is 8192 wide, and
 /// twice that is beyond any headset.
@@ -293,6 +294,9 @@ impl Serialize for Settings {
                 Some((section, key)) => tree[section][key] = value,
                 None => tree[setting.key] = value,
             }
+        }
+        if !self.render.user_passes.is_empty() {
+            tree[user_pass::KEY] = json!(self.render.user_passes);
         }
         tree.serialize(serializer)
     }

@@ -10,6 +10,7 @@ use super::choices::{
     Schedule, Search, Space, Technique,
 };
 use super::registry::{Kind, MAX_SIZE, OwnKind, Section, Setting};
+use super::user_pass::UserPass;
 
 const fn whole(min: u64, max: u64) -> Kind {
     Kind::Whole { min, max }
@@ -124,28 +125,60 @@ macro_rules! settings {
     )+};
 }
 
+/// Passes of the user's own, as a config file lists them.
+type UserPasses = Vec<UserPass>;
+
 /// Headings and order of all listings.
 pub(super) const SECTIONS: &[Section] = &[
-    Section::new("General", &[GENERAL]),
+    Section::new("General", &[SCENE, TRANSPORT, DEVICE]),
     Section::new("Path tracing", &[PATH]),
     Section::new("Photon mapping", &[PHOTON]),
     Section::new("Stereo reuse", &[STEREO]),
     Section::new("Reconstruction", &[RECONSTRUCT]),
     Section::new("Environment", &[ENVIRONMENT]),
     Section::new("Animation", &[ANIMATION]),
-    Section::new("Output", &[OUTPUT]),
+    Section::new("Output", &[EXPOSURE, IMAGES, PARTS]),
     Section::new("Compiled features", &[FORCE]),
     Section::new("Simulated headset", &[SIMULATED]),
     Section::new("OpenXR", &[OPENXR]),
-    Section::new("GPU", &[GPU]),
+    Section::new("GPU", &[TIMING, SHADERS]),
 ];
 
 settings! {
-    /// Every setting, each in the range that the [registry](super::registry) checks.
+    /// Every setting, each in the range that the [registry](super::registry) checks. Keys are those of the config file,
+    /// wherever the struct holds the value.
     struct Settings at () "" {
-        rows GENERAL {
+        rows SCENE {
             /// glTF file (.gltf, .glb) or builtin:NAME
             scene: String = "builtin:cornell".to_owned(), NAME;
+        }
+        rows DEVICE {
+            /// size of each eye's image; unset takes the headset's
+            size: Option<[u32; 2]> = None, Kind::Size { max: MAX_SIZE }, "pixels";
+            /// headset profile from config/headsets/
+            headset: String = "symmetric".to_owned(), NAME;
+            /// substring of the adapter's name; empty takes the best one
+            adapter: String = String::new(), TEXT;
+        }
+        parts {
+            /// What the renderer takes.
+            render: RenderSettings;
+            /// Environment map.
+            environment: EnvironmentSettings;
+            /// Files written.
+            output: OutputSettings;
+            /// Simulated headset.
+            simulated: SimulatedSettings;
+            /// OpenXR sessions.
+            openxr: OpenXrSettings;
+            /// GPU use.
+            gpu: GpuSettings;
+        }
+    }
+
+    /// What the renderer takes: how frames of a scene are made, whatever scene, headset and files are.
+    struct RenderSettings at (render) "" {
+        rows TRANSPORT {
             /// light transport
             method: Method = Method::Photon;
             /// how the right eye reuses the left; off renders each by itself
@@ -154,12 +187,6 @@ settings! {
             spp: u32 = 1, whole(1, 1_048_576), "samples per pixel";
             /// random seed
             seed: u32 = 0, whole(0, u32::MAX as u64);
-            /// size of each eye's image; unset takes the headset's
-            size: Option<[u32; 2]> = None, Kind::Size { max: MAX_SIZE }, "pixels";
-            /// headset profile from config/headsets/
-            headset: String = "symmetric".to_owned(), NAME;
-            /// substring of the adapter's name; empty takes the best one
-            adapter: String = String::new(), TEXT;
         }
         parts {
             /// Path tracer.
@@ -170,25 +197,21 @@ settings! {
             stereo: StereoSettings;
             /// Filtering over time, neighbours and eyes.
             reconstruct: ReconstructSettings;
-            /// Environment map.
-            environment: EnvironmentSettings;
             /// What moves by itself.
             animation: AnimationSettings;
-            /// Files written.
-            output: OutputSettings;
+            /// What a frame holds for its files.
+            output: PictureSettings;
             /// Shader features forced in or out, for measuring.
             force: ForceSettings;
-            /// Simulated headset.
-            simulated: SimulatedSettings;
-            /// OpenXR sessions.
-            openxr: OpenXrSettings;
-            /// GPU use.
-            gpu: GpuSettings;
+            /// What is timed.
+            gpu: TimingSettings;
+            /// Passes of the user's own.
+            user_passes: UserPasses;
         }
     }
 
     /// Settings of the path tracer (`path.*`).
-    struct PathSettings at (path) "path." {
+    struct PathSettings at (render path) "path." {
         rows PATH {
             /// length of a path from eye to light: 1 is emission seen directly, 2 is direct light
             max_depth: u32 = 12, whole(1, 64), "segments";
@@ -204,7 +227,7 @@ settings! {
     }
 
     /// Settings of photon mapping (`photon.*`).
-    struct PhotonSettings at (photon) "photon." {
+    struct PhotonSettings at (render photon) "photon." {
         rows PHOTON {
             /// photons emitted per frame
             count: u32 = 262_144, whole(0, 67_108_864), "photons";
@@ -250,7 +273,7 @@ settings! {
     }
 
     /// Settings of stereo reuse (`stereo.*`).
-    struct StereoSettings at (stereo) "stereo." {
+    struct StereoSettings at (render stereo) "stereo." {
         rows STEREO {
             /// view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction
             max_view_dependence: f64 = 0.0, SHARE;
@@ -262,7 +285,7 @@ settings! {
     /// Settings of the passes that make a clean picture of noisy frames (`reconstruct.*`). All of them are off by default:
     /// a frame is then what its own samples say. The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
     /// Salvi 2016 (`taa_*`).
-    struct ReconstructSettings at (reconstruct) "reconstruct." {
+    struct ReconstructSettings at (render reconstruct) "reconstruct." {
         rows RECONSTRUCT {
             /// filter direct and indirect light over frames and neighbours (SVGF)
             svgf: bool = false;
@@ -310,7 +333,7 @@ settings! {
     }
 
     /// Settings of the scene's animation (`animation.*`).
-    struct AnimationSettings at (animation) "animation." {
+    struct AnimationSettings at (render animation) "animation." {
         rows ANIMATION {
             /// clip by name, or by number from 0; none plays nothing, empty the first one there is
             clip: String = String::new(), TEXT;
@@ -321,17 +344,25 @@ settings! {
         }
     }
 
-    /// Settings of the files written (`output.*`).
-    struct OutputSettings at (output) "output." {
-        rows OUTPUT {
+    /// What a frame holds for its files (of `output.*`).
+    struct PictureSettings at (render output) "output." {
+        rows EXPOSURE {
             /// exposure factor of what is shown: PNG files and a headset's images; EXR files are never scaled
             exposure: f64 = 1.0, NOT_NEGATIVE;
-            /// write images; stats.jsonl and run.json are written in any case
-            images: bool = true;
+        }
+        rows PARTS {
             /// also write each eye's direct light, indirect light and albedo, frame_NNNN_EYE_{direct,indirect,albedo}.exr
             parts: bool = false;
             /// keep where things were in the frame before, for views of motion; images stay as they are
             motion: bool = false;
+        }
+    }
+
+    /// Which files are written (of `output.*`).
+    struct OutputSettings at (output) "output." {
+        rows IMAGES {
+            /// write images; stats.jsonl and run.json are written in any case
+            images: bool = true;
         }
     }
 
@@ -363,11 +394,17 @@ settings! {
         }
     }
 
-    /// Settings of GPU use (`gpu.*`).
-    struct GpuSettings at (gpu) "gpu." {
-        rows GPU {
+    /// What is timed (of `gpu.*`).
+    struct TimingSettings at (render gpu) "gpu." {
+        rows TIMING {
             /// time each pass with GPU timestamp queries
             timestamps: bool = true;
+        }
+    }
+
+    /// Which shaders are compiled (of `gpu.*`).
+    struct GpuSettings at (gpu) "gpu." {
+        rows SHADERS {
             /// folder whose .wesl files replace the embedded shaders of the same name; for work on shaders
             shader_folder: String = String::new(), TEXT;
         }
@@ -379,7 +416,7 @@ macro_rules! forced_features {
     ($( $(#[doc = $sentence:literal])+ $feature:ident; )+) => {
         settings! {
             /// Shader features forced in or out (`force.*`).
-            struct ForceSettings at (force) "force." {
+            struct ForceSettings at (render force) "force." {
                 rows FORCE {
                     $( $(#[doc = $sentence])+ $feature: Force = Force::Auto; )+
                 }

@@ -17,9 +17,9 @@ use super::session::{Player, Recording};
 use super::textures::Pictures;
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
-use crate::options::{Extent, Settings};
+use crate::options::Extent;
 use crate::scene::edit::{Document, Edit};
-use crate::settings::EnvironmentSettings;
+use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.
@@ -144,7 +144,7 @@ impl App {
             views: headset.views_from_head(&camera.pose()),
             scene_time_ns: None,
             size,
-            exposure: settings.output.exposure,
+            exposure: settings.render.output.exposure,
             view_mode: ViewMode::Picture,
         };
         // From here on they count.
@@ -478,7 +478,7 @@ impl App {
             views: self.views(),
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
-            exposure: self.settings.output.exposure,
+            exposure: self.settings.render.output.exposure,
             view_mode: self.view_mode,
         };
         if self.sent.as_ref() == Some(&now) && told == self.asked {
@@ -501,14 +501,14 @@ pub(super) fn camera_of(document: &Document) -> FlyCamera {
     let size_m = scene
         .bounds_in_world()
         .map_or(5.0, |bounds| bounds.size().max_element());
-    FlyCamera::new(Pose::new(start.position, start.orientation), size_m)
+    FlyCamera::new(start, size_m)
 }
 
 /// A split view begins with the other light transport.
 fn other_method(settings: &Settings) -> Settings {
-    use crate::options::Method;
+    use crate::settings::Method;
     let mut other = settings.clone();
-    other.method = match settings.method {
+    other.render.method = match settings.render.method {
         Method::Photon => Method::Path,
         Method::Path => Method::Photon,
     };

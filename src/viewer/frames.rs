@@ -6,8 +6,8 @@ use egui::ColorImage;
 
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
-use crate::options::Settings;
 use crate::renderer::{Inspection, SeenSurface};
+use crate::settings::Settings;
 use crate::xr::View;
 
 /// What is shown of a frame.

@@ -5,10 +5,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
 use super::session::{Recording, is_trace};
-use crate::options::Settings;
 use crate::scene::edit::Document;
 use crate::scene::{Environment, load_environment};
-use crate::settings::EnvironmentSettings;
+use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
 
 /// What was in the file.

@@ -9,7 +9,7 @@ use super::fields::Fields;
 use super::loading::{Loaded, Loading};
 use super::session::Player;
 use super::worker::Request;
-use crate::options::Settings;
+use crate::settings::Settings;
 
 impl App {
     pub(super) fn take_loaded(&mut self, context: &Context) {
@@ -40,7 +40,7 @@ impl App {
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
                 // Clips have names of their own in each scene.
-                settings.animation.clip = Settings::default().animation.clip;
+                settings.render.animation.clip = Settings::default().render.animation.clip;
                 self.set_settings(context, settings);
                 self.environment = self.settings.environment.clone();
                 self.restart_scene();

@@ -310,13 +310,16 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
 }
 
 /// A few words on settings.
-fn summary(settings: &crate::options::Settings) -> String {
-    let filtered = if settings.reconstruct.is_on() {
+fn summary(settings: &crate::settings::Settings) -> String {
+    let filtered = if settings.render.reconstruct.is_on() {
         ", filtered"
     } else {
         ""
     };
-    format!("{}, {} spp{filtered}", settings.method, settings.spp)
+    format!(
+        "{}, {} spp{filtered}",
+        settings.render.method, settings.render.spp
+    )
 }
 
 fn note(painter: &Painter, area: Rect, text: &str) {

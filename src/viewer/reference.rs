@@ -5,9 +5,9 @@ use super::render_engine::{EngineError, library};
 use super::session::DesktopSession;
 use crate::frame_loop;
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::options::{Eyes, Method, Reuse, Settings};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
+use crate::settings::{Eyes, Method, ReconstructSettings, RenderSettings, Reuse, Settings};
 
 /// Frames of the reference have numbers of their own, so that their noise is independent of the picture's.
 const FIRST_FRAME: u32 = 1 << 31;
@@ -23,14 +23,14 @@ pub struct Reference {
 impl Reference {
     /// Settings of the reference to a picture: both eyes path traced by themselves, with nothing filtered, at the depth of
     /// what is compared.
-    pub fn settings(settings: &Settings) -> Settings {
+    pub fn settings(settings: &RenderSettings) -> RenderSettings {
         let mut reference = settings.clone();
         if settings.method == Method::Photon {
             reference.path.max_depth = settings.photon.max_depth;
         }
         reference.method = Method::Path;
         reference.reuse = Reuse::Off;
-        reference.reconstruct = Settings::default().reconstruct;
+        reference.reconstruct = ReconstructSettings::default();
         reference
     }
 
@@ -39,10 +39,10 @@ impl Reference {
     /// # Errors
     /// [`EngineError::Render`].
     pub fn new(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Result<Self, EngineError> {
-        let settings = Self::settings(settings);
-        let library = library(&settings)?;
+        let library = library(settings)?;
         let context = GpuContext::open(Some(&settings.adapter))?;
-        let renderer = Renderer::new(context, &library, scene, &settings, Eyes::Both, size)?;
+        let render = Self::settings(&settings.render);
+        let renderer = Renderer::new(context, &library, scene, &render, Eyes::Both, size)?;
         Ok(Self {
             renderer,
             library,

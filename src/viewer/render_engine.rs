@@ -1,7 +1,6 @@
 //! A scene with its edits, a renderer for it, and the frames that it has made: what the rendering thread keeps for each set
 //! of settings.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -11,15 +10,16 @@ use super::accumulate::Accumulator;
 use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::session::DesktopSession;
 use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
+use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
-use crate::options::{Eyes, Settings};
 use crate::renderer::{
     Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
+use crate::settings::{Eyes, Settings};
 use crate::xr::View;
 
 /// In the order of all pairs of eyes here.
@@ -183,7 +183,14 @@ impl RenderEngine {
         library: ShaderLibrary,
     ) -> Result<Compiled, EngineError> {
         let context = GpuContext::open(Some(&settings.adapter))?;
-        let renderer = Renderer::new(context, &library, &self.scene, settings, Eyes::Both, size)?;
+        let renderer = Renderer::new(
+            context,
+            &library,
+            &self.scene,
+            &settings.render,
+            Eyes::Both,
+            size,
+        )?;
         Ok(Compiled {
             renderer,
             library,
@@ -277,7 +284,7 @@ impl RenderEngine {
         let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
         let mut non_finite = 0;
         // What is reconstructed is an average already.
-        let is_averaged = compiled.settings.reconstruct.is_on();
+        let is_averaged = compiled.settings.render.reconstruct.is_on();
         for (eye, averaged) in EYES.into_iter().zip(&mut self.averaged) {
             let mut pixels = compiled.renderer.read_radiance(eye)?.unwrap_or_default();
             for pixel in &mut pixels {
@@ -446,7 +453,7 @@ impl RenderEngine {
     ) -> Result<Inspected, EngineError> {
         if inspection == Inspection::Variance
             && let Some(compiled) = &self.compiled
-            && inspection.missing(&compiled.settings).is_some()
+            && inspection.missing(&compiled.settings.render).is_some()
         {
             let values = self.averaged[eye].variance().ok_or_else(|| {
                 RenderError::Settings(
@@ -482,20 +489,15 @@ fn shared(coloring: Coloring, first: Option<&Legend>) -> Coloring {
 
 /// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
-    let stripped = |settings: &Settings| {
-        let mut settings = settings.clone();
-        // Given with each frame, brought by the scene, or the session's.
-        let other = Settings::default();
-        settings.size = other.size;
-        settings.output.exposure = other.output.exposure;
-        settings.scene = other.scene;
-        settings.environment = other.environment;
-        settings.headset = other.headset;
-        settings.simulated = other.simulated;
-        settings.openxr = other.openxr;
-        settings
+    let with_equal_exposure = |settings: &Settings| {
+        let mut render = settings.render.clone();
+        // Given with each frame.
+        render.output.exposure = 1.0;
+        render
     };
-    stripped(one) == stripped(other)
+    one.adapter == other.adapter
+        && one.gpu == other.gpu
+        && with_equal_exposure(one) == with_equal_exposure(other)
 }
 
 fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
@@ -507,10 +509,8 @@ fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
 /// # Errors
 /// [`EngineError::Render`], naming the shader.
 pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
-    Ok(match settings.gpu.shader_folder.as_str() {
-        "" => ShaderLibrary::embedded(),
-        folder => ShaderLibrary::with_folder(Path::new(folder))?,
-    })
+    let passes = &settings.render.user_passes;
+    Ok(shader_library(&settings.gpu.shader_folder, passes)?)
 }
 
 /// For egui.
@@ -532,10 +532,10 @@ mod tests {
         let base = Settings::default();
         let mut other = base.clone();
         other.size = Some([3, 4]);
-        other.output.exposure = 2.0;
+        other.render.output.exposure = 2.0;
         other.environment.strength = 2.0;
         assert!(same_renderer(&base, &other));
-        other.photon.count += 1;
+        other.render.photon.count += 1;
         assert!(!same_renderer(&base, &other));
     }
 }

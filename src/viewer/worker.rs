@@ -20,10 +20,10 @@ use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
 use super::session::{DesktopSession, SharedViews};
 use crate::gpu::timing::milliseconds_since;
-use crate::options::Settings;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
+use crate::settings::Settings;
 use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -458,6 +458,9 @@ fn effective(settings: &Settings, mode: ViewMode) -> Settings {
         ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {
             settings.clone()
         }
-        ViewMode::Inspection(inspection) => inspection.settings_for(settings),
+        ViewMode::Inspection(inspection) => Settings {
+            render: inspection.settings_for(&settings.render),
+            ..settings.clone()
+        },
     }
 }

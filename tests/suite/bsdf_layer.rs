@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::{Force, Method, Reuse};
 use stereolux::scene::{Material, Needs, Scene};
+use stereolux::settings::{Force, Method, Reuse};
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, DELTA, NONE, TRANSMITTED, at_angle, wide};
 use super::bsdf_twin::{Dice, tolerance};

@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::builtin::cornell::WHITE;
 use stereolux::scene::{Material, Needs, Scene};
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 
 use super::block_statistics::{BlockStatistics, z_test};
 use super::bsdf_probe::{BsdfProbe, BsdfQuery, NONE, at_angle, wide};
@@ -212,7 +212,7 @@ fn a_furnace_of_clay_returns_what_the_model_says() {
 const PAINTED: [&str; 3] = ["left wall", "back wall", "short block"];
 
 /// Frames of one renderer: independent, because random streams are keyed by the frame and photons are traced anew.
-fn renders(scene: &Scene, count: u32, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> {
+fn renders(scene: &Scene, count: u32, change: impl FnOnce(&mut RenderSettings)) -> Vec<ImageRgb> {
     const SIZE: u32 = 24;
     let settings = settings(|s| {
         s.reuse = Reuse::Off;
@@ -248,7 +248,7 @@ fn paths_and_photons_agree_on_a_users_bsdf() {
     const ALLOWANCE: f64 = 0.005;
     let scene = example::cornell_with(&PAINTED, &example::clay(1.0, WHITE)).unwrap();
     let statistics = |renders: &[ImageRgb]| BlockStatistics::of_renders(renders, 8);
-    let path = |s: &mut Settings| {
+    let path = |s: &mut RenderSettings| {
         s.method = Method::Path;
         s.spp = 8;
     };

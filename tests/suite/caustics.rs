@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use stereolux::options::{DirectLight, Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Photon, PhotonMap, Renderer, forms_caustics};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::caustic;
+use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::support::{
@@ -15,7 +15,7 @@ use super::support::{
     start_pose,
 };
 
-fn photon_settings(change: impl FnOnce(&mut Settings)) -> Settings {
+fn photon_settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     settings(|s| {
         s.method = Method::Photon;
         s.reuse = Reuse::Off;
@@ -220,7 +220,7 @@ fn the_spot_under_a_glass_ball_is_the_path_tracers() {
     const RADIUS_M: f64 = 0.01;
     let scene = builtin("caustic");
     let views = views(&scene, 13.0);
-    let measured = |runs: u32, change: &dyn Fn(&mut Settings)| -> Vec<(f64, f64)> {
+    let measured = |runs: u32, change: &dyn Fn(&mut RenderSettings)| -> Vec<(f64, f64)> {
         let settings = photon_settings(|s| {
             s.photon.every_frame = true;
             change(s);

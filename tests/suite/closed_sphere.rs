@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::{DirectLight, Eyes, Method, Reuse, Sampler, Settings, Technique};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::builtin::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 use stereolux::scene::{Environment, LightKind, Mesh, MeshTriangle, Node, PunctualLight, Scene};
+use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Sampler, Technique};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
@@ -150,7 +150,7 @@ fn lit_by(lights: &[Light]) -> (Scene, f64) {
     (scene, lights.iter().map(|light| light.radiance()).sum())
 }
 
-fn path(sampler: Sampler, technique: Technique) -> Settings {
+fn path(sampler: Sampler, technique: Technique) -> RenderSettings {
     settings(|s| {
         s.method = Method::Path;
         s.reuse = Reuse::Off;
@@ -161,7 +161,7 @@ fn path(sampler: Sampler, technique: Technique) -> Settings {
     })
 }
 
-fn photons(sampler: Sampler, change: impl FnOnce(&mut Settings)) -> Settings {
+fn photons(sampler: Sampler, change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     settings(|s| {
         s.reuse = Reuse::Off;
         s.path.sampler = sampler;
@@ -174,7 +174,7 @@ fn photons(sampler: Sampler, change: impl FnOnce(&mut Settings)) -> Settings {
 }
 
 /// Mean of the left eye's image and its standard error over independent runs.
-fn measured(scene: &Scene, settings: &Settings, views: &[View; 2]) -> (f64, f64) {
+fn measured(scene: &Scene, settings: &RenderSettings, views: &[View; 2]) -> (f64, f64) {
     measured_by(renderer(scene, settings, [SIZE, SIZE]), views)
 }
 

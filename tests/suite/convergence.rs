@@ -2,8 +2,8 @@
 
 use stereolux::images::Image;
 use stereolux::metrics::{FlipView, compare};
-use stereolux::options::{Method, Reuse, Sampler};
 use stereolux::renderer::{Eye, progressive_radius_m};
+use stereolux::settings::{Method, Reuse, Sampler};
 use stereolux::xr::View;
 
 use crate::suite::support::{
@@ -16,7 +16,7 @@ fn views() -> [View; 2] {
     parallel_views(start_pose(&builtin("cornell")), 0.063, square_fov(21.0))
 }
 
-fn image(change: impl FnOnce(&mut stereolux::options::Settings)) -> Image<[f32; 3]> {
+fn image(change: impl FnOnce(&mut stereolux::settings::RenderSettings)) -> Image<[f32; 3]> {
     let settings = settings(|s| {
         s.reuse = Reuse::Off;
         s.path.max_depth = 4;

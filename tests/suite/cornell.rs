@@ -1,8 +1,8 @@
 //! `builtin:cornell` at the settings of the contract, smaller: how much is reused, and at what error.
 
-use stereolux::options::{Method, Reuse, Sampler};
 use stereolux::renderer::{Eye, Provenance};
 use stereolux::scene::Scene;
+use stereolux::settings::{Method, Reuse, Sampler};
 
 use crate::suite::support::{
     builtin, frame, method, parallel_views, radiance, renderer, settings, square_fov, start_pose,

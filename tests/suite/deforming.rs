@@ -6,11 +6,11 @@ use stereolux::bvh::records::{BvhNode, Triangle};
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
-use stereolux::options::{Force, Method, Reuse};
 use stereolux::renderer::deform::{COST_CHECK_FRAMES, REBUILD_COST_RATIO, with_own_meshes};
 use stereolux::renderer::records::material::Vertex;
 use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
+use stereolux::settings::{Force, Method, Reuse};
 
 use super::bvh_probe::{Random, TraceProbe, soup};
 use super::bvh_reference::ExactInstance;

@@ -2,9 +2,9 @@
 //! the scene's triangles, skinned, morphed and placed in f64.
 
 use glam::{DQuat, DVec3};
-use stereolux::options::Reuse;
 use stereolux::renderer::Eye;
 use stereolux::scene::{Scene, ScenePose};
+use stereolux::settings::Reuse;
 use stereolux::xr::{Pose, View};
 
 use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, motion, project};

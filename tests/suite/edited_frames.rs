@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::renderer::{Applied, Eye, InPlace, Renderer};
 use stereolux::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement};
 use stereolux::scene::{LightKind, Node, Scene, Trs};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::editing::{lamp, node};
@@ -42,14 +42,14 @@ fn why(applied: Applied) -> String {
 /// A renderer whose scene is edited step by step.
 struct Live {
     scene: Scene,
-    settings: Settings,
+    settings: RenderSettings,
     views: [View; 2],
     renderer: Renderer,
     last: [Vec<[u32; 3]>; 2],
 }
 
 impl Live {
-    fn new(scene: Scene, settings: Settings) -> Self {
+    fn new(scene: Scene, settings: RenderSettings) -> Self {
         let views = views(&scene);
         let mut renderer = renderer(&scene, &settings, SIZE);
         let last = image(&mut renderer, &views, 0);

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use stereolux::options::{Force, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
-use stereolux::settings::ForceSettings;
+use stereolux::settings::{Force, ForceSettings, Method, RenderSettings, Reuse};
 
 use super::bvh_probe::features;
 use super::support::{
@@ -42,7 +41,7 @@ fn image(
     half_degrees: f64,
     force: ForceSettings,
 ) -> (Vec<[f32; 3]>, Renderer) {
-    let settings: Settings = settings(|s| {
+    let settings: RenderSettings = settings(|s| {
         s.method = method;
         s.reuse = Reuse::Off;
         s.path.max_depth = 4;

@@ -9,15 +9,15 @@ use stereolux::frame::step::Action;
 use stereolux::frame::{Only, PlannedStage, Stage, Step};
 use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::options::{
-    DirectLight, Force, Loads, Method, PhotonEstimate, Reuse, Schedule, Search, Settings,
-};
 use stereolux::renderer::{Renderer, plan_of_scene};
+use stereolux::settings::{
+    DirectLight, Force, Loads, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
+};
 
 use super::deforming::torn;
 use super::support::{builtin, parallel_views, renderer, square_fov, start_pose};
 
-type Change = fn(&mut Settings);
+type Change = fn(&mut RenderSettings);
 
 /// Every way a frame can be rendered, one change at a time.
 const WAYS: &[(&str, Change)] = &[
@@ -66,8 +66,8 @@ const WAYS: &[(&str, Change)] = &[
     ("texels", |s| s.force.record_texels = Force::On),
 ];
 
-fn settings(change: Change) -> Settings {
-    let mut settings = Settings::default();
+fn settings(change: Change) -> RenderSettings {
+    let mut settings = RenderSettings::default();
     settings.photon.count = 400;
     settings.spp = 2;
     change(&mut settings);
@@ -142,7 +142,7 @@ fn faults(step: &Step, features: &ShaderFeatures, library: &ShaderLibrary) -> Ve
     faults
 }
 
-fn planned(settings: &Settings, scene: &str) -> (Vec<PlannedStage>, ShaderFeatures) {
+fn planned(settings: &RenderSettings, scene: &str) -> (Vec<PlannedStage>, ShaderFeatures) {
     let scene = builtin(scene);
     let (mut stages, features) = plan_of_scene(&scene, settings, true).unwrap();
     stages.extend(on_demand(settings));

@@ -2,18 +2,19 @@
 
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::{
-    DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings,
-};
 use stereolux::renderer::{Eye, MapKind, Photon, RenderError, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::{
+    DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, RenderSettings, Reuse, Schedule,
+    Search,
+};
 
 use super::photon_map::{brute_force, grid, map_only, photons, unpack_photon, views};
 use super::support::{
     Triangles, assert_clean, bits, builtin, context, frame, radiance, renderer, settings,
 };
 
-type Change = fn(&mut Settings);
+type Change = fn(&mut RenderSettings);
 
 const KD: Change = |s| s.photon.search = Search::KdTree;
 const NEAREST: Change = |s| s.photon.estimate = PhotonEstimate::Nearest;
@@ -174,7 +175,12 @@ fn a_tree_of_every_size_is_left_balanced_and_holds_every_photon() {
 }
 
 /// The left eye by way of `change`, and its renderer.
-fn image(scene: &Scene, base: &Settings, change: Change, size: u32) -> (Vec<[f32; 3]>, Renderer) {
+fn image(
+    scene: &Scene,
+    base: &RenderSettings,
+    change: Change,
+    size: u32,
+) -> (Vec<[f32; 3]>, Renderer) {
     let mut settings = base.clone();
     change(&mut settings);
     let mut renderer = renderer(scene, &settings, [size, size]);
@@ -428,7 +434,7 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
             s.spp = 2;
         });
         let views = views(&scene, 25.0);
-        let [split, fused] = [(|_: &mut Settings| {}) as Change, FUSED].map(|way| {
+        let [split, fused] = [(|_: &mut RenderSettings| {}) as Change, FUSED].map(|way| {
             let mut settings = base.clone();
             way(&mut settings);
             let mut renderer = renderer(&scene, &settings, [32, 32]);

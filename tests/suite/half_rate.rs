@@ -1,7 +1,9 @@
 //! `photon.half_rate`: every other pixel gathers, the others interpolate.
 
 use glam::{DQuat, DVec3};
-use stereolux::options::{DirectLight, Method, PhotonEstimate, Reuse, Schedule, Search, Settings};
+use stereolux::settings::{
+    DirectLight, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
+};
 use stereolux::xr::Pose;
 
 use super::cornell::rel_mse;
@@ -13,7 +15,7 @@ use super::support::{bits, builtin, parallel_views, settings, square_fov, start_
 const SIZES: [[u32; 2]; 2] = [[33, 25], [32, 24]];
 
 /// The same settings without and with half rate.
-fn both_rates(change: impl Fn(&mut Settings)) -> [Settings; 2] {
+fn both_rates(change: impl Fn(&mut RenderSettings)) -> [RenderSettings; 2] {
     [false, true].map(|half_rate| {
         settings(|s| {
             s.reuse = Reuse::Off;
@@ -84,7 +86,7 @@ fn light_between_gathered_pixels_is_bilinear() {
 fn every_way_to_gather_is_the_same_at_the_pixels_that_gather() {
     let scene = builtin("cornell");
     let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
-    let ways: [fn(&mut Settings); 4] = [
+    let ways: [fn(&mut RenderSettings); 4] = [
         |_| {},
         |s| s.photon.search = Search::KdTree,
         |s| s.photon.estimate = PhotonEstimate::Nearest,

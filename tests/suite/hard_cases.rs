@@ -3,10 +3,10 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
-use stereolux::options::{Method, Reuse};
 use stereolux::renderer::Eye;
 use stereolux::scene::builtin::{plane, sphere};
 use stereolux::scene::{Environment, Material, Scene};
+use stereolux::settings::{Method, Reuse};
 use stereolux::xr::{Pose, View};
 
 use crate::suite::hard_support::*;

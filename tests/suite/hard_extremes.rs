@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::options::{DirectLight, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, MapKind};
 use stereolux::scene::{LightKind, Material, Scene};
+use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::Pose;
 
 use crate::suite::hard_support::*;
@@ -103,7 +103,7 @@ fn images_a_thousand_kilometres_out_are_those_at_the_origin() {
     // f64 holds these to 2^-32 m, so geometry and views are the same but for that; an f32 would be off by 6 cm.
     let far = DVec3::new(1.0, -1.0, 1.0) * 1_048_576.0;
     for kind in [Method::Photon, Method::Path] {
-        let settings = Settings {
+        let settings = RenderSettings {
             spp: 2,
             ..method(kind, Reuse::Off)
         };

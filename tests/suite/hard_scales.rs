@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::scene::builtin::plane;
 use stereolux::scene::{LightKind, Material, MeshTriangle, Scene};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use crate::suite::hard_support::*;
@@ -29,7 +29,7 @@ fn area_lights_look_the_same_at_every_scale() {
         (Method::Photon, Reuse::Lookup),
         (Method::Path, Reuse::Scatter),
     ] {
-        let settings = Settings {
+        let settings = RenderSettings {
             spp: 2,
             ..method(kind, reuse)
         };
@@ -99,7 +99,7 @@ fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
     let scene = builtin("cornell");
     let views = parallel_views(start_pose(&scene), 0.063, square_fov(19.0));
     for kind in [Method::Photon, Method::Path] {
-        let settings = Settings {
+        let settings = RenderSettings {
             spp: 2,
             ..method(kind, Reuse::Scatter)
         };

@@ -1,12 +1,12 @@
 //! Scenes, views and comparators that the hard cases share.
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::renderer::Eye;
 use stereolux::scene::builtin::plane;
 use stereolux::scene::{
     Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
 };
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use crate::suite::support::{
@@ -113,7 +113,7 @@ pub fn constant_environment(radiance: [f32; 3]) -> Environment {
 }
 
 /// Each eye by itself, by paths.
-pub fn paths(depth: u32, spp: u32) -> Settings {
+pub fn paths(depth: u32, spp: u32) -> RenderSettings {
     settings(|s| {
         s.method = Method::Path;
         s.reuse = Reuse::Off;
@@ -125,7 +125,7 @@ pub fn paths(depth: u32, spp: u32) -> Settings {
 /// Both eyes' images; neither has a NaN, an infinity or a negative value.
 pub fn images(
     scene: &Scene,
-    settings: &Settings,
+    settings: &RenderSettings,
     size: [u32; 2],
     views: &[View; 2],
 ) -> [Vec<[f32; 3]>; 2] {

@@ -4,11 +4,11 @@ use glam::{DAffine3, DVec3};
 use stereolux::bvh::records::Triangle;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::buffers::read_buffer;
-use stereolux::options::{Eyes, Force, Method, Reuse};
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
 use stereolux::scene::{AlphaMode, Material, Scene, builtin::plane};
+use stereolux::settings::{Eyes, Force, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::bvh_reference::{ExactInstance, brute_force};

@@ -2,12 +2,12 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::{Kernel, Method, Reuse, Settings};
 use stereolux::renderer::{
     Eye, InspectedValues, Inspection, InstanceId, Photon, PhotonMap, Renderer,
 };
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::plane;
+use stereolux::settings::{Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
@@ -52,7 +52,12 @@ fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
 }
 
 /// Density and occupancy by going through all photons; `grid_rows` says whether the grid is expected to be hashed.
-fn counts_are_the_hosts(scene: &Scene, settings: &Settings, size: [u32; 2], hashed: bool) -> u32 {
+fn counts_are_the_hosts(
+    scene: &Scene,
+    settings: &RenderSettings,
+    size: [u32; 2],
+    hashed: bool,
+) -> u32 {
     let mut renderer = renderer(scene, settings, size);
     let views = views(scene, 20.0);
     frame(&mut renderer, &views);
@@ -265,7 +270,7 @@ fn dots_of_both_maps_on_a_plane_are_all_photons_in_the_picture() {
     let mut renderer = renderer(
         &plane,
         &map_only(4096, |s| {
-            s.photon.search = stereolux::options::Search::KdTree
+            s.photon.search = stereolux::settings::Search::KdTree
         }),
         SIZE,
     );

@@ -2,16 +2,16 @@
 //! chance.
 
 use glam::{DQuat, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::scene::builtin::plane;
 use stereolux::scene::{LightKind, Scene};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::hard_support::{CLOSED_FORM, add_point_light, eyes_at, images, worst};
 use super::support::{builtin, settings};
 use super::techniques::{agree, blocks, box_with, brighter};
 
-fn with(method: Method, candidates: u32, depth: u32) -> Settings {
+fn with(method: Method, candidates: u32, depth: u32) -> RenderSettings {
     settings(|s| {
         s.method = method;
         s.reuse = Reuse::Off;

@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use stereolux::options::{Method, Reuse, Sampler, Settings};
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::plane;
+use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 use stereolux::xr::Pose;
 
 use super::cornell::rel_mse;
@@ -126,7 +126,7 @@ fn varnished_cornell(roughness: f32) -> Scene {
 #[test]
 fn glossy_surfaces_take_over_indirect_light_as_true_as_what_they_gather() {
     const SIZE: [u32; 2] = [32, 32];
-    let right = |reuse, roughness, ipd_m, change: &dyn Fn(&mut Settings)| {
+    let right = |reuse, roughness, ipd_m, change: &dyn Fn(&mut RenderSettings)| {
         let scene = varnished_cornell(roughness);
         let views = parallel_views(start_pose(&scene), ipd_m, square_fov(19.0));
         let settings = settings(|s| {
@@ -142,7 +142,7 @@ fn glossy_surfaces_take_over_indirect_light_as_true_as_what_they_gather() {
         (radiance(&renderer, Eye::Right), stereo)
     };
     let truth = {
-        let path = |s: &mut Settings| {
+        let path = |s: &mut RenderSettings| {
             s.method = Method::Path;
             s.path.sampler = Sampler::Sobol;
             s.spp = 256;
@@ -166,7 +166,7 @@ fn glossy_surfaces_take_over_indirect_light_as_true_as_what_they_gather() {
     assert!(share > 0.8, "{stereo:?}");
     assert!(with <= 1.05 * without, "{with} against {without}");
     // Switched off, nothing is taken over, and the image is the native one bit for bit.
-    let off = |s: &mut Settings| s.stereo.max_lobe_shift = 0.0;
+    let off = |s: &mut RenderSettings| s.stereo.max_lobe_shift = 0.0;
     let (image, stereo) = right(Reuse::Lookup, 0.5, 0.063, &off);
     assert_eq!(stereo.indirect_reused, 0);
     assert!(bits(&image) == bits(&native) && bits(&carried) != bits(&native));

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, tone_map};
-use stereolux::options::{Method, Reuse};
 use stereolux::renderer::Eye;
+use stereolux::settings::{Method, Reuse};
 use stereolux::xr::view::Fov;
 use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt as _};
 use x11rb::wrapper::ConnectionExt as _;

@@ -2,8 +2,8 @@
 
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, encode_display, tone_map};
-use stereolux::options::{Method, Reuse};
 use stereolux::renderer::{Eye, Renderer};
+use stereolux::settings::{Method, Reuse};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{HiddenArea, Pose, RuntimeTargets, View};
 
@@ -291,7 +291,7 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
             &ShaderLibrary::embedded(),
             &scene,
             &settings,
-            stereolux::options::Eyes::Both,
+            stereolux::settings::Eyes::Both,
             SIZE,
             Some(&hidden),
         )

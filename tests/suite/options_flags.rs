@@ -5,9 +5,8 @@ use std::ffi::OsString;
 use stereolux::options::{
     self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice, SessionOptions,
 };
-use stereolux::settings::{
-    BuiltinScene, Choice as _, Eyes, Method, Motion, Reuse, Settings, registry,
-};
+use stereolux::settings::Choice as _;
+use stereolux::settings::{BuiltinScene, Eyes, Method, Motion, Reuse, Settings, registry};
 use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 fn outcome(args: &[&str]) -> Result<Options, String> {
@@ -101,15 +100,18 @@ fn every_shared_flag() {
     .settings;
     assert_eq!(settings.scene, "a b.glb");
     assert_eq!(
-        (settings.method, settings.reuse),
+        (settings.render.method, settings.render.reuse),
         (Method::Path, Reuse::Off)
     );
     assert_eq!(
-        (settings.photon.count, settings.photon.radius_m),
+        (
+            settings.render.photon.count,
+            settings.render.photon.radius_m
+        ),
         (1000, 0.25)
     );
     assert_eq!(
-        (settings.spp, settings.seed, settings.size),
+        (settings.render.spp, settings.render.seed, settings.size),
         (16, u32::MAX, Some([640, 480]))
     );
     assert_eq!(
@@ -137,7 +139,7 @@ fn values_may_begin_with_a_minus_sign_after_a_space() {
     assert_eq!(fov, Fov::from_degrees(-40.0, 45.0, 30.0, -35.0));
     let pose = options.view.pose.unwrap();
     assert_eq!(pose.position.to_array(), [-1.0, 2.0, -3.0]);
-    assert_eq!(options.settings.photon.normal_min_cos, -1.0);
+    assert_eq!(options.settings.render.photon.normal_min_cos, -1.0);
     assert_eq!(
         (options.settings.scene.as_str(), options.shared.out.to_str()),
         ("-x.glb", Some("-o"))
@@ -401,7 +403,7 @@ fn bench_takes_a_suite_and_its_sizes() {
     };
     assert_eq!(options.scenes, ["a.glb", "builtin:plane"]);
     assert_eq!(options.settings.size, Some([32, 24]));
-    assert_eq!(options.settings.photon.count, 9);
+    assert_eq!(options.settings.render.photon.count, 9);
     assert_eq!(
         (options.rounds, options.frames, options.reference_spp),
         (Some(5), Some(7), Some(64))

@@ -107,14 +107,14 @@ fn later_layers_win() {
     layers.add_flag("--spp", "spp", "4").unwrap();
     assert!(layers.is_set("seed") && !layers.is_set("scene"));
     let settings = layers.finish().unwrap();
-    assert_eq!((settings.spp, settings.seed), (4, 5));
+    assert_eq!((settings.render.spp, settings.render.seed), (4, 5));
     assert_eq!(
-        (settings.photon.count, settings.photon.kernel),
+        (settings.render.photon.count, settings.render.photon.kernel),
         (20, Kernel::Cone)
     );
     assert_eq!(
-        settings.photon.max_depth,
-        Settings::default().photon.max_depth
+        settings.render.photon.max_depth,
+        Settings::default().render.photon.max_depth
     );
 }
 
@@ -176,9 +176,9 @@ fn toml_and_bare_values() {
     .unwrap();
     assert_eq!(
         (
-            settings.photon.radius_m,
-            settings.photon.count,
-            settings.photon.capacity
+            settings.render.photon.radius_m,
+            settings.render.photon.count,
+            settings.render.photon.capacity
         ),
         (0.05, 16, 1000)
     );
@@ -191,6 +191,7 @@ fn toml_and_bare_values() {
     assert_eq!(
         from_toml("size = [64, 32]\nphoton.count = 3")
             .unwrap()
+            .render
             .photon
             .count,
         3
@@ -288,6 +289,6 @@ fn config_files_that_cannot_be_read() {
     std::fs::write(&fine, "spp = 9\r\n").unwrap();
     let mut layers = Layers::default();
     layers.add_file(&fine).unwrap();
-    assert_eq!(layers.finish().unwrap().spp, 9);
+    assert_eq!(layers.finish().unwrap().render.spp, 9);
     std::fs::remove_dir_all(&directory).unwrap();
 }

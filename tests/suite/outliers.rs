@@ -3,9 +3,9 @@
 
 use glam::{DQuat, DVec3};
 use stereolux::images::luminance;
-use stereolux::options::{Method, Reuse};
 use stereolux::renderer::Eye;
 use stereolux::scene::{Material, Scene};
+use stereolux::settings::{Method, Reuse};
 
 use super::hard_support::{add, eyes_at, mesh, quad};
 use super::reconstruction::{SIZE, filtered};

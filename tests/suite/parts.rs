@@ -2,10 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use stereolux::images::read_image;
-use stereolux::options::{DirectLight, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, RadianceParts, Renderer};
 use stereolux::scene::builtin::cornell;
 use stereolux::scene::{Material, Scene};
+use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use crate::suite::hard_support::{add, add_point_light, eyes_at, quad};
@@ -17,13 +17,13 @@ use crate::suite::support::{
 const SIZE: [u32; 2] = [32, 32];
 const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 
-fn rendered(scene: &Scene, settings: &Settings, views: &[View; 2]) -> Renderer {
+fn rendered(scene: &Scene, settings: &RenderSettings, views: &[View; 2]) -> Renderer {
     let mut renderer = renderer(scene, settings, SIZE);
     frame(&mut renderer, views);
     renderer
 }
 
-fn with(method: Method, reuse: Reuse, depth: u32, parts: bool) -> Settings {
+fn with(method: Method, reuse: Reuse, depth: u32, parts: bool) -> RenderSettings {
     settings(|s| {
         s.method = method;
         s.reuse = reuse;

@@ -1,10 +1,10 @@
 //! The photon map: power, grid, gather against brute force, extremes of radius and count, overflow.
 
 use glam::DVec3;
-use stereolux::options::{DirectLight, Kernel, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, MapKind, Photon, PhotonGrid, Renderer};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::sphere;
+use stereolux::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use crate::suite::support::{
@@ -13,7 +13,7 @@ use crate::suite::support::{
 };
 
 /// Each eye by itself, direct light from the map: the picture shows photons and nothing else.
-pub fn map_only(count: u32, change: impl FnOnce(&mut Settings)) -> Settings {
+pub fn map_only(count: u32, change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     settings(|s| {
         s.reuse = Reuse::Off;
         s.photon.count = count;

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use glam::{DAffine3, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::renderer::{Eye, FrameResult, InstanceId, MapKind, Renderer};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
@@ -14,12 +14,12 @@ use super::support::{
 const SHARES: u32 = 4;
 const PATHS: u32 = 4096;
 
-fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
+fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     let mut settings = method(Method::Photon, Reuse::Off);
     settings.photon.count = PATHS;
     settings.photon.shares = SHARES;
     // Indirect light alone: what comes from the map.
-    settings.photon.direct = stereolux::options::DirectLight::Map;
+    settings.photon.direct = stereolux::settings::DirectLight::Map;
     change(&mut settings);
     settings
 }

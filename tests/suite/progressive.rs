@@ -1,8 +1,8 @@
 //! Progressive photon mapping against paths, in a diffuse box and under a glass ball: its error keeps falling with the
 //! number of passes.
 
-use stereolux::options::{Method, Reuse, Sampler, Settings};
 use stereolux::renderer::Eye;
+use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 
 use crate::suite::support::{
     assert_clean, builtin, frame, parallel_views, radiance, renderer, settings, square_fov,
@@ -11,7 +11,7 @@ use crate::suite::support::{
 
 const SIZE: u32 = 12;
 
-fn image(name: &str, half_degrees: f64, change: impl FnOnce(&mut Settings)) -> Vec<[f32; 3]> {
+fn image(name: &str, half_degrees: f64, change: impl FnOnce(&mut RenderSettings)) -> Vec<[f32; 3]> {
     let scene = builtin(name);
     let settings = settings(|s| {
         s.reuse = Reuse::Off;

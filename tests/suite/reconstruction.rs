@@ -3,10 +3,10 @@
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::images::{Image, aces_filmic};
 use stereolux::metrics::{binocular_error, error_image};
-use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::plane;
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
@@ -20,7 +20,7 @@ const PIXELS: usize = (SIZE * SIZE) as usize;
 pub const IPD_M: f64 = 0.063;
 
 /// The path method with the filter on, changed by `change`.
-pub fn filtered(reuse: Reuse, change: impl FnOnce(&mut Settings)) -> Settings {
+pub fn filtered(reuse: Reuse, change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     let mut settings = method(Method::Path, reuse);
     settings.reconstruct.svgf = true;
     change(&mut settings);

@@ -7,9 +7,9 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::options::{Eyes, Method, Reuse, Sampler, Settings};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Scene, load_environment};
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse, Sampler};
 use stereolux::xr::{Fov, Pose};
 
 use super::block_statistics::{BlockStatistics, ZTest, mean_image, z_test};
@@ -44,7 +44,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 /// `count` independent renders of what the record tells, by settings that `change` may alter.
-fn renders(record: &Value, count: u32, change: impl FnOnce(&mut Settings)) -> Vec<ImageRgb> {
+fn renders(record: &Value, count: u32, change: impl FnOnce(&mut RenderSettings)) -> Vec<ImageRgb> {
     let mut scene = Scene::load(root().join(record["scene"].as_str().unwrap())).unwrap();
     if let Some(path) = record["environment"].as_str() {
         let path = root().join(path);

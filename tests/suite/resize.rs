@@ -1,9 +1,9 @@
 //! `Renderer::resize`: the frames of another size, without a new renderer.
 
 use stereolux::gpu::ShaderLibrary;
-use stereolux::options::{Eyes, Method, PhotonEstimate, Reuse, Settings};
 use stereolux::renderer::{Eye, RenderError, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::{Eyes, Method, PhotonEstimate, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use crate::suite::support::{
@@ -29,7 +29,7 @@ fn picture(renderer: &Renderer) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Option<Vec<u32
 
 /// Frame 0 of a renderer that has shown it at `SMALL` before, and that of one made at `LARGE`; twice each, the second as
 /// frame 1, so that history counts.
-fn resized_and_made(scene: &Scene, settings: &Settings) {
+fn resized_and_made(scene: &Scene, settings: &RenderSettings) {
     let views = views(scene);
     let mut resized = renderer(scene, settings, SMALL);
     frame(&mut resized, &views);

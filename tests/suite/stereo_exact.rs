@@ -1,10 +1,10 @@
 //! Stereo reuse against closed forms and f64 arithmetic: nothing here has a tolerance that hides a wrong pixel.
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::options::{Method, Reuse, Settings};
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::Scene;
 use stereolux::scene::builtin::plane;
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Headset, Pose, View};
 
 use crate::suite::support::{
@@ -42,7 +42,7 @@ fn equal_eyes_give_equal_images_bit_for_bit() {
         (Method::Path, Reuse::Lookup),
     ] {
         for spp in [1, 4] {
-            let settings = Settings {
+            let settings = RenderSettings {
                 spp,
                 ..method(kind, reuse)
             };

@@ -7,9 +7,9 @@ use std::sync::OnceLock;
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::gpu::context::{GpuContext, adapters};
-use stereolux::options::{Eyes, Method, Reuse, Settings};
 use stereolux::renderer::{Eye, FrameResult, Renderer};
 use stereolux::scene::Scene;
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Pose, View};
 
 /// Name of the adapter that tests run on: a software one, unless `STEREOLUX_TEST_ADAPTER` says otherwise.
@@ -44,16 +44,16 @@ pub fn context() -> GpuContext {
 }
 
 /// Default settings with a small photon map, changed by `change`.
-pub fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
-    let mut settings = Settings::default();
+pub fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
+    let mut settings = RenderSettings::default();
     settings.photon.count = 4096;
     settings.gpu.timestamps = false;
     change(&mut settings);
     settings
 }
 
-/// Settings of one method and one kind of reuse.
-pub fn method(method: Method, reuse: Reuse) -> Settings {
+/// RenderSettings of one method and one kind of reuse.
+pub fn method(method: Method, reuse: Reuse) -> RenderSettings {
     settings(|s| {
         s.method = method;
         s.reuse = reuse;
@@ -97,7 +97,7 @@ pub fn placed(mut scene: Scene, moved_from_world: DAffine3) -> Scene {
 }
 
 /// Both eyes of a scene.
-pub fn renderer(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Renderer {
+pub fn renderer(scene: &Scene, settings: &RenderSettings, size: [u32; 2]) -> Renderer {
     Renderer::new(
         context(),
         &ShaderLibrary::embedded(),

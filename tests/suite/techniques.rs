@@ -1,8 +1,8 @@
 //! The path tracer's two ways to find lights: each alone, and both weighted, have one mean.
 
-use stereolux::options::{Method, Reuse, Settings, Technique};
 use stereolux::renderer::Eye;
 use stereolux::scene::{Environment, Material, Scene};
+use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::View;
 
 use super::support::{
@@ -20,7 +20,7 @@ fn technique_blocks(
     technique: Technique,
     spp: u32,
 ) -> Vec<Vec<f64>> {
-    let settings: Settings = settings(|s| {
+    let settings: RenderSettings = settings(|s| {
         s.method = Method::Path;
         s.reuse = Reuse::Off;
         s.path.technique = technique;
@@ -31,7 +31,12 @@ fn technique_blocks(
 }
 
 /// Means of one channel over the blocks of `RUNS` independent images; sets share no random numbers with one another.
-pub fn blocks(scene: &Scene, views: &[View; 2], settings: &Settings, set: u32) -> Vec<Vec<f64>> {
+pub fn blocks(
+    scene: &Scene,
+    views: &[View; 2],
+    settings: &RenderSettings,
+    set: u32,
+) -> Vec<Vec<f64>> {
     let mut renderer = renderer(scene, settings, [SIZE, SIZE]);
     (0..RUNS)
         .map(|run| {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use egui::{Key, Modifiers, vec2};
 use egui_kittest::kittest::Queryable as _;
 use glam::DVec3;
-use stereolux::options::Method;
 use stereolux::renderer::Inspection;
+use stereolux::settings::Method;
 use stereolux::viewer::App;
 use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
@@ -201,7 +201,7 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
     until(&mut viewer, "the other method's picture", |app| {
         shown(app).other.is_some()
     });
-    assert_eq!(viewer.state().other_settings().method, Method::Path);
+    assert_eq!(viewer.state().other_settings().render.method, Method::Path);
     choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
     let mut pictures: Vec<(ViewMode, Arc<egui::ColorImage>)> = Vec::new();
     for mode in ViewMode::all() {

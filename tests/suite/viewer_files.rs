@@ -23,7 +23,7 @@ fn rendered(settings: &Path, scene: &Path, viewer: &App, last: u32, frames: u32)
     layers.add_file(settings).unwrap();
     let settings = layers.finish().unwrap();
     let scene = Scene::load(scene).unwrap();
-    let mut renderer = renderer(&scene, &settings, settings.size.unwrap());
+    let mut renderer = renderer(&scene, &settings.render, settings.size.unwrap());
     let views = shown(viewer).views;
     let mut sum = vec![[0.0; 3]; (SIZE[0] * SIZE[1]) as usize];
     for index in last + 1 - frames..=last {

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
-use stereolux::options::{Method, Settings};
 use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
+use stereolux::settings::{Method, Settings};
 use stereolux::viewer::frames::FrameReport;
 use stereolux::viewer::layout::{Layout, Part};
 use stereolux::viewer::window_state::WindowState;
@@ -38,7 +38,7 @@ pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) ->
         adapter: crate::suite::support::adapter_name().to_owned(),
         ..Settings::default()
     };
-    settings.photon.count = 4096;
+    settings.render.photon.count = 4096;
     change(&mut settings);
     let start = Start {
         document: Document::load(scene).unwrap(),
@@ -175,6 +175,6 @@ pub fn errors(app: &App) -> Vec<&str> {
 }
 
 pub fn path_tracing(settings: &mut Settings) {
-    settings.method = Method::Path;
-    settings.path.max_depth = 3;
+    settings.render.method = Method::Path;
+    settings.render.path.max_depth = 3;
 }

@@ -13,8 +13,9 @@ use super::BenchError;
 use super::instance_motion::InstanceMotion;
 use super::measure::{Candidate, GroupPlan};
 use super::scenes::SceneSource;
-use crate::options::{BenchOptions, Settings, Suite};
+use crate::options::{BenchOptions, Suite};
 use crate::scene::Scene;
+use crate::settings::{RenderSettings, Settings};
 use crate::xr::{Fov, Headset};
 
 pub use super::scenes::INDIRECT_SCENE;
@@ -99,13 +100,13 @@ fn base(options: &BenchOptions) -> SuiteBase {
         Extent::Smoke => SMOKE_SIZE,
     });
     let mut settings = options.settings.clone();
-    settings.size = Some(size);
     // Frames are to be independent renders, and to be timed.
-    settings.photon.every_frame = true;
-    settings.gpu.timestamps = true;
-    settings.spp = 1;
-    if extent == Extent::Smoke && settings.photon.count == Settings::default().photon.count {
-        settings.photon.count = SMOKE_PHOTONS;
+    let render = &mut settings.render;
+    render.photon.every_frame = true;
+    render.gpu.timestamps = true;
+    render.spp = 1;
+    if extent == Extent::Smoke && render.photon.count == RenderSettings::default().photon.count {
+        render.photon.count = SMOKE_PHOTONS;
     }
     let default_scenes: &[&str] = match options.suite {
         Suite::Stereo => &["builtin:cornell", "builtin:gallery", "builtin:caustic"],
@@ -189,7 +190,7 @@ fn framing_headset(base: &SuiteBase, scene: &Scene) -> Result<(Headset, String),
 
 fn candidate(
     variant: impl Into<String>,
-    settings: Settings,
+    settings: RenderSettings,
     factors: impl IntoIterator<Item = (&'static str, Value)>,
 ) -> Candidate {
     Candidate {
@@ -200,14 +201,6 @@ fn candidate(
             .map(|(name, value)| (name.to_owned(), value))
             .collect::<BTreeMap<_, _>>(),
         motion: InstanceMotion::Nothing,
-    }
-}
-
-/// Settings for one scene of the suite.
-fn settings_for(base: &SuiteBase, scene: &str) -> Settings {
-    Settings {
-        scene: scene.to_owned(),
-        ..base.settings.clone()
     }
 }
 
@@ -352,7 +345,7 @@ mod tests {
                 assert_eq!(candidate.settings.photon.check_gather(), Ok(()));
             }
             let first = &plan.candidates[0];
-            let photon = Settings::default().photon;
+            let photon = RenderSettings::default().photon;
             assert_eq!(first.settings.photon.search, photon.search);
             assert!(["off", DEFAULT_WAY].contains(&first.variant.as_str()));
         }

@@ -8,11 +8,10 @@ use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{
-    Extent, INDIRECT_SCENE, SuiteBase, candidate, framing_headset, scene_of, settings_for,
-    three_digits,
+    Extent, INDIRECT_SCENE, SuiteBase, candidate, framing_headset, scene_of, three_digits,
 };
-use crate::options::{DirectLight, Eyes, Kernel, Method, Reuse, Settings};
 use crate::renderer::automatic_radius_m;
+use crate::settings::{DirectLight, Eyes, Kernel, Method, RenderSettings, Reuse};
 
 /// Variants of a group beside the first: each holds a device of its own, so there cannot be many.
 const GROUP: usize = 5;
@@ -55,7 +54,7 @@ const RADIUS_PHOTONS: u32 = 1 << 16;
 
 /// Settings that are varied one at a time, with the constant kernel and direct light of its own: what they bring does not
 /// depend on the kernel, and the product of everything would take hours.
-fn variations(settings: &Settings) -> Vec<Settings> {
+fn variations(settings: &RenderSettings) -> Vec<RenderSettings> {
     let mut all = vec![settings.clone()];
     let photon = &settings.photon;
     if settings.method == Method::Photon {
@@ -74,7 +73,7 @@ fn variations(settings: &Settings) -> Vec<Settings> {
     all
 }
 
-fn path(settings: Settings) -> Candidate {
+fn path(settings: RenderSettings) -> Candidate {
     let candidates = settings.path.light_candidates;
     let name = format!("path {} spp, {candidates} light candidates", settings.spp);
     let factors = [
@@ -85,7 +84,7 @@ fn path(settings: Settings) -> Candidate {
     candidate(name, settings.clone(), factors)
 }
 
-fn photon(settings: Settings, radius_m: f64) -> Candidate {
+fn photon(settings: RenderSettings, radius_m: f64) -> Candidate {
     let photon = &settings.photon;
     let (kernel, direct) = (photon.kernel, photon.direct);
     let rate = if photon.half_rate { "half" } else { "full" };
@@ -118,9 +117,9 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         let loaded = scene_of(scene, base)?;
         let (headset, headset_label) = framing_headset(base, &loaded)?;
         let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);
-        let settings = Settings {
+        let settings = RenderSettings {
             reuse: Reuse::Off,
-            ..settings_for(base, scene)
+            ..base.settings.render.clone()
         };
         let mut all = Vec::new();
         for &count in axes.photons {
@@ -129,7 +128,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 for &kernel in axes.kernels {
                     for &direct in axes.directs {
                         for &spp in axes.spps {
-                            let mut settings = Settings {
+                            let mut settings = RenderSettings {
                                 method: Method::Photon,
                                 spp,
                                 ..settings.clone()
@@ -146,7 +145,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             }
         }
         for &spp in axes.path_spps {
-            let settings = Settings {
+            let settings = RenderSettings {
                 method: Method::Path,
                 spp,
                 ..settings.clone()
@@ -156,7 +155,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         // Measured in every group, it tells how far times of different groups may be compared.
         let anchor = candidate(
             "anchor: path 1 spp",
-            Settings {
+            RenderSettings {
                 method: Method::Path,
                 ..settings.clone()
             },

@@ -8,8 +8,8 @@ use super::super::instance_motion::InstanceMotion;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
-use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for};
-use crate::options::{Eyes, Method, Reuse, Settings};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of};
+use crate::settings::{Eyes, Method, RenderSettings, Reuse};
 use crate::xr::Headset;
 
 /// What is varied.
@@ -91,11 +91,11 @@ struct Scaling<'a> {
 }
 
 impl Scaling<'_> {
-    fn settings(&self, scene: &str, method: Method, photons: u32) -> Settings {
-        let mut settings = Settings {
+    fn settings(&self, method: Method, photons: u32) -> RenderSettings {
+        let mut settings = RenderSettings {
             method,
             reuse: Reuse::Off,
-            ..settings_for(self.base, scene)
+            ..self.base.settings.render.clone()
         };
         settings.photon.count = photons;
         settings
@@ -124,18 +124,12 @@ impl Scaling<'_> {
         }
     }
 
-    fn candidates(
-        &self,
-        series: &'static str,
-        value: f64,
-        scene: &str,
-        variants: &[Variant],
-    ) -> Vec<Candidate> {
+    fn candidates(&self, series: &'static str, value: f64, variants: &[Variant]) -> Vec<Candidate> {
         let candidate = |&(name, method, motion): &Variant| Candidate {
             motion,
             ..candidate(
                 name,
-                self.settings(scene, method, self.photons),
+                self.settings(method, self.photons),
                 [("series", json!(series)), (series, json!(value))],
             )
         };
@@ -154,7 +148,7 @@ impl Scaling<'_> {
                 let mut generated = Generated::default();
                 made(&mut generated, value);
                 let scene = SceneSource::Generated(generated);
-                let candidates = self.candidates(series, f64::from(value), &scene.name(), variants);
+                let candidates = self.candidates(series, f64::from(value), variants);
                 plans.push(GroupPlan {
                     views: ViewPlan::Jitter,
                     ..self.group(format!("{series} {value}"), scene, &room, candidates)
@@ -183,7 +177,7 @@ impl Scaling<'_> {
         let with_photons = |&count: &u32| {
             candidate(
                 format!("photon {count}"),
-                self.settings(scene, Method::Photon, count),
+                self.settings(Method::Photon, count),
                 [("series", json!("photons")), ("photons", json!(count))],
             )
         };
@@ -199,10 +193,7 @@ impl Scaling<'_> {
         }
         for size in sizes {
             let pixels = f64::from(size[0]) * f64::from(size[1]);
-            let mut candidates = self.candidates("pixels", pixels, scene, BOTH_METHODS);
-            for candidate in &mut candidates {
-                candidate.settings.size = Some(size);
-            }
+            let candidates = self.candidates("pixels", pixels, BOTH_METHODS);
             let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
             plans.push(GroupPlan {
                 size,

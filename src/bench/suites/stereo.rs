@@ -7,9 +7,10 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of, settings_for};
+use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of};
 use crate::scene::{Needs, Scene};
-use crate::settings::{Choice as _, Eyes, Reuse, Settings};
+use crate::settings::Choice as _;
+use crate::settings::{Eyes, RenderSettings, Reuse};
 use crate::xr::Headset;
 
 /// Distances between the eyes, millimetres: none, the adult mean of about 63, and one on either side of it; nearly all
@@ -36,13 +37,13 @@ pub(super) fn is_diffuse(scene: &Scene) -> bool {
 
 /// One candidate per reuse mode.
 pub(super) fn candidates(
-    settings: &Settings,
+    settings: &RenderSettings,
     factors: &[(&'static str, serde_json::Value)],
 ) -> Vec<Candidate> {
     modes()
         .into_iter()
         .map(|reuse| {
-            let settings = Settings {
+            let settings = RenderSettings {
                 reuse,
                 ..settings.clone()
             };
@@ -71,7 +72,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 name: format!("{scene}, {name}"),
                 scene: SceneSource::Named(scene.clone()),
                 candidates: candidates(
-                    &settings_for(base, scene),
+                    &base.settings.render,
                     &[
                         ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
                         ("headset", json!(label)),

@@ -9,10 +9,8 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{
-    Extent, SuiteBase, candidate, framing_headset, scene_of, settings_for, stereo, three_digits,
-};
-use crate::options::{Eyes, Loads, PhotonEstimate, Reuse, Schedule, Search, Settings};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, stereo, three_digits};
+use crate::settings::{Eyes, Loads, PhotonEstimate, RenderSettings, Reuse, Schedule, Search};
 
 /// Photons of the report: squares of 128, 256 and 512.
 const PHOTONS: [u32; 3] = [128 * 128, 256 * 256, 512 * 512];
@@ -66,10 +64,13 @@ pub const WAYS_TABLES: [WaysTable; 4] = [
 pub const DEFAULT_WAY: &str = "grid, radius, split, direct";
 
 /// The ways to gather: the default, then those of each table.
-fn ways(settings: &Settings, factors: &[(&'static str, serde_json::Value)]) -> Vec<Candidate> {
+fn ways(
+    settings: &RenderSettings,
+    factors: &[(&'static str, serde_json::Value)],
+) -> Vec<Candidate> {
     let mut all = Vec::new();
-    let mut add = |name: &str, table: u32, change: fn(&mut Settings)| {
-        let mut settings = Settings {
+    let mut add = |name: &str, table: u32, change: fn(&mut RenderSettings)| {
+        let mut settings = RenderSettings {
             reuse: Reuse::Off,
             ..settings.clone()
         };
@@ -116,7 +117,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         for &count in counts {
             for &radius in radii {
                 let radius_m = three_digits(radius * width_m / BOX_WIDTH_IN_TABLE_UNITS);
-                let mut settings = settings_for(base, scene);
+                let mut settings = base.settings.render.clone();
                 settings.photon.count = count;
                 settings.photon.radius_m = radius_m;
                 let factors = [

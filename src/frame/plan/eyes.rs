@@ -6,7 +6,7 @@ use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::MapKind;
 use crate::frame::step::{Eye, List, Size, Step, Steps};
 use crate::settings::{
-    DirectLight, Loads, Method, PhotonEstimate, Reuse, Schedule, Search, Settings,
+    DirectLight, Loads, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
 };
 
 fn sample_of(frame: &FrameSpec<'_>, eye: Eye) -> Steps {
@@ -81,7 +81,7 @@ fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
 }
 
 /// The pass that estimates radiance from the map of photons; none where the one that traces does.
-fn gather_pass(settings: &Settings) -> Option<&'static Pass> {
+fn gather_pass(settings: &RenderSettings) -> Option<&'static Pass> {
     let photon = &settings.photon;
     if photon.schedule == Schedule::Fused {
         return None;

@@ -11,8 +11,9 @@ use super::buffers::Moment;
 use super::passes::{self, Pass};
 use super::photon_layout::MapLayout;
 use super::step::{Eye, Only, PlannedStage, Size, Stage, Step, Steps};
+use super::user_passes;
 use crate::gpu::features::ShaderFeatures;
-use crate::settings::{Method, Reuse, Settings};
+use crate::settings::{Method, RenderSettings, Reuse};
 
 pub use eyes::GATHERS;
 pub use on_demand::{View, inspect, inspection, on_demand, present, shown_light};
@@ -25,8 +26,8 @@ use reconstruct::reconstruct;
 /// What a frame is planned for.
 #[derive(Debug, Clone)]
 pub struct FrameSpec<'a> {
-    /// Settings.
-    pub settings: &'a Settings,
+    /// RenderSettings.
+    pub settings: &'a RenderSettings,
     /// What shaders are specialised by.
     pub features: ShaderFeatures,
     /// Whether both eyes are rendered.
@@ -119,11 +120,12 @@ pub fn plan(frame: &FrameSpec<'_>) -> Vec<PlannedStage> {
     add(Stage::RightEqual, equal, right_eye_equal(frame));
     let once = "once, after all samples";
     add(Stage::Reconstruct, once, reconstruct(frame));
+    user_passes::insert(&mut stages, &frame.settings.user_passes);
     stages
 }
 
 /// How often photons are traced.
-fn photons_when(settings: &Settings) -> &'static str {
+fn photons_when(settings: &RenderSettings) -> &'static str {
     if settings.photon.every_frame {
         "every frame"
     } else if settings.photon.progressive {

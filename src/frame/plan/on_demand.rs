@@ -4,11 +4,11 @@ use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::MapKind;
 use crate::frame::step::{Eye, PlannedStage, Size, Stage, Step, Steps};
-use crate::settings::Settings;
+use crate::settings::RenderSettings;
 
 /// The picture of an eye that is shown: a buffer's name.
 #[must_use]
-pub fn shown_light(settings: &Settings) -> &'static str {
+pub fn shown_light(settings: &RenderSettings) -> &'static str {
     if settings.reconstruct.taa {
         "displayed"
     } else if settings.reconstruct.is_on() {
@@ -20,7 +20,7 @@ pub fn shown_light(settings: &Settings) -> &'static str {
 
 /// Both eyes' pictures go to a runtime, with their depths where it takes them, or to a window.
 #[must_use]
-pub fn present(settings: &Settings, passes: &[&Pass]) -> PlannedStage {
+pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
     let mut steps = Steps::of_eye(Stage::Present.name(), Eye::Left);
     for eye in Eye::BOTH {
         steps.turn_to(Stage::Present.name(), eye);
@@ -39,7 +39,7 @@ pub fn present(settings: &Settings, passes: &[&Pass]) -> PlannedStage {
 
 /// What runs beside the frame, where someone asks for it.
 #[must_use]
-pub fn on_demand(settings: &Settings) -> [PlannedStage; 2] {
+pub fn on_demand(settings: &RenderSettings) -> [PlannedStage; 2] {
     let takers = [
         &passes::xr_submit,
         &passes::xr_submit_depth,

@@ -8,7 +8,8 @@ pub mod plane;
 pub mod sphere;
 
 use super::{Scene, SceneError};
-use crate::settings::{BuiltinScene, Choice as _};
+use crate::settings::BuiltinScene;
+use crate::settings::Choice as _;
 
 /// Names of all embedded scenes.
 pub const NAMES: &[&str] = BuiltinScene::WORDS;

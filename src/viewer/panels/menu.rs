@@ -172,7 +172,7 @@ fn motion(app: &mut App, ui: &mut Ui) {
         app.player = None;
         ui.close();
     }
-    let seed = u64::from(app.settings.seed);
+    let seed = u64::from(app.settings.render.seed);
     for (name, motion) in [
         ("Yaw sweep", Motion::Yaw),
         ("Walk", Motion::Walk),
