@@ -216,7 +216,7 @@ fn the_examples_change_the_picture_as_they_say() {
     );
     let distances = example("distance.toml", "distance");
     // Blue goes from near to far, red from far to near; nothing else has such colours.
-    let is_ramp = |[r, g, b]: &[f32; 3]| *r.max(g).max(b) > 0.0 && (*r < 0.11 || *b < 0.21);
+    let is_ramp = |&[r, g, b]: &[f32; 3]| r.max(g).max(b) > 0.0 && (r < 0.11 || b < 0.21);
     assert!(distances.iter().all(is_ramp));
     assert!(distances.iter().any(|[_, _, b]| *b > 0.3) || distances.iter().any(|[r, ..]| *r > 0.3));
 }
