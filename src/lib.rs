@@ -9,7 +9,7 @@
 //! [hierarchy](bvh), stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
 //! them directly, photons within a radius light them indirectly. The left eye's hits are projected into the right eye;
 //! those that it sees, and whose light does not depend on the viewing direction, are carried over; the pixels that are
-//! still empty are listed and rendered by the same passes. The [passes] module lists them in order. Images, statistics
+//! still empty are listed and rendered by the same passes. [`frame::plan()`] lists all steps in order. Images, statistics
 //! and false-colour provenance are [written](output) to disk, and [metrics] compare them with a reference.
 //!
 //! # Modules

@@ -1,6 +1,6 @@
 //! No branch within a loop, and no loop's end, is decided by uniforms alone: lavapipe puts the values of such uniforms into
 //! the shader and compiles it anew for every dispatch, which took the path tracer over 300 times as long as
-//! its work (docs/architecture.md, the first trap). Timing is no test; naga's view of the shaders is.
+//! its work (docs/lavapipe.md, the first trap). Timing is no test; naga's view of the shaders is.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
