@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::OptionsError;
 use super::layers::Layers;
 use super::values::words;
-use crate::settings::registry::{self, Kind};
+use crate::settings::registry::{self, Kind, Setting};
 use crate::settings::{BuiltinScene, Choice as _};
 
 /// The flag, the setting's key, what stands for the value in the help, and what the help says after the setting's sentence
@@ -88,7 +88,7 @@ impl<const LIST: usize> FromArgMatches for SettingFlags<LIST> {
 
 impl<const LIST: usize> Args for SettingFlags<LIST> {
     fn augment_args(command: Command) -> Command {
-        command.args(ROWS[LIST].iter().filter_map(arg))
+        command.args(ROWS[LIST].iter().map(arg))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -101,18 +101,36 @@ fn long((flag, ..): &Row) -> &'static str {
     flag.trim_start_matches('-')
 }
 
-/// The flag with the setting's sentence, range and default for a help.
-fn arg(row: &Row) -> Option<Arg> {
+/// The flag as clap takes it.
+fn arg(row: &Row) -> Arg {
     let (_, key, value, more) = *row;
-    let setting = registry::find(key)?;
+    let arg = Arg::new(long(row)).long(long(row)).value_name(value);
+    let Some(setting) = registry::find(key) else {
+        return arg;
+    };
+    let arg = arg.help(help(setting, more));
+    match setting.kind {
+        Kind::Choice {
+            words: known,
+            sentences,
+        } => arg.value_parser(words(known, sentences)),
+        _ => arg,
+    }
+}
+
+/// The setting's sentence, range and default, and what the flag adds.
+fn help(setting: &Setting, more: &str) -> String {
     let mut help = setting.doc.to_owned();
-    if !help.starts_with("glTF") {
-        help.get_mut(..1)?.make_ascii_uppercase();
+    if let Some(first) = help
+        .get_mut(..1)
+        .filter(|_| !setting.doc.starts_with("glTF"))
+    {
+        first.make_ascii_uppercase();
     }
     help += &match setting.kind {
         Kind::Whole { min, max } => format!(", {min} to {max}"),
-        Kind::Size { max } => format!(", such as 512x512, each 1 to {max}"),
-        Kind::Real { .. } if !setting.unit.is_empty() => format!("; {}", setting.unit),
+        Kind::Size { max } => format!("; such as 512x512, each 1 to {max}"),
+        Kind::Real { .. } if !setting.unit.is_empty() => format!(" ({})", setting.unit),
         _ => String::new(),
     };
     help += &more.replace("{scenes}", &BuiltinScene::WORDS.join(", "));
@@ -123,15 +141,17 @@ fn arg(row: &Row) -> Option<Arg> {
         Value::String(text) => help += &format!(" [default: {text}]"),
         number => help += &format!(" [default: {}]", number.to_string().trim_end_matches(".0")),
     }
-    let arg = Arg::new(long(row))
-        .long(long(row))
-        .value_name(value)
-        .help(help);
-    Some(match setting.kind {
-        Kind::Choice {
-            words: known,
-            sentences,
-        } => arg.value_parser(words(known, sentences)),
-        _ => arg,
-    })
+    help
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flag_is_a_setting() {
+        for (flag, key, ..) in ROWS.into_iter().flatten() {
+            assert!(registry::find(key).is_some(), "{flag}: {key}");
+        }
+    }
 }
