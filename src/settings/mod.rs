@@ -6,6 +6,7 @@
 //! here knows of a command line, a file or a device.
 
 pub(crate) mod choices;
+pub(crate) mod kinds;
 pub mod registry;
 pub mod table;
 pub mod user_pass;

@@ -9,7 +9,7 @@ use super::choices::{
     DirectLight, Force, ImageFormat, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler,
     Schedule, Search, Space, Technique,
 };
-use super::registry::{Kind, MAX_SIZE, OwnKind, Section, Setting};
+use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
 
 const fn whole(min: u64, max: u64) -> Kind {
@@ -67,7 +67,7 @@ macro_rules! kind {
 }
 
 /// Makes a struct per block, `at` its place in [`Settings`], with the keys' prefix; and from each group of rows
-/// `field: type = default, kind, unit` a list of [`Setting`]s. The sentence is the row's doc comment. `parts`
+/// `field: type = default, kind, unit` a list of [`Row`]s. The sentence is the row's doc comment. `parts`
 /// names the structs inside.
 macro_rules! settings {
     ($(
@@ -112,8 +112,8 @@ macro_rules! settings {
             }
         }
 
-        $(const $group: &[Setting] = &[$(
-            Setting {
+        $(const $group: &[Row<Settings>] = &[$(
+            Row {
                 key: concat!($prefix, stringify!($field)),
                 kind: kind!($type $(, $kind)?),
                 unit: concat!($($($unit)?)?),
@@ -129,19 +129,19 @@ macro_rules! settings {
 type UserPasses = Vec<UserPass>;
 
 /// Headings and order of all listings.
-pub(super) const SECTIONS: &[Section] = &[
-    Section::new("General", &[SCENE, TRANSPORT, DEVICE]),
-    Section::new("Path tracing", &[PATH]),
-    Section::new("Photon mapping", &[PHOTON]),
-    Section::new("Stereo reuse", &[STEREO]),
-    Section::new("Reconstruction", &[RECONSTRUCT]),
-    Section::new("Environment", &[ENVIRONMENT]),
-    Section::new("Animation", &[ANIMATION]),
-    Section::new("Output", &[EXPOSURE, IMAGES, PARTS]),
-    Section::new("Compiled features", &[FORCE]),
-    Section::new("Simulated headset", &[SIMULATED]),
-    Section::new("OpenXR", &[OPENXR]),
-    Section::new("GPU", &[TIMING, SHADERS]),
+pub(super) const SECTIONS: &[RowSection<Settings>] = &[
+    RowSection::new("General", &[SCENE, TRANSPORT, DEVICE]),
+    RowSection::new("Path tracing", &[PATH]),
+    RowSection::new("Photon mapping", &[PHOTON]),
+    RowSection::new("Stereo reuse", &[STEREO]),
+    RowSection::new("Reconstruction", &[RECONSTRUCT]),
+    RowSection::new("Environment", &[ENVIRONMENT]),
+    RowSection::new("Animation", &[ANIMATION]),
+    RowSection::new("Output", &[EXPOSURE, IMAGES, PARTS]),
+    RowSection::new("Compiled features", &[FORCE]),
+    RowSection::new("Simulated headset", &[SIMULATED]),
+    RowSection::new("OpenXR", &[OPENXR]),
+    RowSection::new("GPU", &[TIMING, SHADERS]),
 ];
 
 settings! {
