@@ -1,6 +1,7 @@
 //! The plan, running: compiles what its steps name, allocates what they bind, and plays stage after stage.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
@@ -172,10 +173,10 @@ impl FrameRun {
     ) -> Result<(), GpuError> {
         for step in steps {
             let Some(pass) = step.pass() else { continue };
-            let key = self.key(step, pass, stage);
-            if !self.kernels.contains_key(&key) {
-                let kernel = Kernel::new(context, library, &pass.shader_name(), &key.1)?;
-                self.kernels.insert(key, kernel);
+            if let Entry::Vacant(place) = self.kernels.entry(self.key(step, pass, stage)) {
+                let features = place.key().1;
+                let kernel = Kernel::new(context, library, &pass.shader_name(), &features)?;
+                place.insert(kernel);
             }
         }
         Ok(())
