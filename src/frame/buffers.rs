@@ -162,7 +162,7 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
     fixed!(Frame, "gather_groups", 16),
     // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
-    per_pixel!(Frame, "carried_light", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
+    per_pixel!(Frame, "demodulated_light", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
     BufferRow::new("nearest_heaps", Scope::Frame(|image| image.pixels() * image.heap_bytes)),
 
     // Reuse of the left eye's samples.

@@ -181,7 +181,7 @@ passes! {
         "Estimates the variance of the accumulated light.";
     svgf_atrous: Pixels,
         "One pass of the edge-avoiding wavelet filter.";
-    recombine: Pixels scene,
+    remodulate: Pixels scene,
         "Puts the filtered light, the albedo and the mean of still frames together.";
     taa: Pixels,
         "Averages what is shown over frames, after the filmic curve.";

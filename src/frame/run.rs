@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
-use super::passes::{Pass, inspect_surfaces};
+use super::passes::{Domain, Pass, inspect_surfaces};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use crate::gpu::features::ShaderFeatures;
@@ -18,7 +18,7 @@ use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderL
 /// Samples that one submission holds; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
 
-/// Features that `pass` is compiled with in a frame of `features`.
+/// Features that `pass` is compiled with in a frame of `features`; passes over hits always have a list.
 #[must_use]
 pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
     let shared = if pass.sees_scene {
@@ -31,7 +31,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         }
     };
     ShaderFeatures {
-        from_list,
+        from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
         inspects: *pass == inspect_surfaces,
         ..shared
     }

@@ -1,7 +1,7 @@
 //! What a plan is made of: steps, and how each is sized, named and told apart.
 
 use super::buffers::Moment;
-use super::passes::{Domain, Pass};
+use super::passes::Pass;
 use super::photon_layout::MapKind;
 
 /// Which eye.
@@ -266,11 +266,16 @@ impl Step {
         }
     }
 
-    /// Whether the pass works on a list of pixels.
+    /// Whether the step works on a list of pixels.
     #[must_use]
     pub fn runs_from_list(&self) -> bool {
-        matches!(&self.action, Action::Run { pass, size, .. }
-            if pass.over == Domain::Hits || (pass.over == Domain::Pixels && matches!(size, Size::List(_))))
+        matches!(
+            self.action,
+            Action::Run {
+                size: Size::List(_),
+                ..
+            }
+        )
     }
 }
 

@@ -4,7 +4,7 @@
 //! [[pass]]
 //! file = "outline.wesl"   # beside the config file
 //! name = "outline"
-//! after = "recombine"     # a pass of an eye or of reconstruction, or another one of the user's
+//! after = "remodulate"     # a pass of an eye or of reconstruction, or another one of the user's
 //! over = "pixels"         # or "hits": the pixels of the eye that see a surface
 //! ```
 //!

@@ -95,7 +95,7 @@ features! {
     }
     Renderer {
         visibility_mask: "pixels that the lens hides",
-        carry_indirect: "glossy surfaces' indirect light, carried to the right eye",
+        reuse_indirect: "glossy surfaces' indirect light, carried to the right eye",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples that the right eye reads",
     }

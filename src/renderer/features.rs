@@ -75,7 +75,7 @@ pub fn light_candidates(
 }
 
 /// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
-pub fn carries_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
+pub fn reuses_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     (features.glossy || features.dielectric)
         && settings.method == Method::Photon
         && settings.photon.direct == DirectLight::Nee

@@ -3,7 +3,7 @@
 use super::editing::shines;
 use super::photon_map::PhotonMap;
 use super::{
-    SceneBuffers, carries_indirect, caustic_paths, photon_paths_per_thread, shader_features,
+    SceneBuffers, caustic_paths, photon_paths_per_thread, reuses_indirect, shader_features,
 };
 use crate::frame::{
     AdapterLimits, FrameSpec, GatherSlices, MapConfig, MapKind, MapLayout, PlannedStage,
@@ -64,7 +64,7 @@ pub(super) fn frame_features(
             Force::Auto => is_software,
             forced => forced == Force::On,
         },
-        carry_indirect: both && carries_indirect(settings, &features),
+        reuse_indirect: both && reuses_indirect(settings, &features),
         one_sample: settings.spp == 1,
         keeps_samples: both && settings.reuse != Reuse::Off,
         ..features

@@ -57,7 +57,7 @@ pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
 pub use features::{
-    carries_indirect, forms_caustics, light_candidates, shader_features, splits_light,
+    forms_caustics, light_candidates, reuses_indirect, shader_features, splits_light,
 };
 pub use frame_spec::plan_of_scene;
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
@@ -120,7 +120,7 @@ pub struct Renderer {
     timer: Option<Timer>,
     is_bound: bool,
     /// Reused pixels of the last frame's right eye have the left eye's rays.
-    carries_rays: bool,
+    reprojects_rays: bool,
     origin_in_world: DVec3,
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
@@ -203,7 +203,7 @@ impl Renderer {
             reconstruction: reconstruct.is_on().then(|| Reconstruction::new(&context)),
             scene: buffers,
             is_bound: false,
-            carries_rays: false,
+            reprojects_rays: false,
             origin_in_world: DVec3::ZERO,
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
@@ -433,7 +433,7 @@ impl Renderer {
         } else {
             Stage::Right
         };
-        self.carries_rays = right == Stage::Right && self.reuse == Reuse::Scatter;
+        self.reprojects_rays = right == Stage::Right && self.reuse == Reuse::Scatter;
         let is_last = first + count >= self.settings.spp;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| is_last) {
             reconstruction.begin_frame(
@@ -441,7 +441,7 @@ impl Renderer {
                 frame,
                 self.origin_in_world,
                 &self.settings,
-                self.carries_rays,
+                self.reprojects_rays,
                 self.scene.scene_moved(),
             );
         }

@@ -374,7 +374,7 @@ impl SceneBuffers {
         if begun.is_new || self.lights_moved {
             self.top
                 .rebuild(origin_in_world, self.table.sources(), &self.hierarchies)?;
-            self.widen_light_from_afar(origin_in_world);
+            self.widen_infinite_lights(origin_in_world);
             self.packed_lights.set_origin(origin_in_world);
             let changed = self.packed_lights.finish();
             uploads.all(&mut self.top_nodes, self.top.nodes())?;
@@ -487,8 +487,8 @@ impl SceneBuffers {
     }
 
     /// Light from infinitely far starts on a sphere around the scene; an instance may have left it.
-    fn widen_light_from_afar(&mut self, origin_in_world: DVec3) {
-        if !self.has_moved || !self.packed_lights.shines_from_afar() {
+    fn widen_infinite_lights(&mut self, origin_in_world: DVec3) {
+        if !self.has_moved || !self.packed_lights.has_infinite_lights() {
             return;
         }
         let (center, radius) = self.packed_lights.sphere();

@@ -145,7 +145,7 @@ impl Renderer {
             &self.context,
             targets,
             self.shown_light(),
-            self.carries_rays,
+            self.reprojects_rays,
         )?;
         self.submitter = Some(submitter);
         Ok(())

@@ -107,7 +107,7 @@ fn host() -> BTreeMap<String, Layout> {
             exposure,
             taa_alpha,
             taa_clip,
-            carries_rays,
+            reprojects_rays,
             firefly_frames,
             padding,
         }),

@@ -117,7 +117,7 @@ fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.set_up(List::COARSE);
     gather(steps, frame, List::COARSE);
     steps.run(&passes::coarse_irradiance, Size::List(List::COARSE));
-    steps.copy_texels("carried_light");
+    steps.copy_texels("demodulated_light");
     steps.run(&passes::coarse_spread, Size::List(List::HITS));
     steps.set_up(List::GATHER);
     gather(steps, frame, List::GATHER);
@@ -148,7 +148,7 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
         // Traces primary rays and lights what they meet by the left samples around it.
         Reuse::Lookup => {
             steps.run(&passes::left_irradiance, left_hits);
-            steps.copy_texels("carried_light");
+            steps.copy_texels("demodulated_light");
             steps.run(&passes::reuse_lookup, Size::Tiles);
         }
     }
@@ -161,7 +161,7 @@ fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     primary_hits(steps, frame, over);
     if frame.is_photon() {
         direct_light(steps, frame);
-        if frame.features.carry_indirect {
+        if frame.features.reuse_indirect {
             steps.run(&passes::indirect_lookup, Size::List(List::HITS));
             steps.set_up(List::GATHER);
             gather(steps, frame, List::GATHER);

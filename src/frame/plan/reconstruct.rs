@@ -38,7 +38,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     };
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
-        let step = steps.run(&passes::recombine, Size::Tiles);
+        let step = steps.run(&passes::remodulate, Size::Tiles);
         step.names(&named(["direct_filtered", "indirect_filtered"], filtered));
         if settings.taa {
             steps.run(&passes::taa, Size::Tiles);

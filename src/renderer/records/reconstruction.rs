@@ -37,7 +37,7 @@ pub struct Reconstruction {
     /// Standard deviations that a history colour may lie from its neighbours' mean.
     pub taa_clip: f32,
     /// 1 if reused pixels of the right eye have the left eye's rays.
-    pub carries_rays: u32,
+    pub reprojects_rays: u32,
     /// Frames of history up to which light is limited to its brightest neighbour's.
     pub firefly_frames: f32,
     /// Unused.

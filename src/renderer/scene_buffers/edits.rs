@@ -146,7 +146,7 @@ impl SceneBuffers {
         } else {
             instances.iter().enumerate().any(moved)
         };
-        let is_afar = relights || self.packed_lights.shines_from_afar();
+        let is_afar = relights || self.packed_lights.has_infinite_lights();
         let bounds = is_afar
             .then(|| change.statistics.bounds_in_world(scene))
             .flatten();

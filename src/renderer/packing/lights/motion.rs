@@ -244,11 +244,11 @@ impl PackedLights {
 
     /// Whether the scene's box decides anything, and the sphere around `bounds` is not the one in use.
     pub fn leaves_sphere(&self, bounds: Option<Bounds>) -> bool {
-        self.shines_from_afar() && bounding_sphere(bounds, DVec3::ZERO) != self.sphere
+        self.has_infinite_lights() && bounding_sphere(bounds, DVec3::ZERO) != self.sphere
     }
 
     /// Whether any light shines from infinitely far, through the scene's bounding sphere.
-    pub fn shines_from_afar(&self) -> bool {
+    pub fn has_infinite_lights(&self) -> bool {
         self.records[..self.origin_dependent]
             .iter()
             .any(|record| is_afar(record.kind))

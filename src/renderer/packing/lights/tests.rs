@@ -342,7 +342,7 @@ fn a_larger_sphere_carries_more_of_the_light_from_afar() {
     let mut scene = scene();
     scene.lights[0].kind = LightKind::Directional;
     let mut lights = packed(&scene);
-    assert!(lights.shines_from_afar());
+    assert!(lights.has_infinite_lights());
     let (center, radius) = lights.sphere();
     let before = lights.total_power[0];
     let sun = PI * radius * radius;
