@@ -180,8 +180,8 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
 #[test]
 fn the_examples_change_the_picture_as_they_say() {
     let folder = tempfile_folder("own_pass_examples");
-    let example = |name: &str, out: &str| {
-        let config = format!("{}/examples/user_passes/{name}", env!("CARGO_MANIFEST_DIR"));
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/user_passes");
+    let example = |config: &str, out: &str| {
         let out = folder.join(out);
         let output = stereolux(&[
             "run",
