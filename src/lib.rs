@@ -19,6 +19,7 @@
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`passes`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
+//! - [`limits`]: what reading a file may take and reach;
 //! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
 //!
@@ -28,17 +29,21 @@ pub mod bench;
 pub mod bvh;
 mod caught;
 pub mod commands;
+mod decoding;
 mod desktop;
 pub mod false_color;
+mod files;
 pub mod frame_loop;
 pub mod gpu;
 pub mod images;
 pub mod interrupt;
+pub mod limits;
 pub mod metrics;
 pub mod mirror;
 pub mod options;
 pub mod output;
 pub mod passes;
+mod printable;
 pub mod renderer;
 pub mod scene;
 pub mod viewer;

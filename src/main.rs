@@ -3,20 +3,14 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use stereolux::commands::{Failure, execute};
+use stereolux::commands::{Failure, execute, start_log};
 use stereolux::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
 use stereolux::options::{parse, resolve};
 
 fn main() -> ExitCode {
     disable_device_select_layer();
     quiet_openxr_loader();
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
-        // wgpu reports each adapter quirk as a warning; what matters to a user comes back as an error.
-        "warn,wgpu=error,wgpu_core=error,wgpu_hal=error,naga=error",
-    ))
-    .format_target(false)
-    .format_timestamp(None)
-    .init();
+    start_log();
     let cli = match parse(std::env::args_os()) {
         Ok(cli) => cli,
         Err(exit) => {

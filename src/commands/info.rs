@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::{Failure, load_scene};
 use crate::gpu::context::adapters;
 use crate::options::{Eyes, InfoOptions, Settings, registry};
+use crate::printable;
 use crate::renderer::frame_list::frame_list;
 use crate::renderer::{automatic_radius_m, forms_caustics, sample_passes, shader_features};
 use crate::scene::Needs;
@@ -23,7 +24,7 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
         report["settings"] = json!(registry::rows());
     }
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
-    println!("{text}");
+    println!("{}", printable::json(&text));
     Ok(())
 }
 
@@ -52,6 +53,8 @@ fn scene_report(name: &str, settings: &Settings) -> Result<Value, Failure> {
     Ok(json!({
         "name": name,
         "warnings": scene.warnings,
+        "outside_files": scene.source.outside_files,
+        "too_bright_lights": scene.source.too_bright_lights,
         "bounds_in_world": scene
             .bounds_in_world()
             .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),

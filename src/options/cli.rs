@@ -122,6 +122,9 @@ pub struct SharedArgs {
     /// [default: builtin:cornell]
     #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
     pub scene: Option<String>,
+    /// Let the scene name files outside its own folder. Only for scenes whose maker you trust: whatever they name is read
+    #[arg(long)]
+    pub allow_outside: bool,
     /// Light transport [default: photon]
     #[arg(long, value_enum)]
     pub method: Option<Method>,
@@ -334,6 +337,9 @@ pub struct CompareArgs {
         allow_hyphen_values = true
     )]
     pub pixels_per_degree: String,
+    /// Config file and `--set`, for `limits.load_memory`.
+    #[command(flatten)]
+    pub layers: LayerArgs,
 }
 
 /// What `bench` measures.
@@ -371,6 +377,9 @@ pub struct BenchArgs {
     /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
     #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
     pub scene: Vec<String>,
+    /// Let scenes name files outside their own folder. Only for those whose maker you trust: whatever they name is read
+    #[arg(long)]
+    pub allow_outside: bool,
     /// Pixels per eye, such as 256x256, each 1 to 16384 [default: 256x256; smoke 32x32]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<String>,
@@ -402,6 +411,9 @@ pub struct InfoArgs {
     /// Also say what this scene needs and what is left out: glTF 2.0 file or builtin:NAME
     #[arg(long, value_name = "PATH|builtin:NAME", allow_hyphen_values = true)]
     pub scene: Option<String>,
+    /// Let the scene name files outside its own folder. Only for scenes whose maker you trust: whatever they name is read
+    #[arg(long)]
+    pub allow_outside: bool,
     /// Light transport that the scene's needs are worked out for [default: photon]
     #[arg(long, value_enum)]
     pub method: Option<Method>,

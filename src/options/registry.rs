@@ -576,6 +576,22 @@ pub static SETTINGS: &[Setting] = &[
         "",
         "folder whose .wesl files replace the embedded shaders of the same name; for work on shaders",
     ),
+    setting(
+        "limits.load_memory",
+        Kind::Real {
+            min: 0.0,
+            max: 1e6,
+            inclusive: true,
+        },
+        "GiB",
+        "memory that loading a scene with its environment may take; 0 takes 4, or half of the machine's if that is less",
+    ),
+    setting(
+        "limits.allow_outside",
+        Kind::Bool,
+        "",
+        "scenes may name files outside their own folder",
+    ),
 ];
 
 /// The setting under a dotted key.

@@ -11,7 +11,7 @@ use super::cli::{
 };
 use super::layers::Layers;
 use super::numbers::{self, FovAngles, HeadPose};
-use super::settings::Settings;
+use super::settings::{LimitsSettings, Settings};
 use super::{OptionsError, quoted};
 
 /// Frames of a simulated session without `--frames`.
@@ -115,6 +115,8 @@ pub struct CompareOptions {
     pub exposure: f64,
     /// Pixels per degree for FLIP, 1 to 1000.
     pub pixels_per_degree: f64,
+    /// What reading the images may cost.
+    pub limits: LimitsSettings,
 }
 
 /// Options of `bench`.
@@ -203,9 +205,15 @@ fn put(
     }
 }
 
+fn put_outside(layers: &mut Layers, is_allowed: bool) -> Result<(), OptionsError> {
+    let word = is_allowed.then_some("true");
+    put(layers, "--allow-outside", "limits.allow_outside", word)
+}
+
 fn shared_layers(args: &SharedArgs) -> Result<Layers, OptionsError> {
     let mut layers = base_layers(&args.layers)?;
     put(&mut layers, "--scene", "scene", args.scene.as_ref())?;
+    put_outside(&mut layers, args.allow_outside)?;
     put(&mut layers, "--method", "method", word(args.method))?;
     put(&mut layers, "--reuse", "reuse", word(args.reuse))?;
     put(
@@ -432,6 +440,7 @@ fn resolve_compare(args: CompareArgs) -> Result<CompareOptions, OptionsError> {
         "a number from 1 to 1000",
     )?;
     Ok(CompareOptions {
+        limits: base_layers(&args.layers)?.finish()?.limits,
         image: args.image,
         reference: args.reference,
         max_rel_mse,
@@ -445,6 +454,7 @@ fn resolve_bench(args: BenchArgs) -> Result<BenchOptions, OptionsError> {
     const MOST_ROUNDS: u32 = 100_000;
     const REFERENCE_SAMPLES: std::ops::RangeInclusive<u32> = 16..=1 << 24;
     let mut layers = base_layers(&args.layers)?;
+    put_outside(&mut layers, args.allow_outside)?;
     put(&mut layers, "--size", "size", args.size.as_ref())?;
     put(&mut layers, "--adapter", "adapter", args.adapter.as_ref())?;
     require_path("--out", &args.out)?;
@@ -498,6 +508,7 @@ fn resolve_bench(args: BenchArgs) -> Result<BenchOptions, OptionsError> {
 fn resolve_info(args: InfoArgs) -> Result<InfoOptions, OptionsError> {
     let mut layers = base_layers(&args.layers)?;
     put(&mut layers, "--scene", "scene", args.scene.as_ref())?;
+    put_outside(&mut layers, args.allow_outside)?;
     put(&mut layers, "--method", "method", word(args.method))?;
     put(&mut layers, "--adapter", "adapter", args.adapter.as_ref())?;
     let named = layers.is_set("scene");

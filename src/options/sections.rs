@@ -17,7 +17,7 @@ pub struct Section {
 }
 
 /// Headings by section.
-const TITLES: [(&str, &str); 12] = [
+const TITLES: [(&str, &str); 13] = [
     ("", "General"),
     ("path", "Path tracing"),
     ("photon", "Photon mapping"),
@@ -30,6 +30,7 @@ const TITLES: [(&str, &str); 12] = [
     ("simulated", "Simulated headset"),
     ("openxr", "OpenXR"),
     ("gpu", "GPU"),
+    ("limits", "Limits"),
 ];
 
 /// The section that a key belongs to; empty for keys without one.

@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::reconstruct::ReconstructSettings;
+use crate::limits::LoadLimits;
 
 /// Light transport method (`method`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -205,6 +206,8 @@ pub struct Settings {
     pub openxr: OpenXrSettings,
     /// GPU use.
     pub gpu: GpuSettings,
+    /// What reading files may cost and reach.
+    pub limits: LimitsSettings,
 }
 
 impl Default for Settings {
@@ -229,6 +232,7 @@ impl Default for Settings {
             simulated: SimulatedSettings::default(),
             openxr: OpenXrSettings::default(),
             gpu: GpuSettings::default(),
+            limits: LimitsSettings::default(),
         }
     }
 }
@@ -575,6 +579,33 @@ impl Default for GpuSettings {
         Self {
             timestamps: true,
             shader_folder: String::new(),
+        }
+    }
+}
+
+/// Settings of what reading files may cost and reach (`limits.*`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LimitsSettings {
+    /// Memory that loading a scene with its environment may take, GiB, 0 to 1e6; 0 takes 4, or half of the machine's
+    /// memory if that is less; default 0.
+    pub load_memory: f64,
+    /// Whether a scene may name files outside its own folder; default false.
+    pub allow_outside: bool,
+}
+
+impl LimitsSettings {
+    /// As a load takes them.
+    #[must_use]
+    pub fn load(&self) -> LoadLimits {
+        let otherwise = LoadLimits::default();
+        LoadLimits {
+            memory_bytes: match self.load_memory {
+                0.0 => otherwise.memory_bytes,
+                // Saturates.
+                gib => (gib * f64::from(1 << 30)) as u64,
+            },
+            allow_outside: self.allow_outside,
         }
     }
 }
