@@ -39,7 +39,11 @@ fn main() -> ExitCode {
         let at = arguments.iter().position(|argument| argument == name)?;
         arguments.get(at + 1).cloned()
     };
-    let number = |name: &str, otherwise: u64| value(name).and_then(|text| text.parse().ok()).unwrap_or(otherwise);
+    let number = |name: &str, otherwise: u64| {
+        value(name)
+            .and_then(|text| text.parse().ok())
+            .unwrap_or(otherwise)
+    };
     let (first, cases) = (number("--first", 0), number("--cases", 1000));
     let only = value("--parser");
     let folder = std::env::temp_dir().join(format!("stereolux-fuzz-{}", std::process::id()));
@@ -48,7 +52,10 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     println!("seed in hand: {}", folder.join("seed").display());
-    println!("| parser | cases | accepted | cases/s | panics | over {} s | slowest | peak |", PATIENCE.as_secs());
+    println!(
+        "| parser | cases | accepted | cases/s | panics | over {} s | slowest | peak |",
+        PATIENCE.as_secs()
+    );
     println!("|---|---|---|---|---|---|---|---|");
     let mut faults = 0;
     for parser in Parser::ALL {
@@ -118,5 +125,6 @@ fn reset_peak() {
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok()).unwrap_or(0)
+    line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok())
+        .unwrap_or(0)
 }

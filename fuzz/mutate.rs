@@ -32,21 +32,81 @@ impl Random {
 
 /// Numbers at which things break.
 const NUMBERS: [f64; 30] = [
-    0.0, -0.0, 1.0, -1.0, 2.0, 3.0, 4.0, 0.5, 1e-30, 1e-45, 1e30, -1e30, 3.4e38, 3.5e38, -3.5e38, 1e100, 1e308, -1e308,
-    127.0, 128.0, 255.0, 256.0, 32767.0, 65535.0, 65536.0, 16_777_217.0, 2_147_483_648.0, 4_294_967_295.0,
-    4_294_967_296.0, 1.8e19,
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    2.0,
+    3.0,
+    4.0,
+    0.5,
+    1e-30,
+    1e-45,
+    1e30,
+    -1e30,
+    3.4e38,
+    3.5e38,
+    -3.5e38,
+    1e100,
+    1e308,
+    -1e308,
+    127.0,
+    128.0,
+    255.0,
+    256.0,
+    32767.0,
+    65535.0,
+    65536.0,
+    16_777_217.0,
+    2_147_483_648.0,
+    4_294_967_295.0,
+    4_294_967_296.0,
+    1.8e19,
 ];
 
 /// Text that means something to one of the parsers.
 const WORDS: [&str; 36] = [
-    "NaN", "inf", "-inf", "null", "true", "nan", "1e999", "-1", "0", "4294967296", "18446744073709551615", "\u{1b}[2J",
-    "\u{9b}", "\n", "\r\n", ",", "\"", "[", "]", "{", "}", "#", "=", "../../x", "/etc/passwd", "data:,", "data:;base64,",
-    "%2e%2e/", "KHR_texture_transform", "SCALAR", "MAT4", "VEC3", "-Y 99999999 +X 99999999", "\u{0}", "POSITION", "t_ns",
+    "NaN",
+    "inf",
+    "-inf",
+    "null",
+    "true",
+    "nan",
+    "1e999",
+    "-1",
+    "0",
+    "4294967296",
+    "18446744073709551615",
+    "\u{1b}[2J",
+    "\u{9b}",
+    "\n",
+    "\r\n",
+    ",",
+    "\"",
+    "[",
+    "]",
+    "{",
+    "}",
+    "#",
+    "=",
+    "../../x",
+    "/etc/passwd",
+    "data:,",
+    "data:;base64,",
+    "%2e%2e/",
+    "KHR_texture_transform",
+    "SCALAR",
+    "MAT4",
+    "VEC3",
+    "-Y 99999999 +X 99999999",
+    "\u{0}",
+    "POSITION",
+    "t_ns",
 ];
 
-/// Changes bytes in one to eight places.
+/// Changes bytes in one to eight places, mostly few.
 pub fn bytes(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
-    for _ in 0..=random.below(8) {
+    for _ in 0..=few(8, random) {
         let at = random.below(bytes.len() + 1);
         match random.below(10) {
             0 => flip(bytes, random),
@@ -124,9 +184,15 @@ fn number_text(random: &mut Random) -> String {
     }
 }
 
-/// Changes JSON in one to four places and keeps it JSON.
+/// A number below `most`, small ones more often.
+fn few(most: usize, random: &mut Random) -> usize {
+    let bound = 1 + random.below(most);
+    random.below(bound)
+}
+
+/// Changes JSON in one to four places, mostly few, and keeps it JSON.
 pub fn json(root: &mut Value, random: &mut Random) {
-    for _ in 0..=random.below(4) {
+    for _ in 0..=few(4, random) {
         let copy = place(root, random).clone();
         let target = place(root, random);
         match random.below(8) {

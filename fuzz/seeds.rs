@@ -13,8 +13,12 @@ use stereolux::xr::{Headset, Motion, Pose, SimulatedSession, XrSession as _};
 /// Pictures of one kind.
 pub fn pictures(format: ImageFormat) -> Vec<Vec<u8>> {
     let rgb = RgbImage::from_fn(13, 7, |x, y| image::Rgb([x as u8 * 19, y as u8 * 36, 90]));
-    let rgba = RgbaImage::from_fn(8, 8, |x, y| image::Rgba([x as u8, y as u8, 3, x as u8 * 30]));
-    let floats = Rgb32FImage::from_fn(16, 8, |x, y| image::Rgb([x as f32 * 0.1, y as f32 * 3.0, 0.5]));
+    let rgba = RgbaImage::from_fn(8, 8, |x, y| {
+        image::Rgba([x as u8, y as u8, 3, x as u8 * 30])
+    });
+    let floats = Rgb32FImage::from_fn(16, 8, |x, y| {
+        image::Rgb([x as f32 * 0.1, y as f32 * 3.0, 0.5])
+    });
     let pictures: Vec<DynamicImage> = match format {
         ImageFormat::Hdr | ImageFormat::OpenExr => vec![floats.into()],
         ImageFormat::Jpeg => vec![rgb.into()],
@@ -47,7 +51,14 @@ pub fn pictures(format: ImageFormat) -> Vec<Vec<u8>> {
 /// Small glTF documents as JSON, self-contained.
 pub fn documents() -> Vec<Value> {
     let mut bytes: Vec<u8> = Vec::new();
-    for x in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.5]].as_flattened() {
+    for x in [
+        [0.0_f32, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 1.0, 0.5],
+    ]
+    .as_flattened()
+    {
         bytes.extend(x.to_le_bytes());
     }
     for index in [0_u16, 1, 2, 2, 1, 3] {
@@ -75,9 +86,7 @@ pub fn documents() -> Vec<Value> {
     let png_length = bytes.len() - png;
     let view = |offset: usize, length: usize| json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
     let uri = format!("data:application/octet-stream;base64,{}", base64(&bytes));
-    let accessor = |view: usize, component: u32, count: u32, kind: &str| {
-        json!({ "bufferView": view, "componentType": component, "count": count, "type": kind })
-    };
+    let accessor = |view: usize, component: u32, count: u32, kind: &str| json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
     let whole = json!({
         "asset": { "version": "2.0" },
         "scene": 0,
@@ -186,7 +195,9 @@ pub fn traces() -> Vec<Vec<u8>> {
     }
     let tum = "# timestamp tx ty tz qx qy qz qw\n1.0 0 0 1 0 0 0 1\n1.1 0.1 0 1 0 0 0.1 0.995\n1.3 0.2 0 1 0 0 0 1\n";
     let euroc = "#timestamp [ns],p x,p y,p z,q w,q x,q y,q z\n1000000000,0,0,1,1,0,0,0\n1050000000,0.1,0,1,1,0,0,0\n";
-    [native, tum.to_owned(), euroc.to_owned()].map(String::into_bytes).into()
+    [native, tum.to_owned(), euroc.to_owned()]
+        .map(String::into_bytes)
+        .into()
 }
 
 /// Headset profiles.
@@ -202,7 +213,10 @@ pub fn profiles() -> Vec<Vec<u8>> {
 /// Settings files.
 pub fn settings() -> Vec<Vec<u8>> {
     let all = Settings::default().to_toml(Extent::All);
-    vec![all.into_bytes(), include_bytes!("../config/example.toml").to_vec()]
+    vec![
+        all.into_bytes(),
+        include_bytes!("../config/example.toml").to_vec(),
+    ]
 }
 
 /// Layouts of the viewer.

@@ -33,25 +33,27 @@ impl Default for LoadLimits {
     }
 }
 
-/// Memory that this process can have: the machine's, or less where the process has a limit of its own.
+/// Memory that this process can have, bytes: the machine's, or less where the process has a limit of its own.
+#[cfg(target_os = "linux")]
 fn machine_memory_bytes() -> u64 {
-    #[cfg(target_os = "linux")]
-    {
-        let kib = std::fs::read_to_string("/proc/meminfo")
-            .ok()
-            .and_then(|text| {
-                let line = text
-                    .lines()
-                    .find_map(|line| line.strip_prefix("MemTotal:"))?;
-                line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()
-            });
-        let machine = kib.map_or(UNKNOWN_MACHINE, |kib| kib.saturating_mul(1024));
-        let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
-        let group = group.and_then(|text| text.trim().parse().ok());
-        let own = rustix::process::getrlimit(rustix::process::Resource::As).current;
-        [group, own].into_iter().flatten().fold(machine, u64::min)
-    }
-    #[cfg(not(target_os = "linux"))]
+    let kib = std::fs::read_to_string("/proc/meminfo")
+        .ok()
+        .and_then(|text| {
+            let line = text
+                .lines()
+                .find_map(|line| line.strip_prefix("MemTotal:"))?;
+            line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()
+        });
+    let machine = kib.map_or(UNKNOWN_MACHINE, |kib| kib.saturating_mul(1024));
+    let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
+    let group = group.and_then(|text| text.trim().parse().ok());
+    let own = rustix::process::getrlimit(rustix::process::Resource::As).current;
+    [group, own].into_iter().flatten().fold(machine, u64::min)
+}
+
+/// Memory that this process can have, bytes: the standard library does not tell.
+#[cfg(not(target_os = "linux"))]
+fn machine_memory_bytes() -> u64 {
     UNKNOWN_MACHINE
 }
 

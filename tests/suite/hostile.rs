@@ -432,6 +432,15 @@ fn geometry() -> Texts {
         ("nodes-and-lights.gltf", over, glowing(40_000, 40, 64)),
         ("some-nodes-and-lights.gltf", None, glowing(4_000, 16, 24)),
         (
+            "coincident.gltf",
+            None,
+            placed(
+                one(),
+                1,
+                json!({ "accessors": [zeros(6_000_000, 5126, "VEC3")] }),
+            ),
+        ),
+        (
             "nodes-and-triangles.gltf",
             over,
             placed(indexed, 60_000, grey),
@@ -492,7 +501,7 @@ fn lists() -> Texts {
         ),
         (
             "skins.gltf",
-            None,
+            Some("limits.load_memory"),
             document(json!({
                 "nodes": each(&|node| json!({ "mesh": 0, "skin": node / 100 })),
                 "skins": vec![json!({ "joints": [0] }); count / 100],

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::super::SceneError;
 use super::motion::RawMotion;
-use crate::limits::LoadBudget;
+use crate::limits::{LoadBudget, product};
 
 /// Keys whose integers are indices or enumerations of 32 bits. The `gltf` crate cuts larger numbers to 32 bits, so
 /// that 4294967296 would silently mean 0. The accessors that a primitive's attributes and morph targets name stand under
@@ -45,6 +45,10 @@ const INDEX_KEYS: [&str; 22] = [
 const VALUE_BYTES: u64 = 256;
 /// The same of an object, which has a table of its members.
 const OBJECT_BYTES: u64 = 768;
+
+/// Lists whose entries take more than their JSON, bytes each: in the scene, in the copies that edits are told by, in poses,
+/// and packed for the device.
+const ENTRY_BYTES: [(&str, u64); 3] = [("nodes", 1536), ("materials", 2048), ("meshes", 1024)];
 
 /// A parsed file.
 pub struct Document<'a> {
@@ -103,6 +107,12 @@ impl<'a> Document<'a> {
             }
         }
         strip_extras(&mut raw);
+        for (list, bytes) in ENTRY_BYTES {
+            let count = raw.get(list).and_then(Value::as_array).map_or(0, Vec::len) as u64;
+            budget
+                .take(product(&[count, bytes]), format_args!("{count} {list}"))
+                .map_err(|error| SceneError::over(path, &error))?;
+        }
         if let Some(place) = oversized_index(&raw, "", Meaning::Other) {
             return Err(SceneError::invalid(
                 path,

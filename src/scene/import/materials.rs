@@ -11,10 +11,6 @@ use super::super::SceneError;
 use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
 use super::Notes;
 use super::document::Document;
-use crate::limits::product;
-
-/// A material, bytes: in the scene, in the copies that edits are told by, and packed for the device.
-const MATERIAL_BYTES: u64 = 2048;
 
 /// Materials in file order, with the textures and images that they really use.
 #[derive(Default)]
@@ -33,9 +29,6 @@ impl Library {
     /// Imports every material.
     pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Self, SceneError> {
         let mut library = Self::default();
-        let count = document.root.materials.len() as u64;
-        let bytes = product(&[count, MATERIAL_BYTES]);
-        document.take(bytes, "materials", format_args!("{count} materials"))?;
         for (index, source) in document.root.materials.iter().enumerate() {
             let name = source
                 .name

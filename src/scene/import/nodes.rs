@@ -22,8 +22,6 @@ pub struct Graph {
 /// Matrices come as f32, whose relative rounding is 6e-8.
 const SINGULAR_BELOW: f64 = 1e-7;
 
-/// A node, bytes: in the scene, in the copies that edits are told by, and in poses.
-const NODE_BYTES: u64 = 1536;
 /// Weight of a morph target, bytes: in the scene, in the copy that edits are told by, and in poses.
 const WEIGHT_BYTES: u64 = 40;
 
@@ -43,8 +41,6 @@ pub fn import(
     let lights = import_lights(document, notes)?;
 
     let count = document.root.nodes.len();
-    let bytes = product(&[count as u64, NODE_BYTES]);
-    document.take(bytes, "nodes", format_args!("{count} nodes"))?;
     let weights = document.root.nodes.iter().map(|node| {
         let mesh = node.mesh.and_then(|mesh| meshes.get(mesh.value()));
         mesh.map_or(0, |mesh| mesh.targets.len() as u64)

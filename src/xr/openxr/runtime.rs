@@ -255,10 +255,8 @@ impl Runtime {
     pub fn largest_size(&self) -> [u32; 2] {
         let [left, right] = &self.views;
         [
-            left.max_image_rect_width
-                .min(right.max_image_rect_width),
-            left.max_image_rect_height
-                .min(right.max_image_rect_height),
+            left.max_image_rect_width.min(right.max_image_rect_width),
+            left.max_image_rect_height.min(right.max_image_rect_height),
         ]
     }
 
@@ -269,7 +267,9 @@ impl Runtime {
     pub fn size(&self, wanted: Option<[u32; 2]>) -> Result<[u32; 2], RuntimeError> {
         let most = self.largest_size();
         let size = wanted.unwrap_or_else(|| self.recommended_size());
-        if size.iter().chain(&most).any(|side| *side == 0) || size.iter().any(|side| *side > MAX_SIZE) {
+        if size.iter().chain(&most).any(|side| *side == 0)
+            || size.iter().any(|side| *side > MAX_SIZE)
+        {
             return Err(RuntimeError::NoSize {
                 system: self.headset.clone(),
                 recommended: self.recommended_size(),
