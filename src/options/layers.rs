@@ -8,6 +8,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::{OptionsError, quoted};
 use crate::files;
+use crate::printable::escaped;
 use crate::settings::{Kind, Settings, registry, user_pass};
 
 /// Longest config file that is read, in bytes.
@@ -259,7 +260,7 @@ fn unknown(key: &str, raw: &Value, source: &str, place: &Place<'_>) -> OptionsEr
     match keys_of(key) {
         keys if keys.is_empty() => OptionsError::UnknownKey {
             place: place.to_string(),
-            key: key.escape_debug().to_string(),
+            key: escaped(key),
             nearest: nearest(key, raw.is_object()),
         },
         keys => OptionsError::Conflict(format!(
@@ -293,7 +294,7 @@ fn nearest(unknown: &str, section: bool) -> &'static str {
 }
 
 fn shown_path(path: &Path) -> String {
-    path.display().to_string().escape_debug().to_string()
+    escaped(&path.display().to_string())
 }
 
 /// A value in a message, as it was written but on one line.

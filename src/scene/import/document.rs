@@ -9,7 +9,6 @@ use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Vis
 use serde_json::Value;
 
 use super::super::SceneError;
-use super::motion::RawMotion;
 use crate::limits::{LoadBudget, product};
 
 /// Keys whose integers are indices or enumerations of 32 bits. The `gltf` crate cuts larger numbers to 32 bits, so
@@ -49,6 +48,38 @@ const OBJECT_BYTES: u64 = 768;
 /// Lists whose entries take more than their JSON, bytes each: in the scene, in the copies that edits are told by, in poses,
 /// and packed for the device.
 const ENTRY_BYTES: [(&str, u64); 3] = [("nodes", 1536), ("materials", 2048), ("meshes", 1024)];
+
+/// What the typed document leaves out.
+#[derive(Clone, Debug, Default)]
+pub struct RawMotion {
+    pub animations: Vec<Value>,
+    pub skins: Vec<Value>,
+    /// By node.
+    pub node_skins: Vec<Option<Value>>,
+}
+
+impl RawMotion {
+    /// Takes animations and skins out of the document.
+    pub fn take(top: &mut serde_json::Map<String, Value>) -> Result<Self, String> {
+        let mut list = |key: &str| match top.remove(key) {
+            None => Ok(Vec::new()),
+            Some(Value::Array(list)) => Ok(list),
+            Some(_) => Err(format!("{key}: must be a list")),
+        };
+        let (animations, skins) = (list("animations")?, list("skins")?);
+        let nodes = top.get_mut("nodes").and_then(Value::as_array_mut);
+        let node_skins = nodes
+            .into_iter()
+            .flatten()
+            .map(|node| node.as_object_mut()?.remove("skin"))
+            .collect();
+        Ok(Self {
+            animations,
+            skins,
+            node_skins,
+        })
+    }
+}
 
 /// A parsed file.
 pub struct Document<'a> {

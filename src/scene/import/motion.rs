@@ -12,38 +12,6 @@ use super::Notes;
 use super::accessors::Reader;
 use super::document::Document;
 
-/// What the typed document leaves out.
-#[derive(Clone, Debug, Default)]
-pub struct RawMotion {
-    pub animations: Vec<Value>,
-    pub skins: Vec<Value>,
-    /// By node.
-    pub node_skins: Vec<Option<Value>>,
-}
-
-impl RawMotion {
-    /// Takes animations and skins out of the document.
-    pub fn take(top: &mut serde_json::Map<String, Value>) -> Result<Self, String> {
-        let mut list = |key: &str| match top.remove(key) {
-            None => Ok(Vec::new()),
-            Some(Value::Array(list)) => Ok(list),
-            Some(_) => Err(format!("{key}: must be a list")),
-        };
-        let (animations, skins) = (list("animations")?, list("skins")?);
-        let nodes = top.get_mut("nodes").and_then(Value::as_array_mut);
-        let node_skins = nodes
-            .into_iter()
-            .flatten()
-            .map(|node| node.as_object_mut()?.remove("skin"))
-            .collect();
-        Ok(Self {
-            animations,
-            skins,
-            node_skins,
-        })
-    }
-}
-
 /// A list of the plain JSON; empty where there is none.
 fn list_of<'a>(
     document: &Document<'_>,
