@@ -4,22 +4,26 @@
 //! reader never sees half of one.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use crate::files::write_beside;
-use image::{ImageEncoder as _, ImageFormat, ImageReader};
+use image::{ImageEncoder as _, ImageFormat};
+
+use crate::decoding::Encoded;
+use crate::files::{self, write_beside};
+use crate::limits::{LoadBudget, OverBudget};
+use crate::printable;
 
 /// Largest width or height that is read or written, in pixels.
 const MAX_SIDE: u32 = 32_768;
-/// Most memory a decoder may ask for, in bytes: one image of 16384 x 16384 pixels in floats.
-const MAX_DECODER_BYTES: u64 = 4 << 30;
+/// A pixel in floats, bytes.
+const PIXEL_BYTES: u64 = 12;
 
 /// What can go wrong with an image or its file. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// The file cannot be read.
-    #[error("{}: cannot be read: {reason}", path.display())]
+    #[error("{}", printable::line(&format!("{}: cannot be read: {reason}", path.display())))]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -27,7 +31,7 @@ pub enum ImageError {
         reason: String,
     },
     /// The file is no image of a known format, or is cut off or damaged.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}", printable::line(&format!("{}: {reason}", path.display())))]
     Undecodable {
         /// The file.
         path: PathBuf,
@@ -35,7 +39,7 @@ pub enum ImageError {
         reason: String,
     },
     /// The file cannot be written.
-    #[error("{}: cannot be written: {reason}", path.display())]
+    #[error("{}", printable::line(&format!("{}: cannot be written: {reason}", path.display())))]
     Unwritable {
         /// The file.
         path: PathBuf,
@@ -220,58 +224,104 @@ fn to_bytes(image: &ImageRgb, display_light: impl Fn(f32) -> f32) -> ImageRgb8 {
 }
 
 /// Reads EXR and Radiance HDR as they are, PNG and JPEG decoded from sRGB; alpha is dropped. The content decides about
-/// the format, not the name.
+/// the format, not the name. Takes as much memory as a load may by default.
 ///
 /// # Errors
 /// [`ImageError::Unreadable`] for a missing file or a directory, [`ImageError::Undecodable`] for anything that is not
-/// a whole image of these formats.
+/// a whole image of these formats, or larger than the memory allows.
 pub fn read_image(path: &Path) -> Result<ImageRgb, ImageError> {
-    let unreadable = |reason: String| ImageError::Unreadable {
-        path: path.to_owned(),
-        reason,
-    };
-    let undecodable = |reason: String| ImageError::Undecodable {
-        path: path.to_owned(),
-        reason,
-    };
-    if path.is_dir() {
-        return Err(unreadable("it is a directory".to_owned()));
-    }
-    let file = File::open(path).map_err(|error| unreadable(error.to_string()))?;
-    let mut reader = ImageReader::new(BufReader::new(file))
-        .with_guessed_format()
-        .map_err(|error| unreadable(error.to_string()))?;
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_DECODER_BYTES);
-    reader.limits(limits);
-    let is_linear = match reader.format() {
-        Some(ImageFormat::OpenExr | ImageFormat::Hdr) => true,
-        Some(ImageFormat::Png | ImageFormat::Jpeg) => false,
-        _ => {
-            return Err(undecodable(
-                "is not an EXR, HDR, PNG or JPEG image".to_owned(),
-            ));
-        }
-    };
-    let decoded = reader
-        .decode()
-        .map_err(|error| {
-            undecodable(format!(
-                "cannot be decoded: {}",
-                one_line(&error.to_string())
-            ))
-        })?
-        .into_rgb32f();
-    let (width, height) = decoded.dimensions();
-    let mut pixels: Vec<[f32; 3]> = decoded.pixels().map(|pixel| pixel.0).collect();
-    if !is_linear {
-        for pixel in &mut pixels {
-            *pixel = pixel.map(srgb_decode);
+    let budget = LoadBudget::default();
+    ImageFile::open(path, &budget)?.decode(&budget)
+}
+
+/// An image file in memory, not yet decoded.
+pub(crate) struct ImageFile<'a> {
+    path: &'a Path,
+    bytes: Vec<u8>,
+    format: ImageFormat,
+}
+
+impl<'a> ImageFile<'a> {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// As [`read_image`].
+    pub(crate) fn open(path: &'a Path, budget: &LoadBudget) -> Result<Self, ImageError> {
+        let bytes = files::load(path, budget).map_err(|reason| ImageError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        })?;
+        let known = [
+            ImageFormat::OpenExr,
+            ImageFormat::Hdr,
+            ImageFormat::Png,
+            ImageFormat::Jpeg,
+        ];
+        let format = image::guess_format(&bytes)
+            .ok()
+            .filter(|format| known.contains(format));
+        match format {
+            Some(format) => Ok(Self {
+                path,
+                bytes,
+                format,
+            }),
+            None => Err(undecodable(path, "is not an EXR, HDR, PNG or JPEG image")),
         }
     }
-    Image::new(width, height, pixels).map_err(|error| undecodable(error.to_string()))
+
+    fn encoded(&self) -> Result<Encoded<'_>, ImageError> {
+        let encoded = Encoded::open(&self.bytes, self.format)
+            .map_err(|reason| undecodable(self.path, reason))?;
+        if encoded.width > MAX_SIDE || encoded.height > MAX_SIDE {
+            let (width, height) = (encoded.width, encoded.height);
+            let reason = format!("{width}x{height} pixels: neither side may exceed {MAX_SIDE}");
+            return Err(undecodable(self.path, reason));
+        }
+        Ok(encoded)
+    }
+
+    /// Number of pixels by its header.
+    ///
+    /// # Errors
+    /// As [`read_image`].
+    pub(crate) fn pixels(&self) -> Result<u64, ImageError> {
+        Ok(self.encoded()?.pixels())
+    }
+
+    /// The picture, which `budget` keeps for good.
+    ///
+    /// # Errors
+    /// As [`read_image`].
+    pub(crate) fn decode(&self, budget: &LoadBudget) -> Result<ImageRgb, ImageError> {
+        let encoded = self.encoded()?;
+        let (width, height) = (encoded.width, encoded.height);
+        let what = format_args!("{width}x{height} pixels");
+        let over = |error: OverBudget| undecodable(self.path, error.to_string());
+        let floats = encoded.pixels() * PIXEL_BYTES;
+        budget.take(floats, what).map_err(over)?;
+        // As decoded, and in floats before they are sorted into pixels.
+        let on_the_way = encoded.decoding_bytes().saturating_add(floats);
+        let _held = budget.hold(on_the_way, what).map_err(over)?;
+        let decoded = encoded
+            .decode()
+            .map_err(|reason| undecodable(self.path, reason))?
+            .into_rgb32f();
+        let mut pixels: Vec<[f32; 3]> = decoded.pixels().map(|pixel| pixel.0).collect();
+        if !matches!(self.format, ImageFormat::OpenExr | ImageFormat::Hdr) {
+            for pixel in &mut pixels {
+                *pixel = pixel.map(srgb_decode);
+            }
+        }
+        Image::new(width, height, pixels).map_err(|error| undecodable(self.path, error.to_string()))
+    }
+}
+
+fn undecodable(path: &Path, reason: impl Into<String>) -> ImageError {
+    ImageError::Undecodable {
+        path: path.to_owned(),
+        reason: reason.into(),
+    }
 }
 
 /// Writes linear RGB as OpenEXR: 32-bit float, scan lines from the top, uncompressed. Equal pixels give equal bytes.
@@ -375,10 +425,6 @@ fn encode_exr(out: &mut impl Write, image: &ImageRgb) -> io::Result<()> {
         out.write_all(&line)?;
     }
     Ok(())
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

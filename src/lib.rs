@@ -19,6 +19,7 @@
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`frame`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
+//! - [`limits`]: what reading a file may take and reach;
 //! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
 //!
@@ -27,6 +28,7 @@
 pub mod bench;
 pub mod bvh;
 pub mod commands;
+mod decoding;
 pub mod false_color;
 mod files;
 mod foreign_errors;
@@ -35,11 +37,13 @@ pub mod frame_loop;
 pub mod gpu;
 pub mod images;
 pub mod interrupt;
+pub mod limits;
 pub mod metrics;
 pub mod mirror;
 pub mod options;
 pub mod output;
 mod pose;
+mod printable;
 pub mod renderer;
 pub mod scene;
 pub mod settings;

@@ -3,20 +3,14 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use stereolux::commands::execute;
+use stereolux::commands::{execute, start_log};
 use stereolux::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
 use stereolux::options::parse;
 
 fn main() -> ExitCode {
     disable_device_select_layer();
     quiet_openxr_loader();
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
-        // wgpu reports each adapter quirk as a warning; what matters to a user comes back as an error.
-        "warn,wgpu=error,wgpu_core=error,wgpu_hal=error,naga=error",
-    ))
-    .format_target(false)
-    .format_timestamp(None)
-    .init();
+    start_log();
     let options = match parse(std::env::args_os()) {
         Ok(options) => options,
         Err(exit) => {

@@ -53,12 +53,25 @@ mod suite {
     pub mod editing;
     pub mod forced_features;
     pub mod frame_plan;
+    /// The mutations of `fuzz/`, for a slice of them.
+    #[path = "../../fuzz"]
+    pub mod fuzz {
+        pub mod mutate;
+        pub mod parsers;
+        pub mod seeds;
+    }
+    pub mod fuzzed;
     pub mod gathers;
     pub mod half_rate;
     pub mod hard_cases;
     pub mod hard_extremes;
     pub mod hard_scales;
     pub mod hard_support;
+    pub mod hostile;
+    pub mod hostile_files;
+    pub mod hostile_pipes;
+    pub mod hostile_values;
+    pub mod hostile_viewer;
     pub mod images_files;
     pub mod inspect;
     pub mod inspect_photons;

@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 
 use super::BenchError;
 use super::records::Row;
+use crate::files;
 
-/// Largest journal that is read, bytes.
-const MAX_BYTES: u64 = 1 << 30;
+/// Largest journal that is read, bytes: a hundred thousand rows.
+const MAX_BYTES: u64 = 1 << 28;
 
 /// An open journal.
 #[derive(Debug)]
@@ -30,6 +31,13 @@ impl Journal {
     /// [`BenchError::File`].
     pub fn open(path: &Path) -> Result<Self, BenchError> {
         let fail = |error: std::io::Error| BenchError::file(path, error);
+        if path.exists() {
+            let length = files::length(path).map_err(|reason| BenchError::file(path, reason))?;
+            if length > MAX_BYTES {
+                let reason = format!("is longer than {MAX_BYTES} bytes; give --out another folder");
+                return Err(BenchError::file(path, reason));
+            }
+        }
         let mut file = OpenOptions::new()
             .read(true)
             .write(true)

@@ -7,7 +7,6 @@
 //! Its file carries the key that it was made under: scene, view, size, settings, adapter, and the fingerprint of the code.
 //! A file under another key, or damaged, is rendered anew. A reference that has to become better goes on from its file.
 
-use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -17,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::BenchError;
 use super::fingerprint::{Fingerprint, RENDER_CODE};
 use super::records::Machine;
+use crate::files;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, write_atomically};
 use crate::metrics::RenderMoments;
@@ -247,7 +247,7 @@ fn write(path: &Path, key: &str, moments: &RenderMoments) -> Result<(), BenchErr
 
 /// A file's moments, if it is whole and was made under this very key.
 fn read(path: &Path, key: &str, size: [u32; 2]) -> Option<RenderMoments> {
-    let bytes = fs::read(path).ok()?;
+    let bytes = files::read_regular(path, u64::MAX).ok()?;
     let refuse = |why: &str| {
         log::warn!("{}: {why}; it is rendered anew", path.display());
         None
@@ -294,6 +294,8 @@ fn read(path: &Path, key: &str, size: [u32; 2]) -> Option<RenderMoments> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn moments() -> RenderMoments {

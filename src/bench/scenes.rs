@@ -4,16 +4,15 @@
 //! triangles as asked for, a wall behind it, boxes on it in as many instances as asked for, lights above it in any number
 //! with the same power together. [`INDIRECT_SCENE`] is a room whose lamp lights the ceiling alone. So a figure can be followed over one size while the view stays as it is.
 
-use std::path::Path;
-
 use glam::{DAffine3, DVec3};
 use serde::Serialize;
 
 use super::BenchError;
 use super::fingerprint::Fingerprint;
+use crate::limits::LoadBudget;
 use crate::scene::{
     Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
-    load_environment,
+    load_environment_within,
 };
 use crate::settings::Settings;
 
@@ -101,15 +100,17 @@ impl SceneSource {
 }
 
 fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
+    let budget = LoadBudget::new(settings.limits.load());
     let mut scene = match name.strip_prefix("builtin:") {
         _ if name == INDIRECT_SCENE => indirect(),
         Some(builtin) => Scene::builtin(builtin)?,
-        None => Scene::load(Path::new(name))?,
+        None => Scene::load_within(name, &budget)?,
     };
     if !settings.environment.path.is_empty() {
-        let (environment, _) = load_environment(
+        let (environment, _) = load_environment_within(
             &settings.environment.path,
             settings.environment.strength as f32,
+            &budget,
         )?;
         scene.environment = Some(environment);
     }

@@ -4,6 +4,8 @@
 //! Hierarchy Construction", 2018) followed by parallel reinsertion (the same authors, 2018) and leaf collapse by the
 //! surface area heuristic. Boxes are computed here from the vertices themselves.
 
+use std::collections::HashSet;
+
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -303,12 +305,35 @@ pub(super) fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
         }
         boxes.push(bounds);
     }
-    Ok(tree::flatten(
-        Some(&quality_tree(&boxes)),
-        &boxes,
-        &MESH_SHAPE,
-        &mut Scratch::default(),
-    ))
+    let scratch = &mut Scratch::default();
+    if is_uniform(&boxes) {
+        let shape = Shape {
+            split: Split::BinnedSah,
+            ..MESH_SHAPE
+        };
+        return Ok(tree::flatten(None, &boxes, &shape, scratch));
+    }
+    let tree = quality_tree(&boxes);
+    Ok(tree::flatten(Some(&tree), &boxes, &MESH_SHAPE, scratch))
+}
+
+/// Whether nearly all boxes have the same few sizes, as coincident triangles and regular strips do. Clustering takes
+/// quadratic time over those, for it finds neighbours that are all equally near and merges one pair at a time: a quarter
+/// of an hour for a million.
+fn is_uniform(boxes: &[Bounds32]) -> bool {
+    /// Few enough for quadratic time.
+    const FEW: usize = 1024;
+    /// Boxes per size. Mirror images of a symmetric mesh share theirs by eights.
+    const SAME: usize = 64;
+    if boxes.len() <= FEW {
+        return false;
+    }
+    let most = boxes.len() / SAME;
+    let mut sizes = HashSet::with_capacity(most + 1);
+    boxes.iter().all(|bounds| {
+        sizes.insert((bounds.max - bounds.min).to_array().map(f32::to_bits));
+        sizes.len() <= most
+    })
 }
 
 const MESH_SHAPE: Shape = Shape {

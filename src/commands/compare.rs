@@ -14,6 +14,7 @@ pub fn compare(options: &CompareOptions) -> Result<u8, Failure> {
             exposure: options.exposure,
             pixels_per_degree: options.pixels_per_degree,
         },
+        options.limits.load(),
     )?;
     let text = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;
     println!("{text}");

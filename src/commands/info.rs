@@ -9,6 +9,7 @@ use crate::frame::user_passes::shader_library;
 use crate::gpu::context::{AdapterSummary, adapters};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
+use crate::printable;
 use crate::renderer::{automatic_radius_m, plan_of_scene, shader_features};
 use crate::scene::Needs;
 use crate::settings::{Settings, registry};
@@ -30,7 +31,7 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
         report["settings"] = registry::listing();
     }
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
-    println!("{text}");
+    println!("{}", printable::json(&text));
     Ok(())
 }
 
@@ -60,6 +61,8 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
+        "outside_files": scene.source.outside_files,
+        "too_bright_lights": scene.source.too_bright_lights,
         "bounds_in_world": scene
             .bounds_in_world()
             .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),

@@ -7,18 +7,20 @@ mod report;
 mod run;
 mod view;
 
-use std::path::Path;
+use std::io::Write as _;
 
 use crate::bench::BenchError;
 use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::images::ImageError;
+use crate::limits::LoadBudget;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
 use crate::options::Options;
 use crate::output::OutputError;
+use crate::printable::escaped;
 use crate::renderer::RenderError;
-use crate::scene::{Scene, SceneError, load_environment};
+use crate::scene::{Scene, SceneError, load_environment_within};
 use crate::settings::Settings;
 use crate::viewer::ViewError;
 use crate::xr::XrError;
@@ -37,7 +39,7 @@ impl Failure {
     pub fn unusable(message: impl ToString) -> Self {
         Self {
             status: 2,
-            message: message.to_string(),
+            message: escaped(&message.to_string()),
         }
     }
 
@@ -45,7 +47,7 @@ impl Failure {
     pub fn failed(message: impl ToString) -> Self {
         Self {
             status: 1,
-            message: message.to_string(),
+            message: escaped(&message.to_string()),
         }
     }
 }
@@ -162,6 +164,21 @@ impl From<BenchError> for Failure {
     }
 }
 
+/// Sends what is logged to stderr. Names out of files may be in it, so control characters are escaped.
+pub fn start_log() {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
+        // wgpu reports each adapter quirk as a warning; what matters to a user comes back as an error.
+        "warn,wgpu=error,wgpu_core=error,wgpu_hal=error,naga=error",
+    ))
+    .format(|out, record| {
+        let (level, style) = (record.level(), out.default_level_style(record.level()));
+        let text = record.args().to_string();
+        let lines: Vec<String> = text.lines().map(escaped).collect();
+        writeln!(out, "[{style}{level:<5}{style:#}] {}", lines.join("\n"))
+    })
+    .init();
+}
+
 /// Carries out a command; the exit status of success is 0, unless `compare` finds too large an error.
 ///
 /// # Errors
@@ -182,14 +199,16 @@ const BUILTIN: &str = "builtin:";
 
 /// Loads a scene by `--scene`'s rules, with the environment that the settings name.
 fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
+    let budget = LoadBudget::new(settings.limits.load());
     let mut scene = match settings.scene.strip_prefix(BUILTIN) {
         Some(name) => Scene::builtin(name)?,
-        None => Scene::load(Path::new(&settings.scene))?,
+        None => Scene::load_within(&settings.scene, &budget)?,
     };
     if !settings.environment.path.is_empty() {
-        let (environment, warnings) = load_environment(
+        let (environment, warnings) = load_environment_within(
             &settings.environment.path,
             settings.environment.strength as f32,
+            &budget,
         )?;
         scene.environment = Some(environment);
         scene.warnings.extend(warnings);

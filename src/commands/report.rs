@@ -31,6 +31,10 @@ pub struct SceneSummary {
     pub hierarchy_depth: u32,
     /// Lower and upper corner, world, metres.
     pub bounds_in_world: Option<[[f64; 3]; 2]>,
+    /// Files outside the scene's folder that were read (`--allow-outside`), the first hundred.
+    pub outside_files: Vec<String>,
+    /// Lights, or glowing meshes, of more power than can be rendered.
+    pub too_bright_lights: usize,
 }
 
 /// Medians over the frames, over the last 1,000 of a longer run.
@@ -140,6 +144,8 @@ impl<'a> RunReport<'a> {
                 bounds_in_world: scene
                     .bounds_in_world()
                     .map(|bounds| [bounds.min.to_array(), bounds.max.to_array()]),
+                outside_files: scene.source.outside_files.clone(),
+                too_bright_lights: scene.source.too_bright_lights,
             },
             needs,
             features: renderer

@@ -3,10 +3,11 @@
 use super::Failure;
 use super::run::replay_options;
 use crate::interrupt;
+use crate::limits::LoadBudget;
 use crate::options::ViewOptions;
 use crate::output::OutputFolder;
 use crate::scene::edit::Document;
-use crate::scene::load_environment;
+use crate::scene::load_environment_within;
 use crate::viewer::session::Recording;
 use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};
@@ -16,10 +17,12 @@ use crate::xr::{Headset, ReplaySession, Validated};
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let settings = &options.settings;
     let headset = Headset::load(&settings.headset)?;
-    let mut document = Document::load(&settings.scene)?;
+    let budget = LoadBudget::new(settings.limits.load());
+    let mut document = Document::load_within(&settings.scene, &budget)?;
     if !settings.environment.path.is_empty() {
         let strength = settings.environment.strength as f32;
-        let (environment, warnings) = load_environment(&settings.environment.path, strength)?;
+        let (environment, warnings) =
+            load_environment_within(&settings.environment.path, strength, &budget)?;
         document.set_environment(Some(environment));
         for warning in warnings {
             log::warn!("{warning}");

@@ -13,11 +13,13 @@
 //! whole image. docs/architecture.md has the steps.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use super::bind::meaning;
 use super::passes::{self, Domain, Pass};
 use super::run::{named, specialised};
 use super::step::{Action, Eye, List, PlannedStage, Size, Stage, Step};
+use crate::files;
 use crate::gpu::kernel::{BindingKind, reflect_bindings};
 use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
 use crate::settings::{UserDomain, UserPass};
@@ -65,11 +67,19 @@ pub fn shader_library(folder: &str, user_passes: &[UserPass]) -> Result<ShaderLi
                 "a name is made of small letters, digits and underscores, and begins with a letter",
             ));
         }
-        let source = std::fs::read_to_string(&pass.file)
-            .map_err(|error| fault(pass, format_args!("cannot be read: {error}")))?;
+        let source = read_source(&pass.file)
+            .map_err(|reason| fault(pass, format_args!("cannot be read: {reason}")))?;
         library.insert(&pass_of(pass).shader_name(), source);
     }
     Ok(library)
+}
+
+fn read_source(path: &Path) -> Result<String, String> {
+    /// Longest shader that is read, bytes.
+    const MOST_BYTES: u64 = 1 << 20;
+    let bytes = files::read_at_most(path, MOST_BYTES)?
+        .ok_or_else(|| format!("it is longer than {MOST_BYTES} bytes"))?;
+    String::from_utf8(bytes).map_err(|error| error.to_string())
 }
 
 /// The passes, each behind the one that it follows.

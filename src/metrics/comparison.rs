@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::flip::{FlipView, flip_map};
 use super::{BlockedMean, Mask, MetricsError, finite, is_finite, mean_square, require_size};
-use crate::images::{Image, ImageError, ImageRgb, luminance, read_image};
+use crate::images::{Image, ImageError, ImageFile, ImageRgb, luminance};
+use crate::limits::{LoadBudget, LoadLimits, OverBudget};
 
 /// Errors of an image against a reference.
 ///
@@ -63,9 +64,16 @@ pub enum CompareError {
     /// The images do not go together.
     #[error(transparent)]
     Metrics(#[from] MetricsError),
+    /// Their differences take more memory than they may.
+    #[error(transparent)]
+    TooLarge(#[from] OverBudget),
 }
 
-/// Compares an image file with a reference file, over a mask file's white pixels if there is one.
+/// What the metrics take beside the two images, bytes per pixel: FLIP's images in its colour spaces, its features and maps.
+const METRIC_BYTES: u64 = 120;
+
+/// Compares an image file with a reference file, over a mask file's white pixels if there is one, within the memory that
+/// `limits` allow.
 ///
 /// # Errors
 /// [`CompareError`], one line.
@@ -74,11 +82,20 @@ pub fn compare_files(
     reference: &Path,
     mask: Option<&Path>,
     view: FlipView,
+    limits: LoadLimits,
 ) -> Result<Comparison, CompareError> {
-    let image = read_image(image)?;
-    let reference = read_image(reference)?;
+    let budget = LoadBudget::new(limits);
+    let image = ImageFile::open(image, &budget)?;
+    let reference = ImageFile::open(reference, &budget)?;
     let mask = mask
-        .map(read_image)
+        .map(|mask| ImageFile::open(mask, &budget))
+        .transpose()?;
+    // Before anything is decoded, so that what cannot be compared is not read either.
+    let bytes = reference.pixels()?.saturating_mul(METRIC_BYTES);
+    budget.take(bytes, "the images' differences")?;
+    let (image, reference) = (image.decode(&budget)?, reference.decode(&budget)?);
+    let mask = mask
+        .map(|mask| mask.decode(&budget))
         .transpose()?
         .map(|mask| Mask::from_image(&mask));
     Ok(compare(&image, &reference, mask.as_ref(), view)?)

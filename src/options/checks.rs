@@ -16,7 +16,7 @@ impl Options {
         match self {
             Self::Run(options) => options.check()?,
             Self::Render(options) => options.settings = options.shared.layers.read()?.finish()?,
-            Self::Compare(_) => {}
+            Self::Compare(options) => options.limits = options.layers.read()?.finish()?.limits,
             Self::Bench(options) => options.check()?,
             Self::Info(options) => options.check()?,
             Self::View(options) => {

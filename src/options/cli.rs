@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-use super::setting_flags::{BENCH, INFO, RUN, SHARED, SettingFlags};
+use super::setting_flags::{BENCH, COMPARE, INFO, RUN, SHARED, SettingFlags};
 use super::values::{self, choice, real, whole};
 use crate::settings::choices::choices;
-use crate::settings::{Eyes, Settings};
+use crate::settings::{Eyes, LimitsSettings, Settings};
 use crate::xr::{Fov, Pose, TraceBody, TraceUp};
 
 pub(super) const STATUS_HELP: &str = "\
@@ -289,6 +289,11 @@ pub struct CompareOptions {
         default_value = "67"
     )]
     pub pixels_per_degree: f64,
+    /// What reading the images may cost.
+    #[arg(skip)]
+    pub limits: LimitsSettings,
+    #[command(flatten)]
+    pub(super) layers: LayerArgs<COMPARE>,
 }
 
 /// Options of `bench`. `None` leaves a number to the suite.

@@ -1,13 +1,14 @@
 //! Settings in layers: defaults, config file, `--set`, flags. A later layer replaces single values of an earlier one.
 
 use std::fmt;
-use std::io::Read as _;
 use std::path::Path;
 
 use serde_json::Value;
 use toml::de::{DeTable, DeValue};
 
 use super::{OptionsError, quoted};
+use crate::files;
+use crate::printable::escaped;
 use crate::settings::{Kind, Settings, registry, user_pass};
 
 /// Longest config file that is read, in bytes.
@@ -71,18 +72,9 @@ impl Layers {
             path: shown.clone(),
             reason,
         };
-        if path.is_dir() {
-            return Err(unreadable("is a directory".to_owned()));
-        }
-        let mut bytes = Vec::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(MAX_CONFIG_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-        if bytes.len() as u64 > MAX_CONFIG_BYTES {
-            return Err(unreadable(format!(
-                "is longer than {MAX_CONFIG_BYTES} bytes"
-            )));
-        }
+        let bytes = files::read_at_most(path, MAX_CONFIG_BYTES)
+            .map_err(|error| unreadable(format!("cannot be read: {error}")))?
+            .ok_or_else(|| unreadable(format!("is longer than {MAX_CONFIG_BYTES} bytes")))?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let valid = error.utf8_error().valid_up_to();
             OptionsError::ConfigSyntax {
@@ -268,7 +260,7 @@ fn unknown(key: &str, raw: &Value, source: &str, place: &Place<'_>) -> OptionsEr
     match keys_of(key) {
         keys if keys.is_empty() => OptionsError::UnknownKey {
             place: place.to_string(),
-            key: key.escape_debug().to_string(),
+            key: escaped(key),
             nearest: nearest(key, raw.is_object()),
         },
         keys => OptionsError::Conflict(format!(
@@ -302,7 +294,7 @@ fn nearest(unknown: &str, section: bool) -> &'static str {
 }
 
 fn shown_path(path: &Path) -> String {
-    path.display().to_string().escape_debug().to_string()
+    escaped(&path.display().to_string())
 }
 
 /// A value in a message, as it was written but on one line.

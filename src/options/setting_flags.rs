@@ -21,11 +21,16 @@ pub(super) const RUN: usize = 1;
 pub(super) const BENCH: usize = 2;
 /// Those of `info`.
 pub(super) const INFO: usize = 3;
+/// Those of `compare`: none.
+pub(super) const COMPARE: usize = 4;
+
+const TRUST: &str = "; only for scenes whose maker you trust: whatever they name is read";
 
 #[rustfmt::skip]
-const ROWS: [&[Row]; 4] = [
+const ROWS: [&[Row]; 5] = [
     &[
         ("--scene", "scene", "PATH|builtin:NAME", ", with NAME one of {scenes}"),
+        ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--method", "method", "METHOD", ""),
         ("--reuse", "reuse", "REUSE", ""),
         ("--photons", "photon.count", "N", ""),
@@ -42,13 +47,16 @@ const ROWS: [&[Row]; 4] = [
     ],
     &[
         ("--size", "size", "WxH", " [default: 256x256; smoke 32x32]"),
+        ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--adapter", "adapter", "NAME", ": a discrete GPU, then integrated, then software"),
     ],
     &[
         ("--scene", "scene", "PATH|builtin:NAME", "; says what it needs and what is left out [default: none]"),
+        ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--method", "method", "METHOD", " that the scene's needs are worked out for"),
         ("--adapter", "adapter", "NAME", "; marks the adapter that would be used"),
     ],
+    &[],
 ];
 
 /// The flags of a list of [`ROWS`] as they were given.
@@ -114,6 +122,11 @@ fn arg(row: &Row) -> Arg {
             words: known,
             sentences,
         } => arg.value_parser(words(known, sentences)),
+        // A word that follows is not the flag's.
+        Kind::Bool => arg
+            .num_args(0..=1)
+            .require_equals(true)
+            .default_missing_value("true"),
         _ => arg,
     }
 }

@@ -1,11 +1,14 @@
 //! Equirectangular environment maps.
 
-use std::io::Cursor;
 use std::path::Path;
 
-use image::{ImageFormat, ImageReader, Limits};
+use image::ImageFormat;
 
 use super::SceneError;
+use crate::decoding::Encoded;
+use crate::files;
+use crate::limits::{LoadBudget, OverBudget};
+use crate::printable;
 
 /// Radiance from infinitely far, over all directions.
 ///
@@ -26,16 +29,36 @@ pub struct Environment {
 /// Most texels: what a 16k x 8k map has.
 const MAX_TEXELS: u64 = 1 << 27;
 
-/// Reads a `.hdr` (Radiance RGBE) or `.exr` (OpenEXR) equirectangular map and multiplies it by `strength`.
+/// Radiance above which f32 runs out when it is divided by the chance of its texel.
+const MOST_RADIANCE: f32 = 1e30;
+
+/// What a texel takes, bytes: as decoded in floats, sorted into texels, and packed for the device with the tables that it is
+/// sampled by.
+const TEXEL_BYTES: u64 = 48;
+
+/// Reads a `.hdr` (Radiance RGBE) or `.exr` (OpenEXR) equirectangular map and multiplies it by `strength`. Takes as much
+/// memory as a load may by default.
 ///
 /// Returns the map and warnings, one line each: negative texels are raised to 0, a shape other than 2:1 is stretched.
 ///
 /// # Errors
-/// One line that names the file: unreadable, another format, broken, larger than 2^27 texels, with texels that are not
-/// finite, or with a `strength` that is negative or not finite.
+/// One line that names the file: unreadable, another format, broken, larger than 2^27 texels or than the memory allows, with
+/// texels that are not finite, or with a `strength` that is negative or not finite.
 pub fn load_environment(
     path: impl AsRef<Path>,
     strength: f32,
+) -> Result<(Environment, Vec<String>), SceneError> {
+    load_environment_within(path, strength, &LoadBudget::default())
+}
+
+/// As [`load_environment`], taking what `budget` allows.
+///
+/// # Errors
+/// As [`load_environment`].
+pub fn load_environment_within(
+    path: impl AsRef<Path>,
+    strength: f32,
+    budget: &LoadBudget,
 ) -> Result<(Environment, Vec<String>), SceneError> {
     let path = path.as_ref();
     if !(strength.is_finite() && strength >= 0.0) {
@@ -44,7 +67,8 @@ pub fn load_environment(
             format!("environment.strength must be 0 or more, it is {strength}"),
         ));
     }
-    let bytes = super::import::read_file(path)?;
+    let bytes =
+        files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))?;
     let format = if bytes.starts_with(b"#?") {
         ImageFormat::Hdr
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
@@ -55,22 +79,21 @@ pub fn load_environment(
             "an environment must be Radiance .hdr or OpenEXR .exr, this is neither",
         ));
     };
-    let broken =
-        |error: image::ImageError| SceneError::invalid(path, format!("cannot be decoded: {error}"));
-    let (width, height) = ImageReader::with_format(Cursor::new(&bytes), format)
-        .into_dimensions()
-        .map_err(broken)?;
-    if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MAX_TEXELS {
-        return Err(SceneError::invalid(
-            path,
-            format!("{width}x{height} texels: an environment has 1 to {MAX_TEXELS}"),
-        ));
+    let fault = |reason: String| SceneError::invalid(path, reason);
+    let encoded = Encoded::open(&bytes, format).map_err(fault)?;
+    let (width, height) = (encoded.width, encoded.height);
+    if encoded.pixels() > MAX_TEXELS {
+        return Err(fault(format!(
+            "{width}x{height} texels: an environment has 1 to {MAX_TEXELS}"
+        )));
     }
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(MAX_TEXELS * 16);
-    reader.limits(limits);
-    let pixels = reader.decode().map_err(broken)?.into_rgb32f();
+    let over = |error: OverBudget| SceneError::over(path, &error);
+    let what = format_args!("{width}x{height} texels");
+    budget
+        .take(encoded.pixels() * TEXEL_BYTES, what)
+        .map_err(over)?;
+    let _held = budget.hold(encoded.decoding_bytes(), what).map_err(over)?;
+    let pixels = encoded.decode().map_err(fault)?.into_rgb32f();
 
     let mut warnings = Vec::new();
     if width != 2 * height {
@@ -98,6 +121,21 @@ pub fn load_environment(
             path.display()
         ));
     }
+    let too_bright = radiance
+        .iter()
+        .filter(|texel| texel.iter().any(|channel| *channel > MOST_RADIANCE));
+    match too_bright.count() {
+        0 => {}
+        count => warnings.push(format!(
+            "{}: {count} texels are brighter than {MOST_RADIANCE:e}, more than can be rendered: pixels may be black or wrong; \
+             lower environment.strength",
+            path.display()
+        )),
+    }
+    let warnings = warnings
+        .iter()
+        .map(|warning| printable::line(warning))
+        .collect();
     let name = path.file_name().map_or_else(
         || path.display().to_string(),
         |name| name.to_string_lossy().into_owned(),
@@ -115,6 +153,8 @@ pub fn load_environment(
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::*;
 
     fn write(name: &str, bytes: &[u8]) -> std::path::PathBuf {

@@ -4,11 +4,15 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// A scene or environment that cannot be used. `Display` is one line: where, what, and how to mend it where that is not obvious.
+use crate::limits::OverBudget;
+use crate::printable::line;
+
+/// A scene or environment that cannot be used. `Display` is one line of at most 300 characters, fit for
+/// a terminal: where, what, and how to mend it where that is not obvious.
 #[derive(Debug, Error)]
 pub enum SceneError {
     /// The file could not be read from disk.
-    #[error("{}: cannot be read: {reason}", path.display())]
+    #[error("{}", line(&format!("{}: cannot be read: {reason}", path.display())))]
     Read {
         /// The file that was asked for.
         path: PathBuf,
@@ -16,15 +20,25 @@ pub enum SceneError {
         reason: String,
     },
     /// The file was read, but its content cannot be used.
-    #[error("{}: {what}", path.display())]
+    #[error("{}", line(&format!("{}: {what}", path.display())))]
     Invalid {
         /// The file at fault.
         path: PathBuf,
         /// Which part of it, what is wrong, and how to mend it.
         what: String,
     },
+    /// The scene names a file outside its own folder.
+    #[error("{}", line(&format!("{}: {place} names '{name}', which does not lie below the scene's folder; if you trust the file's maker, --allow-outside reads it", path.display())))]
+    Outside {
+        /// The scene.
+        path: PathBuf,
+        /// Which part of it.
+        place: String,
+        /// The file that it names, in its words.
+        name: String,
+    },
     /// `builtin:NAME` names no embedded scene.
-    #[error("no embedded scene is called '{name}': the names are {known}")]
+    #[error("{}", line(&format!("no embedded scene is called '{name}': the names are {known}")))]
     UnknownBuiltin {
         /// The name that was asked for.
         name: String,
@@ -32,9 +46,7 @@ pub enum SceneError {
         known: String,
     },
     /// `animation.clip` names no animation of the scene.
-    #[error(
-        "{scene} has no animation '{wanted}' (animation.clip): {known}; \"none\" plays nothing"
-    )]
+    #[error("{}", line(&format!("{scene} has no animation '{wanted}' (animation.clip): {known}; \"none\" plays nothing")))]
     UnknownClip {
         /// Name of the scene.
         scene: String,
@@ -44,7 +56,7 @@ pub enum SceneError {
         known: String,
     },
     /// A scene made in memory cannot be written as glTF.
-    #[error("glTF writer: {what}")]
+    #[error("{}", line(&format!("glTF writer: {what}")))]
     Write {
         /// What does not fit the format.
         what: String,
@@ -52,17 +64,17 @@ pub enum SceneError {
 }
 
 impl SceneError {
-    /// A fault in the content of `path`. Line breaks in `what` are flattened, so that every error stays one line.
+    /// A fault in the content of `path`.
     pub(crate) fn invalid(path: &Path, what: impl AsRef<str>) -> Self {
-        let what = what
-            .as_ref()
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
         Self::Invalid {
             path: path.to_path_buf(),
-            what,
+            what: what.as_ref().to_owned(),
         }
+    }
+
+    /// Something in `path` takes too much memory.
+    pub(crate) fn over(path: &Path, error: &OverBudget) -> Self {
+        Self::invalid(path, error.to_string())
     }
 
     /// A system error for `path`.

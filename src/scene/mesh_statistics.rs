@@ -1,5 +1,6 @@
 //! What is worth remembering of a scene's triangles and texels, so that an edit need not look at them again.
 
+use std::collections::HashMap;
 use std::sync::OnceLock;
 
 use glam::{DMat3, DVec3};
@@ -112,23 +113,21 @@ impl MeshStatistics {
             bounds: Bounds::of_points(mesh.positions.iter().copied().map(as_dvec3)),
             ..Self::default()
         };
+        let mut place_of = HashMap::new();
         // Neighbours have the same material, mostly.
         let mut last = 0;
         for triangle in &mesh.triangles {
             let material = triangle.material as usize;
             let uses = &mut statistics.uses;
             if uses.get(last).map(|known| known.material) != Some(material) {
-                last = uses
-                    .iter()
-                    .position(|known| known.material == material)
-                    .unwrap_or_else(|| {
-                        uses.push(MaterialUse {
-                            material,
-                            triangles: 0,
-                            is_translucent: false,
-                        });
-                        uses.len() - 1
+                last = *place_of.entry(material).or_insert_with(|| {
+                    uses.push(MaterialUse {
+                        material,
+                        triangles: 0,
+                        is_translucent: false,
                     });
+                    uses.len() - 1
+                });
             }
             let entry = &mut uses[last];
             entry.triangles += 1;

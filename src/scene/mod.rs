@@ -14,6 +14,7 @@
 pub mod animation;
 pub mod builtin;
 pub mod deform;
+mod demand;
 pub mod edit;
 pub mod environment;
 mod error;
@@ -30,11 +31,12 @@ mod subtree;
 
 use std::path::Path;
 
+use crate::limits::LoadBudget;
 use glam::{BVec3, DAffine3, DMat3, DQuat, DVec3};
 
 pub use animation::{Animation, Trs};
 pub use deform::{Deformation, MorphTarget, Skin, VertexJoints};
-pub use environment::{Environment, load_environment};
+pub use environment::{Environment, load_environment, load_environment_within};
 pub use error::SceneError;
 pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap};
 pub use mesh::{Mesh, MeshTriangle};
@@ -45,7 +47,8 @@ pub use pose::ScenePose;
 
 use crate::pose::Pose;
 
-/// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible.
+/// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible; those in the
+/// world, too, and within f32.
 ///
 /// Fields may be added: make one with `Scene { ..., ..Scene::default() }`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,6 +90,10 @@ pub struct SourceFacts {
     pub motion: Motion,
     /// Features of the file that are not modelled.
     pub left_out: Vec<LeftOut>,
+    /// Files outside the scene's own folder that were read, because `limits.allow_outside` says so; the first hundred.
+    pub outside_files: Vec<String>,
+    /// Lights, or glowing meshes, of more power than the renderer can count.
+    pub too_bright_lights: usize,
 }
 
 /// A node of the transform tree.
@@ -238,22 +245,32 @@ impl Bounds {
 }
 
 impl Scene {
-    /// Reads a `.gltf` or `.glb` file with everything it refers to.
+    /// Reads a `.gltf` or `.glb` file with everything it refers to, which must lie below the file's own folder. Takes as much
+    /// memory as a load may by default.
     ///
     /// # Errors
     /// One line that names the file, the part at fault and how to mend it: unreadable file, broken container or JSON,
     /// index out of range, data that does not fit its buffer, vertices that are not finite, a node graph that is not a
-    /// tree, a singular transform, an extension that is required and not supported.
+    /// tree, a singular transform, an extension that is required and not supported, a file outside the folder, more than
+    /// the memory allows.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
-        import::load(path.as_ref())
+        Self::load_within(path, &LoadBudget::default())
     }
 
-    /// Imports a `.glb` or self-contained `.gltf` held in memory. External files resolve against the working directory.
+    /// As [`Scene::load`], taking and reaching what `budget` allows.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_within(path: impl AsRef<Path>, budget: &LoadBudget) -> Result<Self, SceneError> {
+        import::load(path.as_ref(), budget)
+    }
+
+    /// Imports a `.glb` or self-contained `.gltf` held in memory. Files that it names must lie below the working directory.
     ///
     /// # Errors
     /// As [`Scene::load`]; `name` stands where the path would.
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, SceneError> {
-        import::from_bytes(Path::new(name), bytes)
+        import::from_bytes(Path::new(name), bytes, &LoadBudget::default())
     }
 
     /// Makes an embedded scene, by name with or without the prefix `builtin:`.

@@ -17,8 +17,9 @@ pub use choices::{
 };
 pub use registry::{Kind, Setting};
 pub use table::{
-    AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, OpenXrSettings,
-    OutputSettings, PathSettings, PhotonSettings, PictureSettings, ReconstructSettings,
-    RenderSettings, Settings, SimulatedSettings, StereoSettings, TimingSettings,
+    AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,
+    OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
+    ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
+    TimingSettings,
 };
 pub use user_pass::{UserDomain, UserPass};

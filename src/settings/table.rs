@@ -11,6 +11,7 @@ use super::choices::{
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
+use crate::limits::LoadLimits;
 
 const fn whole(min: u64, max: u64) -> Kind {
     Kind::Whole { min, max }
@@ -142,6 +143,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Simulated headset", &[SIMULATED]),
     RowSection::new("OpenXR", &[OPENXR]),
     RowSection::new("GPU", &[TIMING, SHADERS]),
+    RowSection::new("Limits", &[LIMITS]),
 ];
 
 settings! {
@@ -173,6 +175,8 @@ settings! {
             openxr: OpenXrSettings;
             /// GPU use.
             gpu: GpuSettings;
+            /// What reading files may cost and reach.
+            limits: LimitsSettings;
         }
     }
 
@@ -409,6 +413,16 @@ settings! {
             shader_folder: String = String::new(), TEXT;
         }
     }
+
+    /// What reading files may cost and reach (`limits.*`).
+    struct LimitsSettings at (limits) "limits." {
+        rows LIMITS {
+            /// memory that loading a scene with its environment may take; 0 takes 4, or half of the machine's if that is less
+            load_memory: f64 = 0.0, real(0.0, 1e6), "GiB";
+            /// scenes may name files outside their own folder
+            allow_outside: bool = false;
+        }
+    }
 }
 
 /// The section `force`, whose settings are all alike, and its list by the features' names.
@@ -482,6 +496,22 @@ impl PhotonSettings {
             _ => return Ok(()),
         };
         Err(format!("{set} goes with {needs} only; change one of them"))
+    }
+}
+
+impl LimitsSettings {
+    /// As a load takes them.
+    #[must_use]
+    pub fn load(&self) -> LoadLimits {
+        let otherwise = LoadLimits::default();
+        LoadLimits {
+            memory_bytes: match self.load_memory {
+                0.0 => otherwise.memory_bytes,
+                // Saturates.
+                gib => (gib * f64::from(1 << 30)) as u64,
+            },
+            allow_outside: self.allow_outside,
+        }
     }
 }
 

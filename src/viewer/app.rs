@@ -98,6 +98,8 @@ pub struct App {
     pub(super) tab: Tab,
     pub(super) shows_help: bool,
     pub(super) asks_to_quit: bool,
+    /// The scene that was refused for naming files outside its folder, while it is asked whether to read them.
+    pub(super) asks_outside: Option<String>,
     pub(super) frame: Option<Box<FrameReport>>,
     pub(super) pictures: Pictures,
     pub(super) gizmo: TransformGizmo,
@@ -164,6 +166,7 @@ impl App {
             tab: Tab::default(),
             shows_help: false,
             asks_to_quit: false,
+            asks_outside: None,
             frame: None,
             pictures: Pictures::default(),
             gizmo: TransformGizmo::default(),

@@ -43,6 +43,7 @@ impl App {
                 self.shows_help = false;
             } else if self.asks_to_quit {
                 self.asks_to_quit = false;
+            } else if self.asks_outside.take().is_some() {
             } else if self.loading.is_some() {
                 self.cancel_loading();
                 self.say(context, "reading was cancelled", false);

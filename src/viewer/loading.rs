@@ -5,8 +5,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
 use super::session::{Recording, is_trace};
+use crate::limits::LoadBudget;
 use crate::scene::edit::Document;
-use crate::scene::{Environment, load_environment};
+use crate::scene::{Environment, SceneError, load_environment_within};
 use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
 
@@ -20,12 +21,29 @@ pub enum Loaded {
     Trace(Box<Recording>),
 }
 
+/// Why nothing was read.
+pub struct Refused {
+    /// One line.
+    pub text: String,
+    /// It names files outside its own folder: a person who trusts it may read it all the same.
+    pub names_outside: bool,
+}
+
+impl From<String> for Refused {
+    fn from(text: String) -> Self {
+        Self {
+            text,
+            names_outside: false,
+        }
+    }
+}
+
 /// A file that is being read. Dropping it cancels: the thread's result is thrown away.
 pub struct Loading {
     name: String,
     is_environment: bool,
     since: Instant,
-    result: Receiver<Result<Loaded, String>>,
+    result: Receiver<Result<Loaded, Refused>>,
 }
 
 impl Loading {
@@ -62,9 +80,10 @@ impl Loading {
                 let loaded =
                     crate::foreign_errors::caught(|| read(kind, &path, &settings, headset, start))
                         .unwrap_or_else(|panicked| {
-                            Err(format!(
+                            let text = format!(
                                 "{path}: reading it failed ({panicked}); please report the file"
-                            ))
+                            );
+                            Err(text.into())
                         });
                 // Cancelled: nobody waits.
                 let _ = sender.send(loaded);
@@ -94,12 +113,12 @@ impl Loading {
     }
 
     /// The result, once it is there. One line if it failed.
-    pub fn poll(&self) -> Option<Result<Loaded, String>> {
+    pub fn poll(&self) -> Option<Result<Loaded, Refused>> {
         match self.result.try_recv() {
             Ok(loaded) => Some(loaded),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(format!("{}: reading it failed", self.name)))
+                Some(Err(format!("{}: reading it failed", self.name).into()))
             }
         }
     }
@@ -118,14 +137,20 @@ fn read(
     settings: &Settings,
     headset: Headset,
     start: Pose,
-) -> Result<Loaded, String> {
-    let line = |error: &dyn std::fmt::Display| error.to_string();
+) -> Result<Loaded, Refused> {
+    let line = |error: &dyn std::fmt::Display| Refused::from(error.to_string());
+    let budget = LoadBudget::new(settings.limits.load());
     let strength = settings.environment.strength as f32;
     match kind {
         Kind::Scene => {
-            let mut document = Document::load(path).map_err(|error| line(&error))?;
+            let document = Document::load_within(path, &budget);
+            let mut document = document.map_err(|error| Refused {
+                names_outside: matches!(error, SceneError::Outside { .. }),
+                ..line(&error)
+            })?;
             if !settings.environment.path.is_empty() {
-                let (environment, _) = load_environment(&settings.environment.path, strength)
+                let path = &settings.environment.path;
+                let (environment, _) = load_environment_within(path, strength, &budget)
                     .map_err(|error| line(&error))?;
                 document.set_environment(Some(environment));
             }
@@ -133,7 +158,7 @@ fn read(
         }
         Kind::Environment => {
             let (environment, warnings) =
-                load_environment(path, strength).map_err(|error| line(&error))?;
+                load_environment_within(path, strength, &budget).map_err(|error| line(&error))?;
             for warning in warnings {
                 log::warn!("{warning}");
             }

@@ -27,7 +27,10 @@ impl App {
         }
         self.loading = None;
         match loaded {
-            Err(error) => self.say(context, error, true),
+            Err(refused) => {
+                self.asks_outside = refused.names_outside.then_some(name);
+                self.say(context, refused.text, true);
+            }
             Ok(Loaded::Scene(document)) => {
                 for warning in &document.scene().warnings {
                     log::warn!("{warning}");
@@ -82,6 +85,19 @@ impl App {
 
     /// Begins to read a scene, an environment or a recording, by its name.
     pub fn open(&mut self, context: &Context, spec: String) {
+        let settings = Arc::clone(&self.settings);
+        self.open_with(context, spec, &settings);
+    }
+
+    /// Begins to read the scene that was refused for naming files outside its folder, with them.
+    pub(super) fn open_with_outside(&mut self, context: &Context, spec: String) {
+        let mut settings = (*self.settings).clone();
+        settings.limits.allow_outside = true;
+        self.open_with(context, spec, &settings);
+    }
+
+    fn open_with(&mut self, context: &Context, spec: String, settings: &Settings) {
+        self.asks_outside = None;
         let is_map = std::path::Path::new(&spec)
             .extension()
             .is_some_and(|extension| extension == "hdr" || extension == "exr");
@@ -94,7 +110,7 @@ impl App {
             return;
         }
         // A second file takes the place of one that is still being read.
-        match Loading::begin(spec, &self.settings, &self.headset, self.camera.pose()) {
+        match Loading::begin(spec, settings, &self.headset, self.camera.pose()) {
             Ok(loading) => self.loading = Some(loading),
             Err(error) => self.say(context, error, true),
         }

@@ -6,7 +6,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
+use crate::files;
 use crate::images::write_atomically;
+
+/// What is read of the file at most, bytes: it has a few lines.
+const MAX_BYTES: u64 = 1 << 16;
 
 /// Size, layout and open panels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,19 +60,15 @@ impl WindowState {
 
     /// Reads it; what cannot be read or makes no sense is as in a first start, with a warning.
     pub fn load(path: &Path) -> Self {
-        let text = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::default(),
-            Err(error) => {
-                log::warn!(
-                    "{}: cannot be read ({error}); the window opens as at first",
-                    path.display()
-                );
-                return Self::default();
-            }
-        };
-        let read: Self = toml::from_str(&text).unwrap_or_else(|error| {
-            let reason = error.message();
+        if !path.exists() {
+            return Self::default();
+        }
+        let text = files::read_regular(path, MAX_BYTES)
+            .and_then(|bytes| String::from_utf8(bytes).map_err(|error| error.to_string()));
+        let read = text.and_then(|text| {
+            toml::from_str::<Self>(&text).map_err(|error| error.message().to_owned())
+        });
+        let read = read.unwrap_or_else(|reason| {
             log::warn!("{}: {reason}; the window opens as at first", path.display());
             Self::default()
         });

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::printable;
+
 /// An error of the session layer; one line when displayed.
 #[derive(Debug, thiserror::Error)]
 pub enum XrError {
@@ -95,29 +97,15 @@ impl InputError {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        one_line(f, &self.file)?;
+        let mut text = self.file.clone();
         if let Some(line) = self.line {
-            write!(f, ", line {line}")?;
+            text.push_str(&format!(", line {line}"));
         }
         if let Some(field) = &self.field {
-            f.write_str(", field ")?;
-            one_line(f, field)?;
+            text.push_str(&format!(", field {field}"));
         }
-        f.write_str(": ")?;
-        one_line(f, &self.what)
+        f.write_str(&printable::line(&format!("{text}: {}", self.what)))
     }
-}
-
-/// Writes text that may come from a file, its control characters escaped: a JSON key may hold a line feed.
-fn one_line(f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
-    for c in text.chars() {
-        if c.is_control() {
-            write!(f, "{}", c.escape_default())?;
-        } else {
-            fmt::Write::write_char(f, c)?;
-        }
-    }
-    Ok(())
 }
 
 /// A flag's value that cannot be used: what is wrong and what would do.

@@ -5,6 +5,7 @@
 
 use super::view::{Fov, Pose, View};
 use super::{InputError, XrError, validation};
+use crate::files;
 use crate::settings::registry::MAX_SIZE;
 use glam::{DQuat, DVec3, EulerRot};
 use serde::Deserialize;
@@ -88,26 +89,12 @@ impl Headset {
     }
 
     fn from_file(path: &Path) -> Result<Self, InputError> {
-        use std::io::Read;
         let file = path.display().to_string();
-        let unreadable =
-            |cause: std::io::Error| InputError::file(&file, format!("cannot be read: {cause}"));
-        if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
-            return Err(InputError::file(
-                &file,
-                "is a directory; name a .toml file in it",
-            ));
-        }
-        let mut bytes = Vec::new();
-        std::fs::File::open(path)
-            .and_then(|f| f.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(unreadable)?;
-        if bytes.len() as u64 > MAX_FILE_BYTES {
-            return Err(InputError::file(
-                &file,
-                "larger than 1 MiB; this is not a headset profile",
-            ));
-        }
+        let bytes = files::read_at_most(path, MAX_FILE_BYTES)
+            .map_err(|cause| InputError::file(&file, format!("cannot be read: {cause}")))?
+            .ok_or_else(|| {
+                InputError::file(&file, "larger than 1 MiB; this is not a headset profile")
+            })?;
         let Ok(text) = std::str::from_utf8(&bytes) else {
             return Err(InputError::file(
                 &file,

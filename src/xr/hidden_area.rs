@@ -2,6 +2,9 @@
 
 use super::view::Tangents;
 
+/// Triangles of a mesh that are kept: both eyes' fit into the header of a recording, which is one line.
+const MOST_TRIANGLES: usize = 200;
+
 /// Triangles on the plane one metre ahead of an eye (x right, y up: tangents of viewing angles) that nobody can see.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HiddenArea {
@@ -10,7 +13,7 @@ pub struct HiddenArea {
 
 impl HiddenArea {
     /// From a mesh: corners, and three indices per triangle. Triangles with an index or a coordinate that makes no sense
-    /// are left out, which only costs rays.
+    /// are left out, and of more than [`MOST_TRIANGLES`] the smallest, which only costs rays.
     #[must_use]
     pub fn from_mesh(vertices: &[[f64; 2]], indices: &[u32]) -> Self {
         let corner = |index: u32| {
@@ -19,14 +22,20 @@ impl HiddenArea {
                 .copied()
                 .filter(|corner| corner.iter().all(|c| c.is_finite()))
         };
-        Self {
-            triangles: indices
-                .as_chunks::<3>()
-                .0
-                .iter()
-                .filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
-                .collect(),
+        let mut triangles: Vec<[[f64; 2]; 3]> = indices
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
+            .collect();
+        if triangles.len() > MOST_TRIANGLES {
+            let area = |[a, b, c]: &[[f64; 2]; 3]| {
+                ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+            };
+            triangles.sort_by(|a, b| area(b).total_cmp(&area(a)));
+            triangles.truncate(MOST_TRIANGLES);
         }
+        Self { triangles }
     }
 
     /// From triangles; every number must be finite.
@@ -75,6 +84,9 @@ impl HiddenArea {
             };
             for j in range(1, rows) {
                 for i in range(0, columns) {
+                    if corners[j * columns + i] {
+                        continue;
+                    }
                     let (x, y) = (i as f64, j as f64);
                     let sides = [edge(a, b, x, y), edge(b, c, x, y), edge(c, a, x, y)];
                     // Either winding; edges belong to the triangle, so that neighbours leave no seam. Rounding of the

@@ -1,7 +1,7 @@
 //! Text files line by line, with limits: what is read here comes from outside.
 
 use super::InputError;
-use std::fs::File;
+use crate::files;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -27,15 +27,11 @@ pub(super) struct TextLines<R> {
     pushed_back: Option<Line>,
 }
 
-/// Opens `path`, refusing directories.
-pub(super) fn open(path: &Path) -> Result<TextLines<BufReader<File>>, InputError> {
+/// Opens `path`: a file, or a pipe that brings something.
+pub(super) fn open(path: &Path) -> Result<TextLines<BufReader<Box<dyn Read + Send>>>, InputError> {
     let name = path.display().to_string();
-    let unreadable =
-        |cause: std::io::Error| InputError::file(&name, format!("cannot be read: {cause}"));
-    if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
-        return Err(InputError::file(&name, "is a directory; name a file in it"));
-    }
-    let file = File::open(path).map_err(unreadable)?;
+    let file = files::open(path)
+        .map_err(|cause| InputError::file(&name, format!("cannot be read: {cause}")))?;
     Ok(TextLines::new(name, BufReader::new(file)))
 }
 

@@ -246,6 +246,35 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
 }
 
 #[test]
+fn many_triangles_of_one_size_build_in_time_and_hit() {
+    const COUNT: usize = 200_000;
+    let unit = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let strip: Vec<[Vec3; 3]> = (0..COUNT)
+        .map(|at| unit.map(|corner| corner + Vec3::X * at as f32))
+        .collect();
+    for (triangles, last) in [(vec![unit; COUNT], 0), (strip, COUNT - 1)] {
+        let began = std::time::Instant::now();
+        let world = World::new(
+            &[mesh_of(&triangles)],
+            &[placed(DAffine3::IDENTITY, 0)],
+            DVec3::ZERO,
+        );
+        // Clustering takes minutes over these.
+        assert!(began.elapsed().as_secs() < 30, "{:?}", began.elapsed());
+        world.meshes.validate().unwrap();
+        let ray = Ray {
+            origin: Vec3::new(last as f32 + 0.25, 0.25, 1.0),
+            t_max: 1e9,
+            direction: Vec3::NEG_Z,
+        };
+        assert_eq!(
+            trace(&world.arrays(), &ray, false).map(|hit| hit.t),
+            Some(1.0)
+        );
+    }
+}
+
+#[test]
 fn equal_distances_are_decided_by_index() {
     let unit = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let ray = Ray {

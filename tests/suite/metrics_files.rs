@@ -3,6 +3,7 @@
 use std::fs;
 
 use stereolux::images::{Image, ImageRgb, write_exr, write_png};
+use stereolux::limits::LoadLimits;
 use stereolux::metrics::{FlipView, compare_files};
 
 #[test]
@@ -20,9 +21,9 @@ fn files_are_compared_and_faults_named() {
         .map(|i| if i % 24 < 12 { [255; 3] } else { [0; 3] })
         .collect();
     write_png(&path("mask.png"), &Image::new(24, 16, mask).unwrap()).unwrap();
-    let view = FlipView::default();
+    let (view, limits) = (FlipView::default(), LoadLimits::default());
 
-    let same = compare_files(&path("two.exr"), &path("two.exr"), None, view).unwrap();
+    let same = compare_files(&path("two.exr"), &path("two.exr"), None, view, limits).unwrap();
     assert_eq!((same.rel_mse, same.rmse, same.flip), (Some(0.0), 0.0, 0.0));
 
     // r = 2, x = 3, s = 4: 1 / (4 + 0.04).
@@ -31,6 +32,7 @@ fn files_are_compared_and_faults_named() {
         &path("two.exr"),
         Some(&path("mask.png")),
         view,
+        limits,
     )
     .unwrap();
     assert!((wrong.rel_mse.unwrap() - 1.0 / 4.04).abs() < 1e-12);
@@ -60,7 +62,7 @@ fn files_are_compared_and_faults_named() {
         ("missing.exr", "missing.exr"),
         ("mask.png/x", "mask.png"),
     ] {
-        let message = compare_files(&path(image), &path("two.exr"), None, view)
+        let message = compare_files(&path(image), &path("two.exr"), None, view, limits)
             .unwrap_err()
             .to_string();
         assert!(

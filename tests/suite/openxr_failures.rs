@@ -300,3 +300,61 @@ fn a_lost_device_ends_the_run_with_all_frames_kept() {
     assert!(line.starts_with("error: the device was lost in "), "{line}");
     assert!((1..100).contains(&stats(&out).len()));
 }
+
+#[test]
+fn answers_that_make_no_sense_are_refused_or_passed_over() {
+    let folder = Folder::new("openxr-wild");
+    // No size, no pair of views: nothing to render.
+    for (behaviour, says) in [
+        ("no_size", "asks for images of 0x0 pixels per eye"),
+        (
+            "huge_size",
+            "asks for images of 4294967295x4294967295 pixels per eye",
+        ),
+        ("three_views", "offers no stereo view configuration"),
+    ] {
+        let out = folder.join(behaviour);
+        let output = on_fake(
+            &folder,
+            behaviour,
+            &[],
+            &["run", "--session", "openxr", "--out", text(&out)],
+        );
+        assert_status(&output, 1);
+        assert!(one_error(&output).contains(says), "{}", stderr(&output));
+        assert!(!out.exists());
+    }
+    // Names are shown without what steers a terminal.
+    let output = on_fake(&folder, "wild_name", &[], &["info"]);
+    assert_status(&output, 0);
+    let report = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        report.contains("owned") && !report.chars().any(|c| c.is_control() && c != '\n'),
+        "{report:?}"
+    );
+    // What is left of rates and masks is used.
+    for (behaviour, refresh_hz) in [
+        ("wild_rates", 75.0),
+        ("no_rates", 90.0),
+        ("wild_mask", 90.0),
+    ] {
+        let (out, trace) = (
+            folder.join(behaviour),
+            folder.join(&format!("{behaviour}.jsonl")),
+        );
+        let args = small_run(&out, &trace, 2);
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let output = on_fake(&folder, behaviour, &[], &args);
+        assert_status(&output, 0);
+        let trace = Trace::read(&trace).unwrap();
+        assert_eq!(trace.header.refresh_hz, refresh_hz, "{behaviour}");
+        assert_eq!(trace.header.hidden.is_some(), behaviour == "wild_mask");
+        if let Some(hidden) = trace.header.hidden {
+            assert!(
+                hidden
+                    .iter()
+                    .all(|area| (1..=200).contains(&area.triangles().len()))
+            );
+        }
+    }
+}

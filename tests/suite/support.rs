@@ -17,7 +17,6 @@ use stereolux::xr::{Fov, Pose, View};
 pub fn adapter_name() -> &'static str {
     static NAME: OnceLock<String> = OnceLock::new();
     NAME.get_or_init(|| {
-        stereolux::gpu::vulkan_interop::disable_device_select_layer();
         let found = adapters();
         let wanted = std::env::var("STEREOLUX_TEST_ADAPTER").unwrap_or_default();
         let chosen = match wanted.as_str() {

@@ -159,7 +159,8 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-fn drop_file(viewer: &mut Viewer, path: &Path) {
+/// Drops a file onto the window.
+pub fn drop_file(viewer: &mut Viewer, path: &Path) {
     let file: egui::DroppedFileHandle = Arc::new(Dropped(path.to_owned()));
     viewer.input_mut().dropped_files.push(file);
     viewer.step();

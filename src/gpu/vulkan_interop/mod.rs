@@ -9,23 +9,47 @@ pub mod openxr;
 /// The layer reorders devices, which [`super::context`] does by rules of its own, and it complains on stderr where
 /// there is no display (`XDG_RUNTIME_DIR is invalid`), in the middle of messages that promise to be one line.
 ///
-/// Call first thing in `main`.
+/// Call first thing in `main`: once there is another thread, it does nothing.
 pub fn disable_device_select_layer() {
-    const SWITCH: &str = "NODEVICE_SELECT";
-    if std::env::var_os(SWITCH).is_none() {
-        // SAFETY: no other thread exists yet, so nobody reads the environment while it changes.
-        unsafe { std::env::set_var(SWITCH, "1") };
-    }
+    set_if_unset("NODEVICE_SELECT", "1");
 }
 
 /// Keeps the OpenXR loader from printing its own report of every library that it tries, unless the user has set its
 /// variable: what matters of it comes back as one line of ours.
 ///
-/// Call first thing in `main`.
+/// Call first thing in `main`: once there is another thread, it does nothing.
 pub fn quiet_openxr_loader() {
-    const LEVEL: &str = "XR_LOADER_DEBUG";
-    if std::env::var_os(LEVEL).is_none() {
-        // SAFETY: no other thread exists yet, so nobody reads the environment while it changes.
-        unsafe { std::env::set_var(LEVEL, "none") };
+    set_if_unset("XR_LOADER_DEBUG", "none");
+}
+
+/// Sets a variable of this process that has no value, if that is safe.
+fn set_if_unset(name: &str, value: &str) {
+    if std::env::var_os(name).is_none() && may_set_variables() {
+        // SAFETY: nobody else can read the environment while it changes, as was just found out.
+        unsafe { std::env::set_var(name, value) };
+    }
+}
+
+/// Whether the environment can be changed without another thread reading it: always on Windows, which locks it; elsewhere
+/// while this thread is the only one, which can start no other meanwhile. Where the system does not say, no.
+fn may_set_variables() -> bool {
+    if cfg!(windows) {
+        return true;
+    }
+    let threads = std::fs::read_dir("/proc/self/task");
+    threads.is_ok_and(|threads| threads.count() == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    #[cfg(unix)]
+    #[test]
+    fn with_other_threads_about_the_environment_stays_as_it_is() {
+        let (stop, wait) = std::sync::mpsc::channel::<()>();
+        let other = std::thread::spawn(move || wait.recv());
+        super::set_if_unset("STEREOLUX_TEST_VARIABLE", "1");
+        assert_eq!(std::env::var_os("STEREOLUX_TEST_VARIABLE"), None);
+        drop(stop);
+        assert!(other.join().unwrap().is_err());
     }
 }

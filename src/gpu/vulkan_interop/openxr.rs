@@ -21,7 +21,7 @@ use wgpu::hal::vulkan as hal;
 type Vulkan = wgpu::hal::api::Vulkan;
 
 /// What a session is created of.
-pub type SessionParts = (
+pub(crate) type SessionParts = (
     xr::Session<xr::Vulkan>,
     xr::FrameWaiter,
     xr::FrameStream<xr::Vulkan>,
@@ -53,7 +53,7 @@ fn instance_proc_addr(entry: &ash::Entry) -> xr::sys::platform::VkGetInstancePro
 ///
 /// # Errors
 /// One line: no Vulkan loader, or what the runtime or the driver says.
-pub fn adapter_of_runtime(
+pub(crate) fn adapter_of_runtime(
     runtime: &xr::Instance,
     system: xr::SystemId,
 ) -> Result<(wgpu::Instance, wgpu::Adapter), String> {
@@ -127,11 +127,12 @@ pub fn adapter_of_runtime(
     Ok((instance, adapter))
 }
 
-/// Opens the adapter of [`adapter_of_runtime`] through the runtime, which may add what it needs itself.
+/// Opens the adapter of [`adapter_of_runtime`] through the runtime, which may add what it needs itself. Crate-private, as its
+/// neighbours: callers owe that adapter, runtime and system belong together.
 ///
 /// # Errors
 /// One line.
-pub fn open_device(
+pub(crate) fn open_device(
     runtime: &xr::Instance,
     system: xr::SystemId,
     adapter: &wgpu::Adapter,
@@ -204,11 +205,12 @@ pub fn open_device(
     unsafe { adapter.create_device_from_hal(open, descriptor) }.map_err(|error| error.to_string())
 }
 
-/// A session on a device of [`open_device`]. The device lives at least as long as the session.
+/// A session on a device of [`open_device`]. The device lives at least as long as the session. Callers owe that runtime,
+/// system and device belong together.
 ///
 /// # Errors
 /// The runtime's.
-pub fn create_session(
+pub(crate) fn create_session(
     runtime: &xr::Instance,
     system: xr::SystemId,
     device: &wgpu::Device,
@@ -233,8 +235,9 @@ pub fn create_session(
 
 /// An image of a runtime's swapchain as a wgpu texture that render passes write and nothing else touches.
 ///
-/// The texture must be gone, and the device polled, before the swapchain is destroyed; the session sees to it.
-pub fn wrap_image(
+/// Callers owe that `image` is an image of this device with this format and size. The texture must be gone, and the device
+/// polled, before the swapchain is destroyed; the session sees to it.
+pub(crate) fn wrap_image(
     device: &wgpu::Device,
     image: u64,
     format: wgpu::TextureFormat,
@@ -289,7 +292,7 @@ pub fn wrap_image(
 }
 
 /// What a projection layer shows of one eye.
-pub struct LayerView<'a> {
+pub(crate) struct LayerView<'a> {
     /// Eye in the layer's space.
     pub pose: xr::Posef,
     /// Its field of view.
@@ -304,7 +307,7 @@ pub struct LayerView<'a> {
 ///
 /// # Errors
 /// The runtime's.
-pub fn end_frame_with_layer(
+pub(crate) fn end_frame_with_layer(
     stream: &mut xr::FrameStream<xr::Vulkan>,
     time: xr::Time,
     blend_mode: xr::EnvironmentBlendMode,

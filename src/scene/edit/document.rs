@@ -1,10 +1,11 @@
 //! A scene with the history of its edits, and the file that it came from.
 
 use std::collections::VecDeque;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::super::{Material, Node, PunctualLight, Scene, SceneError, builtin, import};
 use super::{Edit, EditError};
+use crate::limits::{LoadBudget, LoadLimits};
 
 /// Steps that can be undone; older ones are forgotten.
 pub const HISTORY_LIMIT: usize = 1000;
@@ -24,6 +25,8 @@ pub struct Original {
     pub materials: Vec<Material>,
     /// Its lights.
     pub lights: Vec<PunctualLight>,
+    /// What reading its files again may cost and reach.
+    pub limits: LoadLimits,
 }
 
 impl Original {
@@ -43,6 +46,7 @@ impl Original {
             roots: scene.roots.clone(),
             materials: scene.materials.clone(),
             lights: scene.lights.clone(),
+            limits: LoadLimits::default(),
         }
     }
 }
@@ -77,22 +81,30 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads a scene: the path of a `.gltf` or `.glb`, or `builtin:NAME`.
+    /// Reads a scene: the path of a `.gltf` or `.glb`, or `builtin:NAME`. Takes as much memory as a load may by default.
     ///
     /// # Errors
     /// As [`Scene::load`] and [`Scene::builtin`].
     pub fn load(spec: &str) -> Result<Self, SceneError> {
-        let (bytes, scene) = if spec.starts_with("builtin:") {
-            let bytes = builtin::glb(spec)?.to_vec();
-            let scene = Scene::from_bytes(spec, &bytes)?;
-            (bytes, scene)
+        Self::load_within(spec, &LoadBudget::default())
+    }
+
+    /// As [`Document::load`], taking and reaching what `budget` allows; saving reads the scene's files within the same limits.
+    ///
+    /// # Errors
+    /// As [`Document::load`].
+    pub fn load_within(spec: &str, budget: &LoadBudget) -> Result<Self, SceneError> {
+        let path = Path::new(spec);
+        let bytes = if spec.starts_with("builtin:") {
+            builtin::glb(spec)?.to_vec()
         } else {
-            let path = PathBuf::from(spec);
-            let bytes = import::read_file(&path)?;
-            let scene = import::from_bytes(&path, &bytes)?;
-            (bytes, scene)
+            import::read_file(path, budget)?
         };
-        let original = Original::new(spec, bytes, &scene);
+        let scene = import::from_bytes(path, &bytes, budget)?;
+        let original = Original {
+            limits: budget.limits(),
+            ..Original::new(spec, bytes, &scene)
+        };
         Ok(Self::new(scene, original))
     }
 

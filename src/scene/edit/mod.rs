@@ -18,6 +18,7 @@ use glam::DAffine3;
 use thiserror::Error;
 
 use super::{Material, Node, PunctualLight, Scene, Trs};
+use crate::printable::line;
 
 pub use document::{Document, HISTORY_LIMIT, Original};
 pub use presets::MaterialPreset;
@@ -171,7 +172,7 @@ pub enum EditError {
         count: usize,
     },
     /// A transform or another value that no scene can have.
-    #[error("{name}: {reason}")]
+    #[error("{}", line(&format!("{name}: {reason}")))]
     Value {
         /// What the value is for.
         name: String,
@@ -179,13 +180,13 @@ pub enum EditError {
         reason: String,
     },
     /// The node is not in the scene, because it or what it hangs on has been deleted.
-    #[error("{name}: is not in the scene")]
+    #[error("{}", line(&format!("{name}: is not in the scene")))]
     Gone {
         /// The node's name.
         name: String,
     },
     /// Deleting or duplicating would take a skinned mesh and its joints apart.
-    #[error("{name}: {reason}")]
+    #[error("{}", line(&format!("{name}: {reason}")))]
     Skinned {
         /// The node's name.
         name: String,
@@ -193,7 +194,7 @@ pub enum EditError {
         reason: String,
     },
     /// A mesh has no triangle with the material.
-    #[error("mesh '{mesh}' has no triangle of material '{material}'")]
+    #[error("{}", line(&format!("mesh '{mesh}' has no triangle of material '{material}'")))]
     NotPainted {
         /// The mesh's name.
         mesh: String,

@@ -1,4 +1,5 @@
-//! Typed reads from buffers. Every count is held against the bytes that are really there before memory is taken.
+//! Typed reads from buffers. Every count is held against the bytes that are really there, and what it expands to against
+//! the load's budget, before memory is taken.
 
 use gltf::json;
 use gltf::json::accessor::{ComponentType, Type};
@@ -7,15 +8,18 @@ use gltf::json::validation::Checked;
 use super::super::SceneError;
 use super::document::Document;
 use super::extensions;
+use super::resources::Buffers;
+use crate::limits::product;
 
-/// Accessors without a buffer view hold zeros, so no buffer bounds their count: this does (bytes after expansion).
-const MAX_ZERO_BYTES: u64 = 1 << 28;
+/// What a number that is read takes, bytes: as f32, and as f64 or in a vector of a fixed size after that. Accessors may
+/// overlap, and those without a buffer view hold zeros, so that no buffer bounds the sum.
+const NUMBER_BYTES: u64 = 12;
 
 /// Reads accessors of one document.
 pub struct Reader<'a> {
     pub document: &'a Document<'a>,
     /// One per buffer of the document, cut to its declared length.
-    pub buffers: &'a [Vec<u8>],
+    pub buffers: &'a Buffers<'a>,
 }
 
 /// Where an accessor's elements lie.
@@ -109,12 +113,7 @@ impl<'a> Reader<'a> {
             ));
         }
         let Some(view_index) = accessor.buffer_view else {
-            let bytes = count.saturating_mul(multiplicity as u64 * 4);
-            if bytes > MAX_ZERO_BYTES {
-                return Err(fault(format!(
-                    "count {count} without a buffer view is over the limit of {MAX_ZERO_BYTES} bytes"
-                )));
-            }
+            self.take(index, count, multiplicity)?;
             return Ok(Layout {
                 data: None,
                 stride: element_size,
@@ -144,6 +143,7 @@ impl<'a> Reader<'a> {
                 bytes.len()
             )));
         }
+        self.take(index, count, multiplicity)?;
         Ok(Layout {
             data: bytes.get(offset as usize..),
             stride,
@@ -152,6 +152,18 @@ impl<'a> Reader<'a> {
             component,
             normalized: accessor.normalized,
         })
+    }
+
+    fn take(&self, index: usize, count: u64, multiplicity: usize) -> Result<(), SceneError> {
+        let bytes = product(&[count, multiplicity as u64, NUMBER_BYTES]);
+        let place = format!("accessors[{index}]");
+        self.document
+            .take(bytes, &place, format_args!("{count} elements"))
+    }
+
+    /// Number of an accessor's elements, by what it declares.
+    pub fn count_of(&self, index: usize, place: &str) -> Result<u64, SceneError> {
+        Ok(self.accessor(index, place)?.count.0)
     }
 
     /// Reads an accessor as floats: `(components per element, values)`. Normalised integers are scaled (glTF 2.0,

@@ -1,10 +1,11 @@
 //! Files, the GLB container and `data:` URIs.
 
-use std::fs;
 use std::path::Path;
 
 use super::super::SceneError;
 use super::Notes;
+use crate::files;
+use crate::limits::LoadBudget;
 
 /// Chunk types of GLB (glTF 2.0, section 4.4.3), little-endian.
 const CHUNK_JSON: u32 = u32::from_le_bytes(*b"JSON");
@@ -17,16 +18,9 @@ pub struct Parts<'a> {
     pub blob: Option<&'a [u8]>,
 }
 
-/// Reads a regular file. Directories, devices and pipes are refused, so that nothing blocks or grows without end.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let metadata = fs::metadata(path).map_err(|error| SceneError::read(path, error))?;
-    if metadata.is_dir() {
-        return Err(SceneError::read(path, "it is a directory; name a file"));
-    }
-    if !metadata.is_file() {
-        return Err(SceneError::read(path, "it is not a regular file"));
-    }
-    fs::read(path).map_err(|error| SceneError::read(path, error))
+/// Reads a regular file, once `budget` allows it.
+pub fn read_file(path: &Path, budget: &LoadBudget) -> Result<Vec<u8>, SceneError> {
+    files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))
 }
 
 /// Finds the JSON and binary parts of a `.gltf` or `.glb`.
@@ -83,7 +77,7 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
         return Err(truncated(declared as u64));
     }
     if declared < bytes.len() {
-        notes.warn(format!(
+        notes.warn(format_args!(
             "{} bytes after the end of the binary glTF are ignored",
             bytes.len() - declared
         ));

@@ -1,7 +1,8 @@
 //! Which glTF extensions are evaluated, and what happens to a file that uses others.
 
+use std::collections::HashSet;
+
 use super::super::SceneError;
-use super::super::needs::LeftOut;
 use super::Notes;
 use super::document::Document;
 
@@ -85,15 +86,14 @@ pub fn check(document: &Document<'_>, notes: &mut Notes) -> Result<(), SceneErro
             "the file requires the extension {name}, which is not supported: {advice}"
         )));
     }
-    let mut seen: Vec<&str> = Vec::new();
+    let mut seen: HashSet<&str> = HashSet::new();
     for name in &document.root.extensions_used {
-        if SUPPORTED.contains(&name.as_str()) || seen.contains(&name.as_str()) {
+        if SUPPORTED.contains(&name.as_str()) || !seen.insert(name) {
             continue;
         }
-        seen.push(name);
         let why = approximated(name).unwrap_or_else(|| consequence(name));
-        notes.warn(format!("extension {name} is not supported: {why}"));
-        notes.source.left_out.push(LeftOut::new(name.as_str(), why));
+        notes.warn(format_args!("extension {name} is not supported: {why}"));
+        notes.leave_out(name, why);
     }
     Ok(())
 }

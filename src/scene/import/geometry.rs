@@ -8,26 +8,34 @@ use gltf::json::validation::Checked;
 use super::super::{Mesh, MeshTriangle, MorphTarget, SceneError, VertexJoints, as_dvec3};
 use super::Notes;
 use super::accessors::Reader;
-use super::document::Document;
 use super::extensions;
 use super::materials::Library;
 use super::tangents;
+use crate::limits::{Held, product};
 
-/// Most vertices, and most triangles, over all meshes. More than any supported adapter can bind, and a bound on the
-/// memory that a small file with many primitives over one buffer can ask for.
-const MAX_ELEMENTS: usize = 1 << 25;
+/// Most vertices, and most triangles, over all meshes: more than any supported adapter can bind.
+const MAX_ELEMENTS: u64 = 1 << 25;
+
+/// A vertex, bytes: in the scene, and packed for the device.
+const VERTEX_BYTES: u64 = 256;
+/// A triangle, bytes: in the scene, and in its mesh's hierarchy while that is built.
+const TRIANGLE_BYTES: u64 = 512;
+/// One morph target of one vertex, bytes.
+const DELTA_BYTES: u64 = 24;
+/// A vertex on the way, bytes: where it went, its geometric normal, and its joints while they are sorted.
+const VERTEX_SCRATCH_BYTES: u64 = 160;
+/// A triangle on the way, bytes: its indices, as a list, and as chosen.
+const TRIANGLE_SCRATCH_BYTES: u64 = 64;
 
 /// Imports every mesh of the document.
 pub fn import_meshes(
-    document: &Document<'_>,
-    buffers: &[Vec<u8>],
+    reader: &Reader<'_>,
     library: &mut Library,
     notes: &mut Notes,
 ) -> Result<Vec<Mesh>, SceneError> {
-    let reader = Reader { document, buffers };
+    let document = reader.document;
     let mut meshes = Vec::with_capacity(document.root.meshes.len());
-    let mut total_vertices = 0;
-    let mut total_triangles = 0;
+    let mut total = [0; 2];
     for (mesh_index, source) in document.root.meshes.iter().enumerate() {
         let name = source
             .name
@@ -37,31 +45,42 @@ pub fn import_meshes(
             name,
             ..Mesh::default()
         };
+        let primitives = document
+            .raw_item("meshes", mesh_index)
+            .and_then(|mesh| mesh.get("primitives"));
         for (primitive_index, primitive) in source.primitives.iter().enumerate() {
-            let place = format!("meshes[{mesh_index}].primitives[{primitive_index}]");
-            let raw = document
-                .raw_item("meshes", mesh_index)
-                .and_then(|mesh| mesh.get("primitives")?.get(primitive_index));
             let mut import = PrimitiveImport {
-                reader: &reader,
-                place,
+                reader,
+                place: format!("meshes[{mesh_index}].primitives[{primitive_index}]"),
                 primitive,
-                raw,
+                raw: primitives.and_then(|list| list.get(primitive_index)),
                 notes,
             };
-            let Some(data) = import.read()? else { continue };
-            import.append(data, library, &mut mesh)?;
-            if total_vertices + mesh.positions.len() > MAX_ELEMENTS
-                || total_triangles + mesh.triangles.len() > MAX_ELEMENTS
-            {
-                return Err(document.fault(format!("meshes[{mesh_index}]: the scene has more than {MAX_ELEMENTS} vertices or triangles")));
+            let Some(mode) = import.mode()? else { continue };
+            let size = import.size(mode, library)?;
+            total = [total[0] + size.vertices, total[1] + size.triangles];
+            if total.iter().any(|count| *count > MAX_ELEMENTS) {
+                return Err(document.fault(format!(
+                    "meshes[{mesh_index}]: the scene has more than {MAX_ELEMENTS} vertices or triangles"
+                )));
             }
+            let _held = import.take(&size)?;
+            let data = import.read(mode)?;
+            import.append(data, library, &mut mesh)?;
         }
-        total_vertices += mesh.positions.len();
-        total_triangles += mesh.triangles.len();
         meshes.push(mesh);
     }
     Ok(meshes)
+}
+
+/// How large a primitive becomes, by the counts that it declares.
+struct PrimitiveSize {
+    /// Vertices of the file.
+    read: u64,
+    /// Vertices of the mesh, at most.
+    vertices: u64,
+    triangles: u64,
+    targets: u64,
 }
 
 /// Arrays as the file has them: one entry per vertex of the accessors, triangles as a plain list.
@@ -85,15 +104,15 @@ struct PrimitiveImport<'a, 'd> {
     notes: &'a mut Notes,
 }
 
-impl PrimitiveImport<'_, '_> {
+impl<'d> PrimitiveImport<'_, 'd> {
     fn fault(&self, what: &str) -> SceneError {
         self.reader
             .document
             .fault(format!("{}: {what}", self.place))
     }
 
-    /// Reads and checks; `None` for points and lines, which have no surface.
-    fn read(&mut self) -> Result<Option<PrimitiveData>, SceneError> {
+    /// Which triangles its indices make; `None` for points and lines, which have no surface.
+    fn mode(&mut self) -> Result<Option<Mode>, SceneError> {
         if let Some(name) = extensions::compression_of(self.raw) {
             let has_fallback = self.primitive.attributes.values().all(|accessor| {
                 self.reader
@@ -109,20 +128,95 @@ impl PrimitiveImport<'_, '_> {
                 )));
             }
         }
-        let mode = match self.primitive.mode {
-            Checked::Valid(mode) => mode,
-            Checked::Invalid => return Err(self.fault("unknown mode")),
+        let Checked::Valid(mode) = self.primitive.mode else {
+            return Err(self.fault("unknown mode"));
         };
         if matches!(
             mode,
             Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip
         ) {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: points and lines have no surface and are left out",
                 self.place
             ));
             return Ok(None);
         }
+        Ok(Some(mode))
+    }
+
+    fn accessor_of(&self, semantic: Semantic) -> Option<usize> {
+        let found = self.primitive.attributes.get(&Checked::Valid(semantic));
+        found.map(|accessor| accessor.value())
+    }
+
+    /// How large it becomes: nothing is read for it.
+    fn size(&self, mode: Mode, library: &Library) -> Result<PrimitiveSize, SceneError> {
+        let Some(positions) = self.accessor_of(Semantic::Positions) else {
+            return Err(self.fault("has no POSITION"));
+        };
+        let read = self.reader.count_of(positions, &self.place)?;
+        let corners = match self.primitive.indices {
+            Some(indices) => self.reader.count_of(indices.value(), &self.place)?,
+            None => read,
+        };
+        let triangles = match mode {
+            Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
+            _ => corners / 3,
+        };
+        let corners = product(&[3, triangles]);
+        let vertices = if self.accessor_of(Semantic::Normals).is_none() {
+            corners
+        } else if self.splits_charts(library) {
+            corners.min(product(&[2, read]))
+        } else {
+            corners.min(read)
+        };
+        Ok(PrimitiveSize {
+            read,
+            vertices,
+            triangles,
+            targets: self.primitive.targets.as_ref().map_or(0, Vec::len) as u64,
+        })
+    }
+
+    /// Whether vertices in which mirrored and unmirrored charts meet are doubled: where tangents have to be derived.
+    fn splits_charts(&self, library: &Library) -> bool {
+        let material = self.primitive.material.map(|material| material.value());
+        let surface = material.and_then(|material| library.materials.get(material));
+        self.accessor_of(Semantic::Tangents).is_none()
+            && surface.is_some_and(|surface| surface.normal_texture.is_some())
+    }
+
+    /// Asks for the memory of what it becomes, and of what is needed until it has.
+    fn take(&self, size: &PrimitiveSize) -> Result<Held<'d>, SceneError> {
+        let PrimitiveSize {
+            read,
+            vertices,
+            triangles,
+            targets,
+        } = *size;
+        let document = self.reader.document;
+        let what =
+            format_args!("{vertices} vertices, {triangles} triangles, {targets} morph targets");
+        let kept = [
+            product(&[vertices, VERTEX_BYTES]),
+            product(&[triangles, TRIANGLE_BYTES]),
+            product(&[vertices, targets, DELTA_BYTES]),
+        ];
+        document.take(sum(kept), &self.place, what)?;
+        let on_the_way = [
+            product(&[read.max(vertices), VERTEX_SCRATCH_BYTES]),
+            product(&[triangles, TRIANGLE_SCRATCH_BYTES]),
+            product(&[read, targets, DELTA_BYTES]),
+        ];
+        document
+            .budget
+            .hold(sum(on_the_way), format_args!("{}: {what}", self.place))
+            .map_err(|error| SceneError::over(document.path, &error))
+    }
+
+    /// Reads and checks.
+    fn read(&mut self, mode: Mode) -> Result<PrimitiveData, SceneError> {
         let Some(positions) = self.attribute::<3>(&Semantic::Positions, None)? else {
             return Err(self.fault("has no POSITION"));
         };
@@ -150,7 +244,7 @@ impl PrimitiveImport<'_, '_> {
         } else {
             None
         };
-        Ok(Some(PrimitiveData {
+        Ok(PrimitiveData {
             normals,
             tangents,
             uv0: self.attribute::<2>(&Semantic::TexCoords(0), Some(count))?,
@@ -160,7 +254,7 @@ impl PrimitiveImport<'_, '_> {
             targets: self.targets(count)?,
             positions,
             triangles,
-        }))
+        })
     }
 
     /// Reads an attribute of `N` floats; every value must be finite, and there must be `count` of them.
@@ -169,31 +263,25 @@ impl PrimitiveImport<'_, '_> {
         semantic: &Semantic,
         count: Option<usize>,
     ) -> Result<Option<Vec<[f32; N]>>, SceneError> {
-        let Some(accessor) = self
-            .primitive
-            .attributes
-            .get(&Checked::Valid(semantic.clone()))
-        else {
+        let Some(accessor) = self.accessor_of(semantic.clone()) else {
             return Ok(None);
         };
+        self.check_count(accessor, semantic, count)?;
         let place = format!("{}.{}", self.place, semantic.to_string());
-        let (_, values) = self.reader.read_floats(accessor.value(), &[N], &place)?;
+        let (_, values) = self.reader.read_floats(accessor, &[N], &place)?;
         let (elements, _) = values.as_chunks::<N>();
-        self.check(elements, semantic, count)?;
+        self.check(elements, semantic)?;
         Ok(Some(elements.to_vec()))
     }
 
     fn colors(&self, count: usize) -> Result<Option<Vec<[f32; 4]>>, SceneError> {
         let semantic = Semantic::Colors(0);
-        let Some(accessor) = self
-            .primitive
-            .attributes
-            .get(&Checked::Valid(semantic.clone()))
-        else {
+        let Some(accessor) = self.accessor_of(semantic.clone()) else {
             return Ok(None);
         };
+        self.check_count(accessor, &semantic, Some(count))?;
         let place = format!("{}.COLOR_0", self.place);
-        let (components, values) = self.reader.read_floats(accessor.value(), &[3, 4], &place)?;
+        let (components, values) = self.reader.read_floats(accessor, &[3, 4], &place)?;
         let colors: Vec<[f32; 4]> = values
             .chunks_exact(components)
             .map(|color| {
@@ -205,7 +293,7 @@ impl PrimitiveImport<'_, '_> {
                 ]
             })
             .collect();
-        self.check(&colors, &semantic, Some(count))?;
+        self.check(&colors, &semantic)?;
         Ok(Some(
             colors
                 .into_iter()
@@ -214,19 +302,28 @@ impl PrimitiveImport<'_, '_> {
         ))
     }
 
+    /// Checks that an accessor has an element for every vertex, before it is read.
+    fn check_count(
+        &self,
+        accessor: usize,
+        semantic: &Semantic,
+        count: Option<usize>,
+    ) -> Result<(), SceneError> {
+        let found = self.reader.count_of(accessor, &self.place)?;
+        match count.filter(|count| *count as u64 != found) {
+            Some(count) => Err(self.fault(&format!(
+                "{} has {found} elements, POSITION has {count}",
+                semantic.to_string()
+            ))),
+            None => Ok(()),
+        }
+    }
+
     fn check<const N: usize>(
         &self,
         elements: &[[f32; N]],
         semantic: &Semantic,
-        count: Option<usize>,
     ) -> Result<(), SceneError> {
-        if let Some(count) = count.filter(|count| *count != elements.len()) {
-            return Err(self.fault(&format!(
-                "{} has {} elements, POSITION has {count}",
-                semantic.to_string(),
-                elements.len()
-            )));
-        }
         match elements
             .iter()
             .position(|element| element.iter().any(|value| !value.is_finite()))
@@ -266,7 +363,7 @@ impl PrimitiveImport<'_, '_> {
             _ => {
                 let (triangles, rest) = indices.as_chunks::<3>();
                 if !rest.is_empty() {
-                    self.notes.warn(format!(
+                    self.notes.warn(format_args!(
                         "{}: {} indices after the last whole triangle are ignored",
                         self.place,
                         rest.len()
@@ -304,7 +401,7 @@ impl PrimitiveImport<'_, '_> {
                 }
             });
             if missing {
-                self.notes.warn(format!(
+                self.notes.warn(format_args!(
                     "{}: its material '{}' has textures, but it lacks their texture coordinates",
                     self.place, surface.name
                 ));
@@ -437,7 +534,7 @@ impl PrimitiveImport<'_, '_> {
             })
             .collect();
         if repaired > 0 {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: {repaired} normals have no length and are replaced by the surface's",
                 self.place
             ));
@@ -485,7 +582,7 @@ impl PrimitiveImport<'_, '_> {
             .attributes
             .contains_key(&Checked::Valid(Semantic::Joints(2)))
         {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: joints beyond the eighth of a vertex are ignored",
                 self.place
             ));
@@ -520,7 +617,7 @@ impl PrimitiveImport<'_, '_> {
             })
             .collect();
         if unbound > 0 {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: {unbound} vertices have no joint's weight and follow their first joint",
                 self.place
             ));
@@ -536,10 +633,11 @@ impl PrimitiveImport<'_, '_> {
                 let Some(accessor) = accessor else {
                     return Ok(vec![[0.0; 3]; count]);
                 };
+                self.check_count(accessor, semantic, Some(count))?;
                 let place = format!("{}.targets[{at}].{}", self.place, semantic.to_string());
                 let (_, values) = self.reader.read_floats(accessor, &[3], &place)?;
                 let (elements, _) = values.as_chunks::<3>();
-                self.check(elements, semantic, Some(count))?;
+                self.check(elements, semantic)?;
                 Ok(elements.to_vec())
             };
             targets.push(MorphTarget {
@@ -597,6 +695,10 @@ impl PrimitiveImport<'_, '_> {
         }
         Ok(())
     }
+}
+
+fn sum(parts: [u64; 3]) -> u64 {
+    parts.into_iter().fold(0, u64::saturating_add)
 }
 
 fn unit_tangent(tangent: [f32; 4], normal: [f32; 3]) -> [f32; 4] {

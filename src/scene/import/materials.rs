@@ -1,7 +1,10 @@
 //! Materials and the textures that they use.
 
+use std::collections::HashMap;
+
 use gltf::json;
 use gltf::json::validation::Checked;
+use serde::Deserialize as _;
 use serde_json::Value;
 
 use super::super::SceneError;
@@ -16,8 +19,9 @@ pub struct Library {
     pub textures: Vec<Texture>,
     /// Index in the file of each image that is used, in the order of [`super::super::Scene::images`].
     pub image_sources: Vec<usize>,
-    /// Texture of the file at each place in `textures`.
-    texture_sources: Vec<usize>,
+    /// Where a texture of the file stands in `textures`, and an image of the file in `image_sources`.
+    texture_of: HashMap<usize, u32>,
+    image_of: HashMap<usize, u32>,
     default_material: Option<u32>,
 }
 
@@ -53,26 +57,18 @@ impl Library {
 
     /// Index of a texture of the file among those in use.
     fn texture(&mut self, document: &Document<'_>, source: usize) -> Option<u32> {
-        if let Some(known) = self
-            .texture_sources
-            .iter()
-            .position(|known| *known == source)
-        {
-            return Some(known as u32);
+        if let Some(known) = self.texture_of.get(&source) {
+            return Some(*known);
         }
         let texture = document.root.textures.get(source)?;
         let image_source = texture.source.value();
         if image_source >= document.root.images.len() {
             return None;
         }
-        let image = self
-            .image_sources
-            .iter()
-            .position(|known| *known == image_source)
-            .unwrap_or_else(|| {
-                self.image_sources.push(image_source);
-                self.image_sources.len() - 1
-            });
+        let image = *self.image_of.entry(image_source).or_insert_with(|| {
+            self.image_sources.push(image_source);
+            self.image_sources.len() as u32 - 1
+        });
         let sampler = texture
             .sampler
             .and_then(|sampler| document.root.samplers.get(sampler.value()));
@@ -86,13 +82,14 @@ impl Library {
             _ => Filter::Linear,
         };
         self.textures.push(Texture {
-            image: image as u32,
+            image,
             wrap_u: sampler.map_or(Wrap::Repeat, |sampler| wrap(sampler.wrap_s)),
             wrap_v: sampler.map_or(Wrap::Repeat, |sampler| wrap(sampler.wrap_t)),
             filter,
         });
-        self.texture_sources.push(source);
-        Some(self.textures.len() as u32 - 1)
+        let index = self.textures.len() as u32 - 1;
+        self.texture_of.insert(source, index);
+        Some(index)
     }
 }
 
@@ -119,8 +116,10 @@ impl MaterialImport<'_, '_> {
             .and_then(|extensions| extensions.ior.as_ref())
             .map_or(1.5, |ior| ior.ior.0);
         if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
-            self.notes
-                .warn(format!("{}: unlit, shaded as a lit surface", self.place));
+            self.notes.warn(format_args!(
+                "{}: unlit, shaded as a lit surface",
+                self.place
+            ));
         }
 
         let strength = self.at_least("emissiveStrength", strength, 0.0)?;
@@ -143,7 +142,7 @@ impl MaterialImport<'_, '_> {
                 "normalTexture",
                 normal.index.value(),
                 normal.tex_coord,
-                self.raw_transform("normalTexture"),
+                self.raw_transform("normalTexture")?,
             ),
             None => None,
         };
@@ -151,7 +150,7 @@ impl MaterialImport<'_, '_> {
             None => f32::INFINITY,
             Some(distance) if distance > 0.0 => distance,
             Some(distance) => {
-                self.notes.warn(format!(
+                self.notes.warn(format_args!(
                     "{}: attenuationDistance {distance} is not above 0, taken as infinite",
                     self.place
                 ));
@@ -248,7 +247,7 @@ impl MaterialImport<'_, '_> {
             return Err(self.fault(&format!("{field} is not finite")));
         }
         if values.iter().any(|value| !(0.0..=1.0).contains(value)) {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: {field} {values:?} is clamped to 0..1",
                 self.place
             ));
@@ -261,7 +260,7 @@ impl MaterialImport<'_, '_> {
             return Err(self.fault(&format!("{field} is not finite")));
         }
         if value < least {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: {field} {value} is raised to {least}",
                 self.place
             ));
@@ -275,40 +274,21 @@ impl MaterialImport<'_, '_> {
             .extensions
             .as_ref()
             .and_then(|extensions| extensions.texture_transform.as_ref());
-        let transform = transform.map(|transform| Transform {
-            offset: transform.offset.0,
-            rotation: transform.rotation.0,
-            scale: transform.scale.0,
-            tex_coord: transform.tex_coord,
-        });
+        let transform = transform.map(Transform::of);
         self.texture(field, info.index.value(), info.tex_coord, transform)
     }
 
     /// KHR_texture_transform of a slot whose typed form drops it.
-    fn raw_transform(&self, field: &str) -> Option<Transform> {
-        let transform = self
-            .raw?
-            .get(field)?
-            .get("extensions")?
-            .get("KHR_texture_transform")?;
-        let number = |value: Option<&Value>, default: f32| {
-            value
-                .and_then(Value::as_f64)
-                .map_or(default, |value| value as f32)
+    fn raw_transform(&self, field: &str) -> Result<Option<Transform>, SceneError> {
+        let slot = self.raw.and_then(|raw| raw.get(field)?.get("extensions"));
+        let Some(transform) = slot.and_then(|slot| slot.get("KHR_texture_transform")) else {
+            return Ok(None);
         };
-        let pair = |key: &str, default: f32| {
-            let list = transform.get(key);
-            [0, 1].map(|index| number(list.and_then(|list| list.get(index)), default))
-        };
-        Some(Transform {
-            offset: pair("offset", 0.0),
-            rotation: number(transform.get("rotation"), 0.0),
-            scale: pair("scale", 1.0),
-            tex_coord: transform
-                .get("texCoord")
-                .and_then(Value::as_u64)
-                .and_then(|set| u32::try_from(set).ok()),
-        })
+        let read = json::extensions::texture::TextureTransform::deserialize(transform);
+        match read {
+            Ok(transform) => Ok(Some(Transform::of(&transform))),
+            Err(error) => Err(self.fault(&format!("{field}.KHR_texture_transform: {error}"))),
+        }
     }
 
     fn texture(
@@ -323,11 +303,11 @@ impl MaterialImport<'_, '_> {
             .and_then(|transform| transform.tex_coord)
             .unwrap_or(tex_coord);
         if uv_set > 1 {
-            self.notes.warn(format!("{}: {field} reads TEXCOORD_{uv_set}; only sets 0 and 1 are supported, the texture is left out", self.place));
+            self.notes.warn(format_args!("{}: {field} reads TEXCOORD_{uv_set}; only sets 0 and 1 are supported, the texture is left out", self.place));
             return None;
         }
         let Some(texture) = self.library.texture(self.document, source) else {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: {field} has no PNG or JPEG image, the texture is left out",
                 self.place
             ));
@@ -336,7 +316,7 @@ impl MaterialImport<'_, '_> {
         let texcoord_from_uv =
             transform.map_or(TextureRef::IDENTITY, |transform| transform.matrix());
         if texcoord_from_uv.iter().any(|value| !value.is_finite()) {
-            self.notes.warn(format!(
+            self.notes.warn(format_args!(
                 "{}: the texture transform of {field} is not finite, the texture is left out",
                 self.place
             ));
@@ -359,6 +339,15 @@ struct Transform {
 }
 
 impl Transform {
+    fn of(transform: &json::extensions::texture::TextureTransform) -> Self {
+        Self {
+            offset: transform.offset.0,
+            rotation: transform.rotation.0,
+            scale: transform.scale.0,
+            tex_coord: transform.tex_coord,
+        }
+    }
+
     /// Translation * rotation * scale. The rotation is counter-clockwise as seen with v pointing down, which turns +u
     /// towards -v: so reads the extension's example that takes the lower left quadrant with offset (0, 1).
     fn matrix(&self) -> [f32; 6] {

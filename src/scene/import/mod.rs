@@ -6,6 +6,7 @@
 //! it panics on some malformed files (a `POSITION` accessor out of range, for one).
 
 mod accessors;
+mod brightness;
 mod container;
 mod document;
 mod extensions;
@@ -16,51 +17,98 @@ mod nodes;
 mod resources;
 mod tangents;
 
+use std::fmt::Display;
 use std::path::Path;
 
-use super::{Scene, SceneError, SourceFacts};
+use super::needs::LeftOut;
+use super::{Scene, SceneError, SourceFacts, demand};
+use crate::limits::LoadBudget;
+use crate::printable;
 pub(super) use container::read_file;
 use document::Document;
 pub(super) use nodes::transform_fault;
+pub(super) use resources::Buffers;
+
+/// Warnings that are kept of one file; the others are counted.
+const MOST_WARNINGS: usize = 100;
 
 /// What the importer has found so far, beside the scene itself.
 #[derive(Default)]
 pub(super) struct Notes {
-    /// One line each.
-    pub warnings: Vec<String>,
+    warnings: Vec<String>,
+    unsaid: usize,
     /// Facts for the report of needs.
     pub source: SourceFacts,
 }
 
 impl Notes {
-    pub fn warn(&mut self, line: impl Into<String>) {
-        self.warnings.push(line.into());
+    /// Keeps a warning, as one line fit for a terminal. What is beyond the hundredth is not even put into words.
+    pub fn warn(&mut self, line: impl Display) {
+        if self.warnings.len() < MOST_WARNINGS {
+            self.warnings.push(printable::line(&line.to_string()));
+        } else {
+            self.unsaid += 1;
+        }
+    }
+
+    /// Notes something of the file that is not modelled; of very many the first.
+    pub fn leave_out(&mut self, what: &str, why: impl Into<String>) {
+        if self.source.left_out.len() < MOST_WARNINGS {
+            let what = printable::line(what);
+            self.source.left_out.push(LeftOut::new(what, why));
+        }
+    }
+
+    /// Notes a file outside the scene's folder that is read.
+    pub fn read_outside(&mut self, path: &Path) {
+        let path = path.display().to_string();
+        if !self.source.outside_files.contains(&path)
+            && self.source.outside_files.len() < MOST_WARNINGS
+        {
+            self.warn(format_args!(
+                "{path} lies outside the scene's folder and is read (--allow-outside)"
+            ));
+            self.source.outside_files.push(path);
+        }
+    }
+
+    fn into_warnings(mut self) -> (Vec<String>, SourceFacts) {
+        if self.unsaid > 0 {
+            self.warnings
+                .push(format!("{} more warnings are not shown", self.unsaid));
+        }
+        (self.warnings, self.source)
     }
 }
 
-/// See [`Scene::load`].
-pub(super) fn load(path: &Path) -> Result<Scene, SceneError> {
-    let bytes = read_file(path)?;
-    from_bytes(path, &bytes)
+/// See [`Scene::load_within`].
+pub(super) fn load(path: &Path, budget: &LoadBudget) -> Result<Scene, SceneError> {
+    let bytes = read_file(path, budget)?;
+    from_bytes(path, &bytes, budget)
 }
 
 /// See [`Scene::from_bytes`].
-pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError> {
+pub(super) fn from_bytes(
+    path: &Path,
+    bytes: &[u8],
+    budget: &LoadBudget,
+) -> Result<Scene, SceneError> {
     let mut notes = Notes::default();
     let file = container::split(path, bytes, &mut notes)?;
-    let document = Document::parse(path, file.json)?;
+    let document = Document::parse(path, file.json, budget)?;
     extensions::check(&document, &mut notes)?;
     document.validate()?;
 
-    let buffers = resources::load_buffers(&document, file.blob)?;
-    let mut library = materials::Library::import(&document, &mut notes)?;
-    let meshes = geometry::import_meshes(&document, &buffers, &mut library, &mut notes)?;
-    let images = resources::load_images(&document, &buffers, &library.image_sources, &mut notes)?;
-    let mut graph = nodes::import(&document, &meshes, &mut notes)?;
+    let places = resources::locate(&document, &mut notes)?;
+    let buffers = resources::load_buffers(&document, &places, file.blob)?;
     let reader = accessors::Reader {
         document: &document,
         buffers: &buffers,
     };
+    let mut library = materials::Library::import(&document, &mut notes)?;
+    let meshes = geometry::import_meshes(&reader, &mut library, &mut notes)?;
+    let images = resources::load_images(&reader, &places, &library.image_sources, &mut notes)?;
+    let mut graph = nodes::import(&document, &meshes, &mut notes)?;
     let skins = motion::import_skins(&document, &reader, &mut graph.nodes, &meshes, &mut notes)?;
     let animations =
         motion::import_animations(&document, &reader, &graph.nodes, &meshes, &mut notes)?;
@@ -70,7 +118,7 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
         || path.display().to_string(),
         |stem| stem.to_string_lossy().into_owned(),
     );
-    Ok(Scene {
+    let mut scene = Scene {
         name,
         nodes: graph.nodes,
         roots: graph.roots,
@@ -82,31 +130,40 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
         cameras: graph.cameras,
         skins,
         animations,
-        environment: None,
-        warnings: notes.warnings,
-        source: notes.source,
-    })
+        ..Scene::default()
+    };
+    nodes::check_placements(&document, &scene)?;
+    demand::take(&scene, budget).map_err(|error| SceneError::over(path, &error))?;
+    brightness::check(&scene, &mut notes);
+    (scene.warnings, scene.source) = notes.into_warnings();
+    Ok(scene)
 }
 
 /// A file taken apart for writing it again.
-pub(super) struct RawParts {
+pub(super) struct RawParts<'a> {
     /// All of its JSON, `extras` and all.
     pub json: serde_json::Value,
-    /// One per buffer, cut to its declared length.
-    pub buffers: Vec<Vec<u8>>,
-    /// One per image: the bytes of those that lie in files of their own.
+    /// Its buffers.
+    pub buffers: Buffers<'a>,
+    /// One per image: the bytes of those that lie in files of their own and are pictures.
     pub images: Vec<Option<Vec<u8>>>,
 }
 
 /// Takes a file apart: its JSON as it stands, and the bytes that it refers to.
-pub(super) fn raw_parts(path: &Path, bytes: &[u8]) -> Result<RawParts, SceneError> {
-    let file = container::split(path, bytes, &mut Notes::default())?;
+pub(super) fn raw_parts<'a>(
+    path: &Path,
+    bytes: &'a [u8],
+    budget: &LoadBudget,
+) -> Result<RawParts<'a>, SceneError> {
+    let mut notes = Notes::default();
+    let file = container::split(path, bytes, &mut notes)?;
+    let document = Document::parse(path, file.json, budget)?;
     let json = serde_json::from_slice(file.json)
         .map_err(|error| SceneError::invalid(path, format!("not glTF: JSON error: {error}")))?;
-    let document = Document::parse(path, file.json)?;
+    let places = resources::locate(&document, &mut notes)?;
     Ok(RawParts {
         json,
-        buffers: resources::load_buffers(&document, file.blob)?,
-        images: resources::read_image_files(&document)?,
+        buffers: resources::load_buffers(&document, &places, file.blob)?,
+        images: resources::read_image_files(&document, &places)?,
     })
 }

@@ -1,46 +1,28 @@
 //! Skins and animations, read from the plain JSON: the typed form refuses channels without a node.
 
+use std::collections::{HashMap, HashSet};
+
 use glam::{DAffine3, DMat4};
 use serde_json::Value;
 
 use super::super::animation::{Animation, Interpolation, NodeTracks, Track};
-use super::super::needs::{LeftOut, Motion};
+use super::super::needs::Motion;
 use super::super::{Mesh, Node, SceneError, Skin};
 use super::Notes;
 use super::accessors::Reader;
 use super::document::Document;
 
-/// Most numbers over all keyframes: a bound on what small files over one buffer can ask for.
-const MAX_VALUES: usize = 1 << 26;
-
-/// What the typed document leaves out.
-#[derive(Clone, Debug, Default)]
-pub struct RawMotion {
-    pub animations: Vec<Value>,
-    pub skins: Vec<Value>,
-    /// By node.
-    pub node_skins: Vec<Option<Value>>,
-}
-
-impl RawMotion {
-    /// Takes animations and skins out of the document.
-    pub fn take(top: &mut serde_json::Map<String, Value>) -> Self {
-        let mut list = |key: &str| match top.remove(key) {
-            Some(Value::Array(list)) => list,
-            _ => Vec::new(),
-        };
-        let (animations, skins) = (list("animations"), list("skins"));
-        let nodes = top.get_mut("nodes").and_then(Value::as_array_mut);
-        let node_skins = nodes
-            .into_iter()
-            .flatten()
-            .map(|node| node.as_object_mut()?.remove("skin"))
-            .collect();
-        Self {
-            animations,
-            skins,
-            node_skins,
-        }
+/// A list of the plain JSON; empty where there is none.
+fn list_of<'a>(
+    document: &Document<'_>,
+    object: &'a Value,
+    key: &str,
+    place: &str,
+) -> Result<&'a [Value], SceneError> {
+    match object.get(key) {
+        None => Ok(&[]),
+        Some(Value::Array(list)) => Ok(list),
+        Some(_) => Err(document.fault(format!("{place}.{key}: must be a list"))),
     }
 }
 
@@ -100,41 +82,46 @@ pub fn import_skins(
         .enumerate()
         .map(|(at, skin)| import_skin(document, reader, at, skin, nodes))
         .collect::<Result<Vec<_>, _>>()?;
+    let greatest: Vec<Option<u16>> = meshes.iter().map(greatest_joint).collect();
     for (at, skin) in raw.node_skins.iter().enumerate() {
         let (Some(skin), Some(node)) = (skin, nodes.get_mut(at)) else {
             continue;
         };
         let place = format!("nodes[{at}] '{}'.skin", node.name);
         let skin = in_range(document, skin, &place, skins.len())?;
-        let Some(mesh) = node.mesh.and_then(|mesh| meshes.get(mesh)) else {
-            notes.warn(format!("{place}: the node has no mesh for a skin"));
+        let Some((mesh, index)) = node
+            .mesh
+            .and_then(|index| Some((meshes.get(index)?, index)))
+        else {
+            notes.warn(format_args!("{place}: the node has no mesh for a skin"));
             continue;
         };
         if mesh.joints.is_empty() {
-            notes.warn(format!(
+            notes.warn(format_args!(
                 "{place}: mesh '{}' has no JOINTS_0 and WEIGHTS_0 and stays rigid",
                 mesh.name
             ));
             continue;
         }
         let joints = skins[skin].joints.len();
-        let beyond = mesh.joints.iter().enumerate().find_map(|(vertex, of)| {
-            let used = of.joints.iter().zip(of.weights);
-            let joint = used
-                .filter(|(_, weight)| *weight > 0.0)
-                .map(|(joint, _)| *joint)
-                .find(|joint| usize::from(*joint) >= joints)?;
-            Some((vertex, joint))
-        });
-        if let Some((vertex, joint)) = beyond {
+        if let Some(joint) = greatest[index].filter(|joint| usize::from(*joint) >= joints) {
             return Err(document.fault(format!(
-                "{place}: vertex {vertex} of mesh '{}' names joint {joint}, the skin has {joints}",
+                "{place}: mesh '{}' names joint {joint}, the skin has {joints}",
                 mesh.name
             )));
         }
         node.skin = Some(skin);
     }
     Ok(skins)
+}
+
+/// The greatest joint that moves a vertex of a mesh.
+fn greatest_joint(mesh: &Mesh) -> Option<u16> {
+    let used = mesh.joints.iter().flat_map(|vertex| {
+        let influences = vertex.joints.into_iter().zip(vertex.weights);
+        influences.filter(|(_, weight)| *weight > 0.0)
+    });
+    used.map(|(joint, _)| joint).max()
 }
 
 fn import_skin(
@@ -146,10 +133,8 @@ fn import_skin(
 ) -> Result<Skin, SceneError> {
     let place = format!("skins[{at}]");
     let fault = |what: String| document.fault(format!("{place}{what}"));
-    let list = skin.get("joints").and_then(Value::as_array);
-    let joints = list
-        .into_iter()
-        .flatten()
+    let joints = list_of(document, skin, "joints", &place)?
+        .iter()
         .enumerate()
         .map(|(joint, value)| {
             in_range(
@@ -216,63 +201,59 @@ pub fn import_animations(
     notes: &mut Notes,
 ) -> Result<Vec<Animation>, SceneError> {
     let mut left_out = 0;
-    let mut values = 0;
     let mut animations = Vec::new();
+    let target_counts: HashSet<usize> = meshes.iter().map(|mesh| mesh.targets.len()).collect();
     for (at, raw) in document.motion.animations.iter().enumerate() {
+        let place = format!("animations[{at}]");
         let mut import = Import {
             document,
             reader,
-            place: format!("animations[{at}]"),
-            samplers: raw.get("samplers").and_then(Value::as_array),
+            samplers: list_of(document, raw, "samplers", &place)?,
             nodes,
             meshes,
+            target_counts: &target_counts,
+            clip: Animation {
+                name: name_of(raw, format!("animation {at}")),
+                ..Animation::default()
+            },
+            tracks_of: HashMap::new(),
+            place,
         };
-        let mut clip = Animation {
-            name: name_of(raw, format!("animation {at}")),
-            ..Animation::default()
-        };
-        let channels = raw.get("channels").and_then(Value::as_array);
-        for (channel_index, channel) in channels.into_iter().flatten().enumerate() {
-            match import.channel(&mut clip, channel_index, channel)? {
-                Some(count) => values += count,
-                None => left_out += 1,
-            }
-            if values > MAX_VALUES {
-                return Err(document.fault(format!(
-                    "animations: more than {MAX_VALUES} numbers; split or thin out the keyframes"
-                )));
-            }
+        let channels = list_of(document, raw, "channels", &import.place)?;
+        for (index, channel) in channels.iter().enumerate() {
+            left_out += usize::from(!import.channel(index, channel)?);
         }
-        if !clip.nodes.is_empty() {
-            animations.push(clip);
+        if !import.clip.nodes.is_empty() {
+            animations.push(import.clip);
         }
     }
     if left_out > 0 {
-        notes.source.left_out.push(LeftOut::new(
+        notes.leave_out(
             "animation channels",
             format!("{left_out} channels move no node's transform or weights, and are not played"),
-        ));
+        );
     }
     Ok(animations)
 }
 
+/// One animation on its way in.
 struct Import<'a> {
     document: &'a Document<'a>,
     reader: &'a Reader<'a>,
     place: String,
-    samplers: Option<&'a Vec<Value>>,
+    samplers: &'a [Value],
     nodes: &'a [Node],
     meshes: &'a [Mesh],
+    /// How many morph targets meshes have.
+    target_counts: &'a HashSet<usize>,
+    clip: Animation,
+    /// Where a node's tracks stand in the clip.
+    tracks_of: HashMap<usize, usize>,
 }
 
 impl Import<'_> {
-    /// Reads a channel into its node's tracks; says how many numbers it holds, or `None` if it moves no node.
-    fn channel(
-        &mut self,
-        clip: &mut Animation,
-        at: usize,
-        channel: &Value,
-    ) -> Result<Option<usize>, SceneError> {
+    /// Reads a channel into its node's tracks; false if it moves no node.
+    fn channel(&mut self, at: usize, channel: &Value) -> Result<bool, SceneError> {
         let place = format!("{}.channels[{at}]", self.place);
         let fault = |what: &str| self.document.fault(format!("{place}: {what}"));
         let target = channel
@@ -282,7 +263,7 @@ impl Import<'_> {
         let path = path.ok_or_else(|| fault("its target has no path"))?;
         // Section 5.7: a channel without a node is left to extensions.
         if target.get("node").is_none() || path == "pointer" {
-            return Ok(None);
+            return Ok(false);
         }
         let node_place = format!("{place}.target");
         let node = index(self.document, target, "node", &node_place, self.nodes.len())?;
@@ -304,28 +285,25 @@ impl Import<'_> {
                 "animates a node that has a matrix; give the node translation, rotation and scale",
             ));
         }
-        let count = self.samplers.map_or(0, Vec::len);
+        let count = self.samplers.len();
         let sampler = index(self.document, channel, "sampler", &place, count)?;
         let track = self.track(sampler, width)?;
-        let numbers = track.values.len() + track.times_s.len();
+        let clip = &mut self.clip;
         clip.length_s = clip
             .length_s
             .max(track.times_s.last().copied().unwrap_or_default());
-        let tracks = match clip.nodes.iter().position(|tracks| tracks.node == node) {
-            Some(at) => &mut clip.nodes[at],
-            None => {
-                clip.nodes.push(NodeTracks {
-                    node,
-                    rest: self.nodes[node].parts.unwrap_or_default(),
-                    translation: None,
-                    rotation: None,
-                    scale: None,
-                    weights: None,
-                });
-                let last = clip.nodes.len() - 1;
-                &mut clip.nodes[last]
-            }
-        };
+        let at = *self.tracks_of.entry(node).or_insert_with(|| {
+            clip.nodes.push(NodeTracks {
+                node,
+                rest: self.nodes[node].parts.unwrap_or_default(),
+                translation: None,
+                rotation: None,
+                scale: None,
+                weights: None,
+            });
+            clip.nodes.len() - 1
+        });
+        let tracks = &mut clip.nodes[at];
         let slot = match path {
             "translation" => &mut tracks.translation,
             "rotation" => &mut tracks.rotation,
@@ -337,7 +315,7 @@ impl Import<'_> {
                 "a second channel for the {path} of node {node}"
             )));
         }
-        Ok(Some(numbers))
+        Ok(true)
     }
 
     fn targets_of(&self, node: usize) -> Option<usize> {
@@ -348,7 +326,7 @@ impl Import<'_> {
     fn track(&self, at: usize, width: usize) -> Result<Track, SceneError> {
         let place = format!("{}.samplers[{at}]", self.place);
         let fault = |what: String| self.document.fault(format!("{place}{what}"));
-        let Some(sampler) = self.samplers.and_then(|samplers| samplers.get(at)) else {
+        let Some(sampler) = self.samplers.get(at) else {
             return Err(fault(": missing".to_owned()));
         };
         let interpolation = match sampler.get("interpolation").map(Value::as_str) {
@@ -416,7 +394,7 @@ impl Import<'_> {
 
     /// Numbers of vectors and quaternions come as such; only weights come one by one.
     fn is_scalar_list(&self, width: usize) -> bool {
-        !matches!(width, 3 | 4) || self.meshes.iter().any(|mesh| mesh.targets.len() == width)
+        !matches!(width, 3 | 4) || self.target_counts.contains(&width)
     }
 }
 

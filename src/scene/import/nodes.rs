@@ -5,9 +5,10 @@ use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
 
-use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, SceneError, Trs};
+use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, Scene, SceneError, Trs};
 use super::Notes;
 use super::document::Document;
+use crate::limits::product;
 
 /// What the tree yields.
 pub struct Graph {
@@ -21,6 +22,9 @@ pub struct Graph {
 /// Matrices come as f32, whose relative rounding is 6e-8.
 const SINGULAR_BELOW: f64 = 1e-7;
 
+/// Weight of a morph target, bytes: in the scene, in the copy that edits are told by, and in poses.
+const WEIGHT_BYTES: u64 = 40;
+
 /// Imports the nodes and checks that they form a forest.
 pub fn import(
     document: &Document<'_>,
@@ -32,11 +36,22 @@ pub fn import(
         .cameras
         .iter()
         .enumerate()
-        .map(|(index, camera)| import_camera(index, camera))
+        .map(|(index, camera)| import_camera(index, camera, notes))
         .collect();
     let lights = import_lights(document, notes)?;
 
     let count = document.root.nodes.len();
+    let weights = document.root.nodes.iter().map(|node| {
+        let mesh = node.mesh.and_then(|mesh| meshes.get(mesh.value()));
+        mesh.map_or(0, |mesh| mesh.targets.len() as u64)
+    });
+    let weights = weights.fold(0, u64::saturating_add);
+    let bytes = product(&[weights, WEIGHT_BYTES]);
+    document.take(
+        bytes,
+        "nodes",
+        format_args!("{weights} weights of morph targets"),
+    )?;
     let mut nodes = Vec::with_capacity(count);
     for (index, source) in document.root.nodes.iter().enumerate() {
         let name = source
@@ -190,7 +205,7 @@ fn scene_roots(
             .collect());
     };
     if root.scenes.len() > 1 {
-        notes.warn(format!(
+        notes.warn(format_args!(
             "the file has {} scenes: scene {chosen} is shown",
             root.scenes.len()
         ));
@@ -304,17 +319,39 @@ pub fn transform_fault(affine: &DAffine3) -> Option<&'static str> {
     None
 }
 
-fn import_camera(index: usize, camera: &json::Camera) -> Camera {
-    Camera {
-        name: camera
-            .name
-            .clone()
-            .unwrap_or_else(|| format!("camera {index}")),
-        yfov_rad: camera
-            .perspective
-            .as_ref()
-            .map(|perspective| perspective.yfov),
+fn import_camera(index: usize, camera: &json::Camera, notes: &mut Notes) -> Camera {
+    let name = camera
+        .name
+        .clone()
+        .unwrap_or_else(|| format!("camera {index}"));
+    let yfov = camera.perspective.as_ref().map(|lens| lens.yfov);
+    let is_usable = |yfov: &f32| *yfov > 0.0 && *yfov < std::f32::consts::PI;
+    if let Some(yfov) = yfov.filter(|yfov| !is_usable(yfov)) {
+        notes.warn(format_args!(
+            "cameras[{index}] '{name}': yfov {yfov} is not between 0 and pi, the camera counts as one without an angle"
+        ));
     }
+    Camera {
+        name,
+        yfov_rad: yfov.filter(is_usable),
+    }
+}
+
+/// Checks that nested transforms stay within what the renderer counts in: one scale after the other may each make sense and
+/// their product none.
+pub fn check_placements(document: &Document<'_>, scene: &Scene) -> Result<(), SceneError> {
+    let within = |x: f64| x.abs() <= f64::from(f32::MAX);
+    for (index, world_from_node) in scene.placed_nodes() {
+        let is_usable = world_from_node.to_cols_array().into_iter().all(within)
+            && world_from_node.inverse().is_finite();
+        if !is_usable {
+            return Err(document.fault(format!(
+                "nodes[{index}] '{}': with those of its parents its transform is beyond 32-bit floats, or flattens space (are nested scales meant?)",
+                scene.nodes[index].name
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn import_lights(
@@ -349,7 +386,7 @@ fn import_light(
         return Err(fault("the intensity is not finite"));
     }
     if intensity.iter().any(|channel| *channel < 0.0) {
-        notes.warn(format!(
+        notes.warn(format_args!(
             "lights[{index}] '{name}': negative intensity is raised to 0"
         ));
         intensity = intensity.map(|channel| channel.max(0.0));

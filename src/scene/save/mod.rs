@@ -1,7 +1,8 @@
 //! Saving an edited scene: the original glTF with what was edited changed in it.
 //!
 //! Buffers, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
-//! edit has touched. Files beside the original go into the new one, which therefore stands alone. Read back it gives the same
+//! edit has touched. Buffers and pictures beside the original go into the new one, which therefore stands alone; a file that
+//! is named as a picture and is none is not carried along. Read back it gives the same
 //! scene: transforms are written with all digits of f64, colours and factors with those that f32 needs.
 //!
 //! A deleted node stays in the file without a parent and in no scene, so that no number that names a node changes; readers
@@ -16,9 +17,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::edit::{Document, Original};
-use super::import::{RawParts, raw_parts};
+use super::import::{Buffers, RawParts, raw_parts};
 use super::{Scene, SceneError, gltf_writer};
 use crate::files::write_beside;
+use crate::limits::LoadBudget;
 
 impl Document {
     /// Writes the scene as `.glb`, or as `.gltf` with its data in it, by the path's extension. It is written beside its place
@@ -81,22 +83,29 @@ impl Document {
 
 /// The edited JSON, and the bytes of its only buffer.
 fn patched(original: &Original, scene: &Scene) -> Result<(Value, Vec<u8>), SceneError> {
+    let budget = LoadBudget::new(original.limits);
     let RawParts {
         mut json,
         buffers,
         images,
-    } = raw_parts(original.path(), &original.bytes)?;
-    let bin = embed(&mut json, buffers, images);
+    } = raw_parts(original.path(), &original.bytes, &budget)?;
+    let pictures = images.iter().flatten().map(Vec::len);
+    let embedded: usize = buffers.iter().map(<[u8]>::len).chain(pictures).sum();
+    // Gathered in one buffer, and written into a file behind the JSON, as base64 at worst.
+    budget
+        .take(3 * embedded as u64, "the bytes of its buffers and images")
+        .map_err(|error| SceneError::over(original.path(), &error))?;
+    let bin = embed(&mut json, &buffers, images);
     nodes::patch(&mut json, original, scene);
     materials::patch(&mut json, original, scene)?;
     Ok((json, bin))
 }
 
 /// Gathers all buffers, and images that lie in other files, into one buffer.
-fn embed(root: &mut Value, buffers: Vec<Vec<u8>>, images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
+fn embed(root: &mut Value, buffers: &Buffers<'_>, images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
     let mut bin = Vec::new();
     let mut starts = Vec::new();
-    for buffer in &buffers {
+    for buffer in buffers.iter() {
         bin.resize(bin.len().next_multiple_of(4), 0);
         starts.push(bin.len());
         bin.extend_from_slice(buffer);
@@ -161,7 +170,6 @@ fn media_type(bytes: &[u8]) -> Option<&'static str> {
     match image::guess_format(bytes).ok()? {
         image::ImageFormat::Png => Some("image/png"),
         image::ImageFormat::Jpeg => Some("image/jpeg"),
-        image::ImageFormat::WebP => Some("image/webp"),
         _ => None,
     }
 }

@@ -85,6 +85,21 @@ pub fn messages(app: &mut App, context: &Context) {
             app.messages.remove(index);
         }
     }
+    if let Some(spec) = app.asks_outside.clone() {
+        egui::Modal::new(egui::Id::unique("outside")).show(context, |ui| {
+            ui.heading("The scene names files outside its own folder");
+            ui.label("Reading them is safe only if you trust whoever made it: saving the scene takes them along.");
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                if ui.button("Leave it").clicked() {
+                    app.asks_outside = None;
+                }
+                if ui.button("Read them").clicked() {
+                    app.open_with_outside(context, spec);
+                }
+            });
+        });
+    }
     if app.asks_to_quit {
         egui::Modal::new(egui::Id::unique("quit")).show(context, |ui| {
             ui.heading("The scene has changes that are not saved");

@@ -552,9 +552,12 @@ fn refresh_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted_hz:
         }
         return UNKNOWN_REFRESH_HZ;
     }
-    let rates = session
+    let is_usable = |rate: &f32| super::headset::REFRESH_RANGE_HZ.contains(&f64::from(*rate));
+    let mut rates = session
         .enumerate_display_refresh_rates()
         .unwrap_or_default();
+    // What is no number, or no rate of a display.
+    rates.retain(is_usable);
     if wanted_hz > 0.0 {
         let nearest = rates.iter().copied().min_by(|a, b| {
             (f64::from(*a) - wanted_hz)
@@ -578,10 +581,9 @@ fn refresh_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted_hz:
     session
         .get_display_refresh_rate()
         .ok()
-        .map(f64::from)
-        .filter(|rate| super::headset::REFRESH_RANGE_HZ.contains(rate))
-        .or_else(|| rates.first().map(|rate| f64::from(*rate)))
-        .unwrap_or(UNKNOWN_REFRESH_HZ)
+        .filter(is_usable)
+        .or(rates.first().copied())
+        .map_or(UNKNOWN_REFRESH_HZ, f64::from)
 }
 
 /// What the lenses hide, if the runtime says so and the settings want it.

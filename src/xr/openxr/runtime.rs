@@ -5,6 +5,8 @@ use serde_json::{Value, json};
 
 use crate::gpu::vulkan_interop::openxr as interop;
 use crate::gpu::{GpuContext, GpuError};
+use crate::printable;
+use crate::settings::registry::MAX_SIZE;
 
 /// The one view configuration that this program drives.
 pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
@@ -50,6 +52,19 @@ pub enum RuntimeError {
         wanted: String,
         /// What the runtime dictates.
         adapter: String,
+    },
+    /// The runtime names no usable size.
+    #[error(
+        "{system:?} asks for images of {}x{} pixels per eye and takes at most {}x{}; give a size that it takes with --size, or use another runtime",
+        recommended[0], recommended[1], most[0], most[1]
+    )]
+    NoSize {
+        /// Name of the headset.
+        system: String,
+        /// What the runtime recommends.
+        recommended: [u32; 2],
+        /// The runtime's limit.
+        most: [u32; 2],
     },
     /// `--size` is more than the runtime takes.
     #[error("--size {}x{}: the OpenXR runtime takes at most {}x{} pixels per eye", size[0], size[1], most[0], most[1])]
@@ -219,7 +234,8 @@ impl Runtime {
         &self.headset
     }
 
-    /// Pixels per eye that the runtime recommends. Both eyes get the same, as everywhere in this program: the larger.
+    /// Pixels per eye that the runtime recommends, within what it takes. Both eyes get the same, as everywhere in this
+    /// program: the larger. [`Runtime::size`] refuses what makes no sense.
     #[must_use]
     pub fn recommended_size(&self) -> [u32; 2] {
         let [left, right] = &self.views;
@@ -227,10 +243,10 @@ impl Runtime {
         [
             left.recommended_image_rect_width
                 .max(right.recommended_image_rect_width)
-                .clamp(1, most[0]),
+                .min(most[0]),
             left.recommended_image_rect_height
                 .max(right.recommended_image_rect_height)
-                .clamp(1, most[1]),
+                .min(most[1]),
         ]
     }
 
@@ -239,24 +255,27 @@ impl Runtime {
     pub fn largest_size(&self) -> [u32; 2] {
         let [left, right] = &self.views;
         [
-            left.max_image_rect_width
-                .min(right.max_image_rect_width)
-                .max(1),
-            left.max_image_rect_height
-                .min(right.max_image_rect_height)
-                .max(1),
+            left.max_image_rect_width.min(right.max_image_rect_width),
+            left.max_image_rect_height.min(right.max_image_rect_height),
         ]
     }
 
     /// The size to render: `wanted`, or what the runtime recommends.
     ///
     /// # Errors
-    /// [`RuntimeError::TooLarge`].
+    /// [`RuntimeError::TooLarge`], [`RuntimeError::NoSize`].
     pub fn size(&self, wanted: Option<[u32; 2]>) -> Result<[u32; 2], RuntimeError> {
-        let Some(size) = wanted else {
-            return Ok(self.recommended_size());
-        };
         let most = self.largest_size();
+        let size = wanted.unwrap_or_else(|| self.recommended_size());
+        if size.iter().chain(&most).any(|side| *side == 0)
+            || size.iter().any(|side| *side > MAX_SIZE)
+        {
+            return Err(RuntimeError::NoSize {
+                system: self.headset.clone(),
+                recommended: self.recommended_size(),
+                most,
+            });
+        }
         if size[0] > most[0] || size[1] > most[1] {
             return Err(RuntimeError::TooLarge { size, most });
         }
@@ -325,7 +344,7 @@ impl Runtime {
     }
 }
 
-/// A runtime's or a linker's words as one line.
+/// A runtime's or a linker's words as one line, fit for a terminal.
 fn one_line(text: &impl ToString) -> String {
-    crate::foreign_errors::one_line(&text.to_string())
+    printable::line(&crate::foreign_errors::one_line(&text.to_string()))
 }

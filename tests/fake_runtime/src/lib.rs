@@ -10,6 +10,17 @@
 //! | `no_stereo` | the one view configuration is mono |
 //! | `no_device` | `vkCreateDevice` fails |
 //! | `no_format` | no colour format that the program knows |
+//! | `no_size` | recommends images of 0x0 pixels |
+//! | `huge_size` | recommends, and takes, images of u32::MAX pixels a side |
+//! | `three_views` | the stereo configuration has three views |
+//! | `wild_name` | its names hold what steers a terminal |
+//!
+//! | value | in a session |
+//! |---|---|
+//! | `wild_rates` | refresh rates that are no numbers, negative, infinite, and 75 Hz |
+//! | `no_rates` | no refresh rate that makes sense |
+//! | `wild_mask` | a visibility mask of 100,000 triangles, with indices and corners that make no sense |
+//! | `one_view` | locates one view |
 //!
 //! | value | once [`SHOWN_BEFORE`] frames were shown |
 //! |---|---|
@@ -200,6 +211,10 @@ unsafe extern "system" fn get_instance_proc_addr(
         CreateVulkanInstanceKHR = vulkan::create_instance,
         GetVulkanGraphicsDevice2KHR = vulkan::graphics_device,
         CreateVulkanDeviceKHR = vulkan::create_device,
+        EnumerateDisplayRefreshRatesFB = refresh_rates,
+        GetDisplayRefreshRateFB = refresh_rate,
+        RequestDisplayRefreshRateFB = request_refresh_rate,
+        GetVisibilityMaskKHR = visibility_mask,
     );
     out.write(function);
     R::SUCCESS
@@ -221,6 +236,10 @@ unsafe extern "system" fn enumerate_extensions(
 ) -> R {
     let offered: &[&str] = if asked_for("no_vulkan") {
         &["XR_KHR_opengl_enable"]
+    } else if asked_for("wild_rates") || asked_for("no_rates") {
+        &["XR_KHR_vulkan_enable2", "XR_FB_display_refresh_rate"]
+    } else if asked_for("wild_mask") {
+        &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
     } else {
         &["XR_KHR_vulkan_enable2"]
     };
@@ -238,12 +257,20 @@ unsafe extern "system" fn create_instance(
     R::SUCCESS
 }
 
+fn named(name: &str) -> String {
+    if asked_for("wild_name") {
+        format!("{name}\u{1b}]0;owned\u{7}\u{9b}2J")
+    } else {
+        name.to_owned()
+    }
+}
+
 unsafe extern "system" fn instance_properties(
     _: xr::Instance,
     out: *mut xr::InstanceProperties,
 ) -> R {
     (*out).runtime_version = xr::Version::new(0, 1, 0);
-    put_text(&mut (*out).runtime_name, "Fake runtime");
+    put_text(&mut (*out).runtime_name, &named("Fake runtime"));
     R::SUCCESS
 }
 
@@ -266,7 +293,7 @@ unsafe extern "system" fn system_properties(
 ) -> R {
     (*out).system_id = xr::SystemId::from_raw(SYSTEM);
     (*out).vendor_id = 0;
-    put_text(&mut (*out).system_name, "Fake headset");
+    put_text(&mut (*out).system_name, &named("Fake headset"));
     (*out).graphics_properties = xr::SystemGraphicsProperties {
         max_swapchain_image_height: 4096,
         max_swapchain_image_width: 4096,
@@ -302,12 +329,20 @@ unsafe extern "system" fn view_configuration_views(
     count: *mut u32,
     out: *mut xr::ViewConfigurationView,
 ) -> R {
-    fill(&[(); 2], capacity, count, |index, ()| {
+    let (recommended, most) = if asked_for("no_size") {
+        (0, 4096)
+    } else if asked_for("huge_size") {
+        (u32::MAX, u32::MAX)
+    } else {
+        (SIZE, 4096)
+    };
+    let views = if asked_for("three_views") { 3 } else { 2 };
+    fill(&vec![(); views], capacity, count, |index, ()| {
         let view = &mut *out.add(index);
-        view.recommended_image_rect_width = SIZE;
-        view.recommended_image_rect_height = SIZE;
-        view.max_image_rect_width = 4096;
-        view.max_image_rect_height = 4096;
+        view.recommended_image_rect_width = recommended;
+        view.recommended_image_rect_height = recommended;
+        view.max_image_rect_width = most;
+        view.max_image_rect_height = most;
         view.recommended_swapchain_sample_count = 1;
         view.max_swapchain_sample_count = 1;
     })
@@ -520,7 +555,12 @@ unsafe extern "system" fn locate_views(
 ) -> R {
     (*located).view_state_flags =
         xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID;
-    fill(&[-0.032, 0.032], capacity, count, |index, x| {
+    let eyes: &[f32] = if asked_for("one_view") {
+        &[-0.032]
+    } else {
+        &[-0.032, 0.032]
+    };
+    fill(eyes, capacity, count, |index, x| {
         (*out.add(index)).pose = xr::Posef {
             orientation: xr::Quaternionf {
                 x: 0.0,
@@ -552,4 +592,57 @@ unsafe extern "system" fn swapchain_formats(
     // VK_FORMAT_R8G8B8A8_SRGB; or only VK_FORMAT_R8G8B8A8_UNORM.
     let format = if asked_for("no_format") { 37 } else { 43 };
     fill(&[format], capacity, count, |_, format| out.write(*format))
+}
+
+unsafe extern "system" fn refresh_rates(
+    _: xr::Session,
+    capacity: u32,
+    count: *mut u32,
+    out: *mut f32,
+) -> R {
+    let usable = asked_for("wild_rates").then_some(75.0);
+    let wild = [f32::NAN, -90.0, 0.0, f32::INFINITY, 1e30];
+    let rates: Vec<f32> = wild.into_iter().chain(usable).collect();
+    fill(&rates, capacity, count, |index, rate| {
+        out.add(index).write(*rate);
+    })
+}
+
+unsafe extern "system" fn refresh_rate(_: xr::Session, out: *mut f32) -> R {
+    out.write(f32::NAN);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn request_refresh_rate(_: xr::Session, rate: f32) -> R {
+    if rate == 75.0 {
+        R::SUCCESS
+    } else {
+        R::ERROR_DISPLAY_REFRESH_RATE_UNSUPPORTED_FB
+    }
+}
+
+unsafe extern "system" fn visibility_mask(
+    _: xr::Session,
+    _: xr::ViewConfigurationType,
+    _: u32,
+    _: xr::VisibilityMaskTypeKHR,
+    mask: *mut xr::VisibilityMaskKHR,
+) -> R {
+    const TRIANGLES: u32 = 100_000;
+    let mask = &mut *mask;
+    mask.vertex_count_output = 4;
+    mask.index_count_output = 3 * TRIANGLES;
+    if mask.vertex_capacity_input == 0 || mask.index_capacity_input == 0 {
+        return R::SUCCESS;
+    }
+    // The last corner is no place; of the triangles every second names a corner that is not there.
+    let corners = [[-1.0, 1.0], [-0.9, 1.0], [-1.0, 0.9], [f32::NAN, 0.0]];
+    for (index, [x, y]) in corners.into_iter().enumerate() {
+        mask.vertices.add(index).write(xr::Vector2f { x, y });
+    }
+    for index in 0..3 * TRIANGLES {
+        let corner = if index % 6 == 5 { u32::MAX } else { index % 3 };
+        mask.indices.add(index as usize).write(corner);
+    }
+    R::SUCCESS
 }

@@ -1,0 +1,130 @@
+//! Feeds changed inputs to everything that reads what others made, and reports panics, slow inputs and memory.
+//!
+//! `cargo run --release --example fuzz -- [--parser NAME] [--first SEED] [--cases N]`
+//!
+//! Each input is told by parser and seed alone, so that `--parser NAME --first SEED --cases 1` runs one again. The seed in
+//! hand is kept in a file, whose path is printed first: after an abort it says which it was. Give it little memory
+//! (`ulimit -v 4194304`), so that an input that asks for much is found.
+
+mod mutate;
+mod parsers;
+mod seeds;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use parsers::{Feeder, Parser};
+
+/// Longer than any input may take.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What became of the inputs of one parser.
+#[derive(Default)]
+struct Tally {
+    cases: u64,
+    accepted: u64,
+    panics: u64,
+    slow: u64,
+    longest: Duration,
+    longest_seed: u64,
+    peak_kib: u64,
+    peak_seed: u64,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    let value = |name: &str| {
+        let at = arguments.iter().position(|argument| argument == name)?;
+        arguments.get(at + 1).cloned()
+    };
+    let number = |name: &str, otherwise: u64| {
+        value(name)
+            .and_then(|text| text.parse().ok())
+            .unwrap_or(otherwise)
+    };
+    let (first, cases) = (number("--first", 0), number("--cases", 1000));
+    let only = value("--parser");
+    let folder = std::env::temp_dir().join(format!("stereolux-fuzz-{}", std::process::id()));
+    if let Err(error) = std::fs::create_dir_all(&folder) {
+        eprintln!("error: {}: {error}", folder.display());
+        return ExitCode::from(2);
+    }
+    println!("seed in hand: {}", folder.join("seed").display());
+    println!(
+        "| parser | cases | accepted | cases/s | panics | over {} s | slowest | peak |",
+        PATIENCE.as_secs()
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    let mut faults = 0;
+    for parser in Parser::ALL {
+        let name = format!("{parser:?}");
+        if only.as_ref().is_some_and(|only| *only != name) {
+            continue;
+        }
+        let began = Instant::now();
+        let tally = run(parser, &folder, first, cases);
+        println!(
+            "| {name} | {} | {} | {:.0} | {} | {} | {:.2} s (seed {}) | {} MiB (seed {}) |",
+            tally.cases,
+            tally.accepted,
+            tally.cases as f64 / began.elapsed().as_secs_f64(),
+            tally.panics,
+            tally.slow,
+            tally.longest.as_secs_f64(),
+            tally.longest_seed,
+            tally.peak_kib / 1024,
+            tally.peak_seed,
+        );
+        faults += tally.panics + tally.slow;
+    }
+    let _ = std::fs::remove_dir_all(&folder);
+    ExitCode::from(u8::from(faults > 0))
+}
+
+fn run(parser: Parser, folder: &Path, first: u64, cases: u64) -> Tally {
+    let feeder = Feeder::new(parser, folder);
+    let in_hand = folder.join("seed");
+    let mut tally = Tally::default();
+    for seed in first..first + cases {
+        let _ = std::fs::write(&in_hand, format!("{parser:?} {seed}"));
+        reset_peak();
+        let began = Instant::now();
+        let outcome = catch_unwind(AssertUnwindSafe(|| feeder.feed(seed)));
+        let took = began.elapsed();
+        tally.cases += 1;
+        match outcome {
+            Ok(accepted) => tally.accepted += u64::from(accepted),
+            Err(_) => {
+                println!("panic: {parser:?} {seed}");
+                tally.panics += 1;
+            }
+        }
+        if took > PATIENCE {
+            println!("slow: {parser:?} {seed}: {:.1} s", took.as_secs_f64());
+            tally.slow += 1;
+        }
+        if took > tally.longest {
+            (tally.longest, tally.longest_seed) = (took, seed);
+        }
+        let peak = peak_kib();
+        if peak > tally.peak_kib {
+            (tally.peak_kib, tally.peak_seed) = (peak, seed);
+        }
+    }
+    tally
+}
+
+/// Lets the system count the peak of resident memory anew.
+fn reset_peak() {
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// The peak of resident memory since then, KiB; 0 where the system does not tell.
+fn peak_kib() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok())
+        .unwrap_or(0)
+}
