@@ -6,9 +6,9 @@ use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
 use super::super::SceneError;
+use super::buffers::Buffers;
 use super::document::Document;
 use super::extensions;
-use super::resources::Buffers;
 use crate::limits::product;
 
 /// What a number that is read takes, bytes: as f32, and as f64 or in a vector of a fixed size after that. Accessors may

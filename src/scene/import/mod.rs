@@ -7,6 +7,7 @@
 
 mod accessors;
 mod brightness;
+mod buffers;
 mod container;
 mod document;
 mod extensions;
@@ -24,10 +25,10 @@ use super::needs::LeftOut;
 use super::{Scene, SceneError, SourceFacts, demand};
 use crate::limits::LoadBudget;
 use crate::printable;
+pub(super) use buffers::Buffers;
 pub(super) use container::read_file;
 use document::Document;
 pub(super) use nodes::transform_fault;
-pub(super) use resources::Buffers;
 
 /// Warnings that are kept of one file; the others are counted.
 const MOST_WARNINGS: usize = 100;
