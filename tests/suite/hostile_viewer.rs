@@ -10,6 +10,8 @@ use crate::suite::viewer_support::{Viewer, errors, open, settle, until};
 
 fn close_messages(viewer: &mut Viewer) {
     while !errors(viewer.state()).is_empty() {
+        // An area is measured before it is shown.
+        viewer.step();
         viewer.get_by_label("Close").click();
         viewer.step();
         viewer.step();

@@ -329,7 +329,7 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
     assert_status(&output, 0);
     let report = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(
-        report.contains("owned") && !report.chars().any(|c| c.is_control() && c != '\n'),
+        report.contains("Fake headset") && !report.chars().any(|c| c.is_control() && c != '\n'),
         "{report:?}"
     );
     // What is left of rates and masks is used.

@@ -113,7 +113,6 @@ impl<'a> Reader<'a> {
             ));
         }
         let Some(view_index) = accessor.buffer_view else {
-            self.take(index, count, multiplicity)?;
             return Ok(Layout {
                 data: None,
                 stride: element_size,
@@ -143,7 +142,6 @@ impl<'a> Reader<'a> {
                 bytes.len()
             )));
         }
-        self.take(index, count, multiplicity)?;
         Ok(Layout {
             data: bytes.get(offset as usize..),
             stride,
@@ -154,16 +152,22 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn take(&self, index: usize, count: u64, multiplicity: usize) -> Result<(), SceneError> {
-        let bytes = product(&[count, multiplicity as u64, NUMBER_BYTES]);
+    /// Asks for the memory of what an accessor expands to.
+    fn take(&self, index: usize, layout: &Layout<'_>) -> Result<(), SceneError> {
+        let Layout {
+            count,
+            multiplicity,
+            ..
+        } = *layout;
+        let bytes = product(&[count as u64, multiplicity as u64, NUMBER_BYTES]);
         let place = format!("accessors[{index}]");
         self.document
             .take(bytes, &place, format_args!("{count} elements"))
     }
 
-    /// Number of an accessor's elements, by what it declares.
+    /// Number of an accessor's elements, which have their bytes in the buffer view, if there is one. Nothing is read.
     pub fn count_of(&self, index: usize, place: &str) -> Result<u64, SceneError> {
-        Ok(self.accessor(index, place)?.count.0)
+        Ok(self.layout(index, place)?.count as u64)
     }
 
     /// Reads an accessor as floats: `(components per element, values)`. Normalised integers are scaled (glTF 2.0,
@@ -190,6 +194,7 @@ impl<'a> Reader<'a> {
                 "32-bit integers are allowed for indices only".to_owned(),
             ));
         }
+        self.take(index, &layout)?;
         let mut values = read_all(&layout, |bytes| {
             to_float(layout.component, layout.normalized, bytes)
         });
@@ -203,6 +208,7 @@ impl<'a> Reader<'a> {
     pub fn read_matrices(&self, index: usize, place: &str) -> Result<Vec<[f32; 16]>, SceneError> {
         let layout = self.layout_of(index, place, true)?;
         let convert = |bytes: &[u8]| to_float(layout.component, false, bytes);
+        self.take(index, &layout)?;
         let mut values = read_all(&layout, convert);
         self.apply_sparse(index, &layout, place, &mut values, convert)?;
         Ok(values.as_chunks::<16>().0.to_vec())
@@ -220,6 +226,7 @@ impl<'a> Reader<'a> {
                 "accessors[{index}] ({place}): indices must be unsigned scalars"
             )));
         }
+        self.take(index, &layout)?;
         let mut values = read_all(&layout, |bytes| to_index(layout.component, bytes));
         self.apply_sparse(index, &layout, place, &mut values, |bytes| {
             to_index(layout.component, bytes)

@@ -154,9 +154,10 @@ impl<'d> PrimitiveImport<'_, 'd> {
         let Some(positions) = self.accessor_of(Semantic::Positions) else {
             return Err(self.fault("has no POSITION"));
         };
-        let read = self.reader.count_of(positions, &self.place)?;
+        let place = |what: &str| format!("{}.{what}", self.place);
+        let read = self.reader.count_of(positions, &place("POSITION"))?;
         let corners = match self.primitive.indices {
-            Some(indices) => self.reader.count_of(indices.value(), &self.place)?,
+            Some(indices) => self.reader.count_of(indices.value(), &place("indices"))?,
             None => read,
         };
         let triangles = match mode {
@@ -309,7 +310,8 @@ impl<'d> PrimitiveImport<'_, 'd> {
         semantic: &Semantic,
         count: Option<usize>,
     ) -> Result<(), SceneError> {
-        let found = self.reader.count_of(accessor, &self.place)?;
+        let place = format!("{}.{}", self.place, semantic.to_string());
+        let found = self.reader.count_of(accessor, &place)?;
         match count.filter(|count| *count as u64 != found) {
             Some(count) => Err(self.fault(&format!(
                 "{} has {found} elements, POSITION has {count}",

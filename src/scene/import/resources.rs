@@ -345,11 +345,14 @@ fn find_image<'a>(
         (_, Some(Ok(path)), _) => Cow::Owned(read(document, &place, path, u64::MAX)?),
         (_, Some(Err(what)), _) => return Err(fault(what.clone())),
         (Some(uri), None, _) => Cow::Owned(decode_uri(document, &place, uri)?),
-        (None, None, Some(view)) => Cow::Borrowed(reader.view(view.value(), &place)?),
+        (None, None, Some(view)) => {
+            let bytes = reader.view(view.value(), &place)?;
+            // No memory, but time: a view may be shared by many images, and each looks it through.
+            document.take(bytes.len() as u64, &place, "the picture's bytes")?;
+            Cow::Borrowed(bytes)
+        }
         (None, None, None) => return Err(fault("has neither a URI nor a buffer view".to_owned())),
     };
-    // Small or large, it is looked through: a view may be shared by many images.
-    document.take(bytes.len() as u64, &place, "the file's bytes")?;
     let file_name = image.uri.as_ref().filter(|_| file.is_some());
     let name = image.name.clone().or_else(|| file_name.cloned());
     Ok(Source {
