@@ -101,7 +101,7 @@ fn run(parser: Parser, folder: &Path, first: u64, cases: u64) -> std::io::Result
     for seed in first..first + cases {
         in_hand.rewind()?;
         writeln!(in_hand, "{parser:?} {seed:20}")?;
-        let is_first = (seed - first) % BATCH == 0;
+        let is_first = (seed - first).is_multiple_of(BATCH);
         if is_first {
             reset_peak();
         }
