@@ -2,6 +2,7 @@
 
 use super::Failure;
 use super::run::replay_options;
+use crate::frame::user_passes::shader_library;
 use crate::interrupt;
 use crate::limits::LoadBudget;
 use crate::options::ViewOptions;
@@ -16,6 +17,9 @@ use crate::xr::{Headset, ReplaySession, Validated};
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let settings = &options.settings;
+    // Faults of shaders and of passes of the user's own are told before a window opens.
+    shader_library(&settings.gpu.shader_folder, &settings.render.user_passes)
+        .map_err(Failure::unusable)?;
     let headset = Headset::load(&settings.headset)?;
     let budget = LoadBudget::new(settings.limits.load());
     let mut document = Document::load_within(&settings.scene, &budget)?;

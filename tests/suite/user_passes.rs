@@ -178,6 +178,21 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
 }
 
 #[test]
+fn the_viewer_refuses_a_pass_that_follows_nothing_before_it_opens_a_window() {
+    let folder = tempfile_folder("own_pass_view");
+    let config = folder.join("own.toml");
+    std::fs::write(folder.join("mine.wesl"), green("hit_rays")).unwrap();
+    std::fs::write(&config, pass("mine", "eye_combin", "mine.wesl")).unwrap();
+    let output = stereolux(&["view", "--config", config.to_str().unwrap()]);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(
+        error.contains("eye_combin") && error.contains("eye_combine"),
+        "{error}"
+    );
+}
+
+#[test]
 fn the_examples_change_the_picture_as_they_say() {
     let folder = tempfile_folder("own_pass_examples");
     let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/user_passes");
