@@ -3,7 +3,7 @@
 //! ```text
 //! passes.rs   one row per pass                 buffers.rs  one row per buffer
 //!        \                                      /
-//!         plan/: settings , features, sizes -> steps, in order; no device
+//!         plan/: settings, features, sizes -> steps, in order; no device
 //!                              |
 //!         run.rs: compiles, allocates, binds by the rules of bind.rs, dispatches
 //! ```
