@@ -86,6 +86,13 @@ impl LoadBudget {
         self.limits
     }
 
+    /// What is left of it, bytes.
+    #[must_use]
+    pub fn left(&self) -> u64 {
+        let taken = self.taken.load(Ordering::Relaxed);
+        self.limits.memory_bytes.saturating_sub(taken)
+    }
+
     /// Takes `bytes` for good. `what` says what for, in the plural: "12 images of 16384x16384 pixels".
     ///
     /// # Errors

@@ -230,6 +230,33 @@ fn faulty_edits_are_refused_in_one_clear_line() {
     assert_eq!(inverse.apply(&mut scene), Err(EditError::Stale));
 }
 
+/// Found by `fuzz/`: what could not be undone went through.
+#[test]
+fn inverses_that_do_not_fit_the_scene_are_refused() {
+    let scene = builtin("cornell");
+    let count = scene.nodes.len();
+    let mut document = document(scene.clone());
+    // The last nodes are roots side by side, and no subtree.
+    let truncate = Edit::Truncate {
+        nodes: 3,
+        lights: 0,
+    };
+    assert_eq!(document.edit(truncate), Err(EditError::Stale));
+    assert!(*document.scene() == scene);
+    // A deleted node cannot hang on another deleted one.
+    for node in [1, count - 1] {
+        document.edit(Edit::Delete { node }).unwrap();
+    }
+    let attach = Edit::Attach {
+        node: count - 1,
+        parent: Some(1),
+        position: 0,
+    };
+    assert_eq!(document.edit(attach), Err(EditError::Stale));
+    while document.undo().unwrap() {}
+    assert!(*document.scene() == scene);
+}
+
 #[test]
 fn hiding_a_node_hides_everything_below_it() {
     let mut scene = builtin("gallery");

@@ -469,6 +469,9 @@ fn truncate(scene: &mut Scene, nodes: usize, lights: usize) -> Result<Edit, Edit
     ) else {
         return Err(EditError::Stale);
     };
+    if !is_tail(scene, first, first_light) {
+        return Err(EditError::Stale);
+    }
     let parent = scene.nodes[first].parent;
     let siblings = siblings(scene, parent)?;
     let position = siblings
@@ -482,6 +485,29 @@ fn truncate(scene: &mut Scene, nodes: usize, lights: usize) -> Result<Edit, Edit
         nodes: scene.nodes.split_off(first),
         lights: scene.lights.split_off(first_light),
     })))
+}
+
+/// Whether the nodes from `first` on are one subtree with `first` on top, and nothing else refers to them or to the lights
+/// from `first_light` on.
+fn is_tail(scene: &Scene, first: usize, first_light: usize) -> bool {
+    let (before, tail) = scene.nodes.split_at(first);
+    let parent = tail[0].parent;
+    // A node is a child once, so that `first` itself hangs where its parent says.
+    let is_known = |child: &usize| *child <= first;
+    let is_whole = parent.is_none_or(|parent| parent < first)
+        && tail[1..]
+            .iter()
+            .all(|node| node.parent.is_some_and(|parent| parent >= first));
+    let is_free = before.iter().all(|node| {
+        node.children.iter().all(is_known) && node.light.is_none_or(|light| light < first_light)
+    }) && scene.roots.iter().all(is_known);
+    let joints = scene.skins.iter().flat_map(|skin| skin.joints.iter());
+    let clips = scene.animations.iter().flat_map(|clip| &clip.nodes);
+    is_whole
+        && is_free
+        && joints
+            .chain(clips.map(|tracks| &tracks.node))
+            .all(|node| *node < first)
 }
 
 fn delete(scene: &mut Scene, node: usize) -> Result<Edit, EditError> {
@@ -528,7 +554,9 @@ fn attach(
 ) -> Result<Edit, EditError> {
     let is_loose = node_mut(scene, node)?.parent.is_none() && !scene.roots.contains(&node);
     let below = parent.is_some_and(|parent| subtree(scene, node).contains(&parent));
-    if !is_loose || below {
+    // On a parent that is not shown it could not be deleted again.
+    let is_lost = parent.is_some_and(|parent| check_placed(scene, parent).is_err());
+    if !is_loose || below || is_lost {
         return Err(EditError::Stale);
     }
     let siblings = siblings(scene, parent)?;

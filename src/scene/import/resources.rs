@@ -294,8 +294,9 @@ pub fn load_images(
         Ok((image, bits))
     };
     let mut images = Vec::with_capacity(sources.len());
-    // As many at once as a part of the budget has room for, which does not depend on how many cores there are.
-    let room = document.budget.limits().memory_bytes / 4;
+    // As many at once as there is room for, which does not depend on how many cores there are.
+    let budget = document.budget;
+    let room = (budget.limits().memory_bytes / 4).min(budget.left());
     let mut rest = &pictures[..];
     while !rest.is_empty() {
         let mut bytes = 0;
