@@ -184,10 +184,18 @@ first() { ls "$1"*.json 2>/dev/null | head -n 1; }
 work=$(mktemp -d)
 children=()
 clean_up() {
-    local status=$? child
+    local status=$? child ended
     trap - EXIT INT TERM
     for child in "${children[@]}"; do kill "$child" 2>/dev/null || true; done
-    for child in "${children[@]}"; do wait "$child" 2>/dev/null || true; done
+    for child in "${children[@]}"; do
+        ended=0
+        wait "$child" 2>/dev/null || ended=$?
+        # 128 + SIGABRT or SIGSEGV. Debian's Monado does so once in hundreds of starts.
+        if [ "$child" = "${MONADO_PID:-}" ] && [ "$status" != 0 ] && { [ "$ended" = 134 ] || [ "$ended" = 139 ]; }; then
+            echo "monado.sh: Monado's service crashed (signal $((ended - 128))), so the command's status $status is not its own; run it again" >&2
+            status=75
+        fi
+    done
     rm -rf "$work"
     exit "$status"
 }

@@ -7,8 +7,8 @@ use serde_json::Value;
 use stereolux::xr::trace::Trace;
 
 use crate::suite::openxr_support::{
-    PROGRAM, assert_same_images, assert_status, frames_so_far, monado, stats, stderr,
-    stereolux_on_monado, wait_until,
+    PROGRAM, SERVICE_CRASHED, assert_same_images, assert_status, frames_so_far, monado,
+    output_on_monado, stats, stderr, stereolux_on_monado, wait_until,
 };
 use crate::suite::support::{Folder, stereolux};
 
@@ -45,13 +45,13 @@ pub fn all_output(output: &std::process::Output) -> String {
 
 /// Runs the program on Monado under both validation layers, and gives all that it and they said.
 fn validated(args: &[&str]) -> String {
-    let output = monado(&[])
-        .arg(PROGRAM)
-        .args(args)
-        .envs(VALIDATION)
-        .env("RUST_LOG", "info")
-        .output()
-        .unwrap();
+    let output = output_on_monado(
+        monado(&[])
+            .arg(PROGRAM)
+            .args(args)
+            .envs(VALIDATION)
+            .env("RUST_LOG", "info"),
+    );
     assert_status(&output, 0);
     all_output(&output)
 }
@@ -495,6 +495,19 @@ fn two_thousand_frames_leave_no_trace() {
         end.0
     );
     assert_eq!((end.1, end.2), (warm.1, warm.2), "open files and threads");
+}
+
+/// A crash of the service's own is told from a kill and from a fault of the command.
+#[test]
+fn the_script_says_when_the_service_crashed() {
+    let status = |command: &str| {
+        let output = monado(&[]).args(["bash", "-c", command]).output().unwrap();
+        output.status.code()
+    };
+    let crashed = status("kill -SEGV $MONADO_PID; exit 3");
+    assert_eq!(crashed, Some(SERVICE_CRASHED));
+    assert_eq!(status("kill -KILL $MONADO_PID; exit 3"), Some(3));
+    assert_eq!(status("exit 3"), Some(3));
 }
 
 #[test]

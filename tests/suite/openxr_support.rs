@@ -23,7 +23,23 @@ pub fn monado(options: &[&str]) -> Command {
 
 /// Runs `stereolux` against Monado; `options` are the script's.
 pub fn stereolux_on_monado(options: &[&str], args: &[&str]) -> Output {
-    monado(options).arg(PROGRAM).args(args).output().unwrap()
+    output_on_monado(monado(options).arg(PROGRAM).args(args))
+}
+
+/// The script's exit status where Monado's service crashed by itself.
+pub const SERVICE_CRASHED: i32 = 75;
+
+/// What `command` (of [`monado`]) printed; run again, and said so, where Monado's service crashed by itself.
+pub fn output_on_monado(command: &mut Command) -> Output {
+    let mut output = command.output().unwrap();
+    for _ in 0..2 {
+        if output.status.code() != Some(SERVICE_CRASHED) {
+            break;
+        }
+        eprintln!("AGAIN: {}", stderr(&output));
+        output = command.output().unwrap();
+    }
+    output
 }
 
 /// Standard error as text.
