@@ -75,7 +75,7 @@ pub struct RunReport<'a> {
     pub size: [u32; 2],
     /// Gather radius in use, metres; with the photon method.
     pub radius_m: Option<f64>,
-    /// Gather radius of caustics in use, metres; where they have a map of their own.
+    /// Gather radius of the caustic map, metres, if there is one.
     pub caustic_radius_m: Option<f64>,
     /// The resolved settings.
     pub settings: &'a Settings,

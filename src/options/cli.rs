@@ -1,5 +1,4 @@
-//! The command line: commands, flags and their help. What one flag takes is checked here, what concerns several of them
-//! in `checks`.
+//! The command line: commands, flags and their help. A single flag is checked here, combinations in `checks`.
 
 use std::path::PathBuf;
 
@@ -28,7 +27,7 @@ Exit status: 0 done, 1 failed while running, 2 unusable arguments or input.
 pub(super) const RUN_EXAMPLES: &str = "\
 Examples:
   stereolux run --scene builtin:gallery --frames 20 --every 5
-  stereolux run --headset quest3 --motion yaw --reuse off --out each-eye-by-itself
+  stereolux run --headset quest3 --motion yaw --reuse off --out separate-eyes
   stereolux run --record walk.jsonl --motion walk
   stereolux run --session replay --trace walk.jsonl
   stereolux run --trace freiburg1_xyz-groundtruth.txt --trace-body optical --frames 100
@@ -45,12 +44,12 @@ Examples:
   stereolux view --scene helmet.glb
   stereolux view --scene builtin:gallery --set environment.path=sky.hdr
   stereolux view --trace walk.jsonl
-A recording waits at its first frame; it plays, steps and scrubs in the window. F1 there lists keys and mouse.";
+A recording starts paused; play, step and scrub in the window. F1 lists keys and mouse.";
 
 pub(super) const BENCH_EXAMPLES: &str = "\
-Every frame that is measured traces its photons anew. Variants of a group take turns, frame by frame, and ratios are
-formed within a turn. Errors are those of the frames that were timed, against a path-traced reference.
-Settings that a suite varies replace those given here; `spp` is 1 except where the suite varies it.
+Every measured frame retraces its photons. Variants of a group take turns, frame by frame, and ratios are formed within
+a turn. Errors are those of the timed frames, against a path-traced reference.
+Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it.
 
 Writes to --out: report.md, report.json, rows.csv, plots/*.svg and *.png, journal.jsonl, traces/, references/.
 
@@ -72,7 +71,7 @@ Examples:
   stereolux compare out/frame_0000_left.exr reference/frame_0000_left.exr
   stereolux compare a.exr b.exr --mask reused.png --max-rel-mse 0.01
 
-Exit status: 0 done, 1 relative MSE above --max-rel-mse (or pixels that are not finite while that is given),
+Exit status: 0 done, 1 relative MSE above --max-rel-mse (or, with it, pixels that are not finite),
 2 unusable arguments or input, such as images of different size.";
 
 /// Stereo global illumination for headsets: photon mapping with stereo reuse, and the path tracer it is measured against
@@ -100,16 +99,16 @@ pub enum Options {
     View(Box<ViewOptions>),
 }
 
-/// Where settings come from: a command's flags, a file, `--set`.
+/// Sources of settings: a command's flags, a file, `--set`.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LayerArgs<const FLAGS: usize> {
     #[command(flatten)]
     pub(super) flags: SettingFlags<FLAGS>,
-    /// TOML file of settings, under --set and all flags; unknown keys are errors
+    /// TOML file of settings; --set and flags override it; unknown keys are errors
     #[arg(long, value_name = "FILE", help_heading = "Settings")]
     pub(super) config: Option<PathBuf>,
-    /// Change one setting, such as photon.kernel=cone; may be repeated, the last one wins.
-    /// The value is TOML, or bare text. All keys are listed at the end of --help
+    /// Change one setting, such as photon.kernel=cone; may be repeated, the last wins.
+    /// The value is TOML, or bare text. `stereolux info --settings` lists all keys
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Settings")]
     pub(super) set: Vec<String>,
 }
@@ -126,9 +125,9 @@ pub struct SharedOptions {
 }
 
 choices! {
-    /// Where head and eye poses come from.
+    /// Source of head and eye poses.
     pub enum SessionChoice {
-        /// OpenXR if a runtime answers, else simulated; says which. With --trace: replay
+        /// OpenXR if a runtime answers, else simulated, and says which; with --trace, replay
         Auto = "auto",
         /// Simulated headset, the same motion every time
         Simulated = "simulated",
@@ -140,11 +139,11 @@ choices! {
 
     /// What `bench` measures.
     pub enum Suite {
-        /// The 2020 report's five tables: ways to gather, and two eyes by themselves against stereo reuse
+        /// The 2020 report's five tables: ways to gather, and two separate eyes against stereo reuse
         Tables = "tables",
         /// Reuse modes side by side over scenes, eye distances, headsets and a recorded trace
         Stereo = "stereo",
-        /// Milliseconds against error over photons, radius, kernel, direct light and samples; the path tracer beside it
+        /// Error against time over photons, radius, kernel, direct light and samples, and for the path tracer
         Pareto = "pareto",
         /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
         Scaling = "scaling",
@@ -160,10 +159,10 @@ pub struct RunOptions {
     /// All settings.
     #[arg(skip)]
     pub settings: Settings,
-    /// Those that `render` and `view` have, too.
+    /// Shared with `render` and `view`.
     #[command(flatten)]
     pub shared: SharedOptions,
-    /// Those of the session.
+    /// The session.
     #[command(flatten)]
     pub session: SessionOptions,
 }
@@ -172,7 +171,7 @@ pub struct RunOptions {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Session")]
 pub struct SessionOptions {
-    /// Where poses come from
+    /// Source of poses
     #[arg(
         long = "session",
         value_name = "SESSION",
@@ -183,19 +182,19 @@ pub struct SessionOptions {
     /// The recording; there is one exactly if `choice` is [`SessionChoice::Replay`].
     #[command(flatten)]
     pub recording: TraceOptions,
-    /// Write the views that were really used to this native trace
+    /// Record the views used to this native trace (JSON Lines)
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Frames to run, 1 to 4294967295 [default: simulated 100; replay the whole trace; openxr until the session ends]
+    /// Frames to run, 1 to 4294967295 [default: simulated 100; replay all; openxr until the session ends]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub frames: Option<u32>,
-    /// Write images of every K-th frame, counted from frame 0; 1 to 4294967295
+    /// Write images of every K-th frame, from frame 0 on; 1 to 4294967295
     #[arg(long, value_name = "K", value_parser = whole(1..=u32::MAX), default_value = "1")]
     pub every: u32,
-    /// Replay and simulate at the headset's refresh rate instead of as fast as the machine allows
+    /// Replay or simulate at the headset's refresh rate instead of as fast as possible
     #[arg(long)]
     pub realtime: bool,
-    /// Show what the eyes see, side by side, in a window of the desktop. Closing it ends the mirror, not the run
+    /// Show both eyes side by side in a desktop window; closing it does not end the run
     #[arg(long)]
     pub mirror: bool,
     #[command(flatten)]
@@ -205,18 +204,18 @@ pub struct SessionOptions {
 /// A recording to replay, in `run` and `view`. `None` leaves a choice to the recording's format.
 #[derive(Clone, Debug, Args)]
 pub struct TraceOptions {
-    /// Replay this recording: a native trace (JSON Lines, from --record), a TUM trajectory or a EuRoC ground-truth CSV.
-    /// TUM and EuRoC hold head poses; the headset profile adds the eyes
+    /// Replay this recording: a native trace (from --record), a TUM trajectory or a EuRoC ground-truth CSV. TUM and
+    /// EuRoC hold head poses; the headset profile adds the eyes
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
     /// World axis that points up in the trace [default: z for TUM and EuRoC, y for native]
     #[arg(long, value_parser = choice::<TraceUp>())]
     pub trace_up: Option<TraceUp>,
-    /// What the recorded body frame is: openxr (x right, y up, z back), optical (x right, y down, z forward),
-    /// or the rotation eye-from-body as "qx qy qz qw" [default: optical for TUM, the IMU of its vehicles for EuRoC]
+    /// Axes of the recorded body: openxr (x right, y up, z back), optical (x right, y down, z forward), or the
+    /// rotation eye-from-body as "qx qy qz qw" [default: optical for TUM, the vehicle's IMU for EuRoC]
     #[arg(long, value_name = "openxr|optical|\"qx qy qz qw\"", value_parser = values::trace_body)]
     pub trace_body: Option<TraceBody>,
-    /// Move the trace's first pose onto the scene's starting pose, gravity kept vertical
+    /// Move the first pose onto the scene's starting pose, keeping gravity vertical
     /// [default: true for TUM and EuRoC, false for native]
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     pub trace_recenter: Option<bool>,
@@ -229,10 +228,10 @@ pub struct RenderOptions {
     /// All settings.
     #[arg(skip)]
     pub settings: Settings,
-    /// Those that `run` and `view` have, too.
+    /// Shared with `run` and `view`.
     #[command(flatten)]
     pub shared: SharedOptions,
-    /// Those of the view.
+    /// The view.
     #[command(flatten)]
     pub view: PoseOptions,
 }
@@ -245,12 +244,12 @@ pub struct PoseOptions {
     /// [default: the scene's first glTF camera, else a pose that frames the scene]
     #[arg(long, value_name = "\"x y z qx qy qz qw\"", value_parser = values::pose)]
     pub pose: Option<Pose>,
-    /// Distance between the eyes in metres, 0 to 1; replaces the profile's eye offsets and cant
+    /// IPD, the distance between the eyes, in metres, 0 to 1; replaces the profile's eye offsets and cant
     /// [default: the headset's]
     #[arg(long, value_name = "M", value_parser = values::ipd_m)]
     pub ipd: Option<f64>,
-    /// Angles of both eyes in degrees within +-89, left and down negative, such as "-40 40 40 -40";
-    /// replaces the profile's angles and cant [default: the headset's]
+    /// Field of view of both eyes: angles in degrees within +-89, left and down negative, such as
+    /// "-40 40 40 -40"; replaces the profile's angles and cant [default: the headset's]
     #[arg(long, value_name = "\"left right up down\"", value_parser = values::fov)]
     pub fov: Option<Fov>,
     /// Eyes to render
@@ -262,14 +261,14 @@ pub struct PoseOptions {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = COMPARE_HELP)]
 pub struct CompareOptions {
-    /// Image to judge: EXR or HDR (linear), PNG or JPEG (sRGB, decoded)
+    /// Image to compare: EXR or HDR (linear), PNG or JPEG (sRGB, decoded)
     pub image: PathBuf,
     /// Reference image of the same size
     pub reference: PathBuf,
     /// Exit with status 1 if the relative MSE is above this number (0 or more)
     #[arg(long, value_name = "X", value_parser = real(|limit| limit >= 0.0, "a number, 0 or more"))]
     pub max_rel_mse: Option<f64>,
-    /// Count only pixels that are white (any channel at least half) in this image of the same size
+    /// Compare only pixels that are white (any channel at least half) in this image of the same size
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
     /// Exposure factor before tone mapping, for FLIP only
@@ -280,8 +279,8 @@ pub struct CompareOptions {
         default_value = "1"
     )]
     pub exposure: f64,
-    /// Pixels per degree of visual angle, for FLIP only; 67 is a 0.7 m wide 4K monitor seen from 0.7 m,
-    /// headsets have about 12 to 25
+    /// Pixels per degree of visual angle, for FLIP only; 67 is a 0.7 m wide 4K monitor at 0.7 m, headsets have
+    /// about 12 to 25
     #[arg(
         long,
         value_name = "N",
@@ -289,42 +288,42 @@ pub struct CompareOptions {
         default_value = "67"
     )]
     pub pixels_per_degree: f64,
-    /// What reading the images may cost.
+    /// Limits on reading the images.
     #[arg(skip)]
     pub limits: LimitsSettings,
     #[command(flatten)]
     pub(super) layers: LayerArgs<COMPARE>,
 }
 
-/// Options of `bench`. `None` leaves a number to the suite.
+/// Options of `bench`. `None`: the suite's default.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
 pub struct BenchOptions {
-    /// All settings, under those that the suite sets.
+    /// All settings; the suite overrides some.
     #[arg(skip)]
     pub settings: Settings,
     /// Suite to run
     #[arg(value_parser = choice::<Suite>())]
     pub suite: Suite,
-    /// Directory for the report, the journal of finished rows and, unless --references says otherwise, the
-    /// references; made if missing. A second run with the same settings goes on where the first one stopped
+    /// Directory for report, journal and references; made if missing. The same command again resumes a suite
+    /// that was stopped
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Scene to measure, a glTF file or builtin:NAME; may be repeated
     /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
     #[arg(long = "scene", value_name = "PATH|builtin:NAME", value_parser = values::scene)]
     pub scenes: Vec<String>,
-    /// Rounds that are measured, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]
+    /// Measured rounds, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub rounds: Option<u32>,
     /// Frames of the recorded trace in the stereo suite, 1 to 100000 [default: 24; smoke 4]
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub frames: Option<u32>,
-    /// Most samples per pixel of a path-traced reference, 16 to 16777216. Errors that need a better one are marked
+    /// Most samples per pixel of a reference, 16 to 16777216; errors that need more are marked
     /// [default: 4096; smoke 256]
     #[arg(long, value_name = "N", value_parser = whole(16..=1 << 24))]
     pub reference_spp: Option<u32>,
-    /// Directory that keeps path-traced references between runs [default: DIR/references, DIR from --out]
+    /// Directory that caches references between runs [default: DIR/references, DIR from --out]
     #[arg(long, value_name = "DIR")]
     pub references: Option<PathBuf>,
     #[command(flatten)]
@@ -338,12 +337,12 @@ pub struct InfoOptions {
     /// All settings.
     #[arg(skip)]
     pub settings: Settings,
-    /// Whether a flag, `--set` or the config file names a scene to analyse.
+    /// Whether a scene to analyse was named.
     #[arg(skip)]
     pub names_scene: bool,
     #[command(flatten)]
     pub(super) layers: LayerArgs<INFO>,
-    /// Also list all settings: key, kind, default, range, unit, explanation
+    /// Also list all settings: key, kind, default, range, unit, sentence
     #[arg(long = "settings")]
     pub lists_settings: bool,
 }
@@ -355,10 +354,10 @@ pub struct ViewOptions {
     /// All settings.
     #[arg(skip)]
     pub settings: Settings,
-    /// Those that `run` and `render` have, too; files of `out` are screenshots and what is saved.
+    /// Shared with `run` and `render`; `out` receives screenshots and saved files.
     #[command(flatten)]
     pub shared: SharedOptions,
-    /// Views to play.
+    /// Recording to play.
     #[command(flatten, next_help_heading = "Recording")]
     pub recording: TraceOptions,
 }

@@ -24,7 +24,7 @@ pub(super) const INFO: usize = 3;
 /// Those of `compare`: none.
 pub(super) const COMPARE: usize = 4;
 
-const TRUST: &str = "; only for scenes whose maker you trust: whatever they name is read";
+const TRUST: &str = "; only for scenes that you trust, since any file they name is read";
 
 #[rustfmt::skip]
 const ROWS: [&[Row]; 5] = [
@@ -35,12 +35,12 @@ const ROWS: [&[Row]; 5] = [
         ("--reuse", "reuse", "REUSE", ""),
         ("--photons", "photon.count", "N", ""),
         ("--radius", "photon.radius_m", "M", ""),
-        ("--spp", "spp", "N", ". One goes through the pixel's centre, more spread over the pixel"),
+        ("--spp", "spp", "N", ". One goes through the pixel's centre, more are spread over the pixel"),
         ("--size", "size", "WxH", ""),
         ("--headset", "headset", "NAME", ": per-eye size, FOV angles, eye poses, IPD, refresh rate"),
         ("--seed", "seed", "N", ""),
         ("--adapter", "adapter", "NAME",
-            ": a discrete GPU, then integrated, then software; upper or lower case, see `stereolux info`"),
+            " (discrete GPU, then integrated, then software); any case, see `stereolux info`"),
     ],
     &[
         ("--motion", "simulated.motion", "MOTION", ""),
@@ -48,12 +48,12 @@ const ROWS: [&[Row]; 5] = [
     &[
         ("--size", "size", "WxH", " [default: 256x256; smoke 32x32]"),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
-        ("--adapter", "adapter", "NAME", ": a discrete GPU, then integrated, then software"),
+        ("--adapter", "adapter", "NAME", " (discrete GPU, then integrated, then software)"),
     ],
     &[
-        ("--scene", "scene", "PATH|builtin:NAME", "; says what it needs and what is left out [default: none]"),
+        ("--scene", "scene", "PATH|builtin:NAME", "; reports its needs and what is left out [default: none]"),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
-        ("--method", "method", "METHOD", " that the scene's needs are worked out for"),
+        ("--method", "method", "METHOD", " to report the scene's needs for"),
         ("--adapter", "adapter", "NAME", "; marks the adapter that would be used"),
     ],
     &[],

@@ -226,7 +226,7 @@ impl Renderer {
         // The map of caustics takes photons over from the other one.
         if self.features().caustics != wanted.caustics {
             return Some(
-                "nothing forms caustics any more, which have a map of their own".to_owned(),
+                "the edited scene has no caustics, but a caustic photon map is compiled in".to_owned(),
             );
         }
         if base.shines != shines(needs) {

@@ -56,12 +56,12 @@ pub fn splits_light(settings: &RenderSettings) -> bool {
     settings.output.parts || settings.reconstruct.svgf
 }
 
-/// Whether caustics get a map of their own: the scene can form them, or a setting forces it.
+/// Whether there is a caustic map: the scene can form caustics, or a setting forces it.
 pub fn forms_caustics(features: &ShaderFeatures) -> bool {
     features.caustics
 }
 
-/// Samples of lights that the one of a shadow ray is chosen from. A single light without size leaves nothing to choose.
+/// RIS candidates per shadow ray. A single light without size leaves nothing to choose.
 pub fn light_candidates(
     lights: usize,
     features: &ShaderFeatures,
@@ -74,7 +74,7 @@ pub fn light_candidates(
     }
 }
 
-/// Whether the right eye's glossy surfaces take their indirect light over: lamps must be shaded apart from it.
+/// Whether glossy surfaces of the right eye reuse indirect light; direct light must be shaded separately.
 pub fn reuses_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     (features.glossy || features.dielectric)
         && settings.method == Method::Photon

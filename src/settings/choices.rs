@@ -1,4 +1,4 @@
-//! What is one of a few words: each choice is said once, and its type, its words and their explanations come from that.
+//! Settings with a few named values: one list per choice gives its type, words and explanations.
 
 /// A type whose values each have a word, for files, flags and listings.
 pub trait Choice: Copy + Eq + Send + Sync + 'static {
@@ -60,17 +60,17 @@ choices! {
     pub enum Method {
         /// Photon mapping: photons traced from the lights, gathered at the eye's hits
         Photon = "photon",
-        /// Path tracing: the reference that errors are measured against
+        /// Path tracing: the reference for errors
         Path = "path",
     }
 
     /// How the right eye reuses the left eye's work (`reuse`).
     pub enum Reuse {
-        /// Render each eye by itself
+        /// Render each eye separately
         Off = "off",
-        /// Scatter the left eye's hits into the right eye, trace only what stays empty
+        /// Reproject the left eye's hits into the right eye, trace only pixels that stay empty
         Scatter = "scatter",
-        /// Trace the right eye's primary rays and take light from left samples that agree in place and normal
+        /// Trace the right eye's primary rays and reuse demodulated light of left samples that agree in position and normal
         Lookup = "lookup",
     }
 
@@ -84,15 +84,15 @@ choices! {
 
     /// How the path tracer finds lights (`path.technique`).
     pub enum Technique {
-        /// By light samples and by the surfaces' directions, weighted by the balance heuristic
+        /// Light and BSDF samples, combined by MIS (balance heuristic)
         Mis = "mis",
-        /// By light samples alone
+        /// Light samples only
         Light = "light",
-        /// By the surfaces' directions alone, which find no point, spot or directional light
+        /// BSDF samples only, which miss point, spot and directional lights
         Bsdf = "bsdf",
     }
 
-    /// Where photon mapping takes direct light from (`photon.direct`).
+    /// Source of direct light in photon mapping (`photon.direct`).
     pub enum DirectLight {
         /// Next-event estimation; the map holds only photons that scattered at least once
         Nee = "nee",
@@ -120,25 +120,25 @@ choices! {
 
     /// Which photons make an estimate (`photon.estimate`).
     pub enum PhotonEstimate {
-        /// All within the radius
+        /// All photons within the radius
         Radius = "radius",
-        /// The nearest ones within the radius, `photon.nearest` of them at most
+        /// The `photon.nearest` nearest photons within the radius
         Nearest = "nearest",
     }
 
     /// Kernels of one sample of an eye (`photon.schedule`).
     pub enum Schedule {
-        /// One that traces, one that gathers
+        /// One kernel traces, another gathers
         Split = "split",
-        /// One that traces and gathers
+        /// One kernel traces and gathers
         Fused = "fused",
     }
 
     /// How a gather loads photons (`photon.loads`).
     pub enum Loads {
-        /// Every thread its own
+        /// Every thread loads its own
         Direct = "direct",
-        /// A workgroup together, through its shared memory
+        /// A workgroup loads them together into shared memory
         Cooperative = "cooperative",
     }
 
@@ -154,27 +154,27 @@ choices! {
         Sway = "sway",
     }
 
-    /// A shader feature that is compiled in when needed, always or never (`force.*`).
+    /// When a shader feature is compiled in (`force.*`).
     pub enum Force {
-        /// In when the scene needs it
+        /// If the scene needs it
         Auto = "auto",
-        /// Always in
+        /// Always
         On = "on",
-        /// Always out, even where that changes the image
+        /// Never, even if that changes the image
         Off = "off",
     }
 
-    /// The runtime's space that the scene stands in (`openxr.space`).
+    /// Reference space that the scene stands in (`openxr.space`).
     pub enum Space {
-        /// Origin where the wearer's head was when the runtime recentred last
+        /// Origin at the wearer's head when the runtime last recentred
         Local = "local",
         /// Origin on the floor in the middle of the play area
         Stage = "stage",
     }
 
-    /// Colour format of the images for the runtime (`openxr.format`).
+    /// Swapchain colour format (`openxr.format`).
     pub enum ImageFormat {
-        /// The first of the two that the runtime names
+        /// The runtime's preference among the two
         Auto = "auto",
         /// 8 bits, sRGB
         Srgb = "srgb",
@@ -188,7 +188,7 @@ choices! {
         Both = "both",
         /// The left eye
         Left = "left",
-        /// The right eye, rendered by itself: there is no left eye to reuse
+        /// The right eye, without a left eye to reuse
         Right = "right",
     }
 }
@@ -204,9 +204,9 @@ choices! {
         Sphere = "sphere",
         /// A glass ball over a diffuse floor, lit from above by a square lamp
         Caustic = "caustic",
-        /// An interior worth looking at
+        /// A furnished interior with daylight, lamps, glass and metal
         Gallery = "gallery",
-        /// A room in which everything that can move does
+        /// A room in which everything that can be animated moves
         Parade = "parade",
     }
 }

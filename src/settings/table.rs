@@ -126,7 +126,7 @@ macro_rules! settings {
     )+};
 }
 
-/// Passes of the user's own, as a config file lists them.
+/// The user's own passes, as a config file lists them.
 type UserPasses = Vec<UserPass>;
 
 /// Headings and order of all listings.
@@ -155,15 +155,15 @@ settings! {
             scene: String = "builtin:cornell".to_owned(), NAME;
         }
         rows DEVICE {
-            /// size of each eye's image; unset takes the headset's
+            /// image size per eye; unset takes the headset's
             size: Option<[u32; 2]> = None, Kind::Size { max: MAX_SIZE }, "pixels";
             /// headset profile from config/headsets/
             headset: String = "symmetric".to_owned(), NAME;
-            /// substring of the adapter's name; empty takes the best one
+            /// part of the adapter's name; empty takes the best one
             adapter: String = String::new(), TEXT;
         }
         parts {
-            /// What the renderer takes.
+            /// The renderer's settings.
             render: RenderSettings;
             /// Environment map.
             environment: EnvironmentSettings;
@@ -175,19 +175,19 @@ settings! {
             openxr: OpenXrSettings;
             /// GPU use.
             gpu: GpuSettings;
-            /// What reading files may cost and reach.
+            /// Limits on reading files.
             limits: LimitsSettings;
         }
     }
 
-    /// What the renderer takes: how frames of a scene are made, whatever scene, headset and files are.
+    /// The renderer's settings, independent of scene, headset and files.
     struct RenderSettings at (render) "" {
         rows TRANSPORT {
             /// light transport
             method: Method = Method::Photon;
-            /// how the right eye reuses the left; off renders each by itself
+            /// how the right eye reuses the left eye's work; off renders each eye separately
             reuse: Reuse = Reuse::Scatter;
-            /// primary samples per pixel and frame, averaged
+            /// samples per pixel and frame, averaged
             spp: u32 = 1, whole(1, 1_048_576), "samples per pixel";
             /// random seed
             seed: u32 = 0, whole(0, u32::MAX as u64);
@@ -199,17 +199,17 @@ settings! {
             photon: PhotonSettings;
             /// Stereo reuse.
             stereo: StereoSettings;
-            /// Filtering over time, neighbours and eyes.
+            /// Denoising and anti-aliasing.
             reconstruct: ReconstructSettings;
-            /// What moves by itself.
+            /// Playback of clips.
             animation: AnimationSettings;
-            /// What a frame holds for its files.
+            /// What a frame renders for its files.
             output: PictureSettings;
-            /// Shader features forced in or out, for measuring.
+            /// Shader features forced on or off, for measuring.
             force: ForceSettings;
             /// What is timed.
             gpu: TimingSettings;
-            /// Passes of the user's own.
+            /// The user's own passes.
             user_passes: UserPasses;
         }
     }
@@ -219,13 +219,13 @@ settings! {
         rows PATH {
             /// length of a path from eye to light: 1 is emission seen directly, 2 is direct light
             max_depth: u32 = 12, whole(1, 64), "segments";
-            /// end dim paths by chance, without bias
+            /// end dim paths at random, without bias (Russian roulette)
             russian_roulette: bool = true;
-            /// independent random numbers or Owen-scrambled Sobol points
+            /// random numbers: independent, or Owen-scrambled Sobol points
             sampler: Sampler = Sampler::Sobol;
-            /// how the path tracer finds lights: both ways weighted, by light samples, by the surfaces' directions
+            /// how the path tracer finds lights: light and BSDF samples by MIS, light samples only, BSDF samples only
             technique: Technique = Technique::Mis;
-            /// light samples that the one of a shadow ray is chosen from, by what each would bring; in both methods
+            /// RIS candidates per shadow ray (resampled importance sampling), in both methods
             light_candidates: u32 = 4, whole(1, 16), "samples";
         }
     }
@@ -237,41 +237,41 @@ settings! {
             count: u32 = 262_144, whole(0, 67_108_864), "photons";
             /// gather radius; 0 takes it from the scene's area and the photon count
             radius_m: f64 = 0.0, NOT_NEGATIVE, "metres";
-            /// photons emitted for the map of caustics, in scenes that can form them; 0 takes photon.count
+            /// photons emitted for the caustic map, in scenes with caustics; 0 takes photon.count
             caustic_count: u32 = 0, whole(0, 67_108_864), "photons";
             /// gather radius of caustics; 0 takes half of photon.radius_m
             caustic_radius_m: f64 = 0.0, NOT_NEGATIVE, "metres";
-            /// length of a path from eye to light, counted as path.max_depth is
+            /// length of a light path from eye to light, counted like path.max_depth
             max_depth: u32 = 12, whole(1, 64), "segments";
             /// direct light by next-event estimation or from the photon map
             direct: DirectLight = DirectLight::Nee;
-            /// weight of a photon by its distance from the gather point
+            /// density kernel: weight of a photon by its distance from the gather point
             kernel: Kernel = Kernel::Constant;
-            /// stored photons that each map's buffer holds; 0 takes it from the photon count
+            /// capacity of each map's photon buffer; 0 sizes it by the photon count and lets it grow
             capacity: u32 = 0, whole(0, 268_435_456), "photons";
             /// upper bound on the hash grid's cells
             grid_cells_max: u32 = 524_288, whole(64, 4_194_300), "cells";
-            /// trace photons for every frame, even where scene and lights are static
+            /// trace photons every frame, even if scene and lights are static
             every_frame: bool = false;
-            /// shares in which photons are traced anew once something moves, one per frame; light lags by as many frames
+            /// frames over which photons are retraced once something moves, a share per frame; light lags by as many
             shares: u32 = 1, whole(1, 64);
-            /// shrink the radius from sample to sample, converging to the path tracer
+            /// progressive photon mapping: a new map and a smaller radius per sample, converging to the path tracer
             progressive: bool = false;
-            /// share of new photons kept at each progressive step
+            /// share of new photons kept per progressive step (alpha)
             progressive_alpha: f64 = 0.7, between(0.0, 1.0);
-            /// a photon counts where its surface normal and the gather point's agree this well
+            /// least cosine between a photon's surface normal and the gather point's for it to count
             normal_min_cos: f64 = 0.5, real(-1.0, 1.0), "cosine";
-            /// how photons around a point are found; kd-tree is for comparison, and caustics keep the grid
+            /// photon search structure; kd-tree is for comparison, caustics keep the grid
             search: Search = Search::Grid;
-            /// estimate from all photons within the radius, or from the nearest of them; caustics keep the radius
+            /// estimate from all photons within the radius, or from the k nearest of them; caustics keep the radius
             estimate: PhotonEstimate = PhotonEstimate::Radius;
-            /// how many the estimate from the nearest takes, within photon.radius_m
+            /// k of the k nearest photons, within photon.radius_m
             nearest: u32 = 50, whole(1, 64), "photons";
             /// trace and gather in two kernels or in one; fused is for comparison
             schedule: Schedule = Schedule::Split;
-            /// each thread loads its photons, or a workgroup together; cooperative is for comparison
+            /// photons loaded per thread, or per workgroup through shared memory; cooperative is for comparison
             loads: Loads = Loads::Direct;
-            /// gather at every other pixel in each direction and interpolate between them, caustics aside
+            /// gather at every other pixel in each direction and interpolate irradiance; caustics at full rate
             half_rate: bool = false;
         }
     }
@@ -279,31 +279,30 @@ settings! {
     /// Settings of stereo reuse (`stereo.*`).
     struct StereoSettings at (render stereo) "stereo." {
         rows STEREO {
-            /// view-dependence limit of reuse; 0 reuses only what does not depend on the viewing direction
+            /// most view dependence that is reused; 0 reuses only what looks the same from everywhere
             max_view_dependence: f64 = 0.0, SHARE;
-            /// lookup: glossy surfaces take indirect light over where their lobe moves by no more between the eyes; 0 never
+            /// lookup: glossy surfaces reuse indirect light if their lobe moves by at most this between the eyes; 0 never
             max_lobe_shift: f64 = 0.25, NOT_NEGATIVE, "lobe widths";
         }
     }
 
-    /// Settings of the passes that make a clean picture of noisy frames (`reconstruct.*`). All of them are off by default:
-    /// a frame is then what its own samples say. The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
+    /// Settings of denoising and anti-aliasing (`reconstruct.*`), off by default. The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
     /// Salvi 2016 (`taa_*`).
     struct ReconstructSettings at (render reconstruct) "reconstruct." {
         rows RECONSTRUCT {
             /// filter direct and indirect light over frames and neighbours (SVGF)
             svgf: bool = false;
-            /// with svgf: the eyes share their accumulated light where both see a surface
+            /// with svgf: share accumulated light between the eyes where both see a surface
             stereo: bool = true;
-            /// temporal anti-aliasing of what is shown: PNG files, a headset's images, the mirror; EXR files are before it
+            /// temporal anti-aliasing of what is shown: PNG files, headset, mirror; EXR files hold the radiance before it
             taa: bool = false;
-            /// while nothing moves, the mean over the still frames takes the picture over
+            /// while nothing moves, fade to the mean of all still frames
             still: bool = false;
-            /// passes of the wavelet filter; the last reaches 2^(passes + 1) pixels to each side
+            /// passes of the a-trous wavelet filter; the last reaches 2^(passes + 1) pixels to each side
             atrous_passes: u32 = 5, whole(0, 8);
-            /// least share of a new frame in the accumulated light
+            /// least weight of a new frame in the accumulated light
             color_alpha: f64 = 0.2, SHARE;
-            /// least share of a new frame in the luminance moments
+            /// least weight of a new frame in the luminance moments
             moments_alpha: f64 = 0.2, SHARE;
             /// luminance difference at which a neighbour's weight is 1/e
             sigma_luminance: f64 = 4.0, POSITIVE, "standard deviations";
@@ -313,15 +312,15 @@ settings! {
             sigma_plane_px: f64 = 1.0, POSITIVE, "pixel widths";
             // From 4 frames on mirrors and glass are always limited, since their histories are no longer (Hardie and
             // Barner 1994).
-            /// light with at most so many frames behind it is limited to its brightest neighbour's; 0 never
+            /// history length up to which light is clamped to its brightest neighbour's (fireflies); 0 never clamps
             firefly_frames: u32 = 1, whole(0, 1_000_000), "frames";
-            /// share of a new frame in the displayed image
+            /// weight of a new frame in the displayed image
             taa_alpha: f64 = 0.1, SHARE;
-            /// how far from the mean of its 3x3 neighbours a history colour may lie
+            /// how far the history colour may lie from the mean of its 3x3 neighbours before it is clipped
             taa_clip: f64 = 1.0, POSITIVE, "standard deviations";
-            /// still frames up to which the filter alone is shown
+            /// still frames up to which only the filter's image is shown
             still_from: u32 = 16, whole(0, 1_000_000), "frames";
-            /// still frames from which on the mean alone is shown
+            /// still frames from which only the mean is shown
             still_until: u32 = 64, whole(1, 1_000_000), "frames";
         }
     }
@@ -339,25 +338,25 @@ settings! {
     /// Settings of the scene's animation (`animation.*`).
     struct AnimationSettings at (render animation) "animation." {
         rows ANIMATION {
-            /// clip by name, or by number from 0; none plays nothing, empty the first one there is
+            /// clip by name, or by number from 0; none plays nothing, empty plays the first
             clip: String = String::new(), TEXT;
             /// seconds of the clip per second of display time
             speed: f64 = 1.0, real(-1000.0, 1000.0);
-            /// second of the clip that the first frame shows
+            /// time in the clip at the first frame
             time_s: f64 = 0.0, real(0.0, 1e6), "s";
         }
     }
 
-    /// What a frame holds for its files (of `output.*`).
+    /// What a frame renders for its files (of `output.*`).
     struct PictureSettings at (render output) "output." {
         rows EXPOSURE {
-            /// exposure factor of what is shown: PNG files and a headset's images; EXR files are never scaled
+            /// exposure factor of what is shown: PNG files, headset, mirror; EXR files are never scaled
             exposure: f64 = 1.0, NOT_NEGATIVE;
         }
         rows PARTS {
-            /// also write each eye's direct light, indirect light and albedo, frame_NNNN_EYE_{direct,indirect,albedo}.exr
+            /// also write direct light, indirect light and albedo of each eye: frame_NNNN_EYE_{direct,indirect,albedo}.exr
             parts: bool = false;
-            /// keep where things were in the frame before, for views of motion; images stay as they are
+            /// keep the previous frame's positions, for views of motion; images do not change
             motion: bool = false;
         }
     }
@@ -365,7 +364,7 @@ settings! {
     /// Which files are written (of `output.*`).
     struct OutputSettings at (output) "output." {
         rows IMAGES {
-            /// write images; stats.jsonl and run.json are written in any case
+            /// write images; stats.jsonl and run.json are always written
             images: bool = true;
         }
     }
@@ -381,19 +380,19 @@ settings! {
     /// Settings of OpenXR sessions (`openxr.*`).
     struct OpenXrSettings at (openxr) "openxr." {
         rows OPENXR {
-            /// space of the runtime that the scene stands in: around the head's place, or on the floor
+            /// reference space that the scene stands in: origin at the head, or on the floor
             space: Space = Space::Local;
-            /// colour format of the images for the runtime: the runtime's choice, 8-bit sRGB, half floats
+            /// swapchain colour format: the runtime's choice, 8-bit sRGB, half floats
             format: ImageFormat = ImageFormat::Auto;
-            /// submit depth where the runtime takes it
+            /// submit a depth layer if the runtime takes it
             depth_layer: bool = true;
-            /// spend no rays on pixels that the lens hides
+            /// trace no rays for pixels that the lens hides
             visibility_mask: bool = true;
             /// refresh rate to ask the runtime for; 0 leaves it to the runtime
             refresh_hz: f64 = 0.0, real(0.0, 1000.0), "Hz";
             /// walking speed at full deflection of the stick
             move_m_per_s: f64 = 1.5, real(0.0, 100.0), "m/s";
-            /// one snap turn
+            /// angle of one snap turn
             snap_turn_deg: f64 = 30.0, real(0.0, 180.0), "degrees";
         }
     }
@@ -409,17 +408,17 @@ settings! {
     /// Which shaders are compiled (of `gpu.*`).
     struct GpuSettings at (gpu) "gpu." {
         rows SHADERS {
-            /// folder whose .wesl files replace the embedded shaders of the same name; for work on shaders
+            /// folder laid out like shaders/ whose .wesl files replace the embedded ones; for work on shaders
             shader_folder: String = String::new(), TEXT;
         }
     }
 
-    /// What reading files may cost and reach (`limits.*`).
+    /// Limits on reading files (`limits.*`).
     struct LimitsSettings at (limits) "limits." {
         rows LIMITS {
-            /// memory that loading a scene with its environment may take; 0 takes 4, or half of the machine's if that is less
+            /// memory that loading a scene with its environment may take; 0 means 4, or half of the machine's if that is less
             load_memory: f64 = 0.0, real(0.0, 1e6), "GiB";
-            /// scenes may name files outside their own folder
+            /// scenes may read files outside their own folder
             allow_outside: bool = false;
         }
     }
@@ -429,7 +428,7 @@ settings! {
 macro_rules! forced_features {
     ($( $(#[doc = $sentence:literal])+ $feature:ident; )+) => {
         settings! {
-            /// Shader features forced in or out (`force.*`).
+            /// Shader features forced on or off (`force.*`).
             struct ForceSettings at (render force) "force." {
                 rows FORCE {
                     $( $(#[doc = $sentence])+ $feature: Force = Force::Auto; )+
@@ -448,13 +447,13 @@ macro_rules! forced_features {
 }
 
 forced_features! {
-    /// glossy and metallic lobes in the shaders: as the scene needs, always, never
+    /// glossy and metallic lobes in the shaders: if the scene needs them, always, never
     glossy;
     /// glass in the shaders
     dielectric;
     /// textures in the shaders
     textures;
-    /// normal maps in the shaders; on brings textures, which off takes them away with
+    /// normal maps in the shaders; on also turns textures on, textures = off also turns normal maps off
     normal_maps;
     /// alpha mask and blend in the shaders
     alpha;
@@ -462,21 +461,21 @@ forced_features! {
     vertex_colors;
     /// the environment map in the shaders
     environment;
-    /// a map of caustics, apart from the other photons
+    /// a photon map of its own for caustics
     caustics;
-    /// the scene's records in textures, which software adapters read faster; auto: on those
+    /// texture copies of the scene's buffers, which software adapters read faster; auto: on those
     record_texels;
 }
 
 impl PhotonSettings {
-    /// Whether these ways to gather go together; if not, in one line, why and what to do.
+    /// Checks that the ways to gather can be combined.
     ///
     /// # Errors
-    /// The line.
+    /// One line: which cannot, and what to change.
     pub fn check_gather(&self) -> Result<(), String> {
         if self.half_rate && self.schedule == Schedule::Fused {
             return Err(
-                "photon.half_rate goes with photon.schedule = \"split\" only; change one of them"
+                "photon.half_rate needs photon.schedule = \"split\"; change one of them"
                     .to_owned(),
             );
         }
@@ -495,7 +494,7 @@ impl PhotonSettings {
             ),
             _ => return Ok(()),
         };
-        Err(format!("{set} goes with {needs} only; change one of them"))
+        Err(format!("{set} needs {needs}; change one of them"))
     }
 }
 
@@ -516,7 +515,7 @@ impl LimitsSettings {
 }
 
 impl ReconstructSettings {
-    /// Whether any pass of it runs.
+    /// Whether any of its passes runs.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.svgf || self.taa || self.still

@@ -32,7 +32,7 @@ const PREVIEW_BUDGET_MS: f64 = 100.0;
 const COARSEST: u32 = 8;
 /// Frames that are averaged of a view that stands still; after them the thread sleeps.
 const MOST_FRAMES: u32 = 1024;
-/// Steps down in rank for the rendering thread: the window's gets about ten times its share of a core.
+/// Nice level of the render thread; at +10 the UI thread gets about ten times its CPU share.
 #[cfg(target_os = "linux")]
 const NICE: i32 = 10;
 

@@ -90,7 +90,7 @@ fn only_what_differs_is_written_with_its_explanation() {
         lines[1..],
         [
             "",
-            "# primary samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)",
+            "# samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)",
             "spp = 4",
             "",
             "[photon]",
@@ -129,7 +129,7 @@ fn settings_are_changed_by_key_with_the_checks_of_set() {
     }
     let fused = plain.with("photon.schedule", &json!("fused")).unwrap();
     let error = fused.with("photon.search", &json!("kd-tree")).unwrap_err();
-    assert!(error.to_string().contains("goes with"), "{error}");
+    assert!(error.to_string().contains(" needs "), "{error}");
 
     let sized = plain.with("size", &json!([640, 480])).unwrap();
     assert_eq!(sized.value("size"), json!([640, 480]));

@@ -143,7 +143,7 @@ fn ways_to_gather_that_do_not_go_together_are_one_clear_error() {
                         Ok(_) => taken += 1,
                         Err(message) => {
                             assert!(!fits, "{message}");
-                            assert!(!message.contains('\n') && message.contains("goes with"));
+                            assert!(!message.contains('\n') && message.contains(" needs "));
                             let odd = if schedule == "fused" {
                                 "photon.schedule"
                             } else {
