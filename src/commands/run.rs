@@ -315,7 +315,7 @@ fn render_session(
     eprintln!("{}", run.summary_line(output.path()));
     if interrupt::requested() {
         return Err(Failure::failed(format!(
-            "interrupted after {} frames; what was written until then is whole",
+            "interrupted after {} frames; files written so far are complete",
             outcome.frames
         )));
     }

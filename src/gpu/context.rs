@@ -99,7 +99,7 @@ pub enum GpuError {
     },
     /// The device is gone.
     #[error(
-        "the device was lost in {pass} ({reason}); what was written until then is whole; if it happens again, give a frame less work (--size, --spp, --photons)"
+        "the device was lost in {pass} ({reason}); files written so far are complete; if it happens again, give a frame less work (--size, --spp, --photons)"
     )]
     Lost {
         /// The stage of the frame in which it was noticed.

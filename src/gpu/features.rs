@@ -31,7 +31,7 @@ macro_rules! features {
 
         /// The words by which shaders ask.
         pub const WORDS: PerFeature<&'static str> = PerFeature { $($($word: stringify!($word),)+)+ };
-        /// What each feature is there for, as a person would call it.
+        /// What each feature is, for messages.
         pub const MEANINGS: PerFeature<&'static str> = PerFeature { $($($word: $meaning,)+)+ };
         /// Who decides on each feature.
         pub const DECIDED_BY: PerFeature<DecidedBy> =
@@ -71,38 +71,38 @@ features! {
         dielectric: "glass",
         textures: "textures",
         normal_maps: "normal maps",
-        alpha: "surfaces that rays pass",
+        alpha: "alpha mask and blend",
         vertex_colors: "vertex colours",
         emitters: "emissive surfaces",
         points: "point lights",
         spots: "spot lights",
         directionals: "directional lights",
         environment: "the environment",
-        caustics: "a map of caustics",
+        caustics: "a caustic photon map",
         uv1: "a second set of texture coordinates",
-        deformation: "meshes that change their shape",
+        deformation: "deforming meshes",
     }
     Settings {
-        user_bsdf: "a scattering model of the user's",
-        sobol: "Sobol points in place of random numbers",
-        light_only: "direct light by samples of lights alone",
-        bsdf_only: "direct light by samples of the BSDF alone",
-        parts: "direct and indirect light apart",
-        svgf: "what the filter reads beside the light",
-        still_mean: "the mean over frames of what stands still",
-        keeps_ends: "ends of the fused pass' paths that later passes shade",
-        record_texels: "records and photons read from copies in textures",
+        user_bsdf: "a user BSDF",
+        sobol: "Sobol points instead of random numbers",
+        light_only: "direct light by light samples only",
+        bsdf_only: "direct light by BSDF samples only",
+        parts: "separate direct and indirect light",
+        svgf: "the filter's guides beside the light",
+        still_mean: "the mean of still frames",
+        keeps_ends: "path ends of the fused pass, for later passes",
+        record_texels: "texture copies of records and photons",
     }
     Renderer {
         visibility_mask: "pixels that the lens hides",
-        reuse_indirect: "glossy surfaces' indirect light, carried to the right eye",
+        reuse_indirect: "reuse of indirect light on glossy surfaces",
         one_sample: "one sample per pixel",
-        keeps_samples: "left samples that the right eye reads",
+        keeps_samples: "left samples for the right eye",
     }
     Pass {
         from_list: "a pass over a list of pixels",
-        inspects: "the pass that counts nodes and leaves blended surfaces not to chance",
-        encodes: "a target that encodes sRGB by itself",
+        inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
+        encodes: "a target with hardware sRGB encoding",
     }
 }
 

@@ -62,12 +62,12 @@ impl SessionOptions {
             }
             (SessionChoice::Simulated, true) => {
                 return conflict(
-                    "--trace does not go with --session simulated; give --session replay or leave one out",
+                    "--trace and --session simulated exclude each other; give --session replay or leave one out",
                 );
             }
             (SessionChoice::Openxr, true) => {
                 return conflict(
-                    "--trace does not go with --session openxr; give --session replay or leave one out",
+                    "--trace and --session openxr exclude each other; give --session replay or leave one out",
                 );
             }
             (chosen, _) => chosen,

@@ -201,7 +201,7 @@ pub struct SessionOptions {
     pub(super) flags: SettingFlags<RUN>,
 }
 
-/// A recording to replay, in `run` and `view`. `None` leaves a choice to the recording's format.
+/// A recording to replay, in `run` and `view`. `None`: the default of the recording's format.
 #[derive(Clone, Debug, Args)]
 pub struct TraceOptions {
     /// Replay this recording: a native trace (from --record), a TUM trajectory or a EuRoC ground-truth CSV. TUM and

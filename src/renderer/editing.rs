@@ -216,7 +216,7 @@ impl Renderer {
     ) -> Option<String> {
         let base = &self.edit_base;
         if !self.scene.has_nodes_alone() {
-            return Some("instances were added or removed that no node places".to_owned());
+            return Some("instances were added or removed outside the scene's nodes".to_owned());
         }
         let wanted = shader_features(needs, &self.settings);
         let missing = wanted.without(*self.features());
@@ -236,12 +236,12 @@ impl Renderer {
                 "there was no light"
             };
             return Some(format!(
-                "{what}, and photons are traced for one or for none"
+                "{what}, which decides whether photons are traced"
             ));
         }
         for material in &scene.materials {
             if material.user_bsdf > base.most_user_bsdf {
-                return Some(format!("{} has another scattering model", material.name));
+                return Some(format!("{} has another BSDF", material.name));
             }
         }
         let instances = scene.instances();
@@ -254,11 +254,11 @@ impl Renderer {
             let name = &scene.nodes[placed.node].name;
             if scene.deforms(placed.node) {
                 if own.is_none() {
-                    return Some(format!("{name} changes its shape and was not shown so far"));
+                    return Some(format!("{name} deforms and has not been shown yet"));
                 }
                 if repainted[placed.mesh] || glow[placed.mesh] {
                     return Some(format!(
-                        "{name} changes its shape and has another material or light"
+                        "{name} deforms and has another material or light"
                     ));
                 }
             }
@@ -273,7 +273,7 @@ impl Renderer {
                     && textures.any(|texture| !self.scene.holds_texture(scene, texture))
                 {
                     return Some(format!(
-                        "{} has a texture that was not in use",
+                        "{} has a texture that is not uploaded",
                         material.name
                     ));
                 }
@@ -296,7 +296,7 @@ impl Renderer {
             ),
         };
         if run > room {
-            return Some("so many instances leave room for fewer paths in a dispatch".to_owned());
+            return Some("this many instances need fewer paths per dispatch".to_owned());
         }
         None
     }

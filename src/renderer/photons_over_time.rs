@@ -52,7 +52,7 @@ impl Renderer {
                 let counters = map.note_trace(context, buffers, origin, photon_key)?;
                 if counters.dropped > 0 {
                     log::warn!(
-                        "{} of {} photons found no room; {} of {} paths count",
+                        "the photon buffer is full: {} of {} photons dropped; {} of {} paths count",
                         counters.dropped,
                         counters.demanded,
                         counters.paths_kept,

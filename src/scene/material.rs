@@ -113,7 +113,7 @@ impl Default for Material {
 }
 
 impl Material {
-    /// An ideal Lambert surface: non-metal with KHR_materials_specular strength 0, as DESIGN's built-in scenes use.
+    /// An ideal Lambert surface: non-metal with KHR_materials_specular strength 0, as the embedded scenes use.
     pub fn lambert(name: &str, albedo: [f32; 3]) -> Self {
         Self {
             name: name.to_owned(),

@@ -266,23 +266,23 @@ impl Needs {
     /// Features that the renderer has and this scene does without.
     fn note_unneeded(&mut self) {
         let not_glossy = if self.bsdfs.contains(&"user") {
-            "every surface is ideal Lambert or a user's"
+            "every surface is ideal Lambert or has a user BSDF"
         } else {
             "every surface is ideal Lambert"
         };
         let reasons = PerFeature {
             glossy: Some(not_glossy),
-            dielectric: Some("no surface lets light through"),
+            dielectric: Some("no surface is transmissive"),
             textures: Some("no material has a texture"),
             normal_maps: Some("no material has a normal texture"),
-            alpha: Some("no surface can be passed through"),
+            alpha: Some("no surface has alpha mask or blend"),
             vertex_colors: Some("no mesh has vertex colours other than white"),
             emitters: Some("no triangle emits light"),
             points: Some("there is no point light"),
             spots: Some("there is no spot light"),
             directionals: Some("there is no directional light"),
             environment: Some("no environment is set"),
-            caustics: Some("no smooth surface, diffuse surface and light come together"),
+            caustics: Some("caustics need a smooth surface, a diffuse surface and a light"),
             uv1: Some("no texture reads coordinate set 1"),
             deformation: Some("no mesh has a skin or morph targets"),
             ..PerFeature::default()

@@ -40,7 +40,7 @@ pub enum ViewError {
     #[error(transparent)]
     Gpu(#[from] GpuError),
     /// The window broke while it was open.
-    #[error("view: the window ended ({0}); what was saved is whole")]
+    #[error("view: the window closed ({0}); saved files are complete")]
     Ended(String),
 }
 

@@ -97,7 +97,7 @@ impl Trace {
                 Err(broken) => {
                     if broken.cut_short && lines.next_line()?.is_none() {
                         warnings.push(format!(
-                            "{file}, line {}: the last line is cut short and left out",
+                            "{file}, line {}: the last line is truncated and ignored",
                             line.number
                         ));
                         break;

@@ -1,4 +1,4 @@
-//! Editing: steps that change a scene and can be taken back.
+//! Editing: changes to a scene that can be undone.
 //!
 //! An [`Edit`] says what changes. [`Edit::apply`] carries it out and returns its inverse, which restores the scene exactly,
 //! down to the last bit. [`Document`] keeps a scene with the history of its edits.
@@ -202,7 +202,7 @@ pub enum EditError {
         material: String,
     },
     /// An inverse that does not belong to the scene as it stands.
-    #[error("the step cannot be taken back: the scene is not as the step left it")]
+    #[error("cannot undo: the scene has changed since that step")]
     Stale,
 }
 

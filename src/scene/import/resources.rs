@@ -227,7 +227,7 @@ pub fn read_image_files(
             Ok(_) => Ok(Some(bytes)),
             Err(what) => {
                 let line = document.fault(format!(
-                    "{place}: {what}; it is not saved with the scene, which goes on naming its file"
+                    "{place}: {what}; it is not embedded on saving, and the saved scene still refers to its file"
                 ));
                 log::warn!("{line}");
                 Ok(None)

@@ -45,7 +45,7 @@ pub enum RuntimeError {
     },
     /// `--adapter` names another adapter than the runtime.
     #[error(
-        "--adapter {wanted:?}: the OpenXR runtime renders on {adapter:?} and on no other; leave --adapter out"
+        "--adapter {wanted:?}: the OpenXR runtime requires {adapter:?}; leave --adapter out"
     )]
     OtherAdapter {
         /// What was asked for.
