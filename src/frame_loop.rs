@@ -1,4 +1,4 @@
-//! The frame loop: a session's views become images, statistics and files.
+//! The frame loop: renders a session's views to images, statistics and files.
 //!
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
 //! runtime.
@@ -18,10 +18,10 @@ use crate::renderer::{
 };
 use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
-/// Frames whose statistics are kept for the medians of `run.json`: a session may go on for hours.
+/// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
 
-/// What a loop did.
+/// Result of a loop.
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// Frames rendered.
@@ -30,7 +30,7 @@ pub struct Outcome {
     pub last: VecDeque<FrameStats>,
 }
 
-/// What ends a loop early.
+/// Errors that end a loop.
 #[derive(Debug, thiserror::Error)]
 pub enum LoopError {
     /// The session.
@@ -70,7 +70,7 @@ pub struct FrameStats {
     pub stereo: StereoStats,
     /// Pixels of this frame's images that were not finite and were written as 0; must be 0.
     pub non_finite_pixels: usize,
-    /// The tracker had no usable pose: the last good one was shown again.
+    /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
 }
 
@@ -118,34 +118,34 @@ pub struct CpuMs {
     pub renderer: CpuTimes,
     /// Waiting until the session wants the next frame.
     pub wait: f64,
-    /// The session's other calls: beginning the frame, views, targets, handing the frame over.
+    /// The session's other calls: begin frame, locate views, acquire targets, end frame.
     pub session: f64,
-    /// Recording what hands the images to a runtime; 0 where nobody takes them.
+    /// Recording the copies to a runtime's images; 0 without a runtime.
     pub submit: f64,
     /// Drawing and presenting the desktop mirror; 0 without one.
     pub mirror: f64,
     /// Reading images back and writing files.
     pub write: f64,
-    /// The loop's own: the frame without all of the above.
+    /// The rest of the frame.
     pub overhead: f64,
     /// The whole frame, waiting for the session included.
     pub frame: f64,
 }
 
-/// How a loop is run.
+/// Options of a loop.
 #[derive(Debug, Clone, Copy)]
 pub struct LoopOptions {
-    /// Images are written of frames whose number is a multiple of this.
+    /// Images are written every this many frames.
     pub every: u32,
     /// Whether images are written at all.
     pub images: bool,
     /// Exposure of the tone-mapped pictures.
     pub exposure: f64,
-    /// Images of this size.
+    /// Image size per eye.
     pub size: [u32; 2],
 }
 
-/// What the caller is told while the loop runs.
+/// Progress reports of a loop.
 pub trait LoopProgress {
     /// `done` of `total` samples of frame `frame` are rendered.
     fn sample(&mut self, frame: u32, done: u32);
@@ -153,30 +153,30 @@ pub trait LoopProgress {
     fn frame(&mut self, stats: &FrameStats);
 }
 
-/// What became of one turn of the loop.
+/// Result of one iteration of the loop.
 pub enum Step {
     /// The session has ended.
     Ended,
-    /// The session shows nothing now, or knows no pose; the frame is ended without images.
+    /// The session shows nothing now, or has no pose; the frame was ended without images.
     Hidden,
-    /// A frame was rendered and handed over; its images are the renderer's until the next one.
+    /// A frame was rendered and submitted; the renderer keeps its images until the next one.
     Rendered(Box<Rendered>),
 }
 
-/// A frame that was handed over.
+/// A submitted frame.
 pub struct Rendered {
-    /// When it is seen, nanoseconds.
+    /// Display time, nanoseconds.
     pub display_time_ns: i64,
-    /// From where.
+    /// Views it was rendered with.
     pub located: LocatedViews,
-    /// What the renderer says of it.
+    /// The renderer's result.
     pub result: FrameResult,
-    /// Host time up to the hand-over.
+    /// Host times up to submission.
     pub cpu_ms: CpuMs,
 }
 
 impl Rendered {
-    /// What is recorded of the frame, once the caller is done with it: with `cpu_ms.write` and `cpu_ms.mirror` filled in.
+    /// The frame's statistics; call it last, so that `cpu_ms.write` and `cpu_ms.mirror` are filled in.
     pub fn into_stats(self, frame: u32, non_finite_pixels: usize, began: Instant) -> FrameStats {
         let Self {
             display_time_ns,
@@ -202,9 +202,8 @@ impl Rendered {
     }
 }
 
-/// One turn of the loop: waits for the session's next frame, renders it and hands it over. `scene_time_ns` says where the
-/// scene's animation stands in a frame, or `None` to leave the scene as it is; `sample` is told how many of the frame's
-/// samples are done.
+/// One iteration of the loop: waits for the session's next frame, renders and submits it. `scene_time_ns` gives the
+/// animation's time in a frame, or `None` to leave the scene as it is; `sample` receives the number of finished samples.
 ///
 /// # Errors
 /// [`LoopError::Session`], [`LoopError::Render`].
@@ -265,7 +264,7 @@ pub fn step(
     })))
 }
 
-/// Runs until the session ends or the user interrupts. A `mirror` shows the frames as they come.
+/// Runs until the session ends or the user interrupts. A `mirror` shows the frames.
 ///
 /// # Errors
 /// [`LoopError`]; files and statistics of the frames before it are on disk.

@@ -8,7 +8,7 @@
 //! head on the device. If the photon map is missing, photons are traced from the lights through the two-level
 //! [hierarchy](bvh), stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
 //! them directly, photons within a radius light them indirectly. The left eye's hits are projected into the right eye;
-//! those that it sees, and whose light does not depend on the viewing direction, are carried over; the pixels that are
+//! those that it sees, and whose light does not depend on the viewing direction, are reused; the pixels that are
 //! still empty are listed and rendered by the same passes. [`frame::plan()`] lists all steps in order. Images, statistics
 //! and false-colour provenance are [written](output) to disk, and [metrics] compare them with a reference.
 //!
@@ -19,7 +19,7 @@
 //! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
 //! - [`renderer`], [`frame`], [`gpu`]: images from views;
 //! - [`scene`], [`bvh`]: what is rendered;
-//! - [`limits`]: what reading a file may take and reach;
+//! - [`limits`]: limits on reading files;
 //! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
 //! - [`bench`]: speed against error.
 //!

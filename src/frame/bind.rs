@@ -1,11 +1,11 @@
-//! Where the names that shaders declare lead: buffers by owner and name, and the few rules between them.
+//! Resolves the names that shaders declare to buffers, by owner and name, with six rules:
 //!
-//! 1. A step may say that a name means another one here.
-//! 2. `dispatch` is the stage's table; scene, uniforms and the like are handed in.
+//! 1. A step may rename.
+//! 2. `dispatch` is the stage's table; scene and uniforms are given.
 //! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list.
-//! 4. Any other name is the own eye's, the own photon map's, or the frame's.
+//! 4. Any other name belongs to the step's eye, its photon map, or the frame.
 //! 5. `left_NAME` is the left eye's, `other_NAME` the other eye's.
-//! 6. `NAME_before` is what the frame before left; the buffer takes turns with `NAME`.
+//! 6. `NAME_before` is the previous frame's `NAME`, which is double-buffered.
 
 use std::collections::BTreeMap;
 
@@ -17,34 +17,34 @@ use crate::gpu::kernel::BindingKind;
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer};
 
-/// Whose a buffer is.
+/// Owner of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Whose {
-    /// An eye's.
+    /// An eye.
     Eye(Eye),
-    /// Both eyes'.
+    /// The frame.
     Frame,
-    /// A photon map's.
+    /// A photon map.
     Map(MapKind),
-    /// A batch's of a photon map.
+    /// A batch of a photon map's paths.
     Batch(MapKind, u32),
 }
 
 /// A buffer by owner and name.
 pub type Place = (Whose, &'static str);
 
-/// What a name means to an owner.
+/// What a name of a shader resolves to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Meaning {
     /// The buffer.
     pub place: Place,
-    /// Of the frame before.
+    /// Whether it is the previous frame's.
     pub is_before: bool,
-    /// Whether this frame's and the one's before take turns.
+    /// Whether it is double-buffered.
     pub takes_turns: bool,
 }
 
-/// What `name` means to `owner` by the rules 4 to 6; `None` if there is no such buffer.
+/// Resolves `name` for `owner` by rules 4 to 6; `None` if there is no such buffer.
 #[must_use]
 pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
     if let Some(row) = buffers::row(name) {
@@ -87,7 +87,7 @@ pub struct Use {
 }
 
 impl Use {
-    /// Takes a binding in.
+    /// Adds a binding.
     pub fn add(&mut self, kind: BindingKind) {
         self.is_written |= kind == BindingKind::ReadWrite;
         self.is_copied |= kind == BindingKind::Texels;
@@ -95,9 +95,9 @@ impl Use {
 }
 
 struct Held {
-    /// Declared, but nothing writes it.
+    /// Whether it is declared but never written.
     is_token: bool,
-    /// Two where they take turns.
+    /// Two if double-buffered.
     turns: Vec<wgpu::Buffer>,
     texels: Option<TexelCopy>,
 }
@@ -109,7 +109,7 @@ pub struct Buffers {
 }
 
 impl Buffers {
-    /// Makes room for all that is used. What is there and large enough stays, with what it holds.
+    /// Allocates all that is used. Buffers that exist and are large enough stay, with their contents.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`], [`GpuError::Validation`]: a buffer does not fit the adapter.
@@ -179,7 +179,7 @@ impl Buffers {
             .retain(|(whose, _), _| matches!(whose, Whose::Map(_) | Whose::Batch(..)));
     }
 
-    /// The buffer in frames of parity `parity` (0 or 1); `None` if no pass uses it.
+    /// The buffer in frames of `parity` (0 or 1); `None` if no pass uses it.
     #[must_use]
     pub fn get(&self, meaning: &Meaning, parity: usize) -> Option<&wgpu::Buffer> {
         let held = self.held.get(&meaning.place)?;
@@ -187,13 +187,13 @@ impl Buffers {
         held.turns.get(turn).or_else(|| held.turns.first())
     }
 
-    /// The copy of a buffer in a texture, where a pass reads it.
+    /// The texture copy of a buffer, if a pass reads it.
     #[must_use]
     pub fn texels(&self, meaning: &Meaning) -> Option<&TexelCopy> {
         self.held.get(&meaning.place)?.texels.as_ref()
     }
 
-    /// Adds what `names` mean to `owner`, so far as it is there: to passes that are not of the frame's plan.
+    /// Binds those of `names` that exist for `owner`, for passes outside the frame's plan.
     #[must_use]
     pub fn give<'a>(
         &'a self,

@@ -1,9 +1,7 @@
-//! Every buffer that passes write: whose it is, how large, when it is zeroed, and whether it takes turns with the one of the
-//! frame before.
+//! Every buffer that passes write: owner, size, when it is cleared, and whether it is double-buffered.
 //!
-//! A buffer is allocated where a pass of the plan binds it, at its full size where one writes it; what is only declared
-//! gets [`TOKEN_BYTES`]. Whether it has a copy in a texture follows from the shaders that read it: those that declare a
-//! texture under its name get one.
+//! A buffer is allocated if a pass of the plan binds it, at full size if one writes it; what is only declared gets
+//! [`TOKEN_BYTES`]. A buffer has a texture copy if a shader declares a texture under its name.
 
 use super::photon_layout::MapLayout;
 use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
@@ -14,7 +12,7 @@ pub const TOKEN_BYTES: u64 = 256;
 /// Bytes of a sample's parts: direct light and albedo, three f32 each.
 pub const PARTS_BYTES: u64 = 24;
 
-/// When buffers are zeroed: the plan says where these moments lie.
+/// When buffers are cleared; the plan says where these moments lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
     /// Before a frame's first sample.
@@ -31,29 +29,29 @@ pub enum Moment {
     Batch,
     /// Before a digit of the radix sort is counted.
     Digit,
-    /// Before a view counts.
+    /// Before an inspection view counts.
     View,
 }
 
-/// Whose a buffer is, and by what it is sized.
+/// Owner of a buffer, and what its size depends on.
 #[derive(Debug, Clone, Copy)]
 pub enum Scope {
-    /// Each eye has one.
+    /// One per eye.
     Eye(fn(&ImageLayout) -> u64),
-    /// Both eyes take turns with it.
+    /// One per frame; the eyes use it in turn.
     Frame(fn(&ImageLayout) -> u64),
-    /// Each photon map has one.
+    /// One per photon map.
     Map(fn(&MapLayout) -> u64),
-    /// Each batch of photon paths has one, where shares of the paths are kept; else all batches take turns.
+    /// One per batch of photon paths if shares of the paths are kept, else one for all batches.
     Batch(fn(&MapLayout) -> u64),
 }
 
-/// What the eyes' buffers are sized by.
+/// What the sizes of the eyes' buffers depend on.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ImageLayout {
     /// Width and height of an eye's image, pixels.
     pub size: [u32; 2],
-    /// Bytes for what a pixel keeps of its nearest photons from slice to slice of a gather; 0 where there is one slice.
+    /// Bytes of a pixel's k nearest photons between slices of a gather; 0 if there is one slice.
     pub heap_bytes: u64,
 }
 
@@ -70,13 +68,13 @@ impl ImageLayout {
 pub struct BufferRow {
     /// Name, as shaders declare it.
     pub name: &'static str,
-    /// Whose it is, and bytes.
+    /// Owner and bytes.
     pub scope: Scope,
-    /// When it is zeroed.
+    /// When it is cleared.
     pub cleared: &'static [Moment],
-    /// Whether this frame's and the one's before take turns: shaders call the latter `NAME_before`.
+    /// Whether it is double-buffered: shaders call the previous frame's `NAME_before`.
     pub takes_turns: bool,
-    /// Whether the host writes it, so that it has its full size whoever else does.
+    /// Whether the host writes it, so that it always has its full size.
     pub host_writes: bool,
 }
 
@@ -127,7 +125,7 @@ const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
     BufferRow::new(name, Scope::Batch(bytes))
 }
 
-/// All of them. A list of pixels called `NAME` is `NAME_list`, its length `NAME_count`, and the workgroups of passes over it
+/// All buffers. A pixel list `NAME` is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over it in
 /// `NAME_groups` ([`super::step::List`]).
 #[rustfmt::skip]
 pub const BUFFERS: &[BufferRow] = &[

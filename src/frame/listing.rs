@@ -8,18 +8,18 @@ use super::step::{PlannedStage, Step};
 use crate::gpu::kernel::{BindingKind, reflect_bindings};
 use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
 
-/// Passes that run one after the other, and when.
+/// A stage of the frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct ListedStage {
-    /// Name, as pass times begin with it where they do.
+    /// Name; labels of its passes may begin with it.
     pub stage: &'static str,
     /// How often.
     pub when: &'static str,
-    /// In order.
+    /// Passes in order.
     pub passes: Vec<ListedPass>,
 }
 
-/// One pass of a stage, as often as it runs.
+/// One pass of a stage.
 #[derive(Debug, Clone, Serialize)]
 pub struct ListedPass {
     /// Name of pass and shader.
@@ -28,11 +28,11 @@ pub struct ListedPass {
     pub label: String,
     /// One sentence.
     pub what: String,
-    /// Buffers of the frame that it only reads.
+    /// The frame's buffers that it only reads.
     pub reads: Vec<String>,
-    /// Buffers of the frame that it writes.
+    /// The frame's buffers that it writes.
     pub writes: Vec<String>,
-    /// Those of `reads` that hold what the frame before has left.
+    /// Those of `reads` that hold the previous frame's data.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub keeps: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! The frame: a list of steps, and that list is what runs.
+//! The frame: a list of steps, which is what runs.
 //!
 //! ```text
 //! passes.rs   one row per pass                 buffers.rs  one row per buffer
@@ -8,7 +8,7 @@
 //!         run.rs: compiles, allocates, binds by the rules of bind.rs, dispatches
 //! ```
 //!
-//! A shader declares names; [`bind`] says which buffers they mean. Nothing is written down that a shader declares already.
+//! A shader declares names; [`bind`] resolves them to buffers. What a shader declares is reflected, not repeated.
 
 pub mod bind;
 pub mod buffers;

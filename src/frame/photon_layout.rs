@@ -1,4 +1,4 @@
-//! What a photon map is made for, and the sizes that follow: batches of paths, capacities, digits of the sort.
+//! Configuration of a photon map and the sizes that follow: batches of paths, capacities, digits of the sort.
 
 use crate::gpu::GpuError;
 use crate::gpu::buffers::allocated_bytes;
@@ -21,15 +21,15 @@ const RADIX_DIGITS: u32 = 3;
 pub const KD_DIGIT_BITS: u32 = 8;
 /// Digits of a coordinate. Even: the sort ends in the buffer that it began in.
 pub const KD_DIGITS: u32 = 4;
-/// Threads that are left to trace a batch, where it has as many paths: enough for every core of a software adapter.
+/// Least threads of a batch, if it has as many paths: enough for every core of a software adapter.
 const LEAST_TRACING_THREADS: u32 = 4096;
 
 /// Which photons a map holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MapKind {
-    /// All that scattered, or all where no map of caustics exists.
+    /// All photons that scattered, except those of the caustic map.
     Photons,
-    /// Photons that came over narrow lobes alone.
+    /// Photons that came over narrow lobes only: caustics.
     Caustics,
 }
 
@@ -37,7 +37,7 @@ impl MapKind {
     /// Both.
     pub const ALL: [Self; 2] = [Self::Photons, Self::Caustics];
 
-    /// What the names of the map's passes in timings begin with; every photon pass begins with `photons.`.
+    /// Prefix of the map's passes in timings; every photon pass begins with `photons.`.
     #[must_use]
     pub fn label(self) -> &'static str {
         match self {
@@ -56,14 +56,14 @@ impl MapKind {
     }
 }
 
-/// What the photon map of a scene is made for.
+/// Configuration of a photon map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapConfig {
     /// Which photons.
     pub kind: MapKind,
     /// Paths per frame.
     pub paths: u32,
-    /// Shares of the paths that can be traced anew one at a time; 1 traces all or none.
+    /// Shares of the paths that can be retraced one at a time; 1 traces all or none.
     pub shares: u32,
     /// Longest light path from eye to light, in segments.
     pub max_depth: u32,
@@ -73,15 +73,15 @@ pub struct MapConfig {
     pub capacity: u32,
     /// Cells of the table.
     pub cells: u32,
-    /// What photons are searched by.
+    /// Search structure.
     pub search: Search,
-    /// How a gather loads them.
+    /// How a gather loads photons.
     pub loads: Loads,
-    /// Gathers read them from a copy in a texture: the feature `record_texels`.
+    /// Whether gathers read a texture copy: the feature `record_texels`.
     pub texels: bool,
 }
 
-/// What an adapter can hold.
+/// Limits of an adapter.
 #[derive(Debug, Clone, Copy)]
 pub struct AdapterLimits {
     /// Largest buffer that can be bound, bytes.
@@ -101,7 +101,7 @@ impl AdapterLimits {
 /// A photon map's sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapLayout {
-    /// What it is made for.
+    /// Its configuration.
     pub config: MapConfig,
     /// Photons that the list holds.
     pub capacity: u32,
@@ -189,13 +189,13 @@ impl MapLayout {
         self.config.paths.div_ceil(self.batch_paths)
     }
 
-    /// Whether each batch keeps its photons, so that shares of the paths can be traced anew.
+    /// Whether each batch keeps its photons, so that shares of the paths can be retraced.
     #[must_use]
     pub fn keeps_batches(&self) -> bool {
         self.config.shares > 1
     }
 
-    /// Shares in which the paths can be traced anew.
+    /// Shares in which the paths can be retraced.
     #[must_use]
     pub fn shares(&self) -> u32 {
         self.config.shares.min(self.batch_count()).max(1)
@@ -221,7 +221,7 @@ impl MapLayout {
         self.config.digits()
     }
 
-    /// Levels of the kd-tree that are parted where it is full: all but the bottom one.
+    /// Levels of a full kd-tree that are split: all but the bottom one.
     #[must_use]
     pub fn parted_levels(&self) -> u32 {
         self.capacity.checked_ilog2().unwrap_or(0)
@@ -293,8 +293,7 @@ impl MapConfig {
         }
     }
 
-    /// Photons that a list which grows by itself may reach: what the adapter binds, a texture of their copies holds, and
-    /// the sort's table and a kd-tree can count.
+    /// Largest capacity of a growing list: bounded by the adapter's bindings, a texture copy, the sort's table and the kd-tree.
     #[must_use]
     pub fn largest_capacity(&self, limits: &AdapterLimits) -> u32 {
         let bound = limits.binding_bytes / PHOTON_BYTES;

@@ -1,4 +1,4 @@
-//! The plan, running: compiles what its steps name, allocates what they bind, and plays stage after stage.
+//! Runs a plan: compiles its passes, allocates and binds their buffers, and records stages.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -15,10 +15,10 @@ use crate::gpu::kernel::{
 use crate::gpu::raster::Raster;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderLibrary};
 
-/// Samples that one submission holds; the dispatch table numbers them.
+/// Samples per submission; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
 
-/// Features that `pass` is compiled with in a frame of `features`; passes over hits always have a list.
+/// Features that `pass` is compiled with in a frame of `features`; passes over hits always run over a list.
 #[must_use]
 pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
     let shared = if pass.sees_scene {
@@ -48,7 +48,7 @@ enum Groups {
 enum BoundAction {
     Dispatch {
         kernel: KernelKey,
-        /// By parity of the frame; one where nothing takes turns.
+        /// By parity of the frame; one if nothing is double-buffered.
         bound: Vec<Bound>,
         groups: Groups,
         /// Which of the stage's words.
@@ -65,7 +65,7 @@ struct BoundStep {
     action: BoundAction,
 }
 
-/// A stage, ready to play.
+/// A bound stage.
 struct BoundStage {
     steps: Vec<BoundStep>,
     patterns: u32,
@@ -73,16 +73,16 @@ struct BoundStage {
     empty: u32,
 }
 
-/// How a stage plays this time.
+/// Parameters of one run of a stage.
 #[derive(Clone, Copy)]
 pub struct Play<'a> {
     /// Number of the sample within the submission.
     pub sample: u32,
     /// Samples that one dispatch takes, a power of two.
     pub run: u32,
-    /// 0 or 1, in turn from frame to frame.
+    /// Parity of the frame, 0 or 1.
     pub parity: usize,
-    /// Whether steps run that do so only at times.
+    /// Whether a conditional step runs.
     pub is_due: &'a dyn Fn(Only) -> bool,
 }
 
@@ -97,7 +97,7 @@ impl Default for Play<'_> {
     }
 }
 
-/// What runs a plan.
+/// Runs a plan.
 #[derive(Default)]
 pub struct FrameRun {
     features: ShaderFeatures,
@@ -108,7 +108,7 @@ pub struct FrameRun {
 }
 
 impl FrameRun {
-    /// Nothing compiled yet; shaders are to be specialised by `features`.
+    /// A run without compiled passes; shaders will be specialised by `features`.
     #[must_use]
     pub fn new(features: ShaderFeatures) -> Self {
         Self {
@@ -160,7 +160,7 @@ impl FrameRun {
         (pass.name.to_string(), features)
     }
 
-    /// Compiles what `steps` run and is not compiled yet.
+    /// Compiles the passes of `steps` that are not compiled yet.
     ///
     /// # Errors
     /// [`GpuError::Shader`] or [`GpuError::Validation`], naming the pass.
@@ -182,7 +182,7 @@ impl FrameRun {
         Ok(())
     }
 
-    /// Drops what was compiled for a stage, so that it is compiled anew.
+    /// Drops a stage's compiled passes, so that they are compiled again.
     pub fn forget_kernels(&mut self, is_of: impl Fn(&str) -> bool) {
         self.kernels.retain(|(name, _), _| !is_of(name));
     }
@@ -194,7 +194,7 @@ impl FrameRun {
         })
     }
 
-    /// Allocates what `stages` name and binds their passes; `given` holds what is not the frame's own.
+    /// Allocates the buffers of `stages` and binds their passes; `given` holds resources from outside the frame.
     ///
     /// # Errors
     /// [`GpuError`], naming pass and binding, or a buffer that does not fit.
@@ -223,12 +223,12 @@ impl FrameRun {
         Ok(())
     }
 
-    /// Forgets a stage that is not in the plan any more.
+    /// Drops a stage that is no longer in the plan.
     pub fn drop_stage(&mut self, stage: Stage) {
         self.stages.remove(&stage);
     }
 
-    /// Binds a render pass of `step` for frames of either parity. What it declares and nothing writes gets a token.
+    /// Binds a render pass of `step` for both parities. Buffers that nothing writes get a token.
     ///
     /// # Errors
     /// As [`FrameRun::bind`].
@@ -347,7 +347,7 @@ impl FrameRun {
         buffer.cloned().ok_or_else(|| unbound(step, name))
     }
 
-    /// Binds a pass for frames of either parity, or once where nothing takes turns.
+    /// Binds a pass for both parities, or once if nothing is double-buffered.
     fn bind_pass(
         &self,
         context: &GpuContext,
@@ -368,7 +368,7 @@ impl FrameRun {
             .collect()
     }
 
-    /// What a binding of a step's shader means, in frames of `parity`.
+    /// Resolves a binding of a step's shader in frames of `parity`.
     pub fn resource<'a>(
         &'a self,
         step: &Step,
@@ -395,13 +395,13 @@ impl FrameRun {
         self.stages.contains_key(&stage)
     }
 
-    /// Dispatches of a stage, an upper bound.
+    /// Upper bound on a stage's dispatches.
     #[must_use]
     pub fn length(&self, stage: Stage) -> usize {
         self.stages.get(&stage).map_or(0, |stage| stage.steps.len())
     }
 
-    /// Records a stage; nothing where the plan does not have it.
+    /// Records a stage, if the plan has it.
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if a pass was not compiled.
@@ -485,7 +485,7 @@ impl FrameRun {
     }
 }
 
-/// The name that a step gives to a binding, by the rules 1 and 3 of [`super::bind`].
+/// The name of a binding in a step, by rules 1 and 3 of [`super::bind`].
 pub fn named(step: &Step, binding: &str) -> String {
     let Action::Run { names, list, .. } = &step.action else {
         return binding.to_owned();

@@ -1,15 +1,15 @@
-//! What a plan is made of: steps, and how each is sized, named and told apart.
+//! Steps of a plan: their size, names and dispatch parameters.
 
 use super::buffers::Moment;
 use super::passes::Pass;
 use super::photon_layout::MapKind;
 
-/// Which eye.
+/// An eye.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Eye {
     /// The eye that is rendered in full.
     Left,
-    /// The eye that reuses what it can of the left one.
+    /// The eye that reuses the left one's samples.
     Right,
 }
 
@@ -45,24 +45,24 @@ impl Eye {
     }
 }
 
-/// A part of the frame that runs in one go. The order is that of the frame.
+/// A part of the frame. The order is that of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Skinned and morphed meshes go to the frame's pose.
+    /// Deforms skinned and morphed meshes.
     Pose,
-    /// A photon map is traced, or a share of it.
+    /// Traces a photon map, or a share of it.
     Photons(MapKind),
-    /// What sums over the frame's samples is zeroed.
+    /// Clears the sums over the frame's samples.
     Begin,
     /// One sample of the left eye, or of the only one.
     Left,
     /// One sample of the right eye.
     Right,
-    /// The same where both eyes have one pose and the same angles.
+    /// The same if both eyes have equal poses and angles.
     RightEqual,
-    /// Both eyes' samples become the picture that is shown.
+    /// Denoises both eyes.
     Reconstruct,
-    /// Pictures go to a runtime or a window.
+    /// Hands pictures to a runtime or a window.
     Present,
     /// A view of intermediate results.
     Inspect,
@@ -84,7 +84,7 @@ impl Stage {
         }
     }
 
-    /// Whether the stage runs once per sample, so that its dispatches know the sample's number.
+    /// Whether the stage runs once per sample.
     #[must_use]
     pub fn is_per_sample(self) -> bool {
         matches!(self, Self::Left | Self::Right | Self::RightEqual)
@@ -104,10 +104,10 @@ impl List {
     pub const FILL: Self = Self("fill");
     /// Pixels that gather first at half rate.
     pub const COARSE: Self = Self("coarse");
-    /// Pixels that gather after all: between those of half rate, or of the right eye where indirect light was not reused.
+    /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.
     pub const GATHER: Self = Self("gather");
 
-    /// The list's buffer for what a pass over lists calls `pixel_list`, `pixel_count` and `list_groups`.
+    /// The list's buffer for the names `pixel_list`, `pixel_count` and `list_groups`.
     #[must_use]
     pub fn buffer(self, name: &str) -> Option<String> {
         let part = match name {
@@ -125,21 +125,21 @@ impl List {
 pub enum Size {
     /// One.
     Once,
-    /// So many, in rows.
+    /// This many, in rows.
     Groups(u32),
-    /// As many as hold so many threads.
+    /// Enough for this many threads.
     Threads(u32),
     /// 8x8 tiles of the image.
     Tiles,
-    /// Those of a list, which the device has counted.
+    /// Those of a list, counted on the device (indirect).
     List(List),
-    /// Those that a buffer holds at a byte offset.
+    /// Those in a buffer at a byte offset (indirect).
     Indirect(&'static str, u64),
     /// A triangle over the image, in a render pass.
     Fragments,
 }
 
-/// What tells the dispatches of one pass apart: `Dispatch` in `shaders/shared/frame.wesl`.
+/// Parameters of a dispatch: `Dispatch` in `shaders/shared/frame.wesl`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Words {
     /// Number of the first path, digit, axis, level or wavelet pass; the sample's where the stage has one.
@@ -159,16 +159,16 @@ pub enum Action {
     Run {
         /// Which.
         pass: Pass,
-        /// Over how much.
+        /// Workgroups.
         size: Size,
         /// The list that it runs over or sets up.
         list: Option<List>,
-        /// What tells it apart.
+        /// Its parameters.
         words: Words,
-        /// Names of the shader and the buffers that they mean here, where the rules of [`super::bind`] do not say.
+        /// Renamed bindings (rule 1 of [`super::bind`]).
         names: Vec<(&'static str, &'static str)>,
     },
-    /// Zeroes the buffers whose rows name the moment.
+    /// Clears the buffers whose rows name the moment.
     Clear(Moment),
     /// Copies a whole buffer into another.
     Copy {
@@ -177,22 +177,22 @@ pub enum Action {
         /// What is written.
         to: &'static str,
     },
-    /// Brings a buffer's copy in a texture up to date, where it has one.
+    /// Updates a buffer's texture copy, if it has one.
     CopyTexels(&'static str),
 }
 
 /// When a step of its stage runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Only {
-    /// Whenever the stage does.
+    /// Always.
     Always,
-    /// Where a batch of photon paths is due.
+    /// If a batch of photon paths is due.
     BatchDue(u32),
-    /// Where the frame has another pose than the one before.
+    /// If the pose has changed since the previous frame.
     NewPose,
 }
 
-/// Whose buffers a shader's names mean.
+/// Owner of the buffers that a shader's names resolve to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Owner {
     /// Eye.
@@ -208,7 +208,7 @@ pub struct Owner {
 pub struct Step {
     /// Name in timings.
     pub label: String,
-    /// Whose buffers.
+    /// Owner of its buffers.
     pub owner: Owner,
     /// When.
     pub only: Only,
@@ -225,12 +225,12 @@ pub struct PlannedStage {
     pub when: &'static str,
     /// Samples that one dispatch takes, at most; a power of two.
     pub longest_run: u32,
-    /// In order.
+    /// Steps in order.
     pub steps: Vec<Step>,
 }
 
 impl Step {
-    /// Runs over buffers that go by other names here.
+    /// Renames bindings.
     pub(super) fn names(&mut self, more: &[(&'static str, &'static str)]) -> &mut Self {
         if let Action::Run { names, .. } = &mut self.action {
             names.extend_from_slice(more);
@@ -238,7 +238,7 @@ impl Step {
         self
     }
 
-    /// Sets what tells the dispatch apart.
+    /// Sets the dispatch's parameters.
     pub(super) fn words(&mut self, index: u32, count: u32, of: u32) -> &mut Self {
         if let Action::Run { words, .. } = &mut self.action {
             *words = Words {
@@ -251,7 +251,7 @@ impl Step {
         self
     }
 
-    /// Runs only then.
+    /// Makes the step conditional.
     pub(super) fn only(&mut self, only: Only) -> &mut Self {
         self.only = only;
         self
@@ -279,12 +279,12 @@ impl Step {
     }
 }
 
-/// Writes down the steps of a stage, in order.
+/// Builds the steps of a stage, in order.
 pub(super) struct Steps {
     prefix: String,
     pub(super) owner: Owner,
     dispatch_eye: u32,
-    /// Number of slices that passes without any are told.
+    /// Number of slices given to passes without slices.
     of: u32,
     steps: Vec<Step>,
 }
@@ -313,13 +313,13 @@ impl Steps {
         steps
     }
 
-    /// Passes are told this number of slices from here on.
+    /// Sets the number of slices given to the passes that follow.
     pub(super) fn told_of(mut self, of: u32) -> Self {
         self.of = of;
         self
     }
 
-    /// Steps from here on are another eye's.
+    /// Sets the eye of the steps that follow.
     pub(super) fn turn_to(&mut self, prefix: &str, eye: Eye) {
         self.prefix = format!("{prefix}.{}", eye.name());
         self.owner.eye = eye;
@@ -360,14 +360,14 @@ impl Steps {
         )
     }
 
-    /// Runs a pass once per slice of what it loops over.
+    /// Runs a pass once per slice of its loop.
     pub(super) fn in_slices(&mut self, pass: &Pass, over: Size, slices: u32) {
         for slice in 0..slices {
             self.run(pass, over).words(0, slice, slices);
         }
     }
 
-    /// Turns the length of a list into the workgroups of passes over it.
+    /// Computes a list's workgroups from its length.
     pub(super) fn set_up(&mut self, list: List) {
         let step = self.run(&super::passes::list_setup, Size::Once);
         if let Action::Run { list: of, .. } = &mut step.action {
@@ -375,7 +375,7 @@ impl Steps {
         }
     }
 
-    /// Zeroes what the moment says.
+    /// Clears the buffers of a moment.
     pub(super) fn clear(&mut self, moment: Moment) -> &mut Step {
         self.push(String::new(), Action::Clear(moment))
     }
@@ -385,7 +385,7 @@ impl Steps {
         self.push(String::new(), Action::Copy { from, to })
     }
 
-    /// Copies a buffer into its texture; the time counts as that of the pass before.
+    /// Copies a buffer into its texture; the time counts as the previous pass's.
     pub(super) fn copy_texels(&mut self, name: &'static str) {
         let label = self.steps.last().map(|step| step.label.clone());
         self.push(label.unwrap_or_default(), Action::CopyTexels(name));

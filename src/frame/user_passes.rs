@@ -1,16 +1,16 @@
-//! Passes of the user's own. A WESL file and a few lines of TOML put a pass into the frame:
+//! User passes: a WESL file and a few lines of TOML add a pass to the frame:
 //!
 //! ```toml
 //! [[pass]]
 //! file = "outline.wesl"   # beside the config file
 //! name = "outline"
-//! after = "remodulate"     # a pass of an eye or of reconstruction, or another one of the user's
+//! after = "remodulate"    # a pass of an eye or of reconstruction, or another user pass
 //! over = "pixels"         # or "hits": the pixels of the eye that see a surface
 //! ```
 //!
 //! The file has one entry point, `main`, and declares the buffers of [`super::buffers`] that it reads and writes by their
-//! names; they mean what they mean to the pass that it follows. It runs for each eye in which that pass runs, over the
-//! whole image. docs/architecture.md has the steps.
+//! names, which resolve as in the pass that it follows. It runs for each eye in which that pass runs, over the whole image.
+//! docs/architecture.md has the details.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -24,7 +24,7 @@ use crate::gpu::kernel::{BindingKind, reflect_bindings};
 use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
 use crate::settings::{UserDomain, UserPass};
 
-/// The pass that a user's one is.
+/// The pass of a user's entry.
 fn pass_of(user_pass: &UserPass) -> Pass {
     Pass {
         name: user_pass.name.clone().into(),
@@ -37,7 +37,7 @@ fn pass_of(user_pass: &UserPass) -> Pass {
     }
 }
 
-/// What is wrong with a pass, in one line.
+/// A fault of a pass, in one line.
 fn fault(user_pass: &UserPass, reason: impl std::fmt::Display) -> GpuError {
     GpuError::UserPass(format!(
         "pass {:?} ({}): {reason}",
@@ -46,10 +46,10 @@ fn fault(user_pass: &UserPass, reason: impl std::fmt::Display) -> GpuError {
     ))
 }
 
-/// The embedded shaders, or those of `folder` where it names one, with the users' passes, read from their files.
+/// The embedded shaders, or those of `folder` unless it is empty, with the user passes read from their files.
 ///
 /// # Errors
-/// [`GpuError::UserPass`], naming file or pass: it cannot be read, its name is taken or no name, or its order makes no sense.
+/// [`GpuError::UserPass`], naming file or pass: unreadable, name invalid or taken, or order impossible.
 /// [`GpuError::Shader`] if a file of the folder cannot be read.
 pub fn shader_library(folder: &str, user_passes: &[UserPass]) -> Result<ShaderLibrary, GpuError> {
     let mut library = match folder {
@@ -82,7 +82,7 @@ fn read_source(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|error| error.to_string())
 }
 
-/// The passes, each behind the one that it follows.
+/// The passes, each after the one that it follows.
 fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
     let is_own = |name: &str| passes::ALL.iter().any(|pass| pass.name == name);
     let mut names = BTreeSet::new();
@@ -130,8 +130,8 @@ fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
     ))
 }
 
-/// Puts the users' passes into the eyes' and reconstruction's stages, each behind what it follows. Those that follow nothing
-/// that runs are left out: [`check`] names them.
+/// Inserts the user passes into the stages of eyes and reconstruction, each after the one that it follows. Passes that
+/// follow nothing that runs are left out; [`check`] names them.
 pub(super) fn insert(stages: &mut [PlannedStage], user_passes: &[UserPass]) {
     for pass in ordered(user_passes).unwrap_or_default() {
         let in_left = |stages: &[PlannedStage]| {
@@ -166,7 +166,7 @@ fn runs(step: &Step, name: &str) -> bool {
     step.pass().is_some_and(|pass| pass.name == name)
 }
 
-/// The step of a user's pass behind `before`.
+/// The step of a user pass after `before`.
 fn following(before: &Step, user_pass: &UserPass) -> Step {
     let mut step = before.clone();
     let prefix = before
@@ -192,11 +192,11 @@ fn following(before: &Step, user_pass: &UserPass) -> Step {
     step
 }
 
-/// Whether every pass of the user's runs in `stages`, compiles, and finds what it reads. `is_given` says what is there
-/// besides the frame's own buffers.
+/// Checks that every user pass runs in `stages`, compiles, and finds its buffers. `is_given` says which names exist
+/// besides the frame's buffers.
 ///
 /// # Errors
-/// [`GpuError::UserPass`], one line that names the pass and what to mend.
+/// [`GpuError::UserPass`], one line that names the pass and the remedy.
 pub fn check(
     user_passes: &[UserPass],
     stages: &[PlannedStage],
@@ -269,7 +269,7 @@ fn check_shader(
     Ok(())
 }
 
-/// Whether a pass of the plan, but `except`, writes a buffer.
+/// Whether a pass of the plan other than `except` writes a buffer.
 fn writes(
     stages: &[PlannedStage],
     library: &ShaderLibrary,

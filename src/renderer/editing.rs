@@ -226,7 +226,8 @@ impl Renderer {
         // The map of caustics takes photons over from the other one.
         if self.features().caustics != wanted.caustics {
             return Some(
-                "the edited scene has no caustics, but a caustic photon map is compiled in".to_owned(),
+                "the edited scene has no caustics, but a caustic photon map is compiled in"
+                    .to_owned(),
             );
         }
         if base.shines != shines(needs) {
@@ -235,9 +236,7 @@ impl Renderer {
             } else {
                 "there was no light"
             };
-            return Some(format!(
-                "{what}, which decides whether photons are traced"
-            ));
+            return Some(format!("{what}, which decides whether photons are traced"));
         }
         for material in &scene.materials {
             if material.user_bsdf > base.most_user_bsdf {
@@ -257,9 +256,7 @@ impl Renderer {
                     return Some(format!("{name} deforms and has not been shown yet"));
                 }
                 if repainted[placed.mesh] || glow[placed.mesh] {
-                    return Some(format!(
-                        "{name} deforms and has another material or light"
-                    ));
+                    return Some(format!("{name} deforms and has another material or light"));
                 }
             }
             if std::mem::replace(&mut looked_at[placed.mesh], true) {

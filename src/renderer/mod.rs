@@ -1,8 +1,8 @@
-//! From views to images: the passes of a frame, recorded in order.
+//! The renderer: images from views.
 //!
 //! [`Renderer::render_frame`] is the whole frame. It moves the scene to the head ([`SceneBuffers::begin_frame`]), traces
-//! photons if the map is missing or out of date, renders the left eye, carries it over to the right eye, fills what is
-//! left, and reads back counters. Images stay on the device until they are asked for.
+//! photons if the map is missing or out of date, renders the left eye, reuses it in the right eye, renders the remaining
+//! pixels, and reads back counters. Images stay on the device until they are asked for.
 
 pub mod deform;
 pub mod driver_limits;
@@ -74,12 +74,12 @@ pub use submit::Submitter;
 
 use frame_spec::{adapter_limits, frame_features, photon_maps};
 
-/// Distance of two frames' photon keys: progressive mode numbers its samples in between.
+/// Stride of photon keys between frames; progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
 const FOLLOW_MAX_ALPHA: f32 = 0.05;
 
-/// What can go wrong while a frame is made.
+/// Errors of the renderer.
 #[derive(Debug, Error)]
 pub enum RenderError {
     /// The device or a pass.
@@ -91,12 +91,12 @@ pub enum RenderError {
     /// The scene's textures or materials.
     #[error(transparent)]
     Pack(#[from] PackError),
-    /// RenderSettings that do not go together.
+    /// Settings that cannot be combined.
     #[error("{0}")]
     Settings(String),
 }
 
-/// Everything that turns views into images for one scene and one set of settings.
+/// Renders images of one scene with one set of settings.
 pub struct Renderer {
     context: GpuContext,
     settings: RenderSettings,
@@ -104,22 +104,22 @@ pub struct Renderer {
     image: ImageLayout,
     radius_m: f64,
     caustic_radius_m: f64,
-    /// The sample in hand; its radii are smaller in progressive mode.
+    /// The current sample; in progressive mode its radii shrink.
     progressive_sample: u32,
     refresh: photons_over_time::Refresh,
     scene: SceneBuffers,
     frame: FrameRun,
-    /// How the right eye reuses the left one now.
+    /// Current reuse mode.
     reuse: Reuse,
     samples_per_dispatch: u32,
     gather_slices: GatherSlices,
-    /// The photon map, and that of caustics where the scene can form them.
+    /// The photon map, and the caustic map if the scene has caustics.
     maps: Vec<PhotonMap>,
     reconstruction: Option<Reconstruction>,
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
-    /// Reused pixels of the last frame's right eye have the left eye's rays.
+    /// Whether reused pixels of the last frame's right eye have the left eye's rays.
     reprojects_rays: bool,
     origin_in_world: DVec3,
     hidden: Option<session::Hidden>,
@@ -146,7 +146,7 @@ impl Renderer {
         Self::with_hidden_area(context, library, scene, settings, eye_choice, size, None)
     }
 
-    /// As [`Renderer::new`], with no rays for the pixels that lie in `hidden`, left and right.
+    /// As [`Renderer::new`], without rays for the pixels in `hidden`, left and right.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -217,8 +217,8 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// Compiles all passes and runs each once over nothing: some drivers compile a shader only when it is first dispatched,
-    /// and that time belongs to no frame.
+    /// Compiles all passes and dispatches each once over nothing: some drivers compile at the first dispatch, and that time
+    /// should not count as a frame's.
     fn warm_up(&mut self, library: &ShaderLibrary) -> Result<(), RenderError> {
         self.scene.begin_frame(&self.context, DVec3::ZERO)?;
         let stages = self.plan();
@@ -242,7 +242,7 @@ impl Renderer {
         Ok(recorder.submit("warm-up", &mut times)?)
     }
 
-    /// The frame's stages as they stand now, in order.
+    /// The current plan: the frame's stages in order.
     #[must_use]
     pub fn plan(&self) -> Vec<PlannedStage> {
         plan(&FrameSpec {
@@ -258,7 +258,7 @@ impl Renderer {
         })
     }
 
-    /// What passes bind besides the frame's own buffers.
+    /// Resources that passes bind besides the frame's buffers.
     fn given(&self) -> Resources<'_> {
         let given = self.scene.resources().with("frame", &self.frame_uniform);
         match &self.reconstruction {
@@ -282,7 +282,7 @@ impl Renderer {
         &self.context
     }
 
-    /// A photon map, with the photon method; that of caustics where the scene can form them.
+    /// A photon map, with the photon method; the caustic map if the scene has caustics.
     pub fn map(&self, kind: MapKind) -> Option<&PhotonMap> {
         self.maps.iter().find(|map| map.kind() == kind)
     }
@@ -292,7 +292,7 @@ impl Renderer {
         self.map(MapKind::Photons)
     }
 
-    /// The map of caustics, with the photon method, where the scene can form them.
+    /// The caustic map, with the photon method, if the scene has caustics.
     pub fn caustic_map(&self) -> Option<&PhotonMap> {
         self.map(MapKind::Caustics)
     }
@@ -310,7 +310,7 @@ impl Renderer {
         self.image.pixels() as usize
     }
 
-    /// Which of two buffers the last frame wrote, where two take turns.
+    /// Parity of the last frame: which of two double buffers it wrote.
     fn parity(&self) -> usize {
         let reconstruction = self.reconstruction.as_ref();
         reconstruction.map_or(0, Reconstruction::parity)
@@ -346,7 +346,7 @@ impl Renderer {
         self.origin_in_world
     }
 
-    /// Renders one frame. `progress` is told how many of the frame's samples are done.
+    /// Renders one frame. `progress` receives the number of finished samples.
     ///
     /// # Errors
     /// [`RenderError::Gpu`] naming the pass.
@@ -405,7 +405,7 @@ impl Renderer {
         Ok(result)
     }
 
-    /// Takes skinned and morphed meshes to the frame's pose.
+    /// Deforms skinned and morphed meshes for the frame.
     fn pose(&mut self, times: &mut PassTimes) -> Result<(), RenderError> {
         let Some(is_new) = self.scene.pose_due() else {
             return Ok(());
@@ -420,7 +420,7 @@ impl Renderer {
         self.scene.note_posed(&self.context)
     }
 
-    /// Samples `first` to `first + count` of both eyes, and what is made of them after the last one.
+    /// Renders samples `first` to `first + count` of both eyes, and reconstructs after the last one.
     fn render_samples(
         &mut self,
         views: &[View; 2],
@@ -476,7 +476,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Sets in how many slices photons are gathered, by what the maps hold now.
+    /// Sets the gather's slices by what the maps hold.
     fn slice_gathers(&mut self) -> Result<(), GpuError> {
         let of = |kind| self.map(kind).map_or(1, PhotonMap::gather_slices);
         let [photons, caustics] = MapKind::ALL.map(of);
@@ -566,12 +566,12 @@ impl Renderer {
         frame
     }
 
-    /// As [`Renderer::reconstruction`], to forget the frames before.
+    /// As [`Renderer::reconstruction`], to drop history.
     pub fn reconstruction_mut(&mut self) -> Option<&mut Reconstruction> {
         self.reconstruction.as_mut()
     }
 
-    /// The passes that clean frames up, where settings ask for them.
+    /// Denoising, if settings ask for it.
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
     }

@@ -475,8 +475,7 @@ impl PhotonSettings {
     pub fn check_gather(&self) -> Result<(), String> {
         if self.half_rate && self.schedule == Schedule::Fused {
             return Err(
-                "photon.half_rate needs photon.schedule = \"split\"; change one of them"
-                    .to_owned(),
+                "photon.half_rate needs photon.schedule = \"split\"; change one of them".to_owned(),
             );
         }
         let plain = self.search == Search::Grid && self.estimate == PhotonEstimate::Radius;

@@ -69,7 +69,10 @@ impl WindowState {
             toml::from_str::<Self>(&text).map_err(|error| error.message().to_owned())
         });
         let read = read.unwrap_or_else(|reason| {
-            log::warn!("{}: {reason}; the window opens with the default layout", path.display());
+            log::warn!(
+                "{}: {reason}; the window opens with the default layout",
+                path.display()
+            );
             Self::default()
         });
         let sane = |value: f32, least: f32, most: f32, other: f32| {

@@ -1,9 +1,9 @@
 //! The session layer: where frames, display times and eye poses come from.
 //!
-//! [`XrSession`] is the one seam between a headset and the frame loop. A simulated headset
+//! [`XrSession`] is the interface between a headset and the frame loop. A simulated headset
 //! ([`SimulatedSession`]), the replay of a recording ([`ReplaySession`]) and an OpenXR runtime stand
-//! behind it alike, and [`Recorder`] and [`Validated`] wrap any of them, so the frame loop cannot tell
-//! which one it talks to. One frame is always the same five calls:
+//! behind it, and [`Recorder`] and [`Validated`] wrap any of them, so the frame loop cannot tell
+//! them apart. One frame is always the same five calls:
 //!
 //! ```text
 //! while let Some(frame) = session.wait_frame()? {          // blocks; None = no more frames
@@ -57,7 +57,7 @@ pub use crate::settings::Motion;
 
 use glam::DVec3;
 
-/// A source of frames and eye poses. See the module's text for the order of calls; a call out of that
+/// A source of frames and eye poses. The module's text has the order of calls; a call out of that
 /// order is [`XrError::CallOrder`], from every source, so that a loop that works with the simulated
 /// headset also keeps to what OpenXR demands (OpenXR 1.1, section 10.5 "Frame Synchronization").
 pub trait XrSession {
@@ -92,7 +92,7 @@ pub trait XrSession {
     /// The runtime is lost, or the call is out of order.
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError>;
 
-    /// Hands the frame over. Every begun frame is ended exactly once, with or without a layer.
+    /// Submits the frame. Every begun frame is ended exactly once, with or without a layer.
     ///
     /// # Errors
     /// The runtime is lost, the call is out of order, or a recording cannot be written.
@@ -128,7 +128,7 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
 /// What a session is, fixed for its life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionInfo {
-    /// Kind and detail for people and `run.json`, such as `simulated (sway)`.
+    /// Kind and detail for messages and `run.json`, such as `simulated (sway)`.
     pub source: String,
     /// Headset name: a profile's, or what the recording or the runtime calls it.
     pub headset: String,
@@ -136,7 +136,7 @@ pub struct SessionInfo {
     pub refresh_hz: f64,
     /// Pixels per eye (width, height) that the source asks for; a native recording does not say.
     pub recommended_size: Option<[u32; 2]>,
-    /// What each eye's lens hides, left and right; `None`: nothing is known to be hidden.
+    /// Area hidden by each eye's lens, left and right; `None`: unknown.
     pub hidden: Option<[HiddenArea; 2]>,
 }
 
@@ -149,7 +149,7 @@ pub struct FrameState {
     pub period_ns: i64,
     /// False: nobody will see this frame; end it without a layer.
     pub should_render: bool,
-    /// The wearer asks for stereo reuse to be switched, on or off, from this frame on.
+    /// The wearer switches stereo reuse on or off from this frame on.
     pub switch_reuse: bool,
 }
 
@@ -175,9 +175,9 @@ impl ViewFlags {
 pub struct LocatedViews {
     /// Left eye, right eye.
     pub views: [View; 2],
-    /// The tracker's word on them.
+    /// Tracking flags.
     pub flags: ViewFlags,
-    /// True if the tracker had nothing usable and these are the last good views again.
+    /// True if the tracker had no usable pose and these are the last good views.
     pub repeated: bool,
 }
 

@@ -1,4 +1,4 @@
-//! One sample of each eye: by itself, or the right one by reuse of the left one's.
+//! One sample of each eye: separately, or the right one by reuse of the left one's.
 
 use super::FrameSpec;
 use crate::frame::buffers::Moment;
@@ -41,7 +41,7 @@ pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
     steps.done()
 }
 
-/// One sample of an eye by itself.
+/// One sample of an eye without reuse.
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
     primary_hits(steps, frame, Size::Tiles);
@@ -58,7 +58,7 @@ fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.run(&passes::eye_combine, Size::Tiles);
 }
 
-/// Follows the eye's paths to the surfaces that gather photons, or, with the path method, to their ends.
+/// Traces the eye's paths to the surfaces that gather photons or, with the path method, to their ends.
 fn primary_hits(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     match (frame.settings.method, frame.settings.photon.schedule) {
         (Method::Path, _) => {
@@ -80,7 +80,7 @@ fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
 }
 
-/// The pass that estimates radiance from the map of photons; none where the one that traces does.
+/// The pass that gathers photons; `None` if the tracing pass does.
 fn gather_pass(settings: &RenderSettings) -> Option<&'static Pass> {
     let photon = &settings.photon;
     if photon.schedule == Schedule::Fused {
@@ -95,7 +95,7 @@ fn gather_pass(settings: &RenderSettings) -> Option<&'static Pass> {
     })
 }
 
-/// All that [`gather_pass`] may give.
+/// All that [`gather_pass`] may return.
 pub const GATHERS: [&Pass; 5] = [
     &passes::photon_gather,
     &passes::shared_gather,
@@ -110,7 +110,7 @@ fn gather(steps: &mut Steps, frame: &FrameSpec<'_>, list: List) {
     }
 }
 
-/// Gathers at every other pixel in each direction, interpolates between them, and gathers where that finds nothing.
+/// Gathers at every other pixel in each direction, interpolates, and gathers where interpolation fails.
 fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::HalfRate);
     steps.run(&passes::coarse_list, Size::List(List::HITS));
@@ -132,7 +132,7 @@ fn caustics(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
 }
 
-/// The right eye takes what it can from the left one's sample and lists the pixels that stay empty.
+/// Reuses the left eye's sample in the right eye and lists the pixels that stay empty.
 fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
     steps.clear(Moment::Reuse);
@@ -155,7 +155,7 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.set_up(List::FILL);
 }
 
-/// The right eye's empty pixels render themselves; glossy ones may still reuse indirect light.
+/// Renders the right eye's empty pixels; glossy ones may still reuse indirect light.
 fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     let over = Size::List(List::FILL);
     primary_hits(steps, frame, over);

@@ -1,4 +1,4 @@
-//! The frame: which passes run, in which order, over what. This is the only place that says so, and what it says is what runs.
+//! The plan of a frame: which passes run, in which order, over what. Nothing else states the order.
 //!
 //! [`plan`] knows no device. `stereolux info --scene` prints what it returns.
 
@@ -23,30 +23,30 @@ use eyes::{left_eye, right_eye, right_eye_equal};
 use photons::photons;
 use reconstruct::reconstruct;
 
-/// What a frame is planned for.
+/// What the plan of a frame depends on.
 #[derive(Debug, Clone)]
 pub struct FrameSpec<'a> {
-    /// RenderSettings.
+    /// Settings.
     pub settings: &'a RenderSettings,
-    /// What shaders are specialised by.
+    /// Features that shaders are specialised by.
     pub features: ShaderFeatures,
     /// Whether both eyes are rendered.
     pub both: bool,
-    /// How the right eye reuses the left one now.
+    /// Reuse mode of this frame.
     pub reuse: Reuse,
     /// Samples that one dispatch of the path tracer takes, at most.
     pub samples_per_dispatch: u32,
-    /// The photon map and that of caustics, where there are such.
+    /// The photon map and the caustic map, if any.
     pub maps: Vec<MapLayout>,
     /// Slices in which photons are gathered, by map.
     pub slices: GatherSlices,
-    /// What changes its shape, if anything does.
+    /// Deforming meshes, if any.
     pub shapes: Option<ShapeCounts>,
-    /// Whether shaders ask where points were in the frame before.
+    /// Whether shaders ask for points' previous positions.
     pub keeps_previous: bool,
 }
 
-/// Slices in which photons are gathered: a software driver ends long loops (`docs/lavapipe.md`).
+/// Slices of a gather: a software driver aborts long loops (`docs/lavapipe.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GatherSlices {
     /// From the map of photons.
@@ -56,21 +56,21 @@ pub struct GatherSlices {
 }
 
 impl GatherSlices {
-    /// Everything at once.
+    /// One slice each.
     pub const ONE: Self = Self {
         photons: 1,
         caustics: 1,
     };
 }
 
-/// What of the scene changes its shape.
+/// Sizes of the deforming meshes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ShapeCounts {
     /// Vertices.
     pub vertices: u32,
     /// Triangles.
     pub triangles: u32,
-    /// Nodes of the hierarchies by height: first, number.
+    /// BLAS nodes by height: first, number.
     pub levels: Vec<[u32; 2]>,
 }
 
@@ -158,7 +158,7 @@ fn pose(frame: &FrameSpec<'_>) -> Vec<Step> {
     steps.done()
 }
 
-/// Zeroes the sums over a frame's samples.
+/// Clears the sums over a frame's samples.
 fn begin(frame: &FrameSpec<'_>) -> Vec<Step> {
     let mut steps = Steps::of_eye(Stage::Begin.name(), Eye::Left);
     for &eye in frame.eyes() {

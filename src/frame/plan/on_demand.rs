@@ -1,4 +1,4 @@
-//! What runs beside the frame, where someone asks for it: handing pictures over, and views of intermediate results.
+//! Steps on demand, after a frame: presenting pictures, and views of intermediate results.
 
 use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
@@ -37,7 +37,7 @@ pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
     }
 }
 
-/// What runs beside the frame, where someone asks for it.
+/// Stages that run on demand.
 #[must_use]
 pub fn on_demand(settings: &RenderSettings) -> [PlannedStage; 2] {
     let takers = [
@@ -71,7 +71,7 @@ pub fn inspection(steps: Vec<Step>) -> PlannedStage {
     }
 }
 
-/// What a view of intermediate results runs, after a frame.
+/// A pass of a view of intermediate results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
     /// What the ray through each pixel's centre meets.

@@ -6,7 +6,7 @@ use crate::frame::photon_layout::{MapKind, MapLayout, SCAN_BLOCK};
 use crate::frame::step::{Only, Size, Step, Steps};
 use crate::renderer::records::photon::PhotonGrid;
 
-/// Passes of the paths of the map of all photons but caustics; the rest of its stage builds what photons are searched by.
+/// Passes that trace photon paths; the rest of the stage builds the search structure.
 pub const PATH_PASSES: [&Pass; 3] = [
     &passes::photon_trace,
     &passes::photon_append,
@@ -32,7 +32,7 @@ pub(super) fn photons(map: &MapLayout) -> Vec<Step> {
     steps.done()
 }
 
-/// Paths leave photons in slots of their own; a prefix sum over their numbers says where each path's go in the list.
+/// Paths store photons in their own slots; a prefix sum over their counts gives each path's place in the list.
 fn photon_batch(steps: &mut Steps, map: &MapLayout, batch: u32, first: u32, count: u32) {
     steps.owner.batch = if map.keeps_batches() { batch } else { 0 };
     let slots = map.slots_per_path;
@@ -98,7 +98,7 @@ const fn photon_grid(offset: usize) -> Size {
 /// Over all stored photons.
 const PHOTONS: Size = photon_grid(std::mem::offset_of!(PhotonGrid, photon_groups));
 
-/// Counts the photons of every cell, sorts them by cell, and puts them where gathering reads them.
+/// Counts the photons of every cell, sorts them by cell, and copies them into that order.
 fn grid(steps: &mut Steps, map: &MapLayout) {
     steps
         .run(&passes::cell_count, PHOTONS)
@@ -116,7 +116,7 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
     steps.copy_texels("sorted_photons");
 }
 
-/// Sorts by key, stably, digit by digit, there and back between two buffers.
+/// Stable radix sort by key, between two buffers.
 fn radix_sort(steps: &mut Steps, map: &MapLayout) {
     let (digits, bits) = map.digits();
     let blocks = map.blocks();
@@ -136,7 +136,7 @@ fn radix_sort(steps: &mut Steps, map: &MapLayout) {
     }
 }
 
-/// Sorts photons once along each axis, then parts all three orders at the medians, level by level (Brown 2015, "Building a
+/// Sorts photons once along each axis, then splits all three orders at the medians, level by level (Brown 2015, "Building a
 /// balanced k-d tree in O(kn log n) time").
 fn kd_tree(steps: &mut Steps, map: &MapLayout) {
     let orders = ["kd_orders_even", "kd_orders_odd"];

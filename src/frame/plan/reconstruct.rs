@@ -1,14 +1,14 @@
-//! Clean pictures of noisy frames.
+//! Denoising and anti-aliasing.
 
 use super::FrameSpec;
 use crate::frame::passes::{self, Pass};
 use crate::frame::step::{Eye, Size, Stage, Step, Steps};
 
-/// Where light lies while it is filtered: direct, indirect.
+/// Buffers of the light that is filtered: direct, indirect.
 type Light = [&'static str; 2];
 const PING: Light = ["direct_ping", "indirect_ping"];
 const PONG: Light = ["direct_pong", "indirect_pong"];
-/// What the next frame reads.
+/// Buffers that the next frame reads.
 const HISTORY: Light = ["direct_history", "indirect_history"];
 
 /// Light to write while `light` is read.
@@ -55,7 +55,7 @@ fn for_eyes(steps: &mut Steps, frame: &FrameSpec<'_>, pass: &Pass, set: impl Fn(
     }
 }
 
-/// Accumulates light over frames, shares it between the eyes, and filters it by its variance. Says where it lies then.
+/// Accumulates light over frames, shares it between the eyes, and filters it by its variance. Returns its buffers.
 fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
     let settings = &frame.settings.reconstruct;
     let shares = settings.stereo && frame.both;
@@ -113,7 +113,7 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
     light
 }
 
-/// Each eye takes in the other's light where both see a surface.
+/// Mixes each eye's light with the other's where both see a surface.
 fn share(
     steps: &mut Steps,
     frame: &FrameSpec<'_>,

@@ -44,9 +44,7 @@ pub enum RuntimeError {
         system: String,
     },
     /// `--adapter` names another adapter than the runtime.
-    #[error(
-        "--adapter {wanted:?}: the OpenXR runtime requires {adapter:?}; leave --adapter out"
-    )]
+    #[error("--adapter {wanted:?}: the OpenXR runtime requires {adapter:?}; leave --adapter out")]
     OtherAdapter {
         /// What was asked for.
         wanted: String,
