@@ -326,7 +326,7 @@ fn main() -> Outcome<()> {
         let mut raw_error = 0.0;
         for (name, svgf, stereo) in [
             ("none", false, false),
-            ("each eye by itself", true, false),
+            ("eyes separately", true, false),
             ("shared", true, true),
         ] {
             let mut settings = Settings::default();
