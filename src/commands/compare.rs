@@ -1,6 +1,6 @@
 //! `compare`: one JSON object on stdout.
 
-use super::Failure;
+use super::{Failure, print_line};
 use crate::metrics::{FlipView, compare_files};
 use crate::options::CompareOptions;
 
@@ -17,7 +17,7 @@ pub fn compare(options: &CompareOptions) -> Result<u8, Failure> {
         options.limits.load(),
     )?;
     let text = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;
-    println!("{text}");
+    print_line(&text)?;
     let exceeds = options
         .max_rel_mse
         .is_some_and(|limit| comparison.exceeds(limit));

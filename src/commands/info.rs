@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Failure, load_scene};
+use super::{Failure, load_scene, print_line};
 use crate::frame::listing::list;
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::shader_library;
@@ -31,8 +31,7 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
         report["settings"] = registry::listing();
     }
     let text = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
-    println!("{}", printable::json(&text));
-    Ok(())
+    print_line(&printable::json(&text))
 }
 
 /// The runtime and its headset, or why there is none.

@@ -7,7 +7,7 @@ mod report;
 mod run;
 mod view;
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 
 use crate::bench::BenchError;
 use crate::frame_loop::LoopError;
@@ -49,6 +49,16 @@ impl Failure {
             status: 1,
             message: escaped(&message.to_string()),
         }
+    }
+}
+
+/// Prints a result on stdout. A reader that leaves early, such as `head`, is no failure.
+fn print_line(text: &str) -> Result<(), Failure> {
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("stdout: {error}")))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -447,6 +447,21 @@ fn compare_answers_in_json_and_status() {
 }
 
 #[test]
+fn a_reader_that_leaves_early_is_no_failure() {
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_stereolux"))
+        .args(["info", "--settings"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Closed long before the adapters are known.
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(stderr(&output), "");
+}
+
+#[test]
 fn info_is_json() {
     let output = stereolux(&["info", "--scene", "builtin:gallery"]);
     assert!(output.status.success());
