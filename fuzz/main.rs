@@ -1,4 +1,4 @@
-//! Feeds changed inputs to everything that reads what others made, and reports panics, slow inputs and memory.
+//! Feeds mutated inputs to every parser, and reports panics, slow inputs and memory.
 //!
 //! `cargo run --release --example fuzz -- [--parser NAME] [--first SEED] [--cases N]`
 //!

@@ -1,4 +1,4 @@
-//! How much memory reading a file may take, and which files a scene may name.
+//! Limits on reading files: memory that a load may take, and files that a scene may name.
 //!
 //! A small file can ask for any amount of memory: images that are all one colour, accessors without data, one mesh placed
 //! a million times. So whatever is about to be expanded asks a [`LoadBudget`] first, with what it will take. The budget

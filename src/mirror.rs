@@ -1,6 +1,6 @@
-//! A window of the desktop that shows what the eyes see, side by side.
+//! A desktop window that shows both eyes side by side.
 //!
-//! Never needed, and never in the way: everything happens on the frame loop's thread and between frames, images go from
+//! It never delays the run: everything happens on the frame loop's thread between frames, images go from
 //! the renderer's buffers into the window's texture on the device, and frames for which there is no time are not shown.
 //! Closing the window, or losing it, ends the mirror and not the run.
 

@@ -1,4 +1,4 @@
-//! A scattering model of your own, in one shader file and one entry.
+//! A BSDF of your own, in one shader file and one entry.
 //!
 //! ```sh
 //! cargo run --release --example user_bsdf                # writes to out/user_bsdf

@@ -99,7 +99,7 @@ pub struct RegionErrors {
 pub struct StereoFigures {
     /// Reused over all right-eye pixels that see a surface.
     pub reuse_fraction: Spread,
-    /// Pixels taken over.
+    /// Pixels reused.
     pub reused: f64,
     /// Pixels filled.
     pub filled: f64,
@@ -128,7 +128,7 @@ pub struct Load {
     pub photon_paths: u64,
     /// Photons stored.
     pub photons_stored: u64,
-    /// Photons that found no room; their paths do not count.
+    /// Photons dropped because the buffer was full; their paths do not count.
     pub photons_dropped: u64,
     /// Gather radius, metres.
     pub radius_m: Option<f64>,

@@ -38,9 +38,9 @@ pub struct Truth {
 
 /// Names of the eyes as parts of the picture.
 const EYES: [&str; 2] = ["left", "right"];
-/// Pixels of the right eye that were taken over.
+/// Reused pixels of the right eye.
 const REUSED: &str = "right_reused";
-/// Pixels of the right eye that were filled.
+/// Filled pixels of the right eye.
 const FILLED: &str = "right_filled";
 
 /// Values of one part of the picture, one per judged round.
@@ -76,7 +76,7 @@ pub struct VariantStatistics {
     last: FrameResult,
 }
 
-/// The parts of an eye beside the whole: for a right eye that reuses, what was taken over and what was filled.
+/// The parts of an eye beside the whole: for a right eye that reuses, reused and filled pixels.
 pub fn region_masks(frame: &Frame, eye: usize, size: [u32; 2]) -> Vec<(&'static str, Mask)> {
     let Some(provenance) = frame.provenance.as_ref().filter(|_| eye == 1) else {
         return Vec::new();

@@ -1,18 +1,17 @@
-//! How much work one thread may be given: llvmpipe ends long loops without a word (`docs/lavapipe.md`).
+//! Limits on the work of one thread: llvmpipe silently aborts long loops (`docs/lavapipe.md`).
 
 use crate::gpu::features::ShaderFeatures;
 use crate::settings::RenderSettings;
 
-/// Turns of loops that one thread may take on llvmpipe, all of its loops together; beyond them it ends loops silently.
+/// Loop iterations that llvmpipe allows a thread in total; it silently aborts loops beyond that.
 const LOOP_TURNS: u32 = 65_535;
-/// Turns of the two searches that find a place in the sky: it has fewer than 2^16 rows and columns.
+/// Iterations of the two searches in the environment's tables, which have fewer than 2^16 rows and columns.
 const ENVIRONMENT_TURNS: u32 = 32;
-/// Most samples of one dispatch of the path tracer, and most photon paths of one thread: more than this brings next to
-/// nothing.
+/// Most samples of one dispatch of the path tracer, and most photon paths of one thread; more gains almost nothing.
 const MOST_PATHS_PER_THREAD: u32 = 16;
 
-/// Samples that one dispatch of the path tracer takes. A thread that begins its next path where one ends does not wait for
-/// the longest path among the threads that run as one.
+/// Samples that one dispatch of the path tracer takes. A thread that begins its next path at once does not wait for the
+/// longest path of its SIMD group.
 #[must_use]
 pub fn samples_per_dispatch(
     settings: &RenderSettings,

@@ -31,7 +31,7 @@ pub struct MapStats {
     pub emitted: u32,
     /// Photons in the map.
     pub stored: u32,
-    /// Photons that found no room.
+    /// Photons dropped because the buffer was full.
     pub dropped: u32,
     /// Paths whose photons are all in the map; the flux is divided by this.
     pub paths_kept: u32,
@@ -59,13 +59,13 @@ pub struct FilledBecause {
 pub struct StereoStats {
     /// Left samples that hit a surface.
     pub left_hits: u32,
-    /// Those that the right eye sees and may take over.
+    /// Those that the right eye sees and may reuse.
     pub scattered: u32,
     /// Right pixels that took one over.
     pub reused: u32,
     /// Right pixels that see a surface and were filled.
     pub filled: u32,
-    /// Of the filled, those whose indirect light was taken over (`--reuse lookup`).
+    /// Of the filled, those that reuse indirect light (`--reuse lookup`).
     pub indirect_reused: u32,
     /// `reused` / (`reused` + `filled`); 0 if the right eye sees no surface.
     pub reuse_fraction: f64,

@@ -1,9 +1,9 @@
-//! Every setting, said once.
+//! Every setting, stated once.
 //!
 //! [`table`] has a row for each: type, default, range, unit and one sentence. The structs with their defaults and
 //! documentation come from it, and the [`registry`] from which `--set`, config files, `--help`, `info --settings`,
-//! `config/example.toml` and the viewer's panel work. A [`Choice`] is the same for what is one of a few words. Nothing
-//! here knows of a command line, a file or a device.
+//! `config/example.toml` and the viewer's panel work. A [`Choice`] does the same for settings with a few named values. Nothing
+//! here depends on a command line, a file or a device.
 
 pub(crate) mod choices;
 pub(crate) mod kinds;

@@ -1,8 +1,8 @@
 //! The desktop viewer (`view`): a window in which a person walks through the scene, sees what each eye gets, edits, and
 //! looks into what the renderer does.
 //!
-//! Three threads: the window's answers events and draws egui ([`window`], [`ui`], [`app`]); the renderer's turns what is
-//! wanted into pictures through the frame loop ([`worker`], [`render_engine`]); a third reads files ([`loading`]). The window
+//! Three threads: the UI thread answers events and draws egui ([`window`], [`ui`], [`app`]); the render thread turns requests
+//! into pictures through the frame loop ([`worker`], [`render_engine`]); a third reads files ([`loading`]). The window
 //! never waits for either. A frame travels as an image and as what its pixels see ([`frames`]), so that a click finds its
 //! object without asking the device; an edit travels as an [`Edit`](crate::scene::edit::Edit), which both ends carry out on
 //! their own copy of the scene.

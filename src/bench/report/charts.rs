@@ -193,7 +193,7 @@ impl Charts {
                     ));
                 };
                 draw(
-                    "two eyes by themselves / both eyes",
+                    "two separate eyes / both eyes",
                     |row| Some(1.0 / row.timing.ratio.get("eyes")?.median),
                     2 * color,
                 );

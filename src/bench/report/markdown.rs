@@ -84,9 +84,9 @@ pub fn markdown(
 
 fn stereo(text: &mut String, rows: &[Row], analysis: &Analysis) {
     text.push_str(
-        "## Stereo reuse\n\nSpeed-up is two eyes by themselves over both eyes, photons left out (with them in brackets: a static \
+        "## Stereo reuse\n\nSpeed-up is two separate eyes over both eyes, photons left out (with them in brackets: a static \
          scene traces them once). The reference looks through pixels' centres, as the frames do. Reused and filled pixels are \
-         judged apart, and the ratio is to the relMSE of the eye rendered by itself on the same pixels of the same frames. Rows of \
+         judged apart, and the ratio is to the relMSE without reuse on the same pixels of the same frames. Rows of \
          a recorded trace take times from all frames and errors from the last.\n\n",
     );
     let members = || rows.iter().filter(|row| row.suite == "stereo");

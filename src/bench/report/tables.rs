@@ -77,7 +77,7 @@ fn settings_of_tables<'a>() -> Table<'a, &'a Row> {
 }
 
 fn stereo_table(text: &mut String, rows: &[Row]) {
-    text.push_str("### Table 5: two eyes by themselves against stereo reuse\n\n");
+    text.push_str("### Table 5: two separate eyes against stereo reuse\n\n");
     let table = settings_of_tables()
         .with("reuse", |row| row.text("reuse"))
         .with("photons, ms", |row| ms(row, "photons"))

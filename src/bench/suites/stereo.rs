@@ -20,7 +20,7 @@ const IPDS_MM: [f64; 4] = [0.0, 55.0, 63.0, 75.0];
 /// How far ahead of the scene's starting pose the head stands in the groups that vary the distance, metres.
 const AHEAD_M: [f64; 2] = [-0.3, 0.3];
 
-/// Reuse modes, each eye by itself first.
+/// Reuse modes, no reuse first.
 pub(super) fn modes() -> Vec<Reuse> {
     let others = Reuse::ALL
         .iter()

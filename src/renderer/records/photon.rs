@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 pub struct PhotonCounters {
     /// Photons in the list.
     pub stored: u32,
-    /// Photons that found no room.
+    /// Photons dropped because the buffer was full.
     pub dropped: u32,
     /// Paths whose photons were all kept; the flux is divided by this.
     pub paths_kept: u32,

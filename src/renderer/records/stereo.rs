@@ -28,11 +28,11 @@ pub enum Provenance {
 pub struct StereoCounters {
     /// Left samples that hit a surface.
     pub left_hits: u32,
-    /// Those that the right eye sees and may take over.
+    /// Those that the right eye sees and may reuse.
     pub scattered: u32,
     /// Right pixels that took one over.
     pub reused: u32,
-    /// Of the filled, those whose indirect light was taken over.
+    /// Of the filled, those that reuse indirect light.
     pub indirect_reused: u32,
     /// Filled pixels by [`Provenance`].
     pub filled_because: [u32; Provenance::Gap as usize + 1],
