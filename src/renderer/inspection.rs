@@ -86,18 +86,18 @@ impl Inspection {
     #[must_use]
     pub fn doc(self) -> &'static str {
         match self {
-            Self::Direct => "emission seen and light scattered once, mean of the frame's samples",
-            Self::Indirect => "light scattered more than once, mean of the frame's samples",
-            Self::Caustic => "light from the map of caustics alone",
+            Self::Direct => "emission and direct light, mean of the frame's samples",
+            Self::Indirect => "indirect light, mean of the frame's samples",
+            Self::Caustic => "light from the caustic photon map only",
             Self::Albedo => "base colour of the surface with its textures",
             Self::Normal => "shading normal in world axes",
             Self::Depth => "distance from the eye along the ray",
             Self::Instance => "number of the instance that is seen",
-            Self::PhotonDensity => "photons within the gather radius, by the disc's area",
+            Self::PhotonDensity => "photons within the gather radius, per disc area",
             Self::PhotonDots => "photons that are seen in the pixel",
             Self::GridOccupancy => "photons in the grid's cell around the surface point",
-            Self::BvhSteps => "nodes of the hierarchies that the pixel's ray entered",
-            Self::Motion => "way back to where the surface was in the frame before",
+            Self::BvhSteps => "BVH nodes that the pixel's ray entered",
+            Self::Motion => "motion back to the surface's position in the previous frame",
             Self::Variance => "variance of the light's luminance over the frames so far",
             Self::Provenance => "where the right eye's pixels came from",
         }

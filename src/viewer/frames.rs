@@ -51,7 +51,7 @@ impl ViewMode {
             Self::Picture => "what the eye sees, tone mapped",
             Self::Inspection(inspection) => inspection.doc(),
             Self::Error => {
-                "relative squared error against a path-traced reference that grows while nothing changes"
+                "relative squared error against a path-traced reference that improves while nothing changes"
             }
         }
     }

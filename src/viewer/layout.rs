@@ -57,9 +57,9 @@ impl Layout {
             Self::SideBySide => "both eyes, left on the left",
             Self::CrossEye => "both eyes, left on the right: cross your eyes to fuse them",
             Self::Anaglyph => "red from the left eye, green and blue from the right",
-            Self::Difference => "how far the two eyes' pictures are apart, pixel by pixel",
+            Self::Difference => "difference of the two eyes' pictures, pixel by pixel",
             Self::Split => {
-                "the left eye twice, under two methods or settings; drag the line between"
+                "the left eye with two methods or settings; drag the line between"
             }
         }
     }
