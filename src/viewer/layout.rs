@@ -58,9 +58,7 @@ impl Layout {
             Self::CrossEye => "both eyes, left on the right: cross your eyes to fuse them",
             Self::Anaglyph => "red from the left eye, green and blue from the right",
             Self::Difference => "difference of the two eyes' pictures, pixel by pixel",
-            Self::Split => {
-                "the left eye with two methods or settings; drag the line between"
-            }
+            Self::Split => "the left eye with two methods or settings; drag the line between",
         }
     }
 
