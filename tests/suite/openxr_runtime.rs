@@ -300,7 +300,7 @@ fn every_failure_is_one_line_and_leaves_nothing() {
     for (more, says) in [
         (
             ["--adapter", "no such adapter"],
-            "error: --adapter \"no such adapter\": the OpenXR runtime renders on",
+            "error: --adapter \"no such adapter\": the OpenXR runtime requires",
         ),
         (
             ["--size", "16384x16384"],
