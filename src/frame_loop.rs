@@ -1,7 +1,7 @@
 //! The frame loop: a session's views become images, statistics and files.
 //!
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
-//! runtime.
+//! runtime. An application runs a [`FrameLoop`]; [`run`] is that of the program, with files and a mirror.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
@@ -9,13 +9,15 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::gpu::timing::milliseconds_since;
-use crate::gpu::{PassTimes, ShaderLibrary};
+use crate::gpu::{GpuContext, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
 use crate::output::{FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
 };
+use crate::scene::Scene;
+use crate::settings::{Eyes, RenderSettings};
 use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
 /// Frames whose statistics are kept for the medians of `run.json`: a session may go on for hours.
@@ -202,9 +204,8 @@ impl Rendered {
     }
 }
 
-/// One turn of the loop: waits for the session's next frame, renders it and hands it over. `scene_time_ns` says where the
-/// scene's animation stands in a frame, or `None` to leave the scene as it is; `sample` is told how many of the frame's
-/// samples are done.
+/// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
+/// it is in that frame; `sample` is told how many of the frame's samples are done.
 ///
 /// # Errors
 /// [`LoopError::Session`], [`LoopError::Render`].
@@ -213,7 +214,7 @@ pub fn step(
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     index: u32,
-    scene_time_ns: impl FnOnce(&FrameState) -> Option<i64>,
+    update: impl FnOnce(&mut Renderer, &FrameState),
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
@@ -240,9 +241,7 @@ pub fn step(
     };
     let targets = session.acquire_targets()?;
     cpu_ms.session = milliseconds_since(called);
-    if let Some(time_ns) = scene_time_ns(&state) {
-        renderer.animate(time_ns);
-    }
+    update(renderer, &state);
     let result = renderer.render_frame(&located.views, index, sample)?;
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
@@ -263,6 +262,94 @@ pub fn step(
         result,
         cpu_ms,
     })))
+}
+
+/// The scene's own animation, where it stands when the frame is seen.
+fn play(renderer: &mut Renderer, state: &FrameState) {
+    renderer.animate(state.predicted_display_time_ns);
+}
+
+/// An application's frames: a session and the renderer of a scene, frame by frame.
+pub struct FrameLoop<S> {
+    session: S,
+    renderer: Renderer,
+    library: ShaderLibrary,
+    next_frame: u32,
+}
+
+impl<S: XrSession> FrameLoop<S> {
+    /// A loop over the frames of `session`, both eyes of `size` pixels (width, height) each. `context` is the runtime's
+    /// device where the session is a runtime's.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn new(
+        context: GpuContext,
+        library: ShaderLibrary,
+        session: S,
+        scene: &Scene,
+        settings: &RenderSettings,
+        size: [u32; 2],
+    ) -> Result<Self, RenderError> {
+        let hidden = session.info().hidden.as_ref();
+        let both = Eyes::Both;
+        let renderer =
+            Renderer::with_hidden_area(context, &library, scene, settings, both, size, hidden)?;
+        Ok(Self {
+            session,
+            renderer,
+            library,
+            next_frame: 0,
+        })
+    }
+
+    /// Waits for the session's next frame, lets `update` change what is shown in it, renders it and hands it over. The
+    /// scene's own animation has gone on when `update` is called; [`FrameState::predicted_display_time_ns`] is the time
+    /// to move things by. `None`: the session has ended.
+    ///
+    /// # Errors
+    /// [`LoopError::Session`], [`LoopError::Render`].
+    pub fn next_frame(
+        &mut self,
+        update: impl FnOnce(&mut Renderer, &FrameState),
+    ) -> Result<Option<FrameStats>, LoopError> {
+        let mut update = Some(update);
+        loop {
+            let began = Instant::now();
+            let index = self.next_frame;
+            let turn = step(
+                &mut self.session,
+                &mut self.renderer,
+                &self.library,
+                index,
+                |renderer, state| {
+                    play(renderer, state);
+                    if let Some(update) = update.take() {
+                        update(renderer, state);
+                    }
+                },
+                |_| {},
+            )?;
+            match turn {
+                Step::Ended => return Ok(None),
+                Step::Hidden => {}
+                Step::Rendered(rendered) => {
+                    self.next_frame += 1;
+                    return Ok(Some(rendered.into_stats(index, 0, began)));
+                }
+            }
+        }
+    }
+
+    /// What has rendered the last frame, and holds its images.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// Where frames come from.
+    pub fn session(&self) -> &S {
+        &self.session
+    }
 }
 
 /// Runs until the session ends or the user interrupts. A `mirror` shows the frames as they come.
@@ -289,9 +376,8 @@ pub fn run(
             // Also while the session shows nothing.
             mirror.serve();
         }
-        let display_time = |state: &FrameState| Some(state.predicted_display_time_ns);
         let told = |done| progress.sample(index, done);
-        let mut frame = match step(session, renderer, library, index, display_time, told)? {
+        let mut frame = match step(session, renderer, library, index, play, told)? {
             Step::Ended => return Ok(outcome),
             Step::Hidden => continue,
             Step::Rendered(frame) => frame,

@@ -14,6 +14,11 @@ mod suite {
     #[path = "../../examples/user_bsdf/main.rs"]
     pub mod user_bsdf_example;
 
+    /// The smallest application.
+    #[allow(dead_code)]
+    #[path = "../../examples/minimal.rs"]
+    pub mod minimal_example;
+
     /// The example's measure, for its test.
     #[allow(dead_code)]
     #[path = "../../examples/reconstruction/paired_references.rs"]
@@ -33,13 +38,13 @@ mod suite {
 
     pub mod bvh;
     pub mod frame;
-    pub mod hostile;
     pub mod measure;
     pub mod program;
     pub mod scene;
     pub mod stereo;
     pub mod support;
     pub mod transport;
+    pub mod untrusted;
     pub mod viewer;
     pub mod xr;
 }
