@@ -182,7 +182,7 @@ pub use images::{
     Image, ImageError, ImageRgb, ImageRgb8, read_image, tone_map, write_exr, write_png,
 };
 pub use output::OutputError;
-pub use renderer::packing::PackError;
+pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
     Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
     Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RenderError,

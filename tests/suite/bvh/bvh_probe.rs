@@ -154,6 +154,28 @@ pub fn probe_source(source: &str, modes: &[&str]) -> String {
     })
 }
 
+/// Runs a probe over `queries`, with what else it reads in `scene`, and returns `count` answers.
+pub fn ask<Q: Pod, A: Pod>(
+    context: &GpuContext,
+    kernel: &Kernel,
+    scene: &Resources<'_>,
+    queries: &[Q],
+    count: usize,
+) -> Vec<A> {
+    let queries = storage_buffer_with_data(context, "queries", queries).unwrap();
+    let answers = storage_buffer(context, "answers", (count * size_of::<A>()) as u64).unwrap();
+    let resources = scene
+        .clone()
+        .with("queries", &queries)
+        .with("answers", &answers);
+    let bound = kernel.bind(context, &resources).unwrap();
+    let mut recorder = FrameRecorder::new(context, None, "probe");
+    let groups = kernel.groups_for(count as u32);
+    recorder.dispatch("probe", kernel, &bound, 0, groups);
+    recorder.submit("probe", &mut PassTimes::default()).unwrap();
+    read_buffer(context, "answers", &answers, count).unwrap()
+}
+
 /// The probe, compiled for one question.
 pub struct TraceProbe<'a> {
     context: &'a GpuContext,
@@ -182,25 +204,7 @@ impl<'a> TraceProbe<'a> {
 
     /// The same in a scene that a renderer holds.
     pub fn run_in(&self, scene: &Resources<'_>, queries: &[TraceQuery]) -> Vec<TraceAnswer> {
-        let queries_buffer = storage_buffer_with_data(self.context, "queries", queries).unwrap();
-        let answers = storage_buffer(
-            self.context,
-            "answers",
-            (queries.len() * size_of::<TraceAnswer>()) as u64,
-        )
-        .unwrap();
-        let resources = scene
-            .clone()
-            .with("queries", &queries_buffer)
-            .with("answers", &answers);
-        let bound = self.kernel.bind(self.context, &resources).unwrap();
-        let mut recorder = FrameRecorder::new(self.context, None, "trace probe");
-        let groups = self.kernel.groups_for(queries.len() as u32);
-        recorder.dispatch("trace probe", &self.kernel, &bound, 0, groups);
-        recorder
-            .submit("trace probe", &mut PassTimes::default())
-            .unwrap();
-        read_buffer(self.context, "answers", &answers, queries.len()).unwrap()
+        ask(self.context, &self.kernel, scene, queries, queries.len())
     }
 }
 

@@ -2,12 +2,10 @@
 
 use glam::{DAffine3, DVec3};
 use stereolux::bvh::records::Triangle;
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::SceneBuffers;
 
-use super::bvh_probe::{Random, TraceProbe, TraceQuery, disagreements, features};
+use super::bvh_probe::{Random, TraceProbe, TraceQuery, ask, disagreements, features};
 use super::bvh_reference::ExactInstance;
 
 /// Asks the shaders' `previous_point`.
@@ -36,21 +34,8 @@ impl<'a> PreviousProbe<'a> {
             .iter()
             .map(|&(instance, triangle, [v, w])| [instance, triangle, v.to_bits(), w.to_bits()])
             .collect();
-        let queries_buffer = storage_buffer_with_data(self.context, "queries", &queries).unwrap();
-        let answers = storage_buffer(self.context, "answers", 16 * queries.len() as u64).unwrap();
-        let resources = scene
-            .clone()
-            .with("queries", &queries_buffer)
-            .with("answers", &answers);
-        let bound = self.kernel.bind(self.context, &resources).unwrap();
-        let mut recorder = FrameRecorder::new(self.context, None, "previous probe");
-        let groups = self.kernel.groups_for(queries.len() as u32);
-        recorder.dispatch("previous probe", &self.kernel, &bound, 0, groups);
-        recorder
-            .submit("previous probe", &mut PassTimes::default())
-            .unwrap();
         let answers: Vec<[f32; 4]> =
-            read_buffer(self.context, "answers", &answers, queries.len()).unwrap();
+            ask(self.context, &self.kernel, scene, &queries, queries.len());
         answers
             .into_iter()
             .map(|[x, y, z, exists]| (exists == 1.0).then(|| glam::Vec3::new(x, y, z).as_dvec3()))

@@ -463,6 +463,12 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
             KD_TURNS_PER_SLICE as f64,
         ),
         ("shared/nearest", "HEAP", nearest as f64),
+        // A texel is 16 bytes.
+        (
+            "shared/records",
+            "MATERIAL_TEXELS",
+            size_of::<material::Material>() as f64 / 16.0,
+        ),
     ];
     let words: &[(&str, &[(&str, u32)])] = &[
         (

@@ -3,11 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use stereolux::gpu::ShaderFeatures;
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 
-use super::bvh_probe::Random;
+use super::bvh_probe::{Random, ask};
 use super::support::context;
 
 #[repr(C)]
@@ -26,20 +24,7 @@ fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
     library.insert("tests/carried_probe", include_str!("carried_probe.wesl"));
     let features = ShaderFeatures::default();
     let kernel = Kernel::new(context, &library, "tests/carried_probe", &features).unwrap();
-    let given = storage_buffer_with_data(context, "samples", samples).unwrap();
-    let bytes = size_of_val(samples) as u64;
-    let unpacked = storage_buffer(context, "unpacked", bytes).unwrap();
-    let resources = Resources::new()
-        .with("samples", &given)
-        .with("unpacked", &unpacked);
-    let bound = kernel.bind(context, &resources).unwrap();
-    let mut recorder = FrameRecorder::new(context, None, "carried probe");
-    let groups = kernel.groups_for(samples.len() as u32);
-    recorder.dispatch("carried probe", &kernel, &bound, 0, groups);
-    recorder
-        .submit("carried probe", &mut PassTimes::default())
-        .unwrap();
-    read_buffer(context, "unpacked", &unpacked, samples.len()).unwrap()
+    ask(context, &kernel, &Resources::new(), samples, samples.len())
 }
 
 /// The largest channel is 2^17 to 2^18 steps, and rounding is off by half a step, or by one where it would leave the 18 bits,

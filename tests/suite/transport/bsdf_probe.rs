@@ -2,13 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::buffers::storage_buffer_with_data;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::packing::{PackedTextures, pack_materials};
 use stereolux::scene::{Material, Scene};
 
-use super::bvh_probe::{features, probe_source};
+use super::bvh_probe::{ask, features, probe_source};
 
 /// A pair of directions at a material, or the direction to sample for.
 #[repr(C)]
@@ -84,34 +83,13 @@ impl<'a> BsdfProbe<'a> {
         seed: u32,
     ) -> Vec<BsdfAnswer> {
         let count = queries.len() * samples_per_query as usize;
-        let queries = storage_buffer_with_data(self.context, "queries", queries).unwrap();
-        let answers = storage_buffer(
-            self.context,
-            "answers",
-            (count * size_of::<BsdfAnswer>()) as u64,
-        )
-        .unwrap();
         let settings =
             storage_buffer_with_data(self.context, "probe", &[samples_per_query, seed, 0, 0])
                 .unwrap();
         let resources = Resources::new()
             .with("materials", &self.materials)
-            .with("queries", &queries)
-            .with("answers", &answers)
             .with("probe", &settings);
-        let bound = kernel.bind(self.context, &resources).unwrap();
-        let mut recorder = FrameRecorder::new(self.context, None, "bsdf probe");
-        recorder.dispatch(
-            "bsdf probe",
-            kernel,
-            &bound,
-            0,
-            kernel.groups_for(count as u32),
-        );
-        recorder
-            .submit("bsdf probe", &mut PassTimes::default())
-            .unwrap();
-        read_buffer(self.context, "answers", &answers, count).unwrap()
+        ask(self.context, kernel, &resources, queries, count)
     }
 
     /// Values and densities, one per query.

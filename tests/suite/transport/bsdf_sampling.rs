@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use stereolux::gpu::ShaderLibrary;
+use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::scene::Material;
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, DELTA, NONE, at_angle, wide};
@@ -87,6 +87,11 @@ fn test_against(
     p_value(&sampled, &density)
 }
 
+fn glossy_probe<'a>(context: &'a GpuContext, materials: &[Material]) -> BsdfProbe<'a> {
+    let on = ["glossy", "dielectric"];
+    BsdfProbe::new(context, &ShaderLibrary::embedded(), &on, materials)
+}
+
 fn cases() -> Vec<(&'static str, Material, u32)> {
     let mut cases = vec![
         ("lambert", Material::lambert("lambert", [0.8, 0.5, 0.2]), 0),
@@ -138,16 +143,8 @@ fn cases() -> Vec<(&'static str, Material, u32)> {
 fn samples_follow_the_density() {
     let context = context();
     let cases = cases();
-    let materials: Vec<Material> = cases
-        .iter()
-        .map(|(_, material, _)| material.clone())
-        .collect();
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy", "dielectric"],
-        &materials,
-    );
+    let materials: Vec<Material> = cases.iter().map(|case| case.1.clone()).collect();
+    let probe = glossy_probe(&context, &materials);
     let angles = [0.0, 45.0, 85.0];
     let level = sidak(LEVEL, cases.len() * angles.len());
     for (index, (name, material, flags)) in cases.iter().enumerate() {
@@ -187,12 +184,7 @@ fn a_wrong_density_fails() {
             ..coated(0.3)
         },
     ];
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy", "dielectric"],
-        &materials,
-    );
+    let probe = glossy_probe(&context, &materials);
     for (index, other) in wrong.iter().enumerate() {
         let p = test_against(&probe, index as u32, &Twin::new(other, 0), 45.0, 0, false);
         assert!(
@@ -206,16 +198,8 @@ fn a_wrong_density_fails() {
 fn samples_carry_the_density_and_the_weight_that_eval_and_pdf_give() {
     let context = context();
     let cases = cases();
-    let materials: Vec<Material> = cases
-        .iter()
-        .map(|(_, material, _)| material.clone())
-        .collect();
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy", "dielectric"],
-        &materials,
-    );
+    let materials: Vec<Material> = cases.iter().map(|case| case.1.clone()).collect();
+    let probe = glossy_probe(&context, &materials);
     for (index, (name, _, flags)) in cases.iter().enumerate() {
         for degrees in [0.0, 60.0, 89.0, 89.99] {
             let query = BsdfQuery {

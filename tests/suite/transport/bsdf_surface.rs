@@ -2,15 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::buffers::storage_buffer_with_data;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::packing::sample_image;
 use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
 
 use super::bsdf_probe::wide;
 use super::bsdf_twin::Dice;
-use super::bvh_probe::features;
+use super::bvh_probe::{ask, features};
 use super::lights_probe::{SceneUpload, add_triangles, glowing};
 use super::support::context;
 
@@ -55,28 +54,9 @@ fn load(context: &GpuContext, on: &[&str], scene: &Scene, queries: &[Query]) -> 
     let kernel = Kernel::new(context, &library, "tests/bsdf_surface", &features(on)).unwrap();
     let upload = SceneUpload::new(context, scene, DVec3::ZERO);
     let count = queries.len();
-    let queries = storage_buffer_with_data(context, "queries", queries).unwrap();
-    let answers = storage_buffer(context, "answers", (count * size_of::<Answer>()) as u64).unwrap();
     let query_count = storage_buffer_with_data(context, "query_count", &[count as u32]).unwrap();
-    let resources = upload.with(
-        Resources::new()
-            .with("queries", &queries)
-            .with("answers", &answers)
-            .with("query_count", &query_count),
-    );
-    let bound = kernel.bind(context, &resources).unwrap();
-    let mut recorder = FrameRecorder::new(context, None, "surface probe");
-    recorder.dispatch(
-        "surface probe",
-        &kernel,
-        &bound,
-        0,
-        kernel.groups_for(count as u32),
-    );
-    recorder
-        .submit("surface probe", &mut PassTimes::default())
-        .unwrap();
-    read_buffer(context, "answers", &answers, count).unwrap()
+    let resources = upload.with(Resources::new().with("query_count", &query_count));
+    ask(context, &kernel, &resources, queries, count)
 }
 
 fn triangle() -> [DVec3; 3] {

@@ -9,7 +9,7 @@ use stereolux::scene::{LightKind, Scene};
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
 use super::lights_probe::{LightProbe, Photon, add_light, add_triangles, glowing};
 use super::lights_sampling::{
-    DRAWS, LEVEL, area, ceiling_triangle, cell_probabilities, environment_scene, map,
+    DRAWS, LEVEL, area, ceiling, ceiling_triangle, cell_probabilities, environment_scene, map,
     map_coordinates, mean_and_error, placement, v, weights,
 };
 use super::support::context;
@@ -118,13 +118,7 @@ fn each_kind_of_light_emits_exactly_its_power() {
         }
     }
     // Parallel light fills a disk around the scene's bounding sphere.
-    let mut scene = Scene::default();
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([0.0; 3]),
-        DAffine3::IDENTITY,
-    );
+    let mut scene = ceiling(glowing([0.0; 3]), DAffine3::IDENTITY);
     add_light(
         &mut scene,
         LightKind::Directional,
@@ -182,13 +176,7 @@ fn photons_leave_as_their_densities_say() {
     };
 
     // A triangle: cosine-weighted directions, uniform positions.
-    let mut scene = Scene::default();
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([1.0; 3]),
-        DAffine3::IDENTITY,
-    );
+    let scene = ceiling(glowing([1.0; 3]), DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
     let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
     let front = v(0.0, -1.0, 0.0);
@@ -336,13 +324,7 @@ fn many_lights_are_picked_by_power_and_degenerate_ones_never() {
 #[test]
 fn no_lights_give_no_samples_and_no_photons() {
     let context = context();
-    let mut scene = Scene::default();
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([0.0; 3]),
-        DAffine3::IDENTITY,
-    );
+    let scene = ceiling(glowing([0.0; 3]), DAffine3::IDENTITY);
     for features in [&[][..], &ALL[..]] {
         let probe = LightProbe::new(&context, features, &scene, DVec3::ZERO);
         assert!(

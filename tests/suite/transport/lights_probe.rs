@@ -3,8 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux::bvh::records::{Instance, Triangle};
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
+use stereolux::gpu::buffers::storage_buffer_with_data;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::packing::{
     LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
@@ -12,7 +11,7 @@ use stereolux::renderer::packing::{
 };
 use stereolux::scene::{LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene};
 
-use super::bvh_probe::{features, probe_source};
+use super::bvh_probe::{ask, features, probe_source};
 
 /// What densities are asked for.
 #[repr(C)]
@@ -196,23 +195,10 @@ impl<'a> LightProbe<'a> {
 
     fn run(&self, mode: usize, queries: &[LightQuery], count: u32, seed: u32) -> Vec<Answer> {
         let kernel = &self.kernels[mode];
-        let queries = storage_buffer_with_data(self.context, "queries", queries).unwrap();
-        let answers = storage_buffer(self.context, "answers", u64::from(count) * 48).unwrap();
         let settings =
             storage_buffer_with_data(self.context, "probe", &[count, seed, 0, 0]).unwrap();
-        let resources = self.scene.with(
-            Resources::new()
-                .with("queries", &queries)
-                .with("answers", &answers)
-                .with("probe", &settings),
-        );
-        let bound = kernel.bind(self.context, &resources).unwrap();
-        let mut recorder = FrameRecorder::new(self.context, None, "lights probe");
-        recorder.dispatch("lights probe", kernel, &bound, 0, kernel.groups_for(count));
-        recorder
-            .submit("lights probe", &mut PassTimes::default())
-            .unwrap();
-        read_buffer(self.context, "answers", &answers, count as usize).unwrap()
+        let resources = self.scene.with(Resources::new().with("probe", &settings));
+        ask(self.context, kernel, &resources, queries, count as usize)
     }
 
     /// Directions towards lights as seen from a point of render space. Draws without a sample have pdf 0.

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DVec3};
-use stereolux::scene::{Environment, LightKind, Scene};
+use stereolux::scene::{Environment, LightKind, Material, Scene};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
 use super::lights_probe::{LightProbe, LightQuery, add_light, add_triangles, glowing};
@@ -19,6 +19,18 @@ pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
 /// One triangle in the plane y = 0 whose front looks along -y.
 pub fn ceiling_triangle() -> [DVec3; 3] {
     [v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.2), v(0.3, 0.0, 0.9)]
+}
+
+/// A scene of one ceiling triangle.
+pub fn ceiling(material: Material, world_from_object: DAffine3) -> Scene {
+    let mut scene = Scene::default();
+    add_triangles(
+        &mut scene,
+        &[ceiling_triangle()],
+        material,
+        world_from_object,
+    );
+    scene
 }
 
 /// Placement that stretches, turns and moves; `mirrored` flips it over.
@@ -180,13 +192,7 @@ fn emitting_triangles_are_sampled_as_their_density_says() {
 #[test]
 fn a_wrong_density_of_an_emitter_is_noticed() {
     let context = context();
-    let mut scene = Scene::default();
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([1.0; 3]),
-        DAffine3::IDENTITY,
-    );
+    let scene = ceiling(glowing([1.0; 3]), DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
     let from = v(0.4, -1.0, 0.4);
     let samples = probe.towards(from, DRAWS, 1);
@@ -203,7 +209,7 @@ fn single_sided_emitters_shine_forwards_only_and_double_sided_both_ways() {
     let (below, above) = (v(0.4, -1.0, 0.4), v(0.4, 1.0, 0.4));
     for double_sided in [false, true] {
         let mut scene = Scene::default();
-        let material = stereolux::scene::Material {
+        let material = Material {
             double_sided,
             ..glowing([1.0; 3])
         };
@@ -255,13 +261,7 @@ fn punctual_lights_follow_khr_lights_punctual() {
         ),
         ("directionals", LightKind::Directional),
     ] {
-        let mut scene = Scene::default();
-        add_triangles(
-            &mut scene,
-            &[ceiling_triangle()],
-            glowing([0.0; 3]),
-            DAffine3::IDENTITY,
-        );
+        let mut scene = ceiling(glowing([0.0; 3]), DAffine3::IDENTITY);
         add_light(&mut scene, kind, [4.0, 2.0, 1.0], place);
         let probe = LightProbe::new(&context, &[name], &scene, v(0.5, 0.0, 0.0));
         // -Z turned by -90 degrees about x looks down.
@@ -354,17 +354,10 @@ fn map_radiance(map: &Environment, d: DVec3) -> [f64; 3] {
 }
 
 pub fn environment_scene() -> Scene {
-    let mut scene = Scene {
+    Scene {
         environment: Some(map()),
-        ..Scene::default()
-    };
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([0.0; 3]),
-        DAffine3::IDENTITY,
-    );
-    scene
+        ..ceiling(glowing([0.0; 3]), DAffine3::IDENTITY)
+    }
 }
 
 /// Probability of each cell of the map, recomputed by fine quadrature of the bilinear radiance over the cell.

@@ -201,17 +201,16 @@ pub fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
 }
 
 /// Radiance of one Lambert pixel from every photon there is, in f64; red channel.
-pub fn brute_force(
+fn brute_force(
     renderer: &Renderer,
     scene: &Scene,
     triangles: &Triangles,
     photons: &[Photon],
-    paths: u32,
     view: &View,
-    pixel: [f64; 2],
-    size: [u32; 2],
+    [x, y]: [u32; 2],
 ) -> Option<f64> {
-    let ray = view.ray_through_pixel(pixel[0] + 0.5, pixel[1] + 0.5, size[0], size[1]);
+    let [width, height] = renderer.size();
+    let ray = view.ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
     let (t, normal, material) = triangles.closest(ray.origin, ray.direction, 0.0)?;
     // The published left wall is no plane; its two triangles share smoothed normals, and the gather weighs photons by the
     // ratio of two cosines there. Flat surfaces are what this sum is exact for.
@@ -226,6 +225,7 @@ pub fn brute_force(
     };
     let point = ray.origin + ray.direction * t - renderer.origin_in_world();
     let radius = renderer.radius_m();
+    let paths = renderer.photon_map()?.counters().paths_kept;
     let mut sum = 0.0;
     for photon in photons {
         let at = DVec3::new(
@@ -248,10 +248,41 @@ pub fn brute_force(
     )
 }
 
+/// Holds pixels of the left eye's image against the sum over these photons, where there is a sum and it is not black.
+/// Returns how many there were.
+pub fn assert_sums(
+    renderer: &Renderer,
+    scene: &Scene,
+    photons: &[Photon],
+    view: &View,
+    pixels: impl IntoIterator<Item = u32>,
+    tolerance: f64,
+    what: &str,
+) -> usize {
+    let triangles = Triangles::of(scene);
+    let image = radiance(renderer, Eye::Left);
+    assert_clean(&image, what);
+    let width = renderer.size()[0];
+    let mut compared = 0;
+    for pixel in pixels {
+        let at = [pixel % width, pixel / width];
+        let sum = brute_force(renderer, scene, &triangles, photons, view, at);
+        let Some(expected) = sum.filter(|sum| *sum > 0.0) else {
+            continue;
+        };
+        compared += 1;
+        let found = f64::from(image[pixel as usize][0]);
+        assert!(
+            (found / expected - 1.0).abs() < tolerance,
+            "{what}, pixel {pixel}: {found} for {expected}"
+        );
+    }
+    compared
+}
+
 #[test]
 fn gathering_over_the_grid_is_a_sum_over_all_photons() {
     let scene = builtin("cornell");
-    let triangles = Triangles::of(&scene);
     let size = [24, 24];
     let mut images = Vec::new();
     for cells in [2_097_152, 2048] {
@@ -263,42 +294,21 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
         });
         let mut renderer = renderer(&scene, &settings, size);
         let views = views(&scene, 19.0);
-        let result = frame(&mut renderer, &views);
+        frame(&mut renderer, &views);
         let photons = photons(&renderer);
         assert_eq!(
             grid(&renderer).0.hashed_rows > 0,
             cells == 2048,
             "one dense grid, one hashed"
         );
-        let left = radiance(&renderer, Eye::Left);
-        let mut compared = 0;
-        for pixel in (0..24 * 24).step_by(7) {
-            let at = [f64::from(pixel % 24), f64::from(pixel / 24)];
-            let expected = brute_force(
-                &renderer,
-                &scene,
-                &triangles,
-                &photons,
-                result.photons.map.paths_kept,
-                &views[0],
-                at,
-                size,
-            );
-            let Some(expected) = expected.filter(|value| *value > 0.0) else {
-                continue;
-            };
-            let found = f64::from(left[pixel as usize][0]);
-            // Positions agree to 1e-6 m, so a weight is off by 4 x 1e-6 / 0.03 = 1e-4 at most, single terms of a sum of
-            // several; normals packed in 13 bits and directions in 16 move photons over a threshold only at grazing
-            // angles, where one of some twenty photons may be gained or lost: rare, and counted below.
-            compared += 1;
-            assert!(
-                (found / expected - 1.0).abs() < 2e-3,
-                "pixel {pixel}, {cells} cells: {found} for {expected}"
-            );
-        }
+        // Positions agree to 1e-6 m, so a weight is off by 4 x 1e-6 / 0.03 = 1e-4 at most, single terms of a sum of
+        // several; normals packed in 13 bits and directions in 16 move photons over a threshold only at grazing
+        // angles, where one of some twenty photons may be gained or lost: rare, and counted below.
+        let pixels = (0..24 * 24).step_by(7);
+        let what = format!("{cells} cells");
+        let compared = assert_sums(&renderer, &scene, &photons, &views[0], pixels, 2e-3, &what);
         assert!(compared > 40, "only {compared} pixels");
-        images.push(left);
+        images.push(radiance(&renderer, Eye::Left));
     }
     // Hashed rows hold the same photons in the same order: nothing but the table differs.
     assert!(
@@ -326,30 +336,11 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
         "all photons share the middle cell"
     );
     let photons = photons(&renderer);
-    let triangles = Triangles::of(&scene);
-    let left = radiance(&renderer, Eye::Left);
-    assert_clean(&left, "huge radius");
-    // Ceiling, back wall, block and floor.
-    for pixel in [12, 27, 36, 60] {
-        let at = [f64::from(pixel % 8), f64::from(pixel / 8)];
-        let expected = brute_force(
-            &renderer,
-            &scene,
-            &triangles,
-            &photons,
-            result.photons.map.paths_kept,
-            &views[0],
-            at,
-            [8, 8],
-        )
-        .unwrap();
-        let found = f64::from(left[pixel as usize][0]);
-        // A running f32 sum of n positive terms is off by n 2^-24 at the very worst: 3e5 / 1.7e7 = 2 %.
-        assert!(
-            (found / expected - 1.0).abs() < 0.02,
-            "pixel {pixel}: {found} for {expected}"
-        );
-    }
+    // Ceiling, back wall, block and floor. A running f32 sum of n positive terms is off by n 2^-24 at the very worst:
+    // 3e5 / 1.7e7 = 2 %.
+    let (pixels, what) = ([12, 27, 36, 60], "huge radius");
+    let compared = assert_sums(&renderer, &scene, &photons, &views[0], pixels, 0.02, what);
+    assert_eq!(compared, 4);
 }
 
 #[test]
@@ -504,8 +495,6 @@ fn a_moving_head_gathers_from_a_map_that_stays() {
     }
     let result = renderer.render_frame(&moved, 1, |_| {}).unwrap();
     assert!(!result.photons.traced);
-    let triangles = Triangles::of(&scene);
-    let left = radiance(&renderer, Eye::Left);
     // Brute force in the photons' own space: put the renderer's origin where they were traced.
     let shift = traced_at - renderer.origin_in_world();
     let carried: Vec<Photon> = photons
@@ -518,36 +507,20 @@ fn a_moving_head_gathers_from_a_map_that_stays() {
             photon
         })
         .collect();
-    let mut compared = 0;
-    for pixel in (0..24 * 24).step_by(11) {
-        let at = [f64::from(pixel % 24), f64::from(pixel / 24)];
-        let expected = brute_force(
-            &renderer,
-            &scene,
-            &triangles,
-            &carried,
-            result.photons.map.paths_kept,
-            &moved[0],
-            at,
-            [24, 24],
-        );
-        if let Some(expected) = expected.filter(|value| *value > 0.0) {
-            compared += 1;
-            let found = f64::from(left[pixel as usize][0]);
-            // As above, with the rounding of 1e6 m in f64 (1e-10 m) far below.
-            assert!(
-                (found / expected - 1.0).abs() < 2e-3,
-                "pixel {pixel}: {found} for {expected}"
-            );
-        }
-    }
+    let pixels = (0..24 * 24).step_by(11);
+    // As above, with the rounding of 1e6 m in f64 (1e-10 m) far below.
+    let compared = assert_sums(
+        &renderer, &scene, &carried, &moved[0], pixels, 2e-3, "moved",
+    );
     assert!(compared > 20);
     // The path from eye to photon is real: the hit lies where the f64 ray ends.
     let rays = hit_rays(&renderer, Eye::Left);
     let middle = 12 * 24 + 12;
     let hit = hit_in_world(&moved[0], rays[middle]);
     let ray = moved[0].ray_through_pixel(12.5, 12.5, 24, 24);
-    let (t, ..) = triangles.closest(ray.origin, ray.direction, 0.0).unwrap();
+    let (t, ..) = Triangles::of(&scene)
+        .closest(ray.origin, ray.direction, 0.0)
+        .unwrap();
     assert!(hit.distance(ray.origin + ray.direction * t) < 1e-5);
 }
 
