@@ -15,13 +15,8 @@ use super::support::context;
 
 fn node(mesh: usize, parent_from_node: DAffine3) -> Node {
     Node {
-        name: String::new(),
-        parent: None,
-        children: Vec::new(),
         parent_from_node,
         mesh: Some(mesh),
-        light: None,
-        camera: None,
         ..Node::default()
     }
 }

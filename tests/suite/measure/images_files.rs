@@ -1,42 +1,13 @@
 //! Image files: what is written reads back, bytes repeat, faults are named, nothing half-written stays.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use stereolux::images::{
     Image, ImageRgb, read_image, srgb_decode, tone_map, write_atomically, write_exr, write_png,
 };
 
-/// A fresh directory that is removed at the end.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new(name: &str) -> Self {
-        let path =
-            std::env::temp_dir().join(format!("stereolux-images-{name}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<_> = fs::read_dir(&self.0)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+use super::support::Folder;
 
 /// 7 x 5 pixels, no two values alike, over the whole range of radiance.
 fn sample() -> ImageRgb {
@@ -48,10 +19,10 @@ fn sample() -> ImageRgb {
 
 #[test]
 fn exr_reads_back_bit_for_bit_and_repeats_byte_for_byte() {
-    let scratch = Scratch::new("exr");
+    let scratch = Folder::new("images-exr");
     let mut image = sample();
     image.pixels[3] = [f32::NEG_INFINITY, -0.0, f32::MIN_POSITIVE / 2.0];
-    let (a, b) = (scratch.path("a.exr"), scratch.path("b.exr"));
+    let (a, b) = (scratch.join("a.exr"), scratch.join("b.exr"));
     write_exr(&a, &image).unwrap();
     write_exr(&b, &image).unwrap();
     assert_eq!(fs::read(&a).unwrap(), fs::read(&b).unwrap());
@@ -65,7 +36,7 @@ fn exr_reads_back_bit_for_bit_and_repeats_byte_for_byte() {
             .collect::<Vec<_>>()
     };
     assert_eq!(bits(&read), bits(&image));
-    assert_eq!(scratch.names(), ["a.exr", "b.exr"]);
+    assert_eq!(scratch.files(), ["a.exr", "b.exr"]);
     // Negative control: another image has other bytes.
     image.pixels[0][0] += 1.0;
     write_exr(&b, &image).unwrap();
@@ -74,8 +45,8 @@ fn exr_reads_back_bit_for_bit_and_repeats_byte_for_byte() {
 
 #[test]
 fn png_is_decoded_from_srgb() {
-    let scratch = Scratch::new("png");
-    let path = scratch.path("a.png");
+    let scratch = Folder::new("images-png");
+    let path = scratch.join("a.png");
     let picture = Image::new(2, 1, vec![[0, 128, 255], [1, 2, 3]]).unwrap();
     write_png(&path, &picture).unwrap();
     let read = read_image(&path).unwrap();
@@ -86,11 +57,11 @@ fn png_is_decoded_from_srgb() {
 
 #[test]
 fn unreadable_files_are_named_in_one_line() {
-    let scratch = Scratch::new("bad");
-    let whole = scratch.path("whole.exr");
+    let scratch = Folder::new("images-bad");
+    let whole = scratch.join("whole.exr");
     write_exr(&whole, &sample()).unwrap();
     let bytes = fs::read(&whole).unwrap();
-    let png = scratch.path("whole.png");
+    let png = scratch.join("whole.png");
     write_png(&png, &tone_map(&sample(), 1.0)).unwrap();
     let png_bytes = fs::read(&png).unwrap();
     let refused = |path: &Path| {
@@ -103,11 +74,11 @@ fn unreadable_files_are_named_in_one_line() {
         );
         message
     };
-    assert!(refused(&scratch.0).contains("directory"));
-    assert!(refused(&scratch.path("missing.exr")).contains("cannot be read"));
+    assert!(refused(scratch.path()).contains("directory"));
+    assert!(refused(&scratch.join("missing.exr")).contains("cannot be read"));
     let write = |name: &str, bytes: &[u8]| {
-        fs::write(scratch.path(name), bytes).unwrap();
-        scratch.path(name)
+        fs::write(scratch.join(name), bytes).unwrap();
+        scratch.join(name)
     };
     assert!(refused(&write("empty.exr", &[])).contains("not an EXR"));
     assert!(refused(&write("text.exr", b"hello, this is text")).contains("not an EXR"));
@@ -122,8 +93,8 @@ fn unreadable_files_are_named_in_one_line() {
 
 #[test]
 fn failed_writes_leave_nothing_behind() {
-    let scratch = Scratch::new("atomic");
-    let path = scratch.path("file.json");
+    let scratch = Folder::new("images-atomic");
+    let path = scratch.join("file.json");
     write_atomically(&path, |out| std::io::Write::write_all(out, b"old")).unwrap();
     let failed = write_atomically(&path, |out| {
         std::io::Write::write_all(out, b"half")?;
@@ -131,14 +102,14 @@ fn failed_writes_leave_nothing_behind() {
     });
     assert!(failed.unwrap_err().to_string().contains("disk full"));
     assert_eq!(fs::read(&path).unwrap(), b"old");
-    assert_eq!(scratch.names(), ["file.json"]);
+    assert_eq!(scratch.files(), ["file.json"]);
     assert!(
-        write_exr(&scratch.0, &sample())
+        write_exr(scratch.path(), &sample())
             .unwrap_err()
             .to_string()
             .contains("directory")
     );
-    assert!(write_exr(&scratch.path("no/such/dir.exr"), &sample()).is_err());
+    assert!(write_exr(&scratch.join("no/such/dir.exr"), &sample()).is_err());
     assert!(write_exr(Path::new("/"), &sample()).is_err());
-    assert_eq!(scratch.names(), ["file.json"]);
+    assert_eq!(scratch.files(), ["file.json"]);
 }

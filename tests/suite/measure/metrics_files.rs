@@ -1,16 +1,15 @@
 //! `compare` on files: the numbers, the limit, the mask, and what cannot be compared.
 
-use std::fs;
-
 use stereolux::images::{Image, ImageRgb, write_exr, write_png};
 use stereolux::limits::LoadLimits;
 use stereolux::metrics::{FlipView, compare_files};
 
+use super::support::Folder;
+
 #[test]
 fn files_are_compared_and_faults_named() {
-    let directory = std::env::temp_dir().join(format!("stereolux-metrics-{}", std::process::id()));
-    fs::create_dir_all(&directory).unwrap();
-    let path = |name: &str| directory.join(name);
+    let folder = Folder::new("metrics");
+    let path = |name: &str| folder.join(name);
     let plane = |value: f32| Image::filled(24, 16, [value; 3]).unwrap();
     let save = |name: &str, image: &ImageRgb| write_exr(&path(name), image).unwrap();
     save("two.exr", &plane(2.0));
@@ -70,5 +69,4 @@ fn files_are_compared_and_faults_named() {
             "{message}"
         );
     }
-    fs::remove_dir_all(&directory).unwrap();
 }

@@ -1,9 +1,11 @@
 //! Settings in layers: defaults, file, `--set`; what each refuses and where it says the fault is.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use stereolux::options::layers::Layers;
 use stereolux::settings::{Kernel, Kind, Settings, registry};
+
+use super::support::Folder;
 
 fn from_toml(text: &str) -> Result<Settings, String> {
     let mut layers = Layers::default();
@@ -270,10 +272,9 @@ fn unknown_keys_find_their_nearest() {
 
 #[test]
 fn config_files_that_cannot_be_read() {
-    let directory = std::env::temp_dir().join(format!("stereolux-settings-{}", std::process::id()));
-    std::fs::create_dir_all(&directory).unwrap();
-    let refused = |path: &PathBuf| Layers::default().add_file(path).unwrap_err().to_string();
-    assert!(refused(&directory).contains("directory"));
+    let directory = Folder::new("config-files");
+    let refused = |path: &Path| Layers::default().add_file(path).unwrap_err().to_string();
+    assert!(refused(directory.path()).contains("directory"));
     assert!(refused(&directory.join("missing.toml")).contains("cannot be read"));
     let binary = directory.join("binary.toml");
     std::fs::write(&binary, b"spp = 1\n\xff\xfe").unwrap();
@@ -290,5 +291,4 @@ fn config_files_that_cannot_be_read() {
     let mut layers = Layers::default();
     layers.add_file(&fine).unwrap();
     assert_eq!(layers.finish().unwrap().render.spp, 9);
-    std::fs::remove_dir_all(&directory).unwrap();
 }

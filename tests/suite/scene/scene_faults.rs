@@ -4,6 +4,7 @@ use serde_json::json;
 use stereolux::scene::{Needs, Scene};
 
 use super::scene_import::{Doc, assert_fault, png_1x1, with};
+use super::support::Folder;
 
 #[test]
 fn unsupported_extensions_are_errors_if_required_and_warnings_if_used() {
@@ -305,8 +306,7 @@ fn images_must_be_decodable() {
 
 #[test]
 fn files_that_are_no_scenes() {
-    let folder = std::env::temp_dir().join(format!("stereolux-scene-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = Folder::new("no-scenes");
     let glb = stereolux::scene::builtin::glb("cornell").unwrap();
     let mut other_magic = glb.to_vec();
     other_magic[0] = b'x';
@@ -335,7 +335,7 @@ fn files_that_are_no_scenes() {
     }
     for (path, expected) in [
         (folder.join("absent.glb"), "absent.glb"),
-        (folder.clone(), "directory"),
+        (folder.path().to_owned(), "directory"),
     ] {
         let message = Scene::load(&path)
             .map(|scene| scene.name)
@@ -350,7 +350,6 @@ fn files_that_are_no_scenes() {
             "{length} bytes"
         );
     }
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

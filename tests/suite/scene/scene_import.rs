@@ -3,6 +3,8 @@
 use serde_json::{Value, json};
 use stereolux::scene::{AlphaMode, Filter, LightKind, Needs, Scene, Wrap};
 
+use super::support::Folder;
+
 /// Base64 (RFC 4648) with padding, independent of the decoder under test.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -484,13 +486,11 @@ fn lights_cameras_and_the_start_pose() {
 
 #[test]
 fn external_files_resolve_beside_the_document() {
-    let folder = std::env::temp_dir().join(format!("stereolux-external-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = Folder::new("external");
     let mut doc = Doc::square();
     doc.json["buffers"] = json!([{ "byteLength": doc.bin.len(), "uri": "my%20data.bin" }]);
     std::fs::write(folder.join("my data.bin"), &doc.bin).unwrap();
     std::fs::write(folder.join("square.gltf"), doc.json.to_string()).unwrap();
     let scene = Scene::load(folder.join("square.gltf")).unwrap();
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("square", 2));
-    std::fs::remove_dir_all(&folder).unwrap();
 }

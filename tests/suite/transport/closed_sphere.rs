@@ -130,12 +130,8 @@ impl Light {
         scene.roots.push(scene.nodes.len());
         scene.nodes.push(Node {
             name: format!("{self:?}"),
-            parent: None,
-            children: Vec::new(),
             parent_from_node: DAffine3::from_quat(DQuat::from_rotation_y(PI)),
-            mesh: None,
             light: Some(scene.lights.len() - 1),
-            camera: None,
             ..Node::default()
         });
     }

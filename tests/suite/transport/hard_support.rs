@@ -43,12 +43,6 @@ pub fn root(name: &str, scene: &mut Scene) -> usize {
     scene.roots.push(scene.nodes.len());
     scene.nodes.push(Node {
         name: name.to_owned(),
-        parent: None,
-        children: Vec::new(),
-        parent_from_node: DAffine3::IDENTITY,
-        mesh: None,
-        light: None,
-        camera: None,
         ..Node::default()
     });
     scene.nodes.len() - 1

@@ -245,13 +245,7 @@ impl<'a> LightProbe<'a> {
 /// A node at a place in the world.
 pub fn node(world_from_node: DAffine3) -> Node {
     Node {
-        name: String::new(),
-        parent: None,
-        children: Vec::new(),
         parent_from_node: world_from_node,
-        mesh: None,
-        light: None,
-        camera: None,
         ..Node::default()
     }
 }

@@ -7,20 +7,17 @@ use stereolux::gpu::buffers::read_buffer;
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
-use stereolux::scene::{AlphaMode, Material, Scene, builtin::plane};
+use stereolux::scene::{AlphaMode, Material, builtin::plane};
 use stereolux::settings::{Eyes, Force, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::bvh_reference::{ExactInstance, brute_force};
 use super::hard_support::{add, quad};
+pub use super::photon_map::views;
 use super::support::*;
 
 pub const SIZE: [u32; 2] = [40, 32];
 const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
-
-pub fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.063, square_fov(half_degrees))
-}
 
 pub fn surfaces(renderer: &mut Renderer, eye: Eye) -> Vec<SeenSurface> {
     renderer

@@ -1,5 +1,8 @@
 //! Sessions: headsets, traces, recordings, OpenXR runtimes.
 
+// What the tests here take from other subjects.
+use crate::suite::support;
+
 pub mod openxr_failures;
 pub mod openxr_picture;
 pub mod openxr_remote;

@@ -3,12 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::{DQuat, DVec3};
-use std::path::PathBuf;
+use std::path::Path;
 use stereolux::xr::{Fov, Headset, Pose};
 
-fn temporary(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()))
-}
+use super::support::Folder;
 
 #[test]
 fn the_embedded_profiles_hold_the_published_figures() {
@@ -193,13 +191,13 @@ fn faults_name_line_and_field() {
 
 #[test]
 fn a_users_own_profile() {
-    let path = temporary("own.toml");
+    let folder = Folder::new("own-headset");
+    let path = folder.join("own.toml");
     let text = include_str!("../../../config/headsets/index.toml")
         .replace("\"index\"", "\"mine\"")
         .replace('\n', "\r\n");
     std::fs::write(&path, format!("\u{feff}{text}")).unwrap();
     let headset = Headset::load(path.to_str().unwrap()).unwrap();
-    std::fs::remove_file(&path).unwrap();
     assert_eq!(headset.name, "mine");
     assert_eq!(headset.eyes, Headset::load("index").unwrap().eyes);
 }
@@ -208,28 +206,23 @@ fn a_users_own_profile() {
 fn unusable_files() {
     let error = Headset::load("/nowhere/none.toml").unwrap_err().to_string();
     assert!(error.contains("/nowhere/none.toml"), "{error}");
-    let directory = temporary("dir.toml");
-    std::fs::create_dir_all(&directory).unwrap();
-    let error = Headset::load(directory.to_str().unwrap())
-        .unwrap_err()
-        .to_string();
-    std::fs::remove_dir(&directory).unwrap();
+    let folder = Folder::new("unusable-headsets");
+    let refused = |path: &Path| {
+        Headset::load(path.to_str().unwrap())
+            .unwrap_err()
+            .to_string()
+    };
+    let error = refused(folder.path());
     assert!(error.contains("directory"), "{error}");
-    let huge = temporary("huge.toml");
+    let huge = folder.join("huge.toml");
     std::fs::File::create(&huge)
         .unwrap()
         .set_len(1 << 40)
         .unwrap();
-    let error = Headset::load(huge.to_str().unwrap())
-        .unwrap_err()
-        .to_string();
-    std::fs::remove_file(&huge).unwrap();
+    let error = refused(&huge);
     assert!(error.contains("1 MiB"), "{error}");
-    let empty = temporary("empty.toml");
+    let empty = folder.join("empty.toml");
     std::fs::write(&empty, "").unwrap();
-    let error = Headset::load(empty.to_str().unwrap())
-        .unwrap_err()
-        .to_string();
-    std::fs::remove_file(&empty).unwrap();
+    let error = refused(&empty);
     assert!(error.contains("missing field"), "{error}");
 }

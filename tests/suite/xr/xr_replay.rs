@@ -6,26 +6,11 @@ use glam::{DQuat, DVec3};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use stereolux::xr::{
-    FrameSubmission, Headset, LocatedViews, Pacing, Pose, ReplayOptions, ReplaySession, TraceBody,
-    TraceUp, XrError, XrSession,
+    Headset, Pacing, Pose, ReplayOptions, ReplaySession, TraceBody, TraceUp, XrError, XrSession,
 };
 
-/// A file that goes away with the test.
-struct Temporary(PathBuf);
-
-impl Temporary {
-    fn new(name: &str, text: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
-        std::fs::write(&path, text).unwrap();
-        Self(path)
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
+use super::support::TemporaryFile;
+use super::xr_simulated::play;
 
 fn native(frames: i64) -> String {
     let mut text =
@@ -52,24 +37,9 @@ fn options() -> ReplayOptions {
     ReplayOptions::new(Headset::load("symmetric").unwrap(), start)
 }
 
-fn play(session: &mut ReplaySession) -> Vec<(i64, LocatedViews)> {
-    let mut frames = Vec::new();
-    while let Some(frame) = session.wait_frame().unwrap() {
-        session.begin_frame().unwrap();
-        let t_ns = frame.predicted_display_time_ns;
-        let views = session.locate_views(t_ns).unwrap().unwrap();
-        session.acquire_targets().unwrap();
-        session
-            .end_frame(FrameSubmission::new(t_ns, Some(&views)))
-            .unwrap();
-        frames.push((t_ns, views));
-    }
-    frames
-}
-
 #[test]
 fn a_native_trace_replays_frame_by_frame_at_its_own_times() {
-    let file = Temporary::new("native.jsonl", &native(4));
+    let file = TemporaryFile::with("native.jsonl", &native(4));
     let mut session = ReplaySession::open(&file.0, options()).unwrap();
     assert_eq!(session.info().headset, "odd");
     assert_eq!(session.info().refresh_hz, 80.0);
@@ -84,7 +54,7 @@ fn a_native_trace_replays_frame_by_frame_at_its_own_times() {
 
 #[test]
 fn a_time_that_the_trace_does_not_hold_is_an_error() {
-    let file = Temporary::new("other-time.jsonl", &native(2));
+    let file = TemporaryFile::with("other-time.jsonl", &native(2));
     let mut session = ReplaySession::open(&file.0, options()).unwrap();
     session.wait_frame().unwrap();
     assert!(matches!(
@@ -96,7 +66,7 @@ fn a_time_that_the_trace_does_not_hold_is_an_error() {
 
 #[test]
 fn head_motion_gets_the_headsets_eyes_and_refresh_times() {
-    let file = Temporary::new("head.txt", TUM);
+    let file = TemporaryFile::with("head.txt", TUM);
     let mut session = ReplaySession::open(&file.0, options()).unwrap();
     assert_eq!(session.info().recommended_size, Some([512, 512]));
     let frames = play(&mut session);
@@ -133,7 +103,7 @@ fn head_motion_gets_the_headsets_eyes_and_refresh_times() {
 
 #[test]
 fn recentring_can_be_left_out_and_frames_named() {
-    let file = Temporary::new("as-is.txt", TUM);
+    let file = TemporaryFile::with("as-is.txt", TUM);
     let mut session = ReplaySession::open(
         &file.0,
         ReplayOptions {
@@ -171,7 +141,7 @@ fn recentring_can_be_left_out_and_frames_named() {
 
 #[test]
 fn the_headset_sets_the_pace() {
-    let file = Temporary::new("pace.txt", TUM);
+    let file = TemporaryFile::with("pace.txt", TUM);
     let headset = Headset::load("quest3")
         .unwrap()
         .with_refresh_hz(120.0)
@@ -190,7 +160,7 @@ fn the_headset_sets_the_pace() {
 
 #[test]
 fn frame_limits() {
-    let file = Temporary::new("limit.jsonl", &native(5));
+    let file = TemporaryFile::with("limit.jsonl", &native(5));
     for (limit, expected) in [(0, 0), (2, 2), (5, 5), (99, 5)] {
         let mut session = ReplaySession::open(
             &file.0,
@@ -206,7 +176,7 @@ fn frame_limits() {
 
 #[test]
 fn one_pose_is_one_frame() {
-    let file = Temporary::new("one.txt", "5 0 0 0 0 0 0 1\n");
+    let file = TemporaryFile::with("one.txt", "5 0 0 0 0 0 0 1\n");
     assert_eq!(
         play(&mut ReplaySession::open(&file.0, options()).unwrap()).len(),
         1
@@ -215,7 +185,7 @@ fn one_pose_is_one_frame() {
 
 #[test]
 fn flags_that_a_native_trace_has_no_use_for() {
-    let file = Temporary::new("flags.jsonl", &native(2));
+    let file = TemporaryFile::with("flags.jsonl", &native(2));
     let refused = |options| {
         let error = ReplaySession::open(&file.0, options).unwrap_err();
         assert!(error.is_unusable_input());
@@ -257,7 +227,7 @@ fn flags_that_a_native_trace_has_no_use_for() {
 #[test]
 fn a_killed_runs_trace_replays_with_a_warning() {
     let text = native(3);
-    let file = Temporary::new("killed.jsonl", &text[..text.len() - 40]);
+    let file = TemporaryFile::with("killed.jsonl", &text[..text.len() - 40]);
     let mut session = ReplaySession::open(&file.0, options()).unwrap();
     assert_eq!(session.warnings().len(), 1);
     assert!(session.warnings()[0].contains("line 4"));
@@ -267,10 +237,10 @@ fn a_killed_runs_trace_replays_with_a_warning() {
 #[test]
 fn unusable_files_are_input_errors_of_one_line() {
     let files = [
-        Temporary::new("empty.txt", ""),
-        Temporary::new("garbage.txt", "what is this\n"),
-        Temporary::new("broken.txt", "1 0 0 0 0 0 0 1\n2 0 0\n"),
-        Temporary::new("header.jsonl", "{\"format\":\"other\"}\n"),
+        TemporaryFile::with("empty.txt", ""),
+        TemporaryFile::with("garbage.txt", "what is this\n"),
+        TemporaryFile::with("broken.txt", "1 0 0 0 0 0 0 1\n2 0 0\n"),
+        TemporaryFile::with("header.jsonl", "{\"format\":\"other\"}\n"),
     ];
     let directory = std::env::temp_dir();
     let missing = PathBuf::from("/nowhere/trace.jsonl");
@@ -291,7 +261,7 @@ fn unusable_files_are_input_errors_of_one_line() {
 
 #[test]
 fn real_time_takes_the_time_of_the_recording() {
-    let file = Temporary::new("real-time.jsonl", &native(3));
+    let file = TemporaryFile::with("real-time.jsonl", &native(3));
     let start = Instant::now();
     let mut session = ReplaySession::open(
         &file.0,

@@ -26,7 +26,7 @@ fn session(motion: Motion) -> SimulatedSession {
 }
 
 /// Runs the frame loop's five calls to the end of the stream.
-fn run(session: &mut dyn XrSession) -> Vec<(i64, LocatedViews)> {
+pub fn play(session: &mut dyn XrSession) -> Vec<(i64, LocatedViews)> {
     let mut frames = Vec::new();
     while let Some(frame) = session.wait_frame().unwrap() {
         assert!(frame.should_render);
@@ -46,7 +46,7 @@ fn run(session: &mut dyn XrSession) -> Vec<(i64, LocatedViews)> {
 fn two_runs_are_the_same_and_two_seeds_are_not() {
     for &motion in MOTIONS {
         let frames = |motion| {
-            run(&mut SimulatedSession::new(
+            play(&mut SimulatedSession::new(
                 Headset::load("index").unwrap(),
                 motion,
                 start(),
@@ -77,7 +77,7 @@ fn frames_lie_on_the_refresh_grid() {
         .with_refresh_hz(72.0)
         .unwrap();
     let mut session = SimulatedSession::new(headset, Motion::Still, start(), Some(73));
-    let times: Vec<i64> = run(&mut session).iter().map(|frame| frame.0).collect();
+    let times: Vec<i64> = play(&mut session).iter().map(|frame| frame.0).collect();
     assert_eq!(times[0], 0);
     assert_eq!(times[1], 13_888_889);
     assert_eq!(times[72], 1_000_000_000);

@@ -5,12 +5,14 @@
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use stereolux::xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux::xr::{
     Fov, FrameSubmission, Headset, HiddenArea, InputError, LocatedViews, Motion, Pose, Recorder,
     ReplayOptions, ReplaySession, SimulatedSession, View, XrError, XrSession,
 };
+
+use super::support::TemporaryFile;
 
 const HEADER: &str =
     r#"{"format":"stereolux-trace","version":1,"headset":"quest3","refresh_hz":90.0}"#;
@@ -30,25 +32,6 @@ fn write(trace: &Trace) -> String {
         text += &frame_line(frame).unwrap();
     }
     text
-}
-
-/// A file that goes away with the test.
-struct Temporary(PathBuf);
-
-impl Temporary {
-    fn new(name: &str) -> Self {
-        Self(std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id())))
-    }
-
-    fn text(&self) -> String {
-        std::fs::read_to_string(&self.0).unwrap()
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
 }
 
 #[test]
@@ -273,7 +256,7 @@ fn unusable_files() {
             .contains("directory")
     );
     // A sparse terabyte of zero bytes: refused at once.
-    let huge = Temporary::new("huge.jsonl");
+    let huge = TemporaryFile::new("huge.jsonl");
     std::fs::File::create(&huge.0)
         .unwrap()
         .set_len(1 << 40)
@@ -318,8 +301,8 @@ fn simulated(frames: u64) -> SimulatedSession {
 #[test]
 fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
     let (first, second) = (
-        Temporary::new("first.jsonl"),
-        Temporary::new("second.jsonl"),
+        TemporaryFile::new("first.jsonl"),
+        TemporaryFile::new("second.jsonl"),
     );
     let mut recorder = Recorder::create(&first.0, simulated(200)).unwrap();
     let used = play(&mut recorder);
@@ -347,7 +330,7 @@ fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
 
 #[test]
 fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
-    let file = Temporary::new("stream.jsonl");
+    let file = TemporaryFile::new("stream.jsonl");
     let mut recorder = Recorder::create(&file.0, simulated(10)).unwrap();
     assert_eq!(
         file.text().lines().count(),
@@ -377,7 +360,7 @@ fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
 
 #[test]
 fn the_views_that_were_used_are_recorded_not_those_located() {
-    let file = Temporary::new("used.jsonl");
+    let file = TemporaryFile::new("used.jsonl");
     let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
     let t_ns = recorder
         .wait_frame()
@@ -408,7 +391,7 @@ fn unwritable_recordings() {
 
 #[test]
 fn what_could_not_be_read_back_is_not_written() {
-    let file = Temporary::new("nan.jsonl");
+    let file = TemporaryFile::new("nan.jsonl");
     let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
     let t_ns = recorder
         .wait_frame()
