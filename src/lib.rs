@@ -159,6 +159,9 @@ pub mod xr;
 pub use bvh::BvhError;
 pub use limits::{LoadBudget, LoadLimits, OverBudget};
 pub use scene::animation::{Interpolation, NodeTracks, Track};
+pub use scene::edit::{
+    Document, Edit, EditError, MaterialPreset, NewContent, NewNode, Original, Placement, Tail,
+};
 pub use scene::{
     AlphaMode, Animation, Bounds, Camera, Deformation, Environment, Filter, Image as TextureImage,
     Instance, LeftOut, LightInstance, LightKind, Material, Mesh, MeshTriangle, MorphTarget,
