@@ -164,7 +164,7 @@ fn the_validation_layers_would_speak() {
         .arg(this)
         .args([
             "--exact",
-            "suite::openxr_runtime::a_wrong_call",
+            "suite::xr::openxr_runtime::a_wrong_call",
             "--ignored",
             "--nocapture",
         ])
