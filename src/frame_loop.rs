@@ -1,7 +1,7 @@
 //! The frame loop: renders a session's views to images, statistics and files.
 //!
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
-//! runtime.
+//! runtime. An application runs a [`FrameLoop`]; [`run`] is that of the program, with files and a mirror.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
@@ -9,13 +9,15 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::gpu::timing::milliseconds_since;
-use crate::gpu::{PassTimes, ShaderLibrary};
+use crate::gpu::{GpuContext, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
 use crate::output::{FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
     CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
 };
+use crate::scene::Scene;
+use crate::settings::{Eyes, RenderSettings};
 use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
@@ -202,8 +204,8 @@ impl Rendered {
     }
 }
 
-/// One iteration of the loop: waits for the session's next frame, renders and submits it. `scene_time_ns` gives the
-/// animation's time in a frame, or `None` to leave the scene as it is; `sample` receives the number of finished samples.
+/// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
+/// it is in that frame; `sample` is told how many of the frame's samples are done.
 ///
 /// # Errors
 /// [`LoopError::Session`], [`LoopError::Render`].
@@ -212,7 +214,7 @@ pub fn step(
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     index: u32,
-    scene_time_ns: impl FnOnce(&FrameState) -> Option<i64>,
+    update: impl FnOnce(&mut Renderer, &FrameState),
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
@@ -239,9 +241,7 @@ pub fn step(
     };
     let targets = session.acquire_targets()?;
     cpu_ms.session = milliseconds_since(called);
-    if let Some(time_ns) = scene_time_ns(&state) {
-        renderer.animate(time_ns);
-    }
+    update(renderer, &state);
     let result = renderer.render_frame(&located.views, index, sample)?;
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
@@ -288,9 +288,8 @@ pub fn run(
             // Also while the session shows nothing.
             mirror.serve();
         }
-        let display_time = |state: &FrameState| Some(state.predicted_display_time_ns);
         let told = |done| progress.sample(index, done);
-        let mut frame = match step(session, renderer, library, index, display_time, told)? {
+        let mut frame = match step(session, renderer, library, index, play, told)? {
             Step::Ended => return Ok(outcome),
             Step::Hidden => continue,
             Step::Rendered(frame) => frame,

@@ -1,52 +1,212 @@
 //! Headset application skeleton that ray traces global illumination in stereo.
 //!
+//! A stereo pair of an embedded scene, as linear radiance per eye:
+//!
+//! ```
+//! use stereolux::*;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # disable_device_select_layer();
+//! let scene = Scene::builtin("cornell")?; // or Scene::load("model.glb")
+//! let mut settings = RenderSettings::default();
+//! settings.photon.count = 10_000;
+//! let size = [32, 32]; // pixels per eye
+//!
+//! let gpu = GpuContext::open(None)?; // the best adapter; a software one will do
+//! let shaders = ShaderLibrary::embedded();
+//! let mut renderer = Renderer::new(gpu, &shaders, &scene, &settings, Eyes::Both, size)?;
+//!
+//! // Where both eyes are and what they see: here, a headset that looks at the scene's own viewpoint.
+//! let headset = Headset::load("quest3")?;
+//! let views = headset.views_from_head(&scene.start_pose());
+//! let frame = renderer.render_frame(&views, 0, |_| {})?;
+//!
+//! println!("{:.0} % of the right eye reused", 100.0 * frame.stereo.reuse_fraction);
+//! if let Some(pixels) = renderer.read_radiance(Eye::Right)? {
+//!     let image = Image::new(size[0], size[1], pixels)?;
+//!     let path = std::env::temp_dir().join("stereolux_right.png");
+//!     write_png(&path, &tone_map(&image, 1.0))?;
+//! #   assert!(image.pixels.iter().flatten().all(|channel| channel.is_finite()));
+//! #   assert!(image.pixels.iter().flatten().sum::<f32>() > 0.0);
+//! }
+//! # assert!(frame.stereo.reuse_fraction > 0.5);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! An application that goes on frame by frame makes a [`FrameLoop`] of a session and a scene: `examples/minimal.rs` is
+//! one. The session is a [`SimulatedSession`], the replay of a recording ([`ReplaySession`]) or a headset
+//! ([`OpenXrSession`]), and the loop cannot tell which.
+//!
 //! # One frame
 //!
-//! The [frame loop](frame_loop) asks an [XR session](xr) for the time at which the frame will be seen and for both eyes'
-//! views then. It cannot tell whether a simulated headset, a recording or a runtime answers. The
-//! [renderer](renderer) moves the [scene](scene) to the head: positions are f64 on the host and f32 relative to the
+//! The loop asks the session for the time at which the frame will be seen and for both eyes' views then. The
+//! [renderer](Renderer) moves the [scene](Scene) to the head: positions are f64 on the host and f32 relative to the
 //! head on the device. If the photon map is missing, photons are traced from the lights through the two-level
-//! [hierarchy](bvh), stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
+//! hierarchy, stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
 //! them directly, photons within a radius light them indirectly. The left eye's hits are projected into the right eye;
 //! those that it sees, and whose light does not depend on the viewing direction, are reused; the pixels that are
-//! still empty are listed and rendered by the same passes. [`frame::plan()`] lists all steps in order. Images, statistics
-//! and false-colour provenance are [written](output) to disk, and [metrics] compare them with a reference.
+//! still empty are listed and rendered by the same passes. `frame::plan()` lists all steps in order.
 //!
 //! # Modules
 //!
-//! - [`commands`], [`options`], [`settings`]: the program's commands, their checked options, every setting;
-//! - [`frame_loop`], [`xr`], [`output`], [`mirror`], [`interrupt`]: frames from a session to files, a headset, a window;
-//! - [`viewer`]: the same loop in a window in which a scene is walked through and edited;
-//! - [`renderer`], [`frame`], [`gpu`]: images from views;
-//! - [`scene`], [`bvh`]: what is rendered;
-//! - [`limits`]: limits on reading files;
-//! - [`metrics`], [`images`], [`false_color`]: errors against a reference, image files, pictures of views;
-//! - [`bench`]: speed against error.
+//! Private, unless the feature `internals` is on, which promises nothing:
+//!
+//! - `commands`, `options`, `settings`: the program's commands, their checked options, every setting;
+//! - `frame_loop`, `xr`, `output`, `mirror`, `interrupt`: frames from a session to files, a headset, a window;
+//! - `viewer`: the same loop in a window in which a scene is walked through and edited;
+//! - `renderer`, `frame`, `gpu`: images from views;
+//! - `scene`, `bvh`: what is rendered;
+//! - `limits`: limits on reading files;
+//! - `metrics`, `images`, `false_color`: errors against a reference, image files, pictures of views;
+//! - `bench`: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
 
+#![cfg_attr(
+    not(feature = "internals"),
+    allow(
+        dead_code,
+        unused_imports,
+        reason = "tests, examples and tools use more than the program does, and turn `internals` on"
+    )
+)]
+
+#[cfg(not(feature = "internals"))]
+mod bench;
+#[cfg(feature = "internals")]
 pub mod bench;
+#[cfg(not(feature = "internals"))]
+mod bvh;
+#[cfg(feature = "internals")]
 pub mod bvh;
+#[cfg(not(feature = "internals"))]
+mod commands;
+#[cfg(feature = "internals")]
 pub mod commands;
 mod decoding;
+#[cfg(not(feature = "internals"))]
+mod false_color;
+#[cfg(feature = "internals")]
 pub mod false_color;
 mod files;
 mod foreign_errors;
+#[cfg(not(feature = "internals"))]
+mod frame;
+#[cfg(feature = "internals")]
 pub mod frame;
+#[cfg(not(feature = "internals"))]
+mod frame_loop;
+#[cfg(feature = "internals")]
 pub mod frame_loop;
+#[cfg(not(feature = "internals"))]
+mod gpu;
+#[cfg(feature = "internals")]
 pub mod gpu;
+#[cfg(not(feature = "internals"))]
+mod images;
+#[cfg(feature = "internals")]
 pub mod images;
+#[cfg(not(feature = "internals"))]
+mod interrupt;
+#[cfg(feature = "internals")]
 pub mod interrupt;
+#[cfg(not(feature = "internals"))]
+mod limits;
+#[cfg(feature = "internals")]
 pub mod limits;
+#[cfg(not(feature = "internals"))]
+mod metrics;
+#[cfg(feature = "internals")]
 pub mod metrics;
+#[cfg(not(feature = "internals"))]
+mod mirror;
+#[cfg(feature = "internals")]
 pub mod mirror;
+#[cfg(not(feature = "internals"))]
+mod options;
+#[cfg(feature = "internals")]
 pub mod options;
+#[cfg(not(feature = "internals"))]
+mod output;
+#[cfg(feature = "internals")]
 pub mod output;
 mod pose;
 mod printable;
+#[cfg(not(feature = "internals"))]
+mod renderer;
+#[cfg(feature = "internals")]
 pub mod renderer;
+#[cfg(not(feature = "internals"))]
+mod scene;
+#[cfg(feature = "internals")]
 pub mod scene;
+#[cfg(not(feature = "internals"))]
+mod settings;
+#[cfg(feature = "internals")]
 pub mod settings;
+#[cfg(not(feature = "internals"))]
+mod viewer;
+#[cfg(feature = "internals")]
 pub mod viewer;
 mod windowing;
+#[cfg(not(feature = "internals"))]
+mod xr;
+#[cfg(feature = "internals")]
 pub mod xr;
+
+// Scenes.
+pub use bvh::BvhError;
+pub use limits::{LoadBudget, LoadLimits, OverBudget};
+pub use scene::animation::{Interpolation, NodeTracks, Track};
+pub use scene::edit::{
+    Document, Edit, EditError, MaterialPreset, NewContent, NewNode, Original, Placement, Tail,
+};
+pub use scene::{
+    AlphaMode, Animation, Bounds, Camera, Deformation, Environment, Filter, Image as TextureImage,
+    Instance, LeftOut, LightInstance, LightKind, Material, Mesh, MeshTriangle, MorphTarget,
+    Motion as SceneMotion, Node, PunctualLight, Scene, SceneError, ScenePose, Skin, SourceFacts,
+    Texture, TextureRef, Trs, VertexJoints, Wrap, load_environment,
+};
+
+// Settings.
+pub use settings::{
+    AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
+    Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
+    ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space, StereoSettings,
+    Technique, TimingSettings, UserDomain, UserPass,
+};
+
+// Devices and images.
+pub use gpu::context::AdapterSummary;
+pub use gpu::vulkan_interop::disable_device_select_layer;
+pub use gpu::{GpuContext, GpuError, PassTimes, ShaderLibrary};
+pub use images::{
+    Image, ImageError, ImageRgb, ImageRgb8, read_image, tone_map, write_exr, write_png,
+};
+pub use output::OutputError;
+pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
+pub use renderer::{
+    Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
+    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RenderError,
+    Renderer, SeenSurface, StereoStats,
+};
+
+// Sessions and their frames.
+pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};
+pub use xr::headset::HeadsetEye;
+#[cfg(not(target_vendor = "apple"))]
+pub use xr::openxr::{
+    OpenXrSession, Runtime as OpenXrRuntime, RuntimeError as OpenXrError,
+    SessionOptions as OpenXrOptions,
+};
+pub use xr::validation::Fault;
+pub use xr::{
+    ArgumentError, Fov, FrameState, FrameSubmission, Headset, HiddenArea, InputError, LocatedViews,
+    Pacing, Pose, RayInWorld, Recorder, RenderTargets, ReplayOptions, ReplaySession,
+    RuntimeTargets, SessionInfo, SimulatedSession, Tangents, TraceBody, TraceUp, Validated, View,
+    ViewFlags, XrError, XrSession,
+};
+
+#[doc(hidden)]
+pub use commands::main;

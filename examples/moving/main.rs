@@ -9,14 +9,14 @@
 
 // The probe and the comparator of the test suite.
 #[allow(dead_code, clippy::unwrap_used)]
-#[path = "../../tests/suite/bvh_probe.rs"]
+#[path = "../../tests/suite/bvh/bvh_probe.rs"]
 mod bvh_probe;
 #[allow(dead_code)]
-#[path = "../../tests/suite/bvh_reference.rs"]
+#[path = "../../tests/suite/bvh/bvh_reference.rs"]
 mod bvh_reference;
 mod hits;
 #[allow(dead_code, clippy::unwrap_used)]
-#[path = "../../tests/suite/moving_support.rs"]
+#[path = "../../tests/suite/bvh/moving_support.rs"]
 mod moving_support;
 
 use std::process::ExitCode;

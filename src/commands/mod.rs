@@ -8,15 +8,17 @@ mod run;
 mod view;
 
 use std::io::{ErrorKind, Write as _};
+use std::process::ExitCode;
 
 use crate::bench::BenchError;
 use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
+use crate::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
 use crate::images::ImageError;
 use crate::limits::LoadBudget;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
-use crate::options::Options;
+use crate::options::{Options, parse};
 use crate::output::OutputError;
 use crate::printable::escaped;
 use crate::renderer::RenderError;
@@ -24,6 +26,32 @@ use crate::scene::{Scene, SceneError, load_environment_within};
 use crate::settings::Settings;
 use crate::viewer::ViewError;
 use crate::xr::XrError;
+
+/// The whole program: flags to checked options to a command; errors to an exit status.
+pub fn main() -> ExitCode {
+    disable_device_select_layer();
+    quiet_openxr_loader();
+    start_log();
+    let options = match parse(std::env::args_os()) {
+        Ok(options) => options,
+        Err(exit) => {
+            if exit.status == 0 {
+                // A closed pipe is the reader's choice.
+                let _ = write!(std::io::stdout(), "{}", exit.text);
+                return ExitCode::SUCCESS;
+            }
+            eprintln!("{}", exit.text.trim_end());
+            return ExitCode::from(exit.status);
+        }
+    };
+    match execute(options) {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            eprintln!("error: {}", failure.message);
+            ExitCode::from(failure.status)
+        }
+    }
+}
 
 /// Why a command ends: the text on stderr and the exit status.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -263,6 +263,7 @@ impl GpuContext {
     ///
     /// # Errors
     /// [`GpuError::Missing`]: the adapter lacks some of them.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn device_descriptor(
         adapter: &wgpu::Adapter,
     ) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
@@ -345,6 +346,7 @@ impl GpuContext {
     ///
     /// # Errors
     /// One line: the instance knows no way to such windows.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn surface(
         &self,
         window: impl Into<wgpu::SurfaceTarget<'static>>,
@@ -361,6 +363,7 @@ impl GpuContext {
     ///
     /// # Errors
     /// [`GpuError::Validation`] or [`GpuError::Lost`] beside whatever `work` returns.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn guarded<T>(
         &self,
         pass: &str,

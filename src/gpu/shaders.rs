@@ -140,6 +140,7 @@ impl ShaderLibrary {
     ///
     /// # Errors
     /// [`GpuError::Shader`] with the module's name and the compiler's words.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn compile(
         &self,
         name: &str,

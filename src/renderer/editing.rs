@@ -46,7 +46,7 @@ pub struct InPlace {
     /// renderer does without.
     pub spare_features: Vec<String>,
     /// Bytes of materials and triangles uploaded by the call. Instances and lights follow with the next frame
-    /// ([`super::SceneBuffers::upload_bytes`]).
+    /// (`SceneBuffers::upload_bytes`).
     pub uploaded_bytes: u64,
 }
 

@@ -460,6 +460,7 @@ impl Renderer {
 
     /// Drops the compiled passes of views: the next view compiles its own from the library that it is given. For shaders
     /// that have changed.
+    #[cfg(feature = "internals")]
     pub fn recompile_views(&mut self) {
         self.inspector.forget_kernels();
     }

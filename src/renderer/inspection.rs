@@ -182,7 +182,7 @@ pub struct SeenSurface {
     pub node: Option<u32>,
     /// Number of the material in [`crate::scene::Scene::materials`].
     pub material: u32,
-    /// Number of the triangle in leaf order ([`crate::bvh::MeshHierarchies::triangles`]).
+    /// Number of the triangle in leaf order (`MeshHierarchies::triangles`).
     pub triangle: u32,
     /// Barycentric weights of the triangle's second and third corner.
     pub weights: [f32; 2],

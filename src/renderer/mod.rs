@@ -243,6 +243,7 @@ impl Renderer {
     }
 
     /// The current plan: the frame's stages in order.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     #[must_use]
     pub fn plan(&self) -> Vec<PlannedStage> {
         plan(&FrameSpec {
@@ -283,16 +284,19 @@ impl Renderer {
     }
 
     /// A photon map, with the photon method; the caustic map if the scene has caustics.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn map(&self, kind: MapKind) -> Option<&PhotonMap> {
         self.maps.iter().find(|map| map.kind() == kind)
     }
 
     /// The photon map, with the photon method.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn photon_map(&self) -> Option<&PhotonMap> {
         self.map(MapKind::Photons)
     }
 
     /// The caustic map, with the photon method, if the scene has caustics.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn caustic_map(&self) -> Option<&PhotonMap> {
         self.map(MapKind::Caustics)
     }
@@ -317,6 +321,7 @@ impl Renderer {
     }
 
     /// The scene on the device.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn scene(&self) -> &SceneBuffers {
         &self.scene
     }
@@ -332,6 +337,7 @@ impl Renderer {
     }
 
     /// Shader features that the passes were compiled with.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn features(&self) -> &ShaderFeatures {
         self.frame.features()
     }
@@ -567,11 +573,13 @@ impl Renderer {
     }
 
     /// As [`Renderer::reconstruction`], to drop history.
+    #[cfg(feature = "internals")]
     pub fn reconstruction_mut(&mut self) -> Option<&mut Reconstruction> {
         self.reconstruction.as_mut()
     }
 
     /// Denoising, if settings ask for it.
+    #[cfg(feature = "internals")]
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
     }

@@ -107,6 +107,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_all_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
         let Some(sums) = self.read_pixels::<[[f32; 3]; 2]>((Whose::Eye(eye), "parts_sum"))? else {
             return Ok(None);
@@ -140,6 +141,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_hit_rays(&self, eye: Eye) -> Result<Option<Vec<[f32; 4]>>, RenderError> {
         self.read_pixels((Whose::Eye(eye), "hit_rays"))
     }
@@ -159,6 +161,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg(feature = "internals")]
     pub fn read_winners(&self) -> Result<Option<Vec<u32>>, RenderError> {
         if !self.reuses() {
             return Ok(None);
@@ -182,6 +185,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_variance(&self, eye: Eye) -> Result<Option<Vec<f32>>, RenderError> {
         let moments = self.read_pixels::<[f32; 4]>((Whose::Eye(eye), "moments"))?;
         Ok(moments.map(|moments| moments.iter().map(|m| m[1] + m[3]).collect()))
@@ -192,6 +196,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_motion(&self, eye: Eye) -> Result<Option<SeenAndMotion>, RenderError> {
         let seen = self.read_pixels((Whose::Eye(eye), "seen_surfaces"))?;
         Ok(seen.zip(self.read_pixels((Whose::Eye(eye), "motion"))?))
@@ -201,6 +206,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg(feature = "internals")]
     pub fn read_photons(&self, kind: MapKind) -> Result<Option<Vec<Photon>>, RenderError> {
         let Some(map) = self.map(kind) else {
             return Ok(None);
@@ -213,6 +219,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg(feature = "internals")]
     pub fn read_photon_grid(
         &self,
         kind: MapKind,
@@ -231,6 +238,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
+    #[cfg(feature = "internals")]
     pub fn read_kd_nodes(
         &self,
         kind: MapKind,

@@ -276,7 +276,7 @@ impl Scene {
     /// Makes an embedded scene, by name with or without the prefix `builtin:`.
     ///
     /// # Errors
-    /// An unknown name; the message lists [`builtin::NAMES`].
+    /// An unknown name; the message lists those there are.
     pub fn builtin(name: &str) -> Result<Self, SceneError> {
         builtin::load(name)
     }

@@ -67,7 +67,11 @@ impl Reference {
             &mut self.renderer,
             &self.library,
             index,
-            |_| scene_time_ns,
+            |renderer, _| {
+                if let Some(time_ns) = scene_time_ns {
+                    renderer.animate(time_ns);
+                }
+            },
             |_| {},
         )?;
         for (eye, averaged) in [Eye::Left, Eye::Right].into_iter().zip(&mut self.averaged) {

@@ -268,7 +268,12 @@ impl RenderEngine {
     ) -> Result<Option<FrameStats>, EngineError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
-        let step = frame_loop::step(session, renderer, library, index, |_| scene_time_ns, |_| {})?;
+        let update = |renderer: &mut Renderer, _: &_| {
+            if let Some(time_ns) = scene_time_ns {
+                renderer.animate(time_ns);
+            }
+        };
+        let step = frame_loop::step(session, renderer, library, index, update, |_| {})?;
         let Step::Rendered(rendered) = step else {
             return Ok(None);
         };

@@ -13,7 +13,7 @@ pub struct HiddenArea {
 
 impl HiddenArea {
     /// From a mesh: corners, and three indices per triangle. Triangles with an index or a coordinate that makes no sense
-    /// are left out, and of more than [`MOST_TRIANGLES`] the smallest, which only costs rays.
+    /// are left out, and of more than `MOST_TRIANGLES` the smallest, which only costs rays.
     #[must_use]
     pub fn from_mesh(vertices: &[[f64; 2]], indices: &[u32]) -> Self {
         let corner = |index: u32| {

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Any session, with each frame's views written to a native trace (see [`trace`]) as the frame ends. A
+/// Any session, with each frame's views written to a native trace (`trace`) as the frame ends. A
 /// frame that rendered nothing leaves no line. Each line is handed to the system in one write before the
 /// frame ends, so a killed run loses at most the line that it was writing.
 #[derive(Debug)]

@@ -29,7 +29,7 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// From degrees. Not checked; see [`super::validation::check_fov`].
+    /// From degrees. Not checked; `validation::check_fov` does that.
     #[must_use]
     pub fn from_degrees(left: f64, right: f64, up: f64, down: f64) -> Self {
         Self {
@@ -142,7 +142,7 @@ impl View {
 
     /// The pixel position (from the top left, centres at .5) of a world point in an image of `width` x
     /// `height` pixels: equations (3) to (5) of the 2020 report, generalised to asymmetric fields of
-    /// view. `None` if the point is behind the eye (z >= -[`NEAR_M`]), outside the half-open image, or
+    /// view. `None` if the point is behind the eye (z >= -`NEAR_M`), outside the half-open image, or
     /// not finite.
     #[must_use]
     pub fn pixel_from_point_in_world(

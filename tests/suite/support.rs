@@ -273,6 +273,34 @@ impl Drop for Folder {
     }
 }
 
+/// A file that goes away with the test.
+pub struct TemporaryFile(pub PathBuf);
+
+impl TemporaryFile {
+    /// A file that is not there yet; `name` must be unique among the tests.
+    pub fn new(name: &str) -> Self {
+        Self(std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id())))
+    }
+
+    /// A file that holds `text`.
+    pub fn with(name: &str, text: &str) -> Self {
+        let file = Self::new(name);
+        std::fs::write(&file.0, text).unwrap();
+        file
+    }
+
+    /// What it holds.
+    pub fn text(&self) -> String {
+        std::fs::read_to_string(&self.0).unwrap()
+    }
+}
+
+impl Drop for TemporaryFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
 /// Runs the program on the tests' adapter (for the commands that take one).
 pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stereolux"));

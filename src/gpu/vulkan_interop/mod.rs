@@ -6,7 +6,7 @@ pub mod openxr;
 
 /// Switches off Mesa's implicit device-selection layer for this process, unless the user has set its variable.
 ///
-/// The layer reorders devices, which [`super::context`] does by rules of its own, and it complains on stderr where
+/// The layer reorders devices, which the choice of an adapter does by rules of its own, and it complains on stderr where
 /// there is no display (`XDG_RUNTIME_DIR is invalid`), in the middle of messages that promise to be one line.
 ///
 /// Call first thing in `main`: once there is another thread, it does nothing.

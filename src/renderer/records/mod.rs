@@ -1,5 +1,5 @@
 //! Structs that host and shaders share, beside the hierarchy's ([`crate::bvh::records`]). Each is `repr(C)`;
-//! `tests/suite/layout.rs` compares size and offsets of every one, and the numbers beside them, with what naga reads from
+//! `tests/suite/frame/layout.rs` compares size and offsets of every one, and the numbers beside them, with what naga reads from
 //! the shaders.
 
 pub mod deform;

@@ -5,13 +5,9 @@ use crate::scene::{
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
     Node {
-        name: String::new(),
-        parent: None,
-        children: Vec::new(),
         parent_from_node,
         mesh,
         light,
-        camera: None,
         ..Node::default()
     }
 }

@@ -1,6 +1,5 @@
 use super::*;
 use crate::scene::{Material, Mesh, MeshTriangle, Node, TextureRef};
-use glam::DAffine3;
 
 fn reference(texture: u32) -> Option<TextureRef> {
     Some(TextureRef {
@@ -29,13 +28,7 @@ fn textured_scene() -> Scene {
     };
     Scene {
         nodes: vec![Node {
-            name: String::new(),
-            parent: None,
-            children: Vec::new(),
-            parent_from_node: DAffine3::IDENTITY,
             mesh: Some(0),
-            light: None,
-            camera: None,
             ..Node::default()
         }],
         roots: vec![0],

@@ -1,0 +1,648 @@
+//! Every struct that host and shaders share has one layout: size and each field's offset, by naga's reflection.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::mem::{offset_of, size_of};
+
+use stereolux::bvh::{self, bounds, records, top};
+use stereolux::frame::passes;
+use stereolux::frame::photon_layout;
+use stereolux::frame::run::specialised;
+use stereolux::gpu::kernel::ROW_GROUPS;
+use stereolux::gpu::texels::ROW_TEXELS;
+use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
+use stereolux::renderer::photon_map;
+use stereolux::renderer::photon_map::KD_TURNS_PER_SLICE;
+use stereolux::renderer::records::stereo::{self, Provenance};
+use stereolux::renderer::records::{
+    deform, frame, light, material, mirror, reconstruction, submit,
+};
+use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
+use stereolux::settings::registry::{self, Kind};
+
+use super::shaders::every_feature;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Layout {
+    size: usize,
+    /// Name and offset, in order of offset; fields that only fill space are left out.
+    fields: Vec<(String, usize)>,
+}
+
+fn is_filler(name: &str) -> bool {
+    name.starts_with("padding") || name.starts_with("reserved")
+}
+
+macro_rules! host_layout {
+    ($type:path { $($field:ident),+ $(,)? }) => {{
+        // A field that is forgotten here does not compile.
+        #[allow(dead_code, unused_variables)]
+        fn all_fields(value: &$type) {
+            let $type { $($field),+ } = value;
+        }
+        let mut fields = vec![$((stringify!($field).to_owned(), offset_of!($type, $field))),+];
+        fields.retain(|(name, _)| !is_filler(name));
+        fields.sort_by_key(|field| field.1);
+        let name = stringify!($type).rsplit("::").next().unwrap().trim().to_owned();
+        (name, Layout { size: size_of::<$type>(), fields })
+    }};
+}
+
+fn host() -> BTreeMap<String, Layout> {
+    BTreeMap::from([
+        host_layout!(frame::Eye {
+            position,
+            tan_left,
+            axis_x,
+            tan_right,
+            axis_y,
+            tan_up,
+            axis_z,
+            tan_down
+        }),
+        host_layout!(frame::Frame {
+            left,
+            right,
+            left_from_right,
+            flags,
+            photon_offset,
+            photon_radius,
+            width,
+            height,
+            seed,
+            frame_index,
+            first_sample,
+            sample_count,
+            max_depth,
+            caustic_radius,
+            photon_frame_index,
+            normal_min_cos,
+            reuse_max_view_dependence,
+            follow_max_alpha,
+            reuse_max_lobe_shift,
+            nearest_photons,
+            light_candidates,
+            padding,
+        }),
+        host_layout!(mirror::Mirror {
+            corner,
+            scale,
+            light_scale,
+            encode,
+            is_display,
+            unused_1,
+            unused_2,
+        }),
+        host_layout!(reconstruction::Reconstruction {
+            previous_left,
+            previous_right,
+            has_history,
+            color_alpha,
+            moments_alpha,
+            sigma_luminance,
+            sigma_normal,
+            sigma_plane,
+            still_frames,
+            still_from,
+            still_until,
+            exposure,
+            taa_alpha,
+            taa_clip,
+            reprojects_rays,
+            firefly_frames,
+            padding,
+        }),
+        host_layout!(stereo::StereoCounters {
+            left_hits,
+            scattered,
+            reused,
+            indirect_reused,
+            filled_because,
+        }),
+        host_layout!(submit::Submit {
+            scale,
+            near_m,
+            eye,
+            reuse,
+            is_display,
+            padding,
+        }),
+        host_layout!(records::BvhNode {
+            left_min,
+            left_index,
+            left_max,
+            left_count,
+            right_min,
+            right_index,
+            right_max,
+            right_count,
+        }),
+        host_layout!(records::Instance {
+            render_from_object_0,
+            render_from_object_1,
+            render_from_object_2,
+            object_from_render_0,
+            object_from_render_1,
+            object_from_render_2,
+            blas_root,
+            first_emitter,
+            flags,
+            node,
+        }),
+        host_layout!(records::PreviousInstance {
+            render_from_object_0,
+            render_from_object_1,
+            render_from_object_2,
+            exists,
+            first_position,
+            first_vertex,
+            padding,
+        }),
+        host_layout!(records::Triangle {
+            v0,
+            material,
+            v1,
+            emitter,
+            v2,
+            flags
+        }),
+        host_layout!(deform::RestVertex {
+            position,
+            mesh,
+            normal,
+            vertex,
+            tangent,
+            joints,
+            weights,
+        }),
+        host_layout!(deform::DeformMesh {
+            first_joint,
+            first_weight,
+            target_count,
+            first_delta,
+            first_vertex,
+            vertex_count,
+            padding_0,
+            padding_1,
+        }),
+        host_layout!(light::Light {
+            position,
+            kind,
+            direction,
+            scene_radius,
+            radiance,
+            pick_pdf,
+            instance,
+            triangle,
+            spot_scale,
+            spot_offset,
+        }),
+        host_layout!(light::LightAlias {
+            threshold,
+            alias_index
+        }),
+        host_layout!(material::TextureSlot {
+            row_u,
+            info,
+            row_v,
+            reserved
+        }),
+        host_layout!(material::Material {
+            base_color,
+            emission,
+            flags,
+            specular_color,
+            specular,
+            attenuation_per_m,
+            ior,
+            metallic,
+            roughness,
+            transmission,
+            normal_scale,
+            alpha_cutoff,
+            user_bsdf,
+            reserved_0,
+            reserved_1,
+            base_color_map,
+            metallic_roughness_map,
+            normal_map,
+            emissive_map,
+            specular_map,
+            specular_color_map,
+            transmission_map,
+        }),
+        host_layout!(material::TextureInfo {
+            offset,
+            width,
+            height,
+            flags
+        }),
+        host_layout!(material::Vertex {
+            normal,
+            color_rg,
+            tangent,
+            uv0,
+            uv1,
+            color_ba,
+            reserved_0,
+            reserved_1,
+            reserved_2,
+        }),
+        host_layout!(photon_map::Photon {
+            position,
+            direction,
+            flux,
+            normal_depth
+        }),
+        host_layout!(photon_map::PhotonCounters {
+            stored,
+            dropped,
+            paths_kept,
+            paths_traced,
+            demanded,
+            padding,
+        }),
+        host_layout!(photon_map::PhotonGrid {
+            origin,
+            inverse_edge,
+            dims,
+            hashed_rows,
+            cell_count,
+            has_photons,
+            edge,
+            radius,
+            photon_groups,
+            block_groups,
+            value_groups,
+        }),
+    ])
+}
+
+/// Layouts of every struct in a buffer's type, directly or inside others.
+fn collect(
+    module: &naga::Module,
+    handle: naga::Handle<naga::Type>,
+    found: &mut BTreeMap<String, Layout>,
+) {
+    let ty = &module.types[handle];
+    match &ty.inner {
+        naga::TypeInner::Array { base, .. } => collect(module, *base, found),
+        naga::TypeInner::Struct { members, span } => {
+            let mut fields = Vec::new();
+            for member in members {
+                collect(module, member.ty, found);
+                let name = member.name.clone().unwrap_or_default();
+                if !is_filler(&name) {
+                    fields.push((name, member.offset as usize));
+                }
+            }
+            let name = ty.name.clone().expect("structs of buffers have names");
+            let layout = Layout {
+                size: *span as usize,
+                fields,
+            };
+            if let Some(other) = found.insert(name.clone(), layout.clone()) {
+                assert_eq!(other, layout, "{name} has two layouts");
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Every struct that a buffer of any pass holds, with every feature on.
+fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
+    // Copies in textures take the place of buffers, and a single sample needs fewer.
+    let buffers = ShaderFeatures {
+        record_texels: false,
+        one_sample: false,
+        ..every_feature()
+    };
+    let mut found = BTreeMap::new();
+    let mut library = library.clone();
+    library.insert(
+        "tests/previous_probe",
+        include_str!("../bvh/previous_probe.wesl"),
+    );
+    let compiled = passes::ALL
+        .iter()
+        .flat_map(|pass| {
+            [every_feature(), buffers]
+                .map(|features| (pass.shader_name(), specialised(pass, &features, false)))
+        })
+        .chain([("tests/previous_probe".to_owned(), ShaderFeatures::default())]);
+    for (name, features) in compiled {
+        let shader = library.compile(&name, &features).unwrap();
+        for (_, variable) in shader.module.global_variables.iter() {
+            if variable.binding.is_some() {
+                collect(&shader.module, variable.ty, &mut found);
+            }
+        }
+    }
+    found
+}
+
+/// Names of the structs whose two layouts differ, and of those that one side lacks.
+fn mismatches(host: &BTreeMap<String, Layout>, shaders: &BTreeMap<String, Layout>) -> Vec<String> {
+    let names: BTreeSet<&String> = host.keys().chain(shaders.keys()).collect();
+    names
+        .into_iter()
+        .filter(|name| host.get(*name) != shaders.get(*name))
+        .cloned()
+        .collect()
+}
+
+#[test]
+fn shared_structs_have_one_layout() {
+    let host = host();
+    let mut shaders = shaders(&ShaderLibrary::embedded());
+    // Dispatch is written as four numbers; `gpu::kernel::dispatch_table` says which.
+    let dispatch = shaders
+        .remove("Dispatch")
+        .expect("passes read their dispatch");
+    assert_eq!(dispatch.size, 16);
+    let names: Vec<&str> = dispatch
+        .fields
+        .iter()
+        .map(|field| field.0.as_str())
+        .collect();
+    assert_eq!(names, ["index", "eye", "count", "slots_per_path"]);
+    let wrong = mismatches(&host, &shaders);
+    for name in &wrong {
+        eprintln!(
+            "{name}: host {:#?}, shaders {:#?}",
+            host.get(name),
+            shaders.get(name)
+        );
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+#[test]
+fn a_wrong_layout_is_noticed() {
+    // Two fields exchanged, a field inserted, a field grown: each must be found, and nothing else.
+    for (module, from, to, name) in [
+        (
+            "shared/photon",
+            "position: vec3<f32>,",
+            "position: vec4<f32>,",
+            "Photon",
+        ),
+        (
+            "shared/frame",
+            "    seed: u32,\n    frame_index: u32,",
+            "    frame_index: u32,\n    seed: u32,",
+            "Frame",
+        ),
+        (
+            "shared/grid",
+            "hashed_rows: u32,\n    // Table",
+            "hashed_rows: u32,\n    extra: u32,\n    // Table",
+            "PhotonGrid",
+        ),
+    ] {
+        let path = format!("{}/shaders/{module}.wesl", env!("CARGO_MANIFEST_DIR"));
+        let source = std::fs::read_to_string(path).unwrap();
+        let changed = source.replacen(from, to, 1);
+        assert_ne!(changed, source, "{module} does not hold {from:?}");
+        let mut library = ShaderLibrary::embedded();
+        library.insert(module, changed);
+        // A changed type may break code that uses it; exchanged names do not. Reflection of what still compiles is enough.
+        let outcome = std::panic::catch_unwind(|| shaders(&library));
+        if let Ok(mut found) = outcome {
+            found.remove("Dispatch");
+            assert_eq!(mismatches(&host(), &found), [name]);
+        }
+    }
+    let mut host = host();
+    host.remove("Vertex");
+    let mut found = shaders(&ShaderLibrary::embedded());
+    found.remove("Dispatch");
+    assert_eq!(
+        mismatches(&host, &found),
+        ["Vertex"],
+        "a struct that no test knows"
+    );
+}
+
+/// Numbers that the host and a shader's module both hold.
+fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
+    let rounding_unit = bounds::ROUNDING_UNIT;
+    let mesh_pad = bounds::PAD_UNITS * rounding_unit;
+    let Kind::Whole { max: nearest, .. } = registry::find("photon.nearest").unwrap().kind else {
+        panic!("photon.nearest is a whole number");
+    };
+    let most_sums = photon_layout::SCAN_LIMIT / photon_layout::SCAN_BLOCK;
+    let mut numbers: Vec<(&str, &str, f64)> = vec![
+        (
+            "shared/bsdf_types",
+            "NARROW_ALPHA",
+            f64::from(CAUSTIC_ROUGHNESS).powi(2),
+        ),
+        ("shared/traversal", "ROUNDING_UNIT", rounding_unit),
+        ("shared/traversal", "MESH_PAD", mesh_pad),
+        ("shared/traversal", "TOP_PAD", top::RAY_CONDITION * mesh_pad),
+        ("passes/refit", "PAD", mesh_pad + rounding_unit),
+        (
+            "shared/scan",
+            "SCAN_BLOCK",
+            photon_layout::SCAN_BLOCK as f64,
+        ),
+        ("passes/scan_sums", "THREADS * PER_THREAD", most_sums as f64),
+        (
+            "passes/shared_gather",
+            "BATCH",
+            photon_map::SHARED_BATCH as f64,
+        ),
+        (
+            "passes/shared_gather",
+            "BATCHES_PER_SLICE",
+            photon_map::SHARED_BATCHES_PER_SLICE as f64,
+        ),
+        (
+            "shared/kd_walk",
+            "TURNS_PER_SLICE",
+            KD_TURNS_PER_SLICE as f64,
+        ),
+        ("shared/nearest", "HEAP", nearest as f64),
+        // A texel is 16 bytes.
+        (
+            "shared/records",
+            "MATERIAL_TEXELS",
+            size_of::<material::Material>() as f64 / 16.0,
+        ),
+    ];
+    let words: &[(&str, &[(&str, u32)])] = &[
+        (
+            "shared/stereo",
+            &[
+                ("PROVENANCE_BACKGROUND", Provenance::Background as u32),
+                ("PROVENANCE_REUSED", Provenance::Reused as u32),
+                (
+                    "PROVENANCE_OUT_OF_LEFT_VIEW",
+                    Provenance::OutOfLeftView as u32,
+                ),
+                ("PROVENANCE_DISOCCLUDED", Provenance::Disoccluded as u32),
+                ("PROVENANCE_EDGE", Provenance::Edge as u32),
+                (
+                    "PROVENANCE_VIEW_DEPENDENT",
+                    Provenance::ViewDependent as u32,
+                ),
+                ("PROVENANCE_GAP", Provenance::Gap as u32),
+            ],
+        ),
+        (
+            "shared/frame",
+            &[
+                ("FRAME_RUSSIAN_ROULETTE", frame::FRAME_RUSSIAN_ROULETTE),
+                ("FRAME_DIRECT_FROM_MAP", frame::FRAME_DIRECT_FROM_MAP),
+                (
+                    "FRAME_KERNEL_EPANECHNIKOV",
+                    frame::FRAME_KERNEL_EPANECHNIKOV,
+                ),
+                ("FRAME_KERNEL_CONE", frame::FRAME_KERNEL_CONE),
+            ],
+        ),
+        (
+            "shared/bvh_types",
+            &[
+                ("INSTANCE_MIRRORED", records::INSTANCE_MIRRORED),
+                ("TRIANGLE_ALPHA", records::TRIANGLE_ALPHA),
+                ("TRIANGLE_DOUBLE_SIDED", records::TRIANGLE_DOUBLE_SIDED),
+            ],
+        ),
+        (
+            "shared/material_types",
+            &[
+                ("MATERIAL_DOUBLE_SIDED", material::MATERIAL_DOUBLE_SIDED),
+                ("MATERIAL_ALPHA_MASK", material::MATERIAL_ALPHA_MASK),
+                ("MATERIAL_ALPHA_BLEND", material::MATERIAL_ALPHA_BLEND),
+                ("TEXTURE_UV1_BIT", material::TEXTURE_UV1_BIT),
+                ("TEXTURE_WRAP_MIRROR", material::TEXTURE_WRAP_MIRROR),
+                ("TEXTURE_WRAP_CLAMP", material::TEXTURE_WRAP_CLAMP),
+                ("TEXTURE_NEAREST_BIT", material::TEXTURE_NEAREST_BIT),
+                ("LIGHT_TRIANGLE", light::LIGHT_TRIANGLE),
+                ("LIGHT_POINT", light::LIGHT_POINT),
+                ("LIGHT_SPOT", light::LIGHT_SPOT),
+                ("LIGHT_DIRECTIONAL", light::LIGHT_DIRECTIONAL),
+                ("LIGHT_ENVIRONMENT", light::LIGHT_ENVIRONMENT),
+            ],
+        ),
+        ("shared/invocation", &[("ROW_GROUPS", ROW_GROUPS)]),
+        (
+            "shared/photon",
+            &[("RADIX_BLOCK", photon_layout::RADIX_BLOCK)],
+        ),
+        (
+            "shared/records",
+            &[("ROW_SHIFT", ROW_TEXELS.trailing_zeros())],
+        ),
+        ("shared/math", &[("INVALID", records::NO_EMITTER)]),
+        (
+            "shared/traversal",
+            &[
+                ("MESH_STACK", bvh::MESH_STACK),
+                ("TOP_STACK", bvh::TOP_STACK),
+                ("COUNT_SHIFT", bvh::MAX_INDEX.ilog2()),
+                ("INDEX_MASK", bvh::MAX_INDEX - 1),
+            ],
+        ),
+    ];
+    for (module, rows) in words {
+        numbers.extend(
+            rows.iter()
+                .map(|&(name, word)| (*module, name, f64::from(word))),
+        );
+    }
+    numbers
+}
+
+/// The value of a constant expression of a module, by naga: a pass that does nothing else computes it.
+fn number_in_shader(library: &ShaderLibrary, module: &str, expression: &str) -> naga::Literal {
+    let names: Vec<&str> = expression.split(" * ").collect();
+    let import = format!(
+        "import package::{}::{{{}}};",
+        module.replace('/', "::"),
+        names.join(", ")
+    );
+    let code = format!(
+        "const ANSWER = {expression}; @compute @workgroup_size(1) fn main() {{ _ = ANSWER; }}"
+    );
+    let mut library = library.clone();
+    library.insert("tests/number", import + &code);
+    let shader = library.compile("tests/number", &every_feature()).unwrap();
+    let mut constants = shader.module.constants.iter().map(|(_, constant)| constant);
+    let answer = constants
+        .find(|constant| constant.name.as_deref() == Some("ANSWER"))
+        .unwrap();
+    match shader.module.global_expressions[answer.init] {
+        naga::Expression::Literal(literal) => literal,
+        ref other => panic!("{expression} of {module} is {other:?}"),
+    }
+}
+
+/// Names of shared numbers that differ.
+fn differing(library: &ShaderLibrary) -> Vec<&'static str> {
+    let numbers = shared_numbers().into_iter();
+    let wrong =
+        numbers.filter(
+            |&(module, name, host)| match number_in_shader(library, module, name) {
+                naga::Literal::U32(word) => f64::from(word) != host,
+                // The host's products are rounded once more.
+                naga::Literal::F32(number) => (f64::from(number) - host).abs() > 1e-7 * host,
+                other => panic!("{name} is {other:?}"),
+            },
+        );
+    wrong.map(|(_, name, _)| name).collect()
+}
+
+#[test]
+fn shared_numbers_are_equal() {
+    let library = ShaderLibrary::embedded();
+    assert!(differing(&library).is_empty(), "{:?}", differing(&library));
+    // Turns of a batch of the gather by workgroups, and what its comment adds, within llvmpipe's limit.
+    const {
+        assert!(
+            photon_map::SHARED_BATCHES_PER_SLICE * (photon_map::SHARED_BATCH + 2) + 144 < 65_535
+        )
+    };
+    // All of the modules that hold nothing but shared numbers are compared.
+    let numbers = shared_numbers();
+    for (module, source) in library.sources() {
+        let is_shared = [
+            "stereo",
+            "frame",
+            "bvh_types",
+            "material_types",
+            "invocation",
+            "scan",
+        ]
+        .iter()
+        .any(|name| module == format!("shared/{name}"));
+        for line in source.lines().filter(|_| is_shared) {
+            let name = line
+                .strip_prefix("const ")
+                .and_then(|line| line.split(':').next());
+            let is_known = |name| numbers.iter().any(|row| (row.0, row.1) == (module, name));
+            assert!(name.is_none_or(is_known), "{module}: {line}");
+        }
+    }
+    // Negative controls: another word, a float that is off by two units in the last place.
+    for (module, from, to, name) in [
+        (
+            "shared/stereo",
+            "EDGE: u32 = 4u",
+            "EDGE: u32 = 5u",
+            "PROVENANCE_EDGE",
+        ),
+        (
+            "shared/traversal",
+            "f32 = 9.5367432e-7",
+            "f32 = 9.536745e-7",
+            "MESH_PAD",
+        ),
+    ] {
+        let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+        let mut changed = library.clone();
+        changed.insert(module, source.replace(from, to));
+        assert_eq!(differing(&changed), [name]);
+    }
+}

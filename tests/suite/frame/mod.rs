@@ -1,0 +1,18 @@
+//! One frame and the frames around it: the plan, shaders and layouts, reconstruction over time, determinism.
+
+// What the tests here take from other subjects.
+use crate::suite::{
+    bvh::bvh_probe, bvh::deforming, stereo::cornell, support, transport::hard_support,
+};
+
+pub mod deforming_motion;
+pub mod determinism;
+pub mod forced_features;
+pub mod frame_plan;
+pub mod layout;
+pub mod outliers;
+pub mod reconstruction;
+pub mod resize;
+pub mod shaders;
+pub mod uniform_branches;
+pub mod user_passes;

@@ -1,0 +1,11 @@
+//! The program from outside: commands, options, settings, and the list of checks.
+
+// What the tests here take from other subjects.
+use crate::suite::{bvh::bvh_probe, minimal_example, support};
+
+pub mod application;
+pub mod checks;
+pub mod commands;
+pub mod options_flags;
+pub mod options_saving;
+pub mod options_settings;

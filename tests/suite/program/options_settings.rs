@@ -1,0 +1,294 @@
+//! Settings in layers: defaults, file, `--set`; what each refuses and where it says the fault is.
+
+use std::path::Path;
+
+use stereolux::options::layers::Layers;
+use stereolux::settings::{Kernel, Kind, Settings, registry};
+
+use super::support::Folder;
+
+fn from_toml(text: &str) -> Result<Settings, String> {
+    let mut layers = Layers::default();
+    layers
+        .add_toml(text, "c.toml")
+        .map_err(|error| error.to_string())?;
+    layers.finish().map_err(|error| error.to_string())
+}
+
+fn from_set(arguments: &[&str]) -> Result<Settings, String> {
+    let mut layers = Layers::default();
+    for argument in arguments {
+        layers
+            .add_set(argument)
+            .map_err(|error| error.to_string())?;
+    }
+    layers.finish().map_err(|error| error.to_string())
+}
+
+#[test]
+fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
+    for setting in registry::all() {
+        let default = setting.default_value();
+        if default.is_null() {
+            continue;
+        }
+        let set = format!("{}={default}", setting.key);
+        assert_eq!(from_set(&[&set]), Ok(Settings::default()), "{set}");
+    }
+    for setting in registry::all() {
+        let (inside, outside) = match setting.kind {
+            Kind::Whole { min, max } => (
+                vec![min.to_string(), max.to_string()],
+                vec![(max + 1).to_string(), "-1".into(), "1.5".into()],
+            ),
+            Kind::Real {
+                min,
+                max,
+                inclusive,
+            } => {
+                let bounds = vec![min.to_string(), max.to_string()];
+                let beyond = vec![
+                    (min - 0.5).to_string(),
+                    (max * 2.0).to_string(),
+                    "nan".into(),
+                    "inf".into(),
+                    "x".into(),
+                ];
+                if inclusive {
+                    (bounds, beyond)
+                } else {
+                    (vec![], [bounds, beyond].concat())
+                }
+            }
+            Kind::Bool => (
+                vec!["true".into(), "false".into()],
+                vec!["1".into(), "yes".into()],
+            ),
+            Kind::Choice { words, .. } => (
+                words.iter().map(|&word| word.to_owned()).collect(),
+                vec!["other".into(), "true".into()],
+            ),
+            Kind::Text { .. } => (vec!["some text".into()], vec![]),
+            Kind::Size { max } => (
+                vec!["[1, 1]".into(), format!("{max}x{max}")],
+                vec![
+                    "0x1".into(),
+                    format!("[1, {}]", max + 1),
+                    "[1]".into(),
+                    "7".into(),
+                ],
+            ),
+        };
+        for value in inside {
+            let set = format!("{}={value}", setting.key);
+            assert!(from_set(&[&set]).is_ok(), "{set}: {:?}", from_set(&[&set]));
+        }
+        for value in outside {
+            let set = format!("{}={value}", setting.key);
+            let message = from_set(&[&set]).expect_err(&set);
+            assert!(
+                message.contains(setting.key) && message.contains(&value),
+                "{message}"
+            );
+            assert!(message.contains(&setting.kind.allowed()), "{message}");
+        }
+    }
+}
+
+#[test]
+fn later_layers_win() {
+    let mut layers = Layers::default();
+    layers
+        .add_toml(
+            "spp = 2\nseed = 5\n[photon]\ncount = 10\nkernel = 'cone'\n",
+            "c.toml",
+        )
+        .unwrap();
+    layers.add_set("photon.count = 20").unwrap();
+    layers.add_set("spp=3").unwrap();
+    layers.add_flag("--spp", "spp", "4").unwrap();
+    assert!(layers.is_set("seed") && !layers.is_set("scene"));
+    let settings = layers.finish().unwrap();
+    assert_eq!((settings.render.spp, settings.render.seed), (4, 5));
+    assert_eq!(
+        (settings.render.photon.count, settings.render.photon.kernel),
+        (20, Kernel::Cone)
+    );
+    assert_eq!(
+        settings.render.photon.max_depth,
+        Settings::default().render.photon.max_depth
+    );
+}
+
+#[test]
+fn ways_to_gather_that_do_not_go_together_are_one_clear_error() {
+    let all = |search, estimate, schedule, loads| {
+        from_set(&[
+            &format!("photon.search={search}"),
+            &format!("photon.estimate={estimate}"),
+            &format!("photon.schedule={schedule}"),
+            &format!("photon.loads={loads}"),
+        ])
+    };
+    let mut taken = 0;
+    for search in ["grid", "kd-tree"] {
+        for estimate in ["radius", "nearest"] {
+            for schedule in ["split", "fused"] {
+                for loads in ["direct", "cooperative"] {
+                    let plain = search == "grid" && estimate == "radius";
+                    let fits = match (schedule, loads) {
+                        ("split", "direct") => true,
+                        ("fused", "cooperative") => false,
+                        _ => plain,
+                    };
+                    match all(search, estimate, schedule, loads) {
+                        Ok(_) => taken += 1,
+                        Err(message) => {
+                            assert!(!fits, "{message}");
+                            assert!(!message.contains('\n') && message.contains(" needs "));
+                            let odd = if schedule == "fused" {
+                                "photon.schedule"
+                            } else {
+                                "photon.loads"
+                            };
+                            assert!(message.contains(odd), "{message}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(
+        taken, 6,
+        "four searches and estimates, and the two others alone"
+    );
+}
+
+#[test]
+fn toml_and_bare_values() {
+    let settings = from_set(&[
+        "photon.radius_m=.05",
+        "photon.count=0x10",
+        "photon.capacity=1_000",
+        "environment.path=/a dir/b=c.hdr",
+        "scene=\"quoted.glb\"",
+        "environment.strength=2",
+        "size=64x32",
+    ])
+    .unwrap();
+    assert_eq!(
+        (
+            settings.render.photon.radius_m,
+            settings.render.photon.count,
+            settings.render.photon.capacity
+        ),
+        (0.05, 16, 1000)
+    );
+    assert_eq!(settings.environment.path, "/a dir/b=c.hdr");
+    assert_eq!(
+        (settings.scene.as_str(), settings.environment.strength),
+        ("quoted.glb", 2.0)
+    );
+    assert_eq!(settings.size, Some([64, 32]));
+    assert_eq!(
+        from_toml("size = [64, 32]\nphoton.count = 3")
+            .unwrap()
+            .render
+            .photon
+            .count,
+        3
+    );
+}
+
+#[test]
+fn faults_in_a_file_name_line_key_value_and_remedy() {
+    for (text, line, says) in [
+        (
+            "spp = 2\n[photon]\nraduis_m = 1\n",
+            3,
+            "`photon.raduis_m`; the nearest known one is `photon.radius_m`",
+        ),
+        (
+            "# c\n\n[photons]\ncount = 3\n",
+            3,
+            "nearest known one is `photon`",
+        ),
+        ("photons.count = 3", 1, "nearest known one is `photon`"),
+        ("spp = 2\nspp = 3\n", 2, "duplicate"),
+        (
+            "\nspp = 0\n",
+            2,
+            "spp = 0: must be a whole number from 1 to 1048576",
+        ),
+        ("spp = \"two\"", 1, "spp = \"two\": must be"),
+        (
+            "\n\n[photon]\n\nkernel = \"box\"\n",
+            5,
+            "must be constant, epanechnikov or cone",
+        ),
+        ("photon = 3\n", 1, "is a section"),
+        ("[spp]\nx = 1\n", 1, "spp"),
+        ("spp = \n", 1, "TOML"),
+        ("spp = 1\nsize = [64,\n", 2, "TOML"),
+        ("scene = 1979-05-27\n", 1, "must be text"),
+        (
+            "seed = 99999999999999999999999999999999999999999999\n",
+            1,
+            "seed",
+        ),
+        ("size = [64]\n", 1, "[width, height]"),
+        ("gpu.timestamps = 1\n", 1, "true or false"),
+    ] {
+        let message = from_toml(text).expect_err(text);
+        assert!(
+            message.starts_with(&format!("c.toml:{line}: ")),
+            "{text:?}: {message}"
+        );
+        assert!(message.contains(says), "{message}");
+        assert!(!message.contains('\n'), "{message}");
+    }
+    // Negative control: the same file without its fault is taken.
+    assert!(from_toml("spp = 2\n[photon]\nradius_m = 1\n").is_ok());
+    assert!(from_toml("").is_ok());
+}
+
+#[test]
+fn unknown_keys_find_their_nearest() {
+    for (key, nearest) in [
+        ("photon.radius", "photon.radius_m"),
+        ("radius_m", "photon.radius_m"),
+        ("Method", "method"),
+        ("max_deph", "path.max_depth"),
+        ("force.gloss", "force.glossy"),
+        ("output.exposur", "output.exposure"),
+    ] {
+        let message = from_set(&[&format!("{key}=1")]).expect_err(key);
+        assert!(message.ends_with(&format!("is `{nearest}`")), "{message}");
+    }
+    assert!(from_set(&["no-equals"]).unwrap_err().contains("key=value"));
+    assert!(from_set(&["=3"]).is_err());
+    assert!(!from_set(&["a\nb=3"]).unwrap_err().contains('\n'));
+}
+
+#[test]
+fn config_files_that_cannot_be_read() {
+    let directory = Folder::new("config-files");
+    let refused = |path: &Path| Layers::default().add_file(path).unwrap_err().to_string();
+    assert!(refused(directory.path()).contains("directory"));
+    assert!(refused(&directory.join("missing.toml")).contains("cannot be read"));
+    let binary = directory.join("binary.toml");
+    std::fs::write(&binary, b"spp = 1\n\xff\xfe").unwrap();
+    assert!(
+        refused(&binary).contains("binary.toml:2: "),
+        "{}",
+        refused(&binary)
+    );
+    let huge = directory.join("huge.toml");
+    std::fs::write(&huge, vec![b'#'; (1 << 20) + 1]).unwrap();
+    assert!(refused(&huge).contains("longer than"));
+    let fine = directory.join("fine.toml");
+    std::fs::write(&fine, "spp = 9\r\n").unwrap();
+    let mut layers = Layers::default();
+    layers.add_file(&fine).unwrap();
+    assert_eq!(layers.finish().unwrap().render.spp, 9);
+}

@@ -1,0 +1,365 @@
+//! A closed sphere with known radiance by every method, kind of light and sampler (pbrt's analytic test, extended to
+//! photons), and a convex body under an even sky.
+
+use std::f64::consts::PI;
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
+use stereolux::renderer::{Eye, Renderer};
+use stereolux::scene::builtin::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
+use stereolux::scene::{Environment, LightKind, Mesh, MeshTriangle, Node, PunctualLight, Scene};
+use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Sampler, Technique};
+use stereolux::xr::{Pose, View};
+
+use super::support::{
+    assert_clean, builtin, context, mean, parallel_views, radiance, renderer, settings, square_fov,
+    start_pose,
+};
+
+const SIZE: u32 = 24;
+const DEPTH: u32 = 6;
+const RUNS: u32 = 6;
+/// What the facets may move: the sphere's mesh has the sphere's area, but its facets' distances from the centre, and so
+/// the irradiance of a point light there, vary by under 1 % about it, and a view sees some of them; a gather disc of
+/// radius r on a sphere of radius R is off by (r / R)^2 / 4 = 0.1 %.
+const FACETS: f64 = 0.004;
+
+/// The sphere with flat facets, so that no direction is lost between a facet's horizon and its shading normal's.
+fn sphere() -> Scene {
+    let mut scene = builtin("sphere");
+    for mesh in &mut scene.meshes {
+        *mesh = flat(mesh);
+    }
+    scene
+}
+
+fn flat(mesh: &Mesh) -> Mesh {
+    let mut flat = Mesh {
+        name: mesh.name.clone(),
+        ..Mesh::default()
+    };
+    for triangle in &mesh.triangles {
+        let [a, b, c] = mesh.corners(triangle);
+        let normal = (b - a).cross(c - a).normalize().as_vec3().to_array();
+        let first = flat.positions.len() as u32;
+        for corner in triangle.vertices {
+            flat.positions.push(mesh.positions[corner as usize]);
+            flat.normals.push(normal);
+            flat.tangents.push(mesh.tangents[corner as usize]);
+            flat.uv0.push([0.0; 2]);
+            flat.uv1.push([0.0; 2]);
+            flat.colors.push([1.0; 4]);
+        }
+        flat.triangles.push(MeshTriangle {
+            vertices: [first, first + 1, first + 2],
+            material: triangle.material,
+        });
+    }
+    flat
+}
+
+/// Lights that can be put into the sphere, with the radiance that each gives the wall in view, to [`DEPTH`] segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Light {
+    /// At the centre. A path of k segments meets k - 1 surfaces: L = a E / pi (1 + a + ...), E = I / R^2.
+    Point,
+    /// At the centre, shining backwards: what the view shows is lit from the second bounce on. An integrating sphere
+    /// spreads the power P evenly: after k reflections the radiance is P a^k / (4 pi^2 R^2).
+    Spot,
+    /// The wall itself: L = Le (1 + a + ... + a^(DEPTH - 1)), in a closed body of any shape.
+    Wall,
+    /// A sun outside: nothing gets in.
+    Sun,
+}
+
+const WALL_EMISSION: f32 = 0.25;
+const SPOT_INTENSITY: f32 = 4.0;
+const SPOT_INNER_RAD: f32 = 0.7;
+const SPOT_OUTER_RAD: f32 = 1.0;
+
+impl Light {
+    fn radiance(self) -> f64 {
+        let a = f64::from(ALBEDO);
+        let series = |from: u32, to: u32| (from..to).map(|k| a.powi(k as i32)).sum::<f64>();
+        match self {
+            Self::Point => RADIANCE * (1.0 - a.powi(DEPTH as i32 - 1)),
+            Self::Spot => {
+                // KHR_lights_punctual: the falloff is the square of a ramp in the cosine, whose integral over it is a
+                // third of its width.
+                let (inner, outer) = (
+                    f64::from(SPOT_INNER_RAD).cos(),
+                    f64::from(SPOT_OUTER_RAD).cos(),
+                );
+                let power =
+                    2.0 * PI * f64::from(SPOT_INTENSITY) * (1.0 - inner + (inner - outer) / 3.0);
+                power / (4.0 * PI * PI) * series(2, DEPTH)
+            }
+            Self::Wall => f64::from(WALL_EMISSION) * series(0, DEPTH),
+            Self::Sun => 0.0,
+        }
+    }
+
+    fn add_to(self, scene: &mut Scene) {
+        let (kind, intensity) = match self {
+            // The lamp that is there.
+            Self::Point => {
+                scene.lights[0].intensity = [LIGHT_INTENSITY; 3];
+                return;
+            }
+            Self::Wall => {
+                for material in &mut scene.materials {
+                    material.emission = [WALL_EMISSION; 3];
+                }
+                return;
+            }
+            Self::Spot => {
+                let kind = LightKind::Spot {
+                    inner_cone_rad: SPOT_INNER_RAD,
+                    outer_cone_rad: SPOT_OUTER_RAD,
+                };
+                (kind, SPOT_INTENSITY)
+            }
+            Self::Sun => (LightKind::Directional, 0.2),
+        };
+        scene.lights.push(PunctualLight {
+            name: format!("{self:?}"),
+            kind,
+            intensity: [intensity; 3],
+        });
+        // Lights shine along their -Z: turned round, away from the view.
+        scene.roots.push(scene.nodes.len());
+        scene.nodes.push(Node {
+            name: format!("{self:?}"),
+            parent_from_node: DAffine3::from_quat(DQuat::from_rotation_y(PI)),
+            light: Some(scene.lights.len() - 1),
+            ..Node::default()
+        });
+    }
+}
+
+fn lit_by(lights: &[Light]) -> (Scene, f64) {
+    let mut scene = sphere();
+    scene.lights[0].intensity = [0.0; 3];
+    for light in lights {
+        light.add_to(&mut scene);
+    }
+    (scene, lights.iter().map(|light| light.radiance()).sum())
+}
+
+fn path(sampler: Sampler, technique: Technique) -> RenderSettings {
+    settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.spp = 16;
+        s.path.max_depth = DEPTH;
+        s.path.sampler = sampler;
+        s.path.technique = technique;
+    })
+}
+
+fn photons(sampler: Sampler, change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
+    settings(|s| {
+        s.reuse = Reuse::Off;
+        s.path.sampler = sampler;
+        s.photon.count = 60_000;
+        s.photon.radius_m = 0.06;
+        s.photon.max_depth = DEPTH;
+        s.photon.every_frame = true;
+        change(s);
+    })
+}
+
+/// Mean of the left eye's image and its standard error over independent runs.
+fn measured(scene: &Scene, settings: &RenderSettings, views: &[View; 2]) -> (f64, f64) {
+    measured_by(renderer(scene, settings, [SIZE, SIZE]), views)
+}
+
+fn measured_by(mut renderer: Renderer, views: &[View; 2]) -> (f64, f64) {
+    let means: Vec<f64> = (0..RUNS)
+        .map(|run| {
+            renderer.render_frame(views, run, |_| {}).unwrap();
+            let image = radiance(&renderer, Eye::Left);
+            assert_clean(&image, "sphere");
+            mean(&image)
+        })
+        .collect();
+    let n = means.len() as f64;
+    let all = means.iter().sum::<f64>() / n;
+    let variance = means.iter().map(|m| (m - all).powi(2)).sum::<f64>() / (n - 1.0);
+    (all, (variance / n).sqrt())
+}
+
+/// Whether a mean is the expected one: within 1 %, and within 4 standard errors beside what the facets move.
+fn agrees((found, error): (f64, f64), expected: f64) -> bool {
+    let off = (found - expected).abs();
+    off <= 0.01 * expected && off <= 4.0 * error + FACETS * expected
+}
+
+fn views() -> [View; 2] {
+    parallel_views(start_pose(&builtin("sphere")), 0.0, square_fov(40.0))
+}
+
+#[test]
+fn every_kind_of_light_gives_its_closed_form() {
+    for lights in [&[Light::Point][..], &[Light::Spot], &[Light::Wall]] {
+        let (scene, expected) = lit_by(lights);
+        for settings in [
+            path(Sampler::Random, Technique::Mis),
+            photons(Sampler::Random, |_| {}),
+        ] {
+            let found = measured(&scene, &settings, &views());
+            assert!(
+                agrees(found, expected),
+                "{lights:?} by {:?}: {found:?} for {expected}",
+                settings.method
+            );
+            // Negative control: 2 % more is noticed.
+            assert!(
+                !agrees(found, expected * 1.02),
+                "{lights:?} by {:?}: {found:?}",
+                settings.method
+            );
+        }
+    }
+}
+
+#[test]
+fn every_method_and_sampler_adds_the_lights_up() {
+    let lights = [Light::Point, Light::Spot, Light::Wall, Light::Sun];
+    let (scene, expected) = lit_by(&lights);
+    let all = [
+        ("path", path(Sampler::Random, Technique::Mis)),
+        ("path, Sobol", path(Sampler::Sobol, Technique::Mis)),
+        (
+            "path, light samples",
+            path(Sampler::Random, Technique::Light),
+        ),
+        ("photons", photons(Sampler::Random, |_| {})),
+        ("photons, Sobol", photons(Sampler::Sobol, |_| {})),
+        (
+            "photons, direct from the map",
+            photons(Sampler::Random, |s| s.photon.direct = DirectLight::Map),
+        ),
+        (
+            "photons, progressive, Sobol",
+            photons(Sampler::Sobol, |s| {
+                s.photon.progressive = true;
+                s.photon.count = 20_000;
+                s.spp = 4;
+            }),
+        ),
+    ];
+    for (name, settings) in all {
+        let found = measured(&scene, &settings, &views());
+        assert!(agrees(found, expected), "{name}: {found:?} for {expected}");
+    }
+    // Directions of the surfaces alone find the wall and no punctual light.
+    let (scene, expected) = lit_by(&[Light::Wall, Light::Point]);
+    let found = measured(&scene, &path(Sampler::Sobol, Technique::Bsdf), &views());
+    assert!(
+        agrees(found, expected - Light::Point.radiance()),
+        "{found:?} for {expected} less the lamp"
+    );
+}
+
+/// [`DEPTH`] segments at an albedo of a half: the throughput falls under a quarter, where roulette begins, with two to go.
+#[test]
+fn roulette_keeps_the_closed_form() {
+    let (scene, expected) = lit_by(&[Light::Wall, Light::Spot]);
+    let with = |russian_roulette| {
+        let mut settings = path(Sampler::Random, Technique::Mis);
+        settings.path.russian_roulette = russian_roulette;
+        settings
+    };
+    for russian_roulette in [false, true] {
+        let found = measured(&scene, &with(russian_roulette), &views());
+        assert!(
+            agrees(found, expected),
+            "roulette {russian_roulette}: {found:?} for {expected}"
+        );
+    }
+    // Negative control, and proof that paths do end: without the survivors' weight their light is missing.
+    let source = include_str!("../../../shaders/passes/path_trace.wesl");
+    let weightless = source.replace("(*path).throughput /= survival;", "");
+    assert_ne!(weightless, source);
+    let mut library = ShaderLibrary::embedded();
+    library.insert("passes/path_trace", weightless);
+    for (russian_roulette, loses) in [(false, false), (true, true)] {
+        let wrong = Renderer::new(
+            context(),
+            &library,
+            &scene,
+            &with(russian_roulette),
+            Eyes::Both,
+            [SIZE, SIZE],
+        )
+        .unwrap();
+        let (found, error) = measured_by(wrong, &views());
+        assert_eq!(
+            !agrees((found, error), expected),
+            loses,
+            "roulette {russian_roulette}, no weights: {found} for {expected}"
+        );
+    }
+}
+
+#[test]
+fn nothing_gets_into_a_closed_sphere() {
+    let (mut scene, _) = lit_by(&[Light::Sun]);
+    scene.environment = Some(even_sky(1.0));
+    // A hit within its rounding (some 1e-7 m) of an edge may start its next ray beyond the neighbouring facet. There are
+    // 43 m of edges per square metre: 43 x 2 x 1e-7 = 1e-5 of the rays, 5 of them a path, each bringing 1 at most.
+    let bound = 5e-5;
+    for settings in [
+        path(Sampler::Random, Technique::Mis),
+        photons(Sampler::Random, |_| {}),
+    ] {
+        let (found, _) = measured(&scene, &settings, &views());
+        assert!(found < bound, "{:?}: {found}", settings.method);
+    }
+    // Negative control: one facet of 5120 missing lets in 1 / 5120 of what a ray can meet, times the albedo's series.
+    scene.meshes[0].triangles.remove(0);
+    let (found, _) = measured(&scene, &path(Sampler::Random, Technique::Mis), &views());
+    assert!(found > bound, "a hole goes unnoticed: {found}");
+}
+
+fn even_sky(radiance: f32) -> Environment {
+    Environment {
+        width: 8,
+        height: 4,
+        radiance: vec![[radiance; 3]; 32],
+        name: "even sky".to_owned(),
+    }
+}
+
+#[test]
+fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
+    // From outside: opaque surfaces scatter on both sides. Every ray that leaves a convex body meets the sky.
+    let mut scene = sphere();
+    scene.lights[0].intensity = [0.0; 3];
+    scene.environment = Some(even_sky(2.0));
+    // So near that the ball fills the view: it spans 41.8 degrees, and the view's corners lie at 39.2.
+    let head = Pose::new(DVec3::Z * 1.5, DQuat::IDENTITY);
+    let views = parallel_views(head, 0.0, square_fov(30.0));
+    let expected = 2.0 * f64::from(ALBEDO);
+    for (name, settings) in [
+        ("path", path(Sampler::Random, Technique::Mis)),
+        ("path, Sobol", path(Sampler::Sobol, Technique::Mis)),
+        (
+            "path, light samples",
+            path(Sampler::Sobol, Technique::Light),
+        ),
+        (
+            "path, surfaces' directions",
+            path(Sampler::Random, Technique::Bsdf),
+        ),
+        ("photons", photons(Sampler::Random, |_| {})),
+        (
+            "photons, direct from the map",
+            photons(Sampler::Sobol, |s| s.photon.direct = DirectLight::Map),
+        ),
+    ] {
+        let found = measured(&scene, &settings, &views);
+        assert!(agrees(found, expected), "{name}: {found:?} for {expected}");
+    }
+}

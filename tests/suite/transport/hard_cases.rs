@@ -1,0 +1,348 @@
+//! DESIGN section 10: extremes of geometry, view, scale and light, each against a value known beforehand.
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3};
+use stereolux::renderer::Eye;
+use stereolux::scene::builtin::{plane, sphere};
+use stereolux::scene::{Environment, Material, Scene};
+use stereolux::settings::{Method, Reuse};
+use stereolux::xr::{Pose, View};
+
+use super::hard_support::*;
+use crate::suite::support::{
+    assert_clean, bits, builtin, frame, mean, method, parallel_views, radiance, renderer, settings,
+    square_fov, start_pose,
+};
+
+#[test]
+fn an_eye_in_a_sealed_box_sees_black_and_in_a_glowing_one_its_glow() {
+    let views = eyes_at(DVec3::new(0.3, -0.2, 0.1), DQuat::IDENTITY, 45.0);
+    let sides = cube();
+    // Lit from outside through its lid, or not: a shadow ray must not slip through an edge.
+    let lit = |triangles: &[Triangle]| {
+        let mut scene = Scene::default();
+        add(&mut scene, triangles, Material::lambert("wall", [0.5; 3]));
+        add_point_light(&mut scene, DVec3::new(0.1, 3.0, 0.2), 100.0);
+        scene
+    };
+    let emission = |albedo: f32, double_sided: bool| {
+        let mut scene = Scene::default();
+        let material = Material {
+            emission: [0.5, 1.0, 2.0],
+            double_sided,
+            ..Material::lambert("glow", [albedo; 3])
+        };
+        add(&mut scene, &sides, material);
+        scene
+    };
+    for kind in [Method::Photon, Method::Path] {
+        for reuse in [Reuse::Off, Reuse::Scatter] {
+            let settings = method(kind, reuse);
+            for (what, scene) in [
+                ("lit from outside", lit(&sides)),
+                ("glows outwards", emission(0.5, false)),
+            ] {
+                for image in images(&scene, &settings, [24, 24], &views) {
+                    assert!(is_black(&image), "{kind:?} {reuse:?}: {what}");
+                }
+            }
+        }
+        // Negative control: without its lid the box is lit.
+        let open = images(
+            &lit(&sides[..10]),
+            &method(kind, Reuse::Off),
+            [24, 24],
+            &views,
+        );
+        assert!(mean(&open[0]) > 0.01, "{kind:?}: the open box is black");
+        // Nothing reflects: emission, bit for bit.
+        for image in images(
+            &emission(0.0, true),
+            &method(kind, Reuse::Off),
+            [24, 24],
+            &views,
+        ) {
+            assert!(
+                image.iter().all(|&p| p == [0.5, 1.0, 2.0]),
+                "{kind:?}: not the emission"
+            );
+        }
+    }
+    // Half is reflected: L = e (1 + a + ...) with one term per surface of the path, 2 e (1 - a^depth).
+    let depth = 12;
+    for image in images(&emission(0.5, true), &paths(depth, 64), [32, 32], &views) {
+        for (channel, e) in [0.5, 1.0, 2.0].into_iter().enumerate() {
+            let expected = 2.0 * e * (1.0 - 0.5_f64.powi(depth as i32));
+            let sum: f64 = image.iter().map(|p| f64::from(p[channel])).sum();
+            let found = sum / image.len() as f64;
+            // 65,536 paths whose values spread by less than their mean: 0.4 % at one standard deviation.
+            assert!(
+                relative(found, expected) < 0.016,
+                "{found} for {expected} in channel {channel}"
+            );
+        }
+    }
+}
+
+#[test]
+fn an_eye_on_a_surface_gives_a_clean_image() {
+    let scene = builtin("plane");
+    for kind in [Method::Photon, Method::Path] {
+        for turn in [
+            DQuat::IDENTITY,
+            DQuat::from_rotation_y(PI / 2.0),
+            DQuat::from_rotation_x(PI / 4.0),
+        ] {
+            let views = eyes_at(DVec3::new(0.1, 0.2, -plane::DISTANCE_M), turn, 45.0);
+            for reuse in [Reuse::Scatter, Reuse::Lookup] {
+                images(&scene, &method(kind, reuse), [16, 16], &views);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_behind_beside_and_on_the_right_images_border() {
+    // In f64. The borders are the view's own tangents, doubled: exact, and so is the quotient.
+    let [_, right] = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 40.0);
+    let right = View {
+        position_in_world: DVec3::ZERO,
+        ..right
+    };
+    let t = right.fov.tangents();
+    let at = |x: f64, y: f64, z: f64| {
+        right.pixel_from_point_in_world(DVec3::new(x * 2.0, y * 2.0, z * 2.0), 48, 32)
+    };
+    assert_eq!(at(t.left, 0.0, -1.0).map(|p| p.0), Some(0.0));
+    assert_eq!(at(0.0, t.up, -1.0).map(|p| p.1), Some(0.0));
+    assert_eq!(at(t.right, 0.0, -1.0), None, "the image is half open");
+    assert_eq!(at(0.0, t.down, -1.0), None, "the image is half open");
+    // A part in 1e12 inside and outside: f64 keeps 1e-16.
+    let hair = 1.0 - 1e-12;
+    assert!(at(t.right * hair, 0.0, -1.0).is_some_and(|p| p.0 < 48.0 && p.0 > 47.999));
+    assert!(at(0.0, t.down * hair, -1.0).is_some_and(|p| p.1 < 32.0 && p.1 > 31.999));
+    assert_eq!(at(t.left / hair, 0.0, -1.0), None);
+    assert_eq!(at(0.0, t.up / hair, -1.0), None);
+    assert_eq!(at(2.0 * t.right, 0.0, -1.0), None, "beside");
+    assert_eq!(at(0.0, 0.0, 1.0), None, "behind");
+    assert_eq!(at(0.1, 0.1, 0.0), None, "in the eye's plane");
+    assert_eq!(at(0.0, 0.0, 0.0), None, "in the eye");
+    assert_eq!(at(f64::NAN, 0.0, -1.0), None);
+}
+
+#[test]
+fn a_right_eye_that_sees_nothing_of_the_left_image_is_filled_as_if_alone() {
+    let scene = builtin("sphere");
+    let size = [24, 24];
+    let views = eyes_at(DVec3::new(0.1, 0.2, 0.3), DQuat::IDENTITY, 40.0);
+    for (what, turn) in [("behind", PI), ("beside", PI / 2.0)] {
+        let mut views = views;
+        views[1].orientation = DQuat::from_rotation_y(turn);
+        for kind in [Method::Photon, Method::Path] {
+            let alone = images(&scene, &method(kind, Reuse::Off), size, &views);
+            let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), size);
+            let stereo = frame(&mut renderer, &views).stereo;
+            assert_eq!(stereo.reused, 0, "{what} {kind:?}");
+            assert_eq!(
+                stereo.filled_because.out_of_left_view,
+                size[0] * size[1],
+                "{what} {kind:?}: {stereo:?}"
+            );
+            assert!(
+                bits(&radiance(&renderer, Eye::Right)) == bits(&alone[1]),
+                "{what} {kind:?}: filled pixels are not those of an eye alone"
+            );
+            // Negative control: the left eye looks elsewhere.
+            assert!(bits(&alone[0]) != bits(&alone[1]));
+        }
+    }
+}
+
+#[test]
+fn samples_exactly_on_a_border_are_filled_and_others_carried() {
+    // Both eyes in one place, so hits keep their tangents. A right pixel is half as wide as a left one, and the right
+    // image begins on a left pixel's centre or a quarter of a right pixel before it: left samples lie exactly on right
+    // borders, the outermost on the border of the image, or in every other pixel.
+    let scene = builtin("plane");
+    let size = 32_u32;
+    let centre = |i: f64| (2.0 * (i + 0.5) / f64::from(size) - 1.0).atan();
+    for kind in [Method::Photon, Method::Path] {
+        for before in [0.0, 0.125] {
+            let mut views = parallel_views(Pose::IDENTITY, 0.0, square_fov(45.0));
+            views[1].fov.angle_left = centre(4.0 - before);
+            views[1].fov.angle_right = centre(20.0 - before);
+            views[1].fov.angle_down = centre(4.0 + before);
+            views[1].fov.angle_up = centre(20.0 + before);
+            let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), [size, size]);
+            let stereo = frame(&mut renderer, &views).stereo;
+            let winners = renderer.read_winners().unwrap().unwrap();
+            let right = radiance(&renderer, Eye::Right);
+            assert_clean(&right, "border");
+            for (pixel, &winner) in winners.iter().enumerate() {
+                let (x, y) = (pixel as u32 % size, pixel as u32 / size);
+                // Rounding decides on which side of its border a sample lies, so none is carried; a quarter of a
+                // pixel inside, sample k of a row lands in pixel 2k. Rows count from the top.
+                let expected = if before == 0.0 || x % 2 == 1 || y % 2 == 1 {
+                    u32::MAX
+                } else {
+                    (11 + y / 2) * size + 4 + x / 2
+                };
+                assert_eq!(winner, expected, "{kind:?} {before}: ({x}, {y})");
+            }
+            let carried = if before == 0.0 { 0 } else { 16 * 16 };
+            assert_eq!(stereo.reused, carried, "{kind:?} {before}");
+            assert_eq!(stereo.filled, size * size - carried, "{kind:?} {before}");
+            if carried == 0 {
+                let alone = images(&scene, &method(kind, Reuse::Off), [size, size], &views);
+                assert!(bits(&right) == bits(&alone[1]), "{kind:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn fields_of_view_of_1_and_170_degrees() {
+    for half_degrees in [0.5, 85.0] {
+        let scene = builtin("plane");
+        let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(half_degrees));
+        for kind in [Method::Photon, Method::Path] {
+            let found = images(&scene, &method(kind, Reuse::Off), [32, 32], &views);
+            for (view, image) in views.iter().zip(&found) {
+                let off = worst(image, &plane_in_closed_form(view, 32, 1.0));
+                assert!(off < CLOSED_FORM, "{kind:?} {half_degrees}: {off}");
+            }
+            for reuse in [Reuse::Scatter, Reuse::Lookup] {
+                images(&scene, &method(kind, reuse), [32, 32], &views);
+            }
+        }
+        // Negative control: another opening is another image.
+        let other = parallel_views(Pose::IDENTITY, 0.063, square_fov(half_degrees * 0.98));
+        let [left, _] = images(&scene, &paths(2, 1), [32, 32], &views);
+        assert!(worst(&left, &plane_in_closed_form(&other[0], 32, 1.0)) > CLOSED_FORM);
+
+        // The integrating sphere: radiance 1 - a^11 to depth 12, whatever the angle. Paths differ by the facets'
+        // distances, under 1 %, and now and then one ends between the facet's horizon and that of its interpolated
+        // normal: it loses half of its light at most, which is 0.1 % of a tile of 576.
+        let scene = builtin("sphere");
+        let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
+        let expected = sphere::RADIANCE * (1.0 - f64::from(sphere::ALBEDO).powi(11));
+        for image in images(&scene, &paths(12, 16), [24, 24], &views) {
+            for (tile, found) in tiles(&image, 24, 6).into_iter().enumerate() {
+                let off = relative(found, expected);
+                assert!(off < 0.02, "{half_degrees} degrees, tile {tile}: {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_is_black_or_its_environment() {
+    let text = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"name":"nothing"}]}"#;
+    let mut scene = Scene::from_bytes("empty.gltf", text.as_bytes()).unwrap();
+    assert_eq!(scene.triangle_count(), 0);
+    let views = |turn| eyes_at(DVec3::new(1.0, 2.0, 3.0), turn, 10.0);
+    let all = [Method::Photon, Method::Path]
+        .map(|kind| [Reuse::Off, Reuse::Scatter, Reuse::Lookup].map(|reuse| method(kind, reuse)));
+    for settings in all.iter().flatten() {
+        for image in images(&scene, settings, [16, 16], &views(DQuat::IDENTITY)) {
+            assert!(is_black(&image));
+        }
+    }
+    // Red above, blue below: beyond the outermost texels' centres (45 degrees) the map is constant, ahead it is their
+    // mean. Blends of equal numbers round twice: 2^-23.
+    scene.environment = Some(Environment {
+        width: 4,
+        height: 2,
+        radiance: [[3.0, 0.0, 0.0]; 4]
+            .into_iter()
+            .chain([[0.0, 0.0, 0.25]; 4])
+            .collect(),
+        name: "two halves".to_owned(),
+    });
+    for settings in all.iter().flatten() {
+        for (up, expected) in [(0.5 * PI, [3.0, 0.0, 0.0]), (-0.5 * PI, [0.0, 0.0, 0.25])] {
+            let views = views(DQuat::from_rotation_x(up));
+            for image in images(&scene, settings, [16, 16], &views) {
+                let off = worst(&image, &vec![expected; 256]);
+                assert!(off < 3e-7, "looking up by {up}: {off}");
+            }
+        }
+        for image in images(&scene, settings, [16, 16], &views(DQuat::IDENTITY)) {
+            // Symmetric about the horizon, so the mean is that of the halves; f32 sums of 256 pixels.
+            let expected = (0.5 * 3.0 + 0.5 * 0.25) / 3.0;
+            assert!(relative(mean(&image), expected) < 1e-5);
+        }
+    }
+}
+
+/// A white wall inside a block of absorbing glass that does not bend light, lit from inside it.
+///
+/// Eye at the origin, block from z = -1 to -5, wall at z = -3 facing the eye, lamp at z = -2: light of radiance
+/// albedo / pi times I cos / d^2, times exp(-absorption (d + way from the block's front to the wall)).
+#[test]
+fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
+    const INTENSITY: f32 = 7.0;
+    const ALBEDO: f64 = 0.8;
+    let survives_per_m = [0.5_f64, 0.8, 0.2];
+    let block: Vec<Triangle> = cube()
+        .into_iter()
+        .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
+        .collect();
+    let wall = quad(DVec3::new(-1.9, -1.9, -3.0), DVec3::X * 3.8, DVec3::Y * 3.8);
+    let lit = |absorbs: bool| {
+        let mut scene = Scene::default();
+        let glass = Material {
+            metallic: 0.0,
+            transmission: 1.0,
+            ior: 1.0,
+            roughness: 0.0,
+            attenuation_distance_m: if absorbs { 1.0 } else { f32::INFINITY },
+            attenuation_color: survives_per_m.map(|c| c as f32),
+            ..Material::default()
+        };
+        add(&mut scene, &block, glass);
+        add(
+            &mut scene,
+            &wall,
+            Material::lambert("wall", [ALBEDO as f32; 3]),
+        );
+        add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
+        scene
+    };
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 15.0);
+    let expected = |absorbs: bool| -> Vec<[f32; 3]> {
+        (0..24 * 24)
+            .map(|pixel| {
+                let (x, y) = (f64::from(pixel % 24) + 0.5, f64::from(pixel / 24) + 0.5);
+                let ray = views[0].ray_through_pixel(x, y, 24, 24);
+                let point = ray.origin + ray.direction * (3.0 / -ray.direction.z);
+                let to_lamp = DVec3::new(0.2, 0.1, -2.0) - point;
+                let d = to_lamp.length();
+                let light = ALBEDO / PI * f64::from(INTENSITY) * (to_lamp.z / d) / (d * d);
+                let inside = d + 2.0 / -ray.direction.z;
+                survives_per_m.map(|share| {
+                    let left = if absorbs { share.powf(inside) } else { 1.0 };
+                    (light * left) as f32
+                })
+            })
+            .collect()
+    };
+    for kind in [Method::Photon, Method::Path] {
+        // Eye, glass, wall, lamp: three segments, so nothing but this light.
+        let settings = settings(|s| {
+            s.method = kind;
+            s.reuse = Reuse::Off;
+            s.path.max_depth = 3;
+            s.photon.max_depth = 3;
+        });
+        for absorbs in [true, false] {
+            let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
+            // Some 50 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
+            let off = worst(found, &expected(absorbs));
+            assert!(off < 1e-4, "{kind:?}, absorbing {absorbs}: {off:e}");
+            // Negative control.
+            assert!(worst(found, &expected(!absorbs)) > 0.5);
+        }
+    }
+}

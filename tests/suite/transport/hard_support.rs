@@ -1,0 +1,202 @@
+//! Scenes, views and comparators that the hard cases share.
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::renderer::Eye;
+use stereolux::scene::builtin::plane;
+use stereolux::scene::{
+    Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
+};
+use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::xr::{Pose, View};
+
+use crate::suite::support::{
+    assert_clean, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
+};
+
+pub type Triangle = [DVec3; 3];
+
+/// A mesh with flat normals; triangles without area get +Z.
+pub fn mesh(triangles: &[Triangle]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for triangle in triangles {
+        let [a, b, c] = *triangle;
+        let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
+        let tangent = normal.any_orthonormal_vector().as_vec3();
+        let first = mesh.positions.len() as u32;
+        for corner in triangle {
+            mesh.positions.push(corner.as_vec3().to_array());
+            mesh.normals.push(normal.as_vec3().to_array());
+            mesh.tangents.push(tangent.extend(1.0).to_array());
+            mesh.uv0.push([0.0; 2]);
+            mesh.uv1.push([0.0; 2]);
+            mesh.colors.push([1.0; 4]);
+        }
+        mesh.triangles.push(MeshTriangle {
+            vertices: [first, first + 1, first + 2],
+            material: 0,
+        });
+    }
+    mesh
+}
+
+pub fn root(name: &str, scene: &mut Scene) -> usize {
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        name: name.to_owned(),
+        ..Node::default()
+    });
+    scene.nodes.len() - 1
+}
+
+/// Adds triangles of one material as an instance of their own.
+pub fn add(scene: &mut Scene, triangles: &[Triangle], material: Material) {
+    let node = root(&material.name, scene);
+    let mut mesh = mesh(triangles);
+    for triangle in &mut mesh.triangles {
+        triangle.material = scene.materials.len() as u32;
+    }
+    scene.nodes[node].mesh = Some(scene.meshes.len());
+    scene.meshes.push(mesh);
+    scene.materials.push(material);
+}
+
+pub fn add_point_light(scene: &mut Scene, position: DVec3, intensity: f32) {
+    let node = root("lamp", scene);
+    scene.nodes[node].parent_from_node = DAffine3::from_translation(position);
+    scene.nodes[node].light = Some(scene.lights.len());
+    scene.lights.push(PunctualLight {
+        name: "lamp".to_owned(),
+        kind: LightKind::Point,
+        intensity: [intensity; 3],
+    });
+}
+
+/// A parallelogram with its front along `u` x `v`.
+pub fn quad(corner: DVec3, u: DVec3, v: DVec3) -> Vec<Triangle> {
+    vec![
+        [corner, corner + u, corner + u + v],
+        [corner, corner + u + v, corner + v],
+    ]
+}
+
+/// The cube from -1 to 1, fronts outside. The last two triangles are the side at y = 1.
+pub fn cube() -> Vec<Triangle> {
+    let mut all = Vec::new();
+    for (n, u, v) in [
+        (DVec3::X, DVec3::Y, DVec3::Z),
+        (DVec3::Z, DVec3::X, DVec3::Y),
+        (DVec3::Y, DVec3::Z, DVec3::X),
+    ] {
+        all.extend(quad(-n - u - v, 2.0 * v, 2.0 * u));
+        all.extend(quad(n - u - v, 2.0 * u, 2.0 * v));
+    }
+    all
+}
+
+pub fn flipped(triangles: Vec<Triangle>) -> Vec<Triangle> {
+    triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect()
+}
+
+pub fn constant_environment(radiance: [f32; 3]) -> Environment {
+    Environment {
+        width: 8,
+        height: 4,
+        radiance: vec![radiance; 32],
+        name: "constant".to_owned(),
+    }
+}
+
+/// Each eye by itself, by paths.
+pub fn paths(depth: u32, spp: u32) -> RenderSettings {
+    settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.spp = spp;
+        s.path.max_depth = depth;
+    })
+}
+
+/// Both eyes' images; neither has a NaN, an infinity or a negative value.
+pub fn images(
+    scene: &Scene,
+    settings: &RenderSettings,
+    size: [u32; 2],
+    views: &[View; 2],
+) -> [Vec<[f32; 3]>; 2] {
+    let mut renderer = renderer(scene, settings, size);
+    frame(&mut renderer, views);
+    [Eye::Left, Eye::Right].map(|eye| {
+        let image = radiance(&renderer, eye);
+        assert_clean(&image, &format!("{} {eye:?}", scene.name));
+        assert_eq!(image.len(), (size[0] * size[1]) as usize);
+        image
+    })
+}
+
+pub fn eyes_at(position: DVec3, orientation: DQuat, half_degrees: f64) -> [View; 2] {
+    parallel_views(
+        Pose::new(position, orientation),
+        0.063,
+        square_fov(half_degrees),
+    )
+}
+
+pub fn is_black(image: &[[f32; 3]]) -> bool {
+    image.iter().flatten().all(|&channel| channel == 0.0)
+}
+
+/// Greatest relative difference between two images; pixels that are 0 in one must be 0 in the other.
+pub fn worst(image: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
+    assert_eq!(image.len(), expected.len());
+    image
+        .iter()
+        .flatten()
+        .zip(expected.iter().flatten())
+        .map(|(&a, &b)| relative(f64::from(a), f64::from(b)))
+        .fold(0.0, f64::max)
+}
+
+pub fn relative(found: f64, expected: f64) -> f64 {
+    if found == expected {
+        0.0
+    } else {
+        (found - expected).abs() / expected.abs().max(1e-30)
+    }
+}
+
+/// Means of square tiles of a square image, row by row.
+pub fn tiles(image: &[[f32; 3]], width: usize, edge: usize) -> Vec<f64> {
+    let across = width / edge;
+    (0..across * across)
+        .map(|tile| {
+            let corner = tile / across * edge * width + tile % across * edge;
+            let pixels: Vec<[f32; 3]> = (0..edge * edge)
+                .map(|i| image[corner + i / edge * width + i % edge])
+                .collect();
+            mean(&pixels)
+        })
+        .collect()
+}
+
+/// What `builtin:plane` looks like in closed form, pixel centres, black beside the plane; `scale` in metres per metre.
+pub fn plane_in_closed_form(view: &View, size: u32, scale: f64) -> Vec<[f32; 3]> {
+    (0..size * size)
+        .map(|pixel| {
+            let (x, y) = (f64::from(pixel % size) + 0.5, f64::from(pixel / size) + 0.5);
+            let ray = view.ray_through_pixel(x, y, size, size);
+            let distance = (-plane::DISTANCE_M * scale - ray.origin.z) / ray.direction.z;
+            let point = (ray.origin + ray.direction * distance) / scale;
+            let beside = point.x.abs().max(point.y.abs()) > plane::HALF_EDGE_M;
+            let value = if distance <= 0.0 || beside {
+                0.0
+            } else {
+                plane::radiance_at(point.x, point.y)
+            };
+            [value as f32; 3]
+        })
+        .collect()
+}
+
+/// Some twenty f32 steps from pixel to radiance keep 2e-6, and 3e-5 where a ray meets the plane at a cosine c and the
+/// hit's place is off by 1 / c of that: 16 at 85 degrees in both directions. The rest is for a driver's division.
+pub const CLOSED_FORM: f64 = 1e-4;

@@ -1,0 +1,458 @@
+//! Views of intermediate results: surfaces and picking, against f64.
+
+use glam::{DAffine3, DVec3};
+use stereolux::bvh::records::Triangle;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::gpu::buffers::read_buffer;
+use stereolux::renderer::{
+    Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
+};
+use stereolux::scene::{AlphaMode, Material, builtin::plane};
+use stereolux::settings::{Eyes, Force, Method, Reuse};
+use stereolux::xr::{Pose, View};
+
+use super::bvh_reference::{ExactInstance, brute_force};
+use super::hard_support::{add, quad};
+pub use super::photon_map::views;
+use super::support::*;
+
+pub const SIZE: [u32; 2] = [40, 32];
+const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
+
+pub fn surfaces(renderer: &mut Renderer, eye: Eye) -> Vec<SeenSurface> {
+    renderer
+        .inspect_surfaces(&ShaderLibrary::embedded(), eye)
+        .unwrap()
+}
+
+pub fn inspected(renderer: &mut Renderer, view: Inspection, eye: Eye) -> Inspected {
+    let found = renderer
+        .inspect(&ShaderLibrary::embedded(), view, eye)
+        .unwrap_or_else(|error| panic!("{view:?}: {error}"));
+    let pixels = (found.size[0] * found.size[1]) as usize;
+    if let Some(has_value) = &found.has_value {
+        assert_eq!(has_value.len(), pixels, "{view:?}");
+    }
+    found
+}
+
+pub fn scalars(renderer: &mut Renderer, view: Inspection, eye: Eye) -> Vec<f32> {
+    match inspected(renderer, view, eye).values {
+        InspectedValues::Scalar(values) => values,
+        other => panic!("{view:?}: {other:?}"),
+    }
+}
+
+pub fn colors(renderer: &mut Renderer, view: Inspection, eye: Eye) -> Vec<[f32; 3]> {
+    match inspected(renderer, view, eye).values {
+        InspectedValues::Color(values) | InspectedValues::Direction(values) => values,
+        other => panic!("{view:?}: {other:?}"),
+    }
+}
+
+/// Ray through the centre of a pixel, from the view alone.
+pub fn center_ray(view: &View, size: [u32; 2], pixel: usize) -> (DVec3, DVec3) {
+    let (x, y) = (pixel as u32 % size[0], pixel as u32 / size[0]);
+    let [x, y] = [x, y].map(|at| f64::from(at) + 0.5);
+    let ray = view.ray_through_pixel(x, y, size[0], size[1]);
+    (ray.origin, ray.direction.normalize())
+}
+
+/// The triangles as the device has them, deformed ones included.
+fn triangles(renderer: &Renderer) -> Vec<Triangle> {
+    let resources = renderer.scene().resources();
+    let Some(wgpu::BindingResource::Buffer(binding)) = resources.get("triangles") else {
+        panic!("no triangles");
+    };
+    let count = renderer.scene().hierarchies().triangles.len();
+    read_buffer(renderer.context(), "triangles", binding.buffer, count).unwrap()
+}
+
+/// What brute force searches, by slot: `meshes` says which mesh each slot shows, `places` where (`None`: removed).
+fn exact(renderer: &Renderer, meshes: &[usize], places: &[Option<DAffine3>]) -> Vec<ExactInstance> {
+    let origin = renderer.origin_in_world();
+    let hierarchies = renderer.scene().hierarchies();
+    let placed = |(mesh, place): (&usize, &Option<DAffine3>)| {
+        let range = &hierarchies.meshes[*mesh];
+        let end = range.first_triangle + range.triangle_count;
+        match place {
+            Some(place) => {
+                let mut place = *place;
+                place.translation -= origin;
+                (place, range.first_triangle..end)
+            }
+            None => (DAffine3::IDENTITY, 0..0),
+        }
+    };
+    meshes.iter().zip(places).map(placed).collect()
+}
+
+/// How many pixels disagree with the exhaustive search, and how many of those that are certain see a surface.
+fn wrong_surfaces(
+    renderer: &mut Renderer,
+    eye: Eye,
+    view: &View,
+    exact: &[ExactInstance],
+) -> (usize, usize) {
+    let triangles = triangles(renderer);
+    let origin = renderer.origin_in_world();
+    let seen = surfaces(renderer, eye);
+    let (mut wrong, mut certain) = (0, 0);
+    for (pixel, seen) in seen.iter().enumerate() {
+        let (from, direction) = center_ray(view, SIZE, pixel);
+        let from = from - origin;
+        // The device's ray is rounded to f32, some 1e-7 of its direction: within 1e-4 of a border (barycentric) either
+        // answer is right, as where two surfaces lie in one place.
+        let all = brute_force(exact, &triangles, from, direction, 1e-4);
+        let nearly = |t: f64| (t - all[0].t).abs() < 1e-4 * (1.0 + t);
+        if all.iter().any(|hit| hit.inside < 1e-4) || all.iter().skip(1).any(|hit| nearly(hit.t)) {
+            continue;
+        }
+        let Some(first) = all.first() else {
+            wrong += usize::from(seen.instance.is_some());
+            continue;
+        };
+        certain += 1;
+        let triangle = &triangles[first.triangle];
+        let [a, b, c] = [triangle.v0, triangle.v1, triangle.v2].map(|v| {
+            exact[first.instance]
+                .0
+                .transform_point3(glam::Vec3::from(v).as_dvec3())
+        });
+        let normal = (b - a).cross(c - a).normalize();
+        let facing = -normal.dot(direction).signum();
+        let normal_seen = glam::Vec3::from(seen.geometric_normal_in_world).as_dvec3();
+        let shading = glam::Vec3::from(seen.normal_in_world).as_dvec3();
+        // Distances: errors of tens of f32 units over slopes down to 1e-2. Normals are packed into 16 bits an axis:
+        // a step of 2 / 65,535 in each of two coordinates, folded.
+        let agrees = seen.instance == Some(InstanceId(first.instance as u32))
+            && seen.triangle as usize == first.triangle
+            && seen.material == triangle.material
+            && (f64::from(seen.distance_m) - first.t).abs() < 1e-4 * (1.0 + first.t)
+            && normal_seen.distance(facing * normal) < 1e-4
+            && seen.is_front == (facing > 0.0)
+            && (shading.length() - 1.0).abs() < 1e-5
+            && shading.dot(normal_seen) > 0.0
+            && seen.node == renderer.scene().shown_node(first.instance as u32)
+            && seen.nodes_visited >= 2;
+        wrong += usize::from(!agrees);
+    }
+    (wrong, certain)
+}
+
+#[test]
+fn surfaces_are_those_of_an_exhaustive_search_whatever_moves() {
+    for (name, half_degrees) in [("cornell", 20.0), ("gallery", 40.0)] {
+        let scene = builtin(name);
+        let settings = method(Method::Path, Reuse::Lookup);
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        let views = views(&scene, half_degrees);
+        let mut meshes: Vec<usize> = scene.instances().iter().map(|placed| placed.mesh).collect();
+        let mut places: Vec<Option<DAffine3>> = scene
+            .instances()
+            .iter()
+            .map(|placed| Some(placed.world_from_object))
+            .collect();
+        frame(&mut renderer, &views);
+        let seen = surfaces(&mut renderer, Eye::Left);
+        // The two that most pixels see, the room aside.
+        let mut counts = vec![0; meshes.len()];
+        for id in seen.iter().filter_map(|surface| surface.instance) {
+            counts[id.0 as usize] += 1;
+        }
+        let mut slots: Vec<usize> = (0..meshes.len()).collect();
+        slots.sort_by_key(|slot| std::cmp::Reverse(counts[*slot]));
+        let (moved, removed) = (slots[1], slots[2]);
+        for step in 0..2 {
+            let now = exact(&renderer, &meshes, &places);
+            for (eye, view) in EYES.into_iter().zip(&views) {
+                let (wrong, certain) = wrong_surfaces(&mut renderer, eye, view, &now);
+                assert_eq!(wrong, 0, "{name} {eye:?} step {step}");
+                assert!(certain > seen.len() / 2, "{name}: {certain}");
+            }
+            if step == 1 {
+                break;
+            }
+            // What has been moved shows with the next frame, not before.
+            let shift = DAffine3::from_translation(DVec3::new(0.05, 0.08, 0.03));
+            let place = shift * places[moved].unwrap();
+            assert!(renderer.set_instance_transform(InstanceId(moved as u32), place));
+            assert!(renderer.remove_instance(InstanceId(removed as u32)));
+            let added = shift * shift * places[moved].unwrap();
+            let id = renderer.add_instance(meshes[moved], added).unwrap();
+            let (wrong, _) = wrong_surfaces(&mut renderer, Eye::Left, &views[0], &now);
+            assert_eq!(wrong, 0, "{name}: the frame that is shown");
+            places[moved] = Some(place);
+            places[removed] = None;
+            assert_eq!(id.0 as usize, meshes.len());
+            meshes.push(meshes[moved]);
+            places.push(Some(added));
+            renderer.render_frame(&views, 1, |_| {}).unwrap();
+            assert_eq!(renderer.scene().shown_node(id.0), None);
+            // The scene as it was would be wrong now.
+            let (wrong, _) = wrong_surfaces(&mut renderer, Eye::Left, &views[0], &now);
+            assert!(wrong > 10, "{name}: {wrong}");
+        }
+    }
+}
+
+#[test]
+fn surfaces_of_deforming_meshes_are_those_of_their_shape() {
+    let scene = builtin("parade");
+    let mut renderer = renderer(&scene, &method(Method::Path, Reuse::Off), SIZE);
+    let views = views(&scene, 35.0);
+    let own = stereolux::renderer::deform::with_own_meshes(&scene);
+    let meshes: Vec<usize> = own.instances().iter().map(|placed| placed.mesh).collect();
+    for index in 0..2 {
+        renderer.animate(i64::from(index) * 700_000_000);
+        renderer.render_frame(&views, index, |_| {}).unwrap();
+        let places: Vec<_> = (0..meshes.len())
+            .map(|slot| renderer.scene().placement(InstanceId(slot as u32)))
+            .collect();
+        let now = exact(&renderer, &meshes, &places);
+        let (wrong, certain) = wrong_surfaces(&mut renderer, Eye::Right, &views[1], &now);
+        assert!(wrong == 0 && certain > 300, "{index}: {wrong} of {certain}");
+    }
+}
+
+#[test]
+fn depth_normals_steps_and_instances_of_a_plane_in_closed_form() {
+    let scene = builtin("plane");
+    let mut renderer = renderer(&scene, &method(Method::Path, Reuse::Off), SIZE);
+    let views = views(&scene, 40.0);
+    frame(&mut renderer, &views);
+    for (eye, view) in EYES.into_iter().zip(&views) {
+        let depth = scalars(&mut renderer, Inspection::Depth, eye);
+        let normals = colors(&mut renderer, Inspection::Normal, eye);
+        let albedo = colors(&mut renderer, Inspection::Albedo, eye);
+        let steps = scalars(&mut renderer, Inspection::BvhSteps, eye);
+        let labels = inspected(&mut renderer, Inspection::Instance, eye);
+        assert_eq!(labels.has_value, Some(vec![true; depth.len()]));
+        assert_eq!(labels.values, InspectedValues::Labels(vec![0; depth.len()]));
+        for pixel in 0..depth.len() {
+            let (_, direction) = center_ray(view, SIZE, pixel);
+            let exact = plane::DISTANCE_M / -direction.z;
+            // A few roundings of f32.
+            assert!((f64::from(depth[pixel]) / exact - 1.0).abs() < 1e-6);
+            assert_eq!(normals[pixel], [0.0, 0.0, 1.0]);
+            assert_eq!(albedo[pixel], [plane::ALBEDO; 3]);
+            // The upper hierarchy's root: two triangles need no node of their own.
+            assert_eq!(steps[pixel], 1.0);
+        }
+    }
+    // Beside the plane: nothing but the root's boxes.
+    let mut away = start_pose(&scene);
+    away.orientation = glam::DQuat::from_rotation_y(std::f64::consts::PI);
+    let away = parallel_views(
+        Pose::new(away.position, away.orientation),
+        0.063,
+        square_fov(30.0),
+    );
+    renderer.render_frame(&away, 1, |_| {}).unwrap();
+    let nothing = surfaces(&mut renderer, Eye::Left);
+    assert!(
+        nothing
+            .iter()
+            .all(|s| s.instance.is_none() && s.node.is_none())
+    );
+    assert!(
+        nothing
+            .iter()
+            .all(|s| s.nodes_visited == 1 && s.distance_m == 0.0)
+    );
+    let depth = inspected(&mut renderer, Inspection::Depth, Eye::Left);
+    assert_eq!(depth.has_value, Some(vec![false; nothing.len()]));
+    assert_eq!(
+        depth.values,
+        InspectedValues::Scalar(vec![0.0; nothing.len()])
+    );
+    let labels = inspected(&mut renderer, Inspection::Instance, Eye::Left);
+    assert_eq!(
+        labels.values,
+        InspectedValues::Labels(vec![u32::MAX; nothing.len()])
+    );
+}
+
+#[test]
+fn blended_panes_are_there_by_their_coverage_and_not_by_chance() {
+    let pane = |coverage: f32| {
+        let mut scene = builtin("plane");
+        let mut glass = Material::lambert("pane", [0.25; 3]);
+        glass.base_color[3] = coverage;
+        glass.alpha_mode = AlphaMode::Blend;
+        let corner = DVec3::new(-5.0, -5.0, -1.0);
+        let square = quad(corner, DVec3::X * 10.0, DVec3::Y * 10.0);
+        add(&mut scene, &square, glass);
+        let mut renderer = renderer(&scene, &method(Method::Path, Reuse::Off), SIZE);
+        frame(&mut renderer, &views(&scene, 40.0));
+        let mut seen: Vec<u32> = surfaces(&mut renderer, Eye::Left)
+            .iter()
+            .map(|surface| surface.instance.unwrap().0)
+            .collect();
+        seen.dedup();
+        seen
+    };
+    assert_eq!(pane(0.3), [1]);
+    assert_eq!(pane(0.05), [0]);
+}
+
+#[test]
+fn albedo_is_the_textured_base_colour_and_parts_add_up() {
+    let scene = builtin("gallery");
+    let settings = settings(|s| {
+        s.reuse = Reuse::Off;
+        s.output.parts = true;
+    });
+    let mut renderer = renderer(&scene, &settings, SIZE);
+    frame(&mut renderer, &views(&scene, 40.0));
+    for eye in EYES {
+        let seen = surfaces(&mut renderer, eye);
+        let albedo = colors(&mut renderer, Inspection::Albedo, eye);
+        let parts = renderer.read_parts(eye).unwrap().unwrap();
+        let (mut lambert, mut textured) = (0, 0);
+        for (pixel, surface) in seen.iter().enumerate() {
+            assert_eq!(albedo[pixel], surface.albedo);
+            let Some(material) = surface
+                .instance
+                .map(|_| &scene.materials[surface.material as usize])
+            else {
+                continue;
+            };
+            if material.metallic == 0.0 && material.specular == 0.0 && material.transmission == 0.0
+            {
+                // A Lambert surface reflects its base colour; one sample goes through the centre too.
+                lambert += 1;
+                textured += usize::from(material.base_color_texture.is_some());
+                let expected = parts.albedo[pixel];
+                let close = (0..3).all(|c| (surface.albedo[c] - expected[c]).abs() <= 1e-6);
+                assert!(close, "{eye:?} {pixel}: {:?} {expected:?}", surface.albedo);
+            }
+        }
+        assert!(lambert > 100 && textured > 20, "{lambert} {textured}");
+        let direct = colors(&mut renderer, Inspection::Direct, eye);
+        let indirect = colors(&mut renderer, Inspection::Indirect, eye);
+        let radiance = radiance(&renderer, eye);
+        let sums = direct.iter().zip(&indirect).zip(&radiance);
+        for ((direct, indirect), radiance) in sums {
+            for c in 0..3 {
+                // Each part is rounded once.
+                let error = (direct[c] + indirect[c] - radiance[c]).abs();
+                assert!(
+                    error <= 1e-6 * radiance[c],
+                    "{direct:?} {indirect:?} {radiance:?}"
+                );
+            }
+        }
+        assert!(mean(&indirect) > 0.05 * mean(&direct));
+    }
+}
+
+#[test]
+fn looking_leaves_the_frames_as_they_are() {
+    let scene = builtin("gallery");
+    let settings = settings(|s| s.photon.count = 2048);
+    let mut with_all = settings.clone();
+    with_all.output.motion = true;
+    with_all.output.parts = true;
+    with_all.force.caustics = Force::On;
+    let views = views(&scene, 40.0);
+    let mut plain = renderer(&scene, &settings, SIZE);
+    let mut looked_at = renderer(&scene, &with_all, SIZE);
+    let passes = looked_at.pass_names();
+    for index in 0..3 {
+        let moved = DAffine3::from_translation(DVec3::Y * 0.01 * f64::from(index))
+            * scene.instances()[3].world_from_object;
+        for renderer in [&mut plain, &mut looked_at] {
+            renderer.set_instance_transform(InstanceId(3), moved);
+            renderer.render_frame(&views, index, |_| {}).unwrap();
+        }
+        for eye in EYES {
+            assert!(
+                bits(&radiance(&plain, eye)) == bits(&radiance(&looked_at, eye)),
+                "frame {index} {eye:?}"
+            );
+            for &view in Inspection::ALL {
+                if view != Inspection::Variance
+                    && (view, eye) != (Inspection::Provenance, Eye::Left)
+                {
+                    inspected(&mut looked_at, view, eye);
+                }
+            }
+        }
+    }
+    assert_eq!(
+        looked_at.pass_names(),
+        passes,
+        "nothing is compiled for frames"
+    );
+    let InspectedValues::Labels(labels) =
+        inspected(&mut looked_at, Inspection::Provenance, Eye::Right).values
+    else {
+        panic!("labels");
+    };
+    let read = looked_at.read_provenance();
+    assert_eq!(Some(labels), read.unwrap());
+}
+
+#[test]
+fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
+    let scene = builtin("cornell");
+    let views = views(&scene, 20.0);
+    let library = ShaderLibrary::embedded();
+    let poor = settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.path.max_depth = 3;
+        s.photon.max_depth = 3;
+    });
+    let mut renderer = renderer(&scene, &poor, [12, 12]);
+    let too_early = renderer.inspect_surfaces(&library, Eye::Left).unwrap_err();
+    assert!(
+        too_early.to_string().contains("render a frame"),
+        "{too_early}"
+    );
+    frame(&mut renderer, &views);
+    for &view in Inspection::ALL {
+        let found = renderer.inspect(&library, view, Eye::Right);
+        let Some(missing) = view.missing(&poor) else {
+            found.unwrap();
+            continue;
+        };
+        let error = found.unwrap_err();
+        assert!(matches!(error, RenderError::Settings(_)), "{error}");
+        let text = error.to_string();
+        assert!(text.contains(missing) && !text.contains('\n'), "{text}");
+        let mut enough = super::support::renderer(&scene, &view.settings_for(&poor), [12, 12]);
+        frame(&mut enough, &views);
+        inspected(&mut enough, view, Eye::Right);
+    }
+    // Another size has no frame yet.
+    renderer.resize([10, 8]).unwrap();
+    assert!(renderer.inspect_surfaces(&library, Eye::Left).is_err());
+    frame(&mut renderer, &views);
+    assert_eq!(surfaces(&mut renderer, Eye::Left).len(), 80);
+    // A broken shader is an error that names it, as soon as passes are compiled again, and a good one works again.
+    let mut broken = ShaderLibrary::embedded();
+    broken.insert("passes/inspect_surfaces", "fn main() { let x = ; }");
+    let depth = |renderer: &mut Renderer, library: &ShaderLibrary| {
+        renderer.inspect(library, Inspection::Depth, Eye::Left)
+    };
+    depth(&mut renderer, &broken).unwrap();
+    renderer.recompile_views();
+    let error = depth(&mut renderer, &broken).unwrap_err().to_string();
+    assert!(error.contains("inspect_surfaces"), "{error}");
+    depth(&mut renderer, &library).unwrap();
+    // One eye alone.
+    let context = context();
+    let mut one = Renderer::new(context, &library, &scene, &poor, Eyes::Right, [12, 12]).unwrap();
+    frame(&mut one, &views);
+    let (alone, error) = (
+        surfaces(&mut one, Eye::Right),
+        one.inspect(&library, Inspection::Depth, Eye::Left)
+            .unwrap_err(),
+    );
+    assert!(error.to_string().contains("left eye"), "{error}");
+    let mut both = super::support::renderer(&scene, &poor, [12, 12]);
+    frame(&mut both, &views);
+    assert_eq!(alone, surfaces(&mut both, Eye::Right));
+}

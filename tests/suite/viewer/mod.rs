@@ -1,0 +1,18 @@
+//! Windows: the viewer, the desktop mirror, views of intermediate results.
+
+// What the tests here take from other subjects.
+use crate::suite::{
+    bvh::bvh_reference, support, transport::hard_support, transport::photon_map,
+    xr::openxr_picture, xr::openxr_runtime, xr::openxr_submit, xr::openxr_support,
+};
+
+pub mod drag;
+pub mod inspect;
+pub mod inspect_photons;
+pub mod mirror;
+pub mod viewer_app;
+pub mod viewer_files;
+pub mod viewer_painter;
+pub mod viewer_support;
+pub mod viewer_window;
+pub mod virtual_screen;

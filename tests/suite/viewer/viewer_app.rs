@@ -1,0 +1,352 @@
+//! What a person does in the viewer by keys, mouse and panels.
+
+use std::sync::Arc;
+
+use egui::{Key, Modifiers, vec2};
+use egui_kittest::kittest::Queryable as _;
+use glam::DVec3;
+use stereolux::renderer::Inspection;
+use stereolux::settings::Method;
+use stereolux::viewer::App;
+use stereolux::viewer::frames::{FrameReport, ViewMode};
+use stereolux::viewer::layout::{Layout, Part};
+
+use super::viewer_support::{
+    Viewer, changed, click_at, drag, errors, narrow, node_of, open, path_tracing, place_of, press,
+    settle, shown, until,
+};
+use crate::suite::support::Folder;
+
+#[test]
+fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
+    let folder = Folder::new("viewer-walk");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let before = shown(viewer.state()).eyes[0].pixels.clone();
+    let start = viewer.state().head();
+    viewer.key_down(Key::W);
+    viewer.step();
+    for _ in 0..10 {
+        viewer.step();
+    }
+    viewer.key_up(Key::W);
+    viewer.step();
+    let walked = viewer.state().head();
+    let ahead = start.orientation * DVec3::NEG_Z;
+    let way = walked.position - start.position;
+    assert!(way.dot(ahead) > 0.01, "{way}");
+    // Straight ahead, to rounding.
+    assert!(
+        way.cross(ahead).length() < 1e-9 * way.length().max(1.0),
+        "{way}"
+    );
+    let left_eye = narrow().views_from_head(&walked)[0];
+    settle(&mut viewer);
+    assert_eq!(shown(viewer.state()).views[0], left_eye);
+    let moved = changed(shown(viewer.state()), &before);
+    assert!(moved > 0.3, "{moved}");
+    // The key is up: the head stands still.
+    viewer.step();
+    assert_eq!(viewer.state().head(), walked);
+
+    // A drag turns the head and selects nothing.
+    let rect = viewer.state().shown_at()[0].1;
+    drag(&mut viewer, rect.center(), vec2(40.0, 0.0));
+    assert_eq!(viewer.state().selected(), None);
+    let turned = viewer.state().head();
+    assert_eq!(turned.position, walked.position);
+    // To the right by 40 points, of which 800 are half a turn; the drag counts from where egui sees it as one.
+    let turn = (turned.heading_rad() - walked.heading_rad()) / std::f64::consts::PI * 800.0;
+    assert!((-40.0..-25.0).contains(&turn), "{turn}");
+    press(&mut viewer, Modifiers::NONE, Key::Home);
+    assert_eq!(viewer.state().head(), start);
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+}
+
+#[test]
+fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_back() {
+    let folder = Folder::new("viewer-colour");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    for name in ["tall block", "short block", "back wall"] {
+        let at = place_of(viewer.state(), name);
+        click_at(&mut viewer, at);
+        let node = node_of(viewer.state().document().scene(), name);
+        assert_eq!(viewer.state().selected(), Some(node), "{name}");
+    }
+    let at = place_of(viewer.state(), "left wall");
+    click_at(&mut viewer, at);
+    viewer.step();
+    let scene = viewer.state().document().scene();
+    let mesh = scene.nodes[node_of(scene, "left wall")].mesh.unwrap();
+    let material = scene.meshes[mesh].triangles[0].material as usize;
+    let from = scene.materials[material].clone();
+    let before = shown(viewer.state()).eyes[0].pixels.clone();
+
+    // The third number of the base colour, typed.
+    let row = viewer.get_by_label("Base colour").rect();
+    let blue = viewer
+        .get_all_by_role(egui::accesskit::Role::SpinButton)
+        .filter(|field| (field.rect().center().y - row.center().y).abs() < 8.0)
+        .max_by(|a, b| a.rect().min.x.total_cmp(&b.rect().min.x))
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, blue);
+    viewer.step();
+    press(&mut viewer, Modifiers::COMMAND, Key::A);
+    viewer.event(egui::Event::Text("0.9".to_owned()));
+    viewer.step();
+    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    viewer.step();
+    let to = &viewer.state().document().scene().materials[material];
+    assert_eq!(to.base_color[2], 0.9);
+    assert_eq!(to.base_color[..2], from.base_color[..2]);
+    assert_eq!(to.roughness, from.roughness);
+    assert!(viewer.state().document().undo_label().is_some());
+    settle(&mut viewer);
+    // The red wall has become violet where it is seen.
+    let node = node_of(viewer.state().document().scene(), "left wall") as u32;
+    let blue_of = |pixels: &[egui::Color32], frame: &FrameReport| {
+        let wall = frame.seen[0].nodes.iter().zip(pixels);
+        let of_wall: Vec<f64> = wall
+            .filter(|(seen, _)| **seen == node)
+            .map(|(_, pixel)| f64::from(pixel.b()))
+            .collect();
+        of_wall.iter().sum::<f64>() / of_wall.len() as f64
+    };
+    let frame = shown(viewer.state());
+    let [was, is] = [
+        blue_of(&before, frame),
+        blue_of(&frame.eyes[0].pixels, frame),
+    ];
+    assert!(is > was + 20.0, "{was} {is}");
+
+    press(&mut viewer, Modifiers::COMMAND, Key::Z);
+    assert_eq!(viewer.state().document().scene().materials[material], from);
+    settle(&mut viewer);
+    let frame = shown(viewer.state());
+    let back = blue_of(&frame.eyes[0].pixels, frame);
+    // Noise of two means of path traced frames, far under the step above.
+    assert!((back - was).abs() < 10.0, "{was} {back}");
+    press(&mut viewer, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    assert_eq!(
+        viewer.state().document().scene().materials[material].base_color[2],
+        0.9
+    );
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+}
+
+#[test]
+fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
+    let folder = Folder::new("viewer-handle");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let at = place_of(viewer.state(), "tall block");
+    click_at(&mut viewer, at);
+    viewer.step();
+    viewer.step();
+    let scene = viewer.state().document().scene();
+    let node = node_of(scene, "tall block");
+    let from = scene.nodes[node].clone();
+    let before = shown(viewer.state()).eyes[0].pixels.clone();
+    let [x_handle, ..] = viewer.state().gizmo_handles().expect("handles");
+    drag(&mut viewer, x_handle, vec2(40.0, 0.0));
+    let to = viewer.state().document().scene().nodes[node].clone();
+    let way = to.parent_from_node.translation - from.parent_from_node.translation;
+    assert!(way.x > 0.02 && way.x < 1.0, "{way}");
+    // Along the arrow alone.
+    assert!(way.y.abs() < 1e-9 && way.z.abs() < 1e-9, "{way}");
+    assert_eq!(to.parent_from_node.matrix3, from.parent_from_node.matrix3);
+    let history = viewer.state().document().history().count();
+    assert_eq!(history, 1, "a drag is one step");
+    settle(&mut viewer);
+    assert!(changed(shown(viewer.state()), &before) > 0.05);
+    // The surface moved with it: the click finds it at its new place.
+    let there = place_of(viewer.state(), "tall block");
+    assert!(there.x > at.x, "{there} {at}");
+    press(&mut viewer, Modifiers::COMMAND, Key::Z);
+    assert_eq!(viewer.state().document().scene().nodes[node], from);
+    assert!(!viewer.state().document().is_modified());
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+}
+
+#[test]
+fn every_layout_and_every_view_shows_something_of_its_own() {
+    let folder = Folder::new("viewer-looks");
+    // Glass and a lamp: every intermediate result has something to show.
+    let mut viewer = open("builtin:caustic", &folder, |_| ());
+    for layout in Layout::ALL {
+        let now = viewer.state().layout().name();
+        choose(&mut viewer, now, layout.name());
+        assert_eq!(viewer.state().layout(), layout);
+        viewer.step();
+        let parts: Vec<Part> = viewer
+            .state()
+            .shown_at()
+            .iter()
+            .map(|(part, _)| *part)
+            .collect();
+        assert_eq!(parts, layout.parts());
+    }
+    until(&mut viewer, "the other method's picture", |app| {
+        shown(app).other.is_some()
+    });
+    assert_eq!(viewer.state().other_settings().render.method, Method::Path);
+    choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
+    let mut pictures: Vec<(ViewMode, Arc<egui::ColorImage>)> = Vec::new();
+    for mode in ViewMode::all() {
+        if mode != viewer.state().view_mode() {
+            let now = viewer.state().view_mode().name();
+            choose(&mut viewer, &now, &mode.name());
+        }
+        assert_eq!(viewer.state().view_mode(), mode);
+        settle(&mut viewer);
+        if mode != ViewMode::Picture {
+            // The error's reference and the variance begin with later frames.
+            until(&mut viewer, "a legend", |app| shown(app).legend.is_some());
+        }
+        let frame = shown(viewer.state());
+        // Provenance is the right eye's.
+        let eye = usize::from(mode == ViewMode::Inspection(Inspection::Provenance));
+        let picture = Arc::clone(&frame.eyes[eye]);
+        let first = picture.pixels[0];
+        // Nothing moves.
+        let is_flat = mode == ViewMode::Inspection(Inspection::Motion);
+        let is_one_colour = picture.pixels.iter().all(|pixel| *pixel == first);
+        assert_eq!(is_one_colour, is_flat, "{mode:?}");
+        for (other, drawn) in &pictures {
+            assert_ne!(drawn.pixels, picture.pixels, "{mode:?} and {other:?}");
+        }
+        pictures.push((mode, picture));
+    }
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+}
+
+/// Picks `wanted` in the box that shows `now`.
+fn choose(viewer: &mut Viewer, now: &str, wanted: &str) {
+    if now == wanted {
+        return;
+    }
+    viewer
+        .get_by(|node| {
+            node.role() == egui::accesskit::Role::ComboBox && node.value().as_deref() == Some(now)
+        })
+        .click();
+    viewer.step();
+    viewer.step();
+    let button = viewer
+        .get_all_by_label(wanted)
+        .last()
+        .unwrap_or_else(|| panic!("{wanted} is not offered"));
+    button.scroll_to_me();
+    button.click();
+    viewer.step();
+    viewer.step();
+}
+
+#[test]
+fn nodes_are_found_hidden_deleted_and_brought_back() {
+    let folder = Folder::new("viewer-nodes");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let count = |app: &App, name: &str| {
+        let node = node_of(app.document().scene(), name) as u32;
+        let seen = &shown(app).seen[0];
+        seen.nodes.iter().filter(|seen| **seen == node).count()
+    };
+    let search = viewer
+        .get_all_by_role(egui::accesskit::Role::TextInput)
+        .min_by(|a, b| a.rect().min.x.total_cmp(&b.rect().min.x))
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, search);
+    viewer.event(egui::Event::Text("TALL".to_owned()));
+    viewer.step();
+    viewer.step();
+    assert!(viewer.query_by_label("short block").is_none());
+    viewer.get_by_label("tall block").click();
+    viewer.step();
+    viewer.step();
+    let node = node_of(viewer.state().document().scene(), "tall block");
+    assert_eq!(viewer.state().selected(), Some(node));
+    assert!(count(viewer.state(), "tall block") > 50);
+    viewer.get_by_label("Visible").click();
+    viewer.step();
+    assert!(viewer.state().document().scene().nodes[node].is_hidden);
+    settle(&mut viewer);
+    assert_eq!(count(viewer.state(), "tall block"), 0);
+    // The keyboard belongs to the picture again.
+    let rect = viewer.state().shown_at()[1].1;
+    click_at(&mut viewer, rect.left_top() + vec2(3.0, 3.0));
+    press(&mut viewer, Modifiers::COMMAND, Key::Z);
+    settle(&mut viewer);
+    assert!(count(viewer.state(), "tall block") > 50);
+    let at = place_of(viewer.state(), "tall block");
+    click_at(&mut viewer, at);
+    press(&mut viewer, Modifiers::NONE, Key::Delete);
+    assert_eq!(viewer.state().selected(), None);
+    settle(&mut viewer);
+    assert_eq!(count(viewer.state(), "tall block"), 0);
+    press(&mut viewer, Modifiers::COMMAND, Key::Z);
+    settle(&mut viewer);
+    assert!(count(viewer.state(), "tall block") > 50);
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+}
+
+#[test]
+fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
+    use stereolux::viewer::app::WindowCommand;
+    let folder = Folder::new("viewer-escape");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    press(&mut viewer, Modifiers::NONE, Key::F1);
+    viewer.step();
+    assert!(
+        viewer
+            .query_by_label("screenshot: PNG, and EXR of both eyes")
+            .is_some()
+    );
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+    assert!(
+        viewer
+            .query_by_label("screenshot: PNG, and EXR of both eyes")
+            .is_none()
+    );
+    let at = place_of(viewer.state(), "tall block");
+    click_at(&mut viewer, at);
+    press(&mut viewer, Modifiers::NONE, Key::Delete);
+    assert!(viewer.state().document().is_modified());
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+    assert_eq!(viewer.state_mut().take_commands(), []);
+    assert!(viewer.query_by_label("Go on").is_some());
+    viewer.get_by_label("Go on").click();
+    viewer.step();
+    press(&mut viewer, Modifiers::COMMAND, Key::Z);
+    assert!(!viewer.state().document().is_modified());
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    assert_eq!(viewer.state_mut().take_commands(), [WindowCommand::Quit]);
+    press(&mut viewer, Modifiers::NONE, Key::F11);
+    assert_eq!(
+        viewer.state_mut().take_commands(),
+        [WindowCommand::ToggleFullScreen]
+    );
+}

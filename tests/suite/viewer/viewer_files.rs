@@ -1,0 +1,304 @@
+//! What the viewer reads and writes: dropped files, environments, saved settings and scenes, screenshots, shaders.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use egui::{Key, Modifiers, vec2};
+use egui_kittest::kittest::Queryable as _;
+use stereolux::images::{ImageRgb, aces_filmic, read_image, srgb_encode, write_exr};
+use stereolux::options::layers::Layers;
+use stereolux::renderer::Eye;
+use stereolux::scene::Scene;
+use stereolux::scene::edit::Document;
+use stereolux::viewer::App;
+
+use super::viewer_support::{
+    SIZE, Viewer, click_at, drag, errors, open, path_tracing, place_of, press, settle, shown, until,
+};
+use crate::suite::support::{Folder, renderer, stereolux};
+
+/// The mean over `frames` frames that ended with `last`, as `render` would make it from files.
+fn rendered(settings: &Path, scene: &Path, viewer: &App, last: u32, frames: u32) -> Vec<[f64; 3]> {
+    let mut layers = Layers::default();
+    layers.add_file(settings).unwrap();
+    let settings = layers.finish().unwrap();
+    let scene = Scene::load(scene).unwrap();
+    let mut renderer = renderer(&scene, &settings.render, settings.size.unwrap());
+    let views = shown(viewer).views;
+    let mut sum = vec![[0.0; 3]; (SIZE[0] * SIZE[1]) as usize];
+    for index in last + 1 - frames..=last {
+        renderer.render_frame(&views, index, |_| ()).unwrap();
+        let image = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        for (sum, pixel) in sum.iter_mut().zip(image) {
+            for (sum, channel) in sum.iter_mut().zip(pixel) {
+                *sum += f64::from(channel);
+            }
+        }
+    }
+    sum.iter()
+        .map(|sum| sum.map(|channel| channel / f64::from(frames)))
+        .collect()
+}
+
+#[test]
+fn what_is_saved_renders_to_the_picture_that_was_shown() {
+    let folder = Folder::new("viewer-save");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let at = place_of(viewer.state(), "short block");
+    click_at(&mut viewer, at);
+    viewer.step();
+    viewer.step();
+    let [x_handle, ..] = viewer.state().gizmo_handles().unwrap();
+    drag(&mut viewer, x_handle, vec2(-30.0, 0.0));
+    viewer.get_by_label("Delete Del").scroll_to_me();
+    viewer.get_by_label("Add child with light").click();
+    viewer.step();
+    viewer.step();
+    settle(&mut viewer);
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    assert!(!viewer.state().document().is_modified());
+    viewer.get_by_label("Settings").click();
+    viewer.step();
+    viewer.get_by_label("Save as TOML").click();
+    viewer.step();
+    assert!(
+        errors(viewer.state()).is_empty(),
+        "{:?}",
+        errors(viewer.state())
+    );
+    let (settings, scene) = (
+        folder.join("settings.toml"),
+        folder.join("cornell_edited.glb"),
+    );
+    let frame = shown(viewer.state());
+    let (last, frames) = (frame.index, frame.frames);
+    let pixels = frame.eyes[0].pixels.clone();
+    let again = rendered(&settings, &scene, viewer.state(), last, frames);
+    let byte = |linear: f64| (srgb_encode(aces_filmic(linear as f32)) * 255.0).round() as u8;
+    let differing = again
+        .iter()
+        .zip(&pixels)
+        .filter(|(mean, shown)| mean.map(byte) != [shown.r(), shown.g(), shown.b()])
+        .count();
+    // The same frames of the same scene: equal to the last byte. Records of an edited scene keep the order of a scene that
+    // was just read, so not even rounding differs.
+    assert_eq!(differing, 0);
+    // The comparison would notice the lamp that was added.
+    let plain = Folder::new("viewer-save-plain");
+    let unedited = plain.join("plain.glb");
+    let mut document = Document::load("builtin:cornell").unwrap();
+    document.save(&unedited).unwrap();
+    let other = rendered(&settings, &unedited, viewer.state(), last, frames);
+    let differing = other
+        .iter()
+        .zip(&pixels)
+        .filter(|(mean, shown)| mean.map(byte) != [shown.r(), shown.g(), shown.b()])
+        .count();
+    assert!(differing > pixels.len() / 4, "{differing}");
+    // The command takes them too.
+    let out = folder.join("rendered");
+    let output = stereolux(&[
+        "render",
+        "--config",
+        settings.to_str().unwrap(),
+        "--scene",
+        scene.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{output:?}");
+}
+
+#[test]
+fn a_screenshot_is_the_mean_of_both_eyes() {
+    let folder = Folder::new("viewer-screenshot");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    press(&mut viewer, Modifiers::NONE, Key::T);
+    let png = folder.join("view_0000.png");
+    until(&mut viewer, "a screenshot", |app| {
+        png.exists()
+            && app
+                .messages()
+                .iter()
+                .any(|m| m.text.contains("view_0000.png"))
+    });
+    let picture = read_image(&png).unwrap();
+    assert_eq!([picture.width, picture.height], [2 * SIZE[0], SIZE[1]]);
+    for (eye, first) in [("left", 0), ("right", SIZE[0])] {
+        let image = read_image(&folder.join(&format!("view_0000_{eye}.exr"))).unwrap();
+        assert_eq!([image.width, image.height], SIZE);
+        for y in 0..SIZE[1] {
+            for x in 0..SIZE[0] {
+                let linear = image.get(x, y).unwrap();
+                let shown = picture.get(first + x, y).unwrap();
+                for (linear, shown) in linear.into_iter().zip(shown) {
+                    // read_image decodes sRGB: half a step of 8 bits in display light.
+                    let off = (srgb_encode(aces_filmic(linear)) - srgb_encode(shown)).abs();
+                    assert!(off <= 0.5 / 255.0 + 1e-5, "{eye} {x} {y}: {linear} {shown}");
+                }
+            }
+        }
+    }
+    // The next one has the next number.
+    press(&mut viewer, Modifiers::NONE, Key::F12);
+    until(&mut viewer, "another", |_| {
+        folder.join("view_0001.png").exists()
+    });
+}
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+/// Drops a file onto the window.
+pub fn drop_file(viewer: &mut Viewer, path: &Path) {
+    let file: egui::DroppedFileHandle = Arc::new(Dropped(path.to_owned()));
+    viewer.input_mut().dropped_files.push(file);
+    viewer.step();
+}
+
+#[test]
+fn a_broken_file_is_refused_and_a_good_one_opens() {
+    let folder = Folder::new("viewer-drop");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let broken = folder.join("broken.glb");
+    std::fs::write(&broken, b"glTF\x02\0\0\0 this is no scene").unwrap();
+    for (path, says) in [
+        (broken.clone(), "broken.glb"),
+        (folder.join("missing.gltf"), "missing.gltf"),
+        (folder.join("notes.doc"), "is no scene"),
+    ] {
+        drop_file(&mut viewer, &path);
+        until(&mut viewer, "an error", |app| {
+            errors(app).iter().any(|e| e.contains(says))
+        });
+    }
+    assert_eq!(viewer.state().document().scene().name, "builtin:cornell");
+    assert_eq!(shown(viewer.state()).seen[0].size, SIZE);
+    settle(&mut viewer);
+
+    let good = folder.join("gallery.glb");
+    Document::load("builtin:gallery")
+        .unwrap()
+        .save(&good)
+        .unwrap();
+    drop_file(&mut viewer, &good);
+    until(&mut viewer, "the scene", |app| {
+        app.document().scene().name != "builtin:cornell"
+    });
+    assert_eq!(viewer.state().settings().scene, good.to_string_lossy());
+    settle(&mut viewer);
+    // Every node that is seen is the new scene's.
+    let nodes = viewer.state().document().scene().nodes.len() as u32;
+    let seen = &shown(viewer.state()).seen[0];
+    assert!(
+        seen.nodes
+            .iter()
+            .all(|node| *node < nodes || *node == u32::MAX)
+    );
+    assert!(seen.nodes.iter().any(|node| *node != u32::MAX));
+}
+
+#[test]
+fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
+    let folder = Folder::new("viewer-environment");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let corner = |app: &App| shown(app).eyes[0].pixels[0];
+    assert_eq!(corner(viewer.state()), egui::Color32::BLACK);
+    let sky = folder.join("sky.exr");
+    write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
+    drop_file(&mut viewer, &sky);
+    until(&mut viewer, "the sky", |app| {
+        app.is_up_to_date() && corner(app) != egui::Color32::BLACK
+    });
+    let byte = |linear: f32| (srgb_encode(aces_filmic(linear)) * 255.0).round() as u8;
+    assert_eq!(corner(viewer.state()).r(), byte(0.2));
+    let path = sky.to_string_lossy();
+    assert_eq!(viewer.state().settings().environment.path, path);
+
+    viewer.get_by_label("Settings").click();
+    viewer.step();
+    viewer.step();
+    let search = viewer
+        .get_all_by_role(egui::accesskit::Role::TextInput)
+        .filter(|field| field.rect().min.x > 800.0)
+        .min_by(|a, b| a.rect().min.y.total_cmp(&b.rect().min.y))
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, search);
+    viewer.event(egui::Event::Text("environment.strength".to_owned()));
+    viewer.step();
+    viewer.step();
+    let strength = viewer
+        .get_all_by_role(egui::accesskit::Role::SpinButton)
+        .find(|field| field.rect().min.x > 800.0)
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, strength);
+    viewer.step();
+    press(&mut viewer, Modifiers::COMMAND, Key::A);
+    viewer.event(egui::Event::Text("2".to_owned()));
+    viewer.step();
+    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    until(&mut viewer, "a stronger sky", |app| {
+        app.is_up_to_date() && corner(app).r() == byte(0.4)
+    });
+    assert_eq!(viewer.state().settings().environment.strength, 2.0);
+
+    let broken = folder.join("broken.hdr");
+    std::fs::write(&broken, b"#?RADIANCE\nno map").unwrap();
+    drop_file(&mut viewer, &broken);
+    until(&mut viewer, "an error", |app| {
+        errors(app).iter().any(|error| error.contains("broken.hdr"))
+    });
+    assert_eq!(viewer.state().settings().environment.path, path);
+    settle(&mut viewer);
+    assert_eq!(corner(viewer.state()).r(), byte(0.4));
+}
+
+#[test]
+fn a_broken_shader_says_so_and_the_last_good_one_stays() {
+    let folder = Folder::new("viewer-shaders");
+    let shaders = folder.join("shaders");
+    for kind in ["passes", "shared"] {
+        let to = shaders.join(kind);
+        std::fs::create_dir_all(&to).unwrap();
+        for file in std::fs::read_dir(Path::new("shaders").join(kind)).unwrap() {
+            let file = file.unwrap();
+            std::fs::copy(file.path(), to.join(file.file_name())).unwrap();
+        }
+    }
+    let in_folder = shaders.to_string_lossy().into_owned();
+    let mut viewer = open("builtin:cornell", &folder, |settings| {
+        path_tracing(settings);
+        settings.gpu.shader_folder = in_folder;
+    });
+    let path = shaders.join("passes/path_trace.wesl");
+    let good = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, good.replacen("fn main(", "fn main(nonsense ", 1)).unwrap();
+    press(&mut viewer, Modifiers::NONE, Key::F5);
+    until(&mut viewer, "the shader's error", |app| {
+        errors(app).iter().any(|error| error.contains("path_trace"))
+    });
+    // Frames go on.
+    settle(&mut viewer);
+    std::fs::write(&path, good.replacen("fn main(", "// Changed.\nfn main(", 1)).unwrap();
+    press(&mut viewer, Modifiers::NONE, Key::F5);
+    until(&mut viewer, "the mended shader", |app| {
+        app.messages()
+            .iter()
+            .any(|message| message.text.contains("read again"))
+    });
+    settle(&mut viewer);
+}

@@ -1,0 +1,484 @@
+//! The viewer's window on a virtual screen, driven by real X events.
+
+use std::io::{IoSlice, Read as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use stereolux::images::{ImageRgb, read_image, write_exr};
+use x11rb::connection::{Connection as _, RequestConnection as _};
+use x11rb::protocol::xproto::{
+    BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ConnectionExt as _, InputFocus, KEY_PRESS_EVENT,
+    KEY_RELEASE_EVENT, MOTION_NOTIFY_EVENT,
+};
+use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
+
+use super::drag::drag_file;
+use super::openxr_picture::Screen;
+use super::openxr_runtime::{VALIDATION, complaints};
+use super::openxr_support::PROGRAM;
+use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
+use crate::suite::support::{Folder, adapter_name, stereolux};
+
+/// Long enough for a loaded machine; reached only by a fault.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The program in its window, and a person's hands.
+struct Desk {
+    child: Child,
+    connection: RustConnection,
+    keys: Vec<(u32, u8)>,
+    /// Number of the extension by which events are made.
+    xtest: u8,
+    screen: PathBuf,
+    display: String,
+    log: PathBuf,
+}
+
+impl Desk {
+    fn open(folder: &Folder, xvfb: &Xvfb, arguments: &[&str]) -> Self {
+        let log = folder.join("log");
+        let mut child = Command::new(PROGRAM)
+            .arg("view")
+            .args(arguments)
+            .args(["--adapter", adapter_name()])
+            .arg("--out")
+            .arg(folder.join("out"))
+            .env("DISPLAY", &xvfb.display)
+            .env("WINIT_X11_SCALE_FACTOR", "1")
+            .env("XDG_CONFIG_HOME", folder.join("config"))
+            .env_remove("WAYLAND_DISPLAY")
+            // glibc gives threads heaps of their own and keeps what is freed there: resident memory would grow with every
+            // renderer that is made and then no more, which hides a leak and looks like one.
+            .env("MALLOC_ARENA_MAX", "1")
+            .env("RUST_LOG", "warn,stereolux::viewer::worker=debug")
+            .envs(VALIDATION)
+            .stdout(Stdio::null())
+            .stderr(std::fs::File::create(&log).unwrap())
+            .spawn()
+            .unwrap();
+        let (connection, window) = find_window(&xvfb.display);
+        assert!(child.try_wait().unwrap().is_none(), "{}", read(&log));
+        // No window manager gives it the keyboard.
+        connection
+            .set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME)
+            .unwrap();
+        connection.sync().unwrap();
+        let setup = connection.setup();
+        let (first, count) = (setup.min_keycode, setup.max_keycode - setup.min_keycode + 1);
+        let map = connection
+            .get_keyboard_mapping(first, count)
+            .unwrap()
+            .reply()
+            .unwrap();
+        let per_key = usize::from(map.keysyms_per_keycode);
+        let keys = map
+            .keysyms
+            .chunks(per_key)
+            .zip(first..)
+            .map(|(symbols, code)| (symbols[0], code))
+            .collect();
+        let extension = connection
+            .query_extension(b"XTEST")
+            .unwrap()
+            .reply()
+            .unwrap();
+        assert!(extension.present);
+        Self {
+            child,
+            connection,
+            keys,
+            xtest: extension.major_opcode,
+            screen: xvfb.screen.clone(),
+            display: xvfb.display.clone(),
+            log,
+        }
+    }
+
+    fn send(&self, kind: u8, detail: u8, x: i16, y: i16) {
+        let root = self.connection.setup().roots[0].root;
+        // XTEST 2.2, FakeInput. Written out: the crate's feature for it would have winit compiled a second time for tests.
+        let mut request = [0; 36];
+        request[0] = self.xtest;
+        request[1] = 2;
+        request[2..4].copy_from_slice(&9_u16.to_ne_bytes());
+        request[4] = kind;
+        request[5] = detail;
+        request[12..16].copy_from_slice(&root.to_ne_bytes());
+        request[24..26].copy_from_slice(&x.to_ne_bytes());
+        request[26..28].copy_from_slice(&y.to_ne_bytes());
+        self.connection
+            .send_request_without_reply(&[IoSlice::new(&request)], Vec::new())
+            .unwrap();
+        self.connection.sync().unwrap();
+    }
+
+    /// Presses or releases the key of an X keysym.
+    fn key(&self, keysym: u32, pressed: bool) {
+        let (_, code) = self
+            .keys
+            .iter()
+            .find(|(symbol, _)| *symbol == keysym)
+            .unwrap();
+        let kind = if pressed {
+            KEY_PRESS_EVENT
+        } else {
+            KEY_RELEASE_EVENT
+        };
+        self.send(kind, *code, 0, 0);
+    }
+
+    fn press(&self, keysym: u32) {
+        self.key(keysym, true);
+        std::thread::sleep(Duration::from_millis(30));
+        self.key(keysym, false);
+    }
+
+    fn point(&self, x: i16, y: i16) {
+        self.send(MOTION_NOTIFY_EVENT, 0, x, y);
+    }
+
+    fn button(&self, number: u8, pressed: bool) {
+        let kind = if pressed {
+            BUTTON_PRESS_EVENT
+        } else {
+            BUTTON_RELEASE_EVENT
+        };
+        self.send(kind, number, 0, 0);
+    }
+
+    fn click(&self, x: i16, y: i16) {
+        self.point(x, y);
+        std::thread::sleep(Duration::from_millis(100));
+        self.button(1, true);
+        std::thread::sleep(Duration::from_millis(60));
+        self.button(1, false);
+    }
+
+    fn until(&mut self, what: &str, mut done: impl FnMut(&Self) -> bool) {
+        let began = Instant::now();
+        while !done(self) {
+            let ended = self.child.try_wait().unwrap();
+            assert!(
+                ended.is_none(),
+                "{what}: it ended, {ended:?}\n{}",
+                read(&self.log)
+            );
+            assert!(
+                began.elapsed() < PATIENCE,
+                "{what}: waited in vain\n{}",
+                read(&self.log)
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn look(&self) -> Screen {
+        Screen::read(&self.screen)
+    }
+
+    /// Kilobytes of memory that the process has in use besides its renderers' device memory, which on a software adapter
+    /// is the host's.
+    fn own_kb(&self) -> u64 {
+        let said = read(&self.log);
+        let device = said
+            .lines()
+            .rev()
+            .find_map(|line| line.split_once("device memory: ")?.1.strip_suffix(" bytes"));
+        let device_kb = device.map_or(0, |bytes| bytes.parse::<u64>().unwrap() / 1024);
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status
+            .lines()
+            .find(|line| line.starts_with("VmRSS:"))
+            .unwrap();
+        let resident_kb: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+        // What a device has given out and nobody has written yet is not resident.
+        resident_kb.saturating_sub(device_kb)
+    }
+
+    /// Closes the window, and checks how the program ended.
+    fn close(mut self) -> String {
+        ask_to_close(&self.display);
+        let began = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(
+                began.elapsed() < PATIENCE,
+                "it does not close\n{}",
+                read(&self.log)
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        let said = read(&self.log);
+        assert_eq!(status.code(), Some(0), "{said}");
+        assert_eq!(complaints(&said), Vec::<&str>::new());
+        assert!(!said.contains("panicked"), "{said}");
+        said
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn read(path: &Path) -> String {
+    let mut text = String::new();
+    std::fs::File::open(path)
+        .and_then(|mut file| file.read_to_string(&mut text))
+        .unwrap();
+    text
+}
+
+/// X keysyms.
+mod keysym {
+    pub const ESCAPE: u32 = 0xff1b;
+    pub const F1: u32 = 0xffbe;
+    pub const F12: u32 = 0xffc9;
+    pub const W: u32 = 0x77;
+    pub const D: u32 = 0x64;
+    pub const A: u32 = 0x61;
+    pub const Z: u32 = 0x7a;
+    pub const CONTROL: u32 = 0xffe3;
+    pub const DELETE: u32 = 0xffff;
+    pub const HOME: u32 = 0xff50;
+}
+
+/// Bright pixels in the middle of the screen, where the pictures are: the scene is lit, the panels around are dark.
+fn lit(screen: &Screen) -> usize {
+    let mut count = 0;
+    for y in 150..600 {
+        for x in 220..890 {
+            let [r, g, b] = screen.pixel(x, y);
+            count += usize::from(r.max(g).max(b) > 100);
+        }
+    }
+    count
+}
+
+/// More bright pixels than this are a picture of the room; without one there are none.
+const PICTURE: usize = 500;
+
+const SCENE: [&str; 8] = [
+    "--scene",
+    "builtin:cornell",
+    "--size",
+    "96x96",
+    "--method",
+    "path",
+    "--set",
+    "path.max_depth=3",
+];
+
+#[test]
+fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
+    let folder = Folder::new("viewer-window");
+    let xvfb = Xvfb::start(&folder);
+    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let at_start = lit(&desk.look());
+
+    // Walking towards the room makes it larger.
+    desk.point(500, 300);
+    desk.key(keysym::W, true);
+    desk.until("the room to grow", |desk| {
+        lit(&desk.look()) > at_start * 5 / 4
+    });
+    desk.key(keysym::W, false);
+
+    // F1 lists the keys: bright letters on what was black above the room.
+    let plain = desk.look();
+    desk.press(keysym::F1);
+    let differs = |desk: &Desk| {
+        let now = desk.look();
+        let differing = (150..400)
+            .flat_map(|y| (450..800).map(move |x| (x, y)))
+            .filter(|(x, y)| now.pixel(*x, *y) != plain.pixel(*x, *y));
+        differing.count() > 2000
+    };
+    desk.until("the help", differs);
+    desk.press(keysym::ESCAPE);
+
+    // A click on the middle of the left picture selects what is there: its outline is drawn, the inspector fills.
+    let before = desk.look();
+    desk.click(390, 360);
+    let inspector = |screen: &Screen| {
+        let text = (60..400).flat_map(|y| (920..1270).map(move |x| (x, y)));
+        text.filter(|(x, y)| screen.pixel(*x, *y)[0] > 150).count()
+    };
+    let empty = inspector(&before);
+    desk.until("the inspector", |desk| {
+        inspector(&desk.look()) > empty + 200
+    });
+
+    desk.press(keysym::F12);
+    let png = folder.join("out").join("view_0000.png");
+    desk.until("a screenshot", |_| png.exists());
+    let picture = read_image(&png).unwrap();
+    assert_eq!([picture.width, picture.height], [192, 96]);
+    assert!(folder.join("out").join("view_0000_left.exr").exists());
+    assert!(folder.join("out").join("view_0000_right.exr").exists());
+
+    // It keeps its size for the next time.
+    let said = desk.close();
+    assert!(!said.contains("[ERROR"), "{said}");
+    let memory = read(&folder.join("config").join("stereolux").join("viewer.toml"));
+    assert!(memory.contains("size = [1280.0, "), "{memory}");
+    assert!(memory.contains("layout = \"side-by-side\""), "{memory}");
+}
+
+#[test]
+fn without_a_display_view_is_refused_in_one_line_that_names_run() {
+    let folder = Folder::new("viewer-none");
+    for (display, says) in [
+        (None, "neither DISPLAY nor WAYLAND_DISPLAY names a display"),
+        (Some(":4078"), "no window can be opened"),
+    ] {
+        let output = program_on(display)
+            .args(["view", "--out"])
+            .arg(folder.join("out"))
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(says) && said.contains("`run`"), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+    // What cannot be shown is said before a window is looked for.
+    let output = stereolux(&["view", "--scene", "builtin:nowhere"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
+    let folder = Folder::new("viewer-drag");
+    let xvfb = Xvfb::start(&folder);
+    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let room_alone = lit(&desk.look());
+
+    // A path that has to be written otherwise in a list of addresses.
+    let broken = folder.join("100 % broken.glb");
+    std::fs::write(&broken, b"glTF\x02\0\0\0 this is no scene").unwrap();
+    drag_file(&xvfb.display, &broken, 500, 300);
+    let says = |desk: &Desk, name: &str| {
+        let said = read(&desk.log);
+        said.lines()
+            .any(|line| line.contains("[ERROR") && line.contains(name))
+    };
+    desk.until("an error", |desk| says(desk, "100 % broken.glb"));
+    // Waited for, since the first frames of single samples may have half as many bright pixels as one another.
+    desk.until("the old scene", |desk| lit(&desk.look()) > room_alone / 2);
+
+    // A bright sky is seen wherever the room is not.
+    let sky = folder.join("sky.exr");
+    write_exr(&sky, &ImageRgb::filled(8, 4, [4.0; 3]).unwrap()).unwrap();
+    drag_file(&xvfb.display, &sky, 500, 300);
+    desk.until("the sky", |desk| lit(&desk.look()) > 2 * room_alone);
+    desk.close();
+}
+
+/// Small numbers that look random: a linear congruential generator (Knuth, MMIX).
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self, sides: u64) -> u64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % sides
+    }
+}
+
+/// Minutes of random use. `STEREOLUX_SOAK_S` says how many seconds; without it this is a short rehearsal.
+#[test]
+fn random_use_leaks_nothing_and_breaks_nothing() {
+    let seconds = std::env::var("STEREOLUX_SOAK_S")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(15);
+    let folder = Folder::new("viewer-soak");
+    let xvfb = Xvfb::start(&folder);
+    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let mut dice = Dice(7);
+    let began = Instant::now();
+    let mut memory = Vec::new();
+    // Keys that change nothing on disk and end nothing: w a s d q e f 1 2 3, Home, F1, Space.
+    let keys = [
+        0x77, 0x61, 0x73, 0x64, 0x71, 0x65, 0x66, 0x31, 0x32, 0x33, 0xff50, 0xffbe, 0x20,
+    ];
+    while began.elapsed() < Duration::from_secs(seconds) {
+        if memory.len() % 40 == 39 {
+            // Somebody who has searched for nonsense and walked into the dark starts over.
+            desk.click(100, 60);
+            desk.key(keysym::CONTROL, true);
+            desk.press(keysym::A);
+            desk.key(keysym::CONTROL, false);
+            desk.press(keysym::DELETE);
+            desk.click(560, 500);
+            desk.press(keysym::HOME);
+        }
+        match dice.roll(8) {
+            0..=2 => {
+                let key = keys[dice.roll(keys.len() as u64) as usize];
+                desk.key(key, true);
+                std::thread::sleep(Duration::from_millis(20 + dice.roll(200)));
+                desk.key(key, false);
+            }
+            3..=4 => {
+                // Anywhere but the File menu, which quits.
+                let (x, y) = (90 + dice.roll(1190) as i16, 4 + dice.roll(690) as i16);
+                desk.click(x, y);
+            }
+            5..=6 => {
+                desk.point(230 + dice.roll(700) as i16, 140 + dice.roll(400) as i16);
+                desk.button(1, true);
+                for _ in 0..8 {
+                    desk.point(230 + dice.roll(700) as i16, 140 + dice.roll(400) as i16);
+                    std::thread::sleep(Duration::from_millis(16));
+                }
+                desk.button(1, false);
+            }
+            _ => {
+                // Undo.
+                desk.key(keysym::CONTROL, true);
+                desk.press(keysym::Z);
+                desk.key(keysym::CONTROL, false);
+            }
+        }
+        let ended = desk.child.try_wait().unwrap();
+        assert!(ended.is_none(), "{ended:?}\n{}", read(&desk.log));
+        memory.push(desk.own_kb());
+    }
+    println!(
+        "{} actions in {seconds} s; besides device memory {} kB at first, {} kB at most, {} kB at last",
+        memory.len(),
+        memory[0],
+        memory.iter().max().unwrap(),
+        memory[memory.len() - 1],
+    );
+    if seconds >= 120 {
+        // Caches fill in the first fifth; what leaks goes on growing. A fifth of room for the code of shaders, which differs
+        // from one renderer to the next.
+        let fifth = memory.len() / 5;
+        let most = |part: &[u64]| *part.iter().max().unwrap() as f64;
+        let (early, late) = (most(&memory[fifth..2 * fifth]), most(&memory[4 * fifth..]));
+        assert!(late < 1.2 * early, "{early} kB grew to {late} kB");
+    }
+    let said = {
+        // Edits are lost on purpose.
+        desk.key(keysym::D, false);
+        let _ = desk.child.kill();
+        let _ = desk.child.wait();
+        read(&desk.log)
+    };
+    assert_eq!(complaints(&said), Vec::<&str>::new());
+    assert!(!said.contains("panicked"), "{said}");
+}

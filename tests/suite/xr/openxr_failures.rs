@@ -1,0 +1,360 @@
+//! What goes wrong with a runtime that Monado cannot be made to do, on `tests/fake_runtime`: each fault is one line, an
+//! exit status, and files that are whole up to the last frame.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::json;
+use stereolux::xr::trace::Trace;
+
+use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
+use crate::suite::support::Folder;
+
+/// Frames with a layer after which the fake runtime fails.
+const SHOWN_BEFORE: usize = stereolux_fake_runtime::SHOWN_BEFORE as usize;
+
+/// The shared object that Cargo built beside this binary.
+fn fake_library() -> PathBuf {
+    let this = std::env::current_exe().unwrap();
+    let library = this.with_file_name("libstereolux_fake_runtime.so");
+    assert!(library.exists(), "{} is missing", library.display());
+    library
+}
+
+/// Writes the runtime's manifest.
+fn runtime_manifest(folder: &Folder) -> PathBuf {
+    let path = folder.join("runtime.json");
+    let manifest = json!({
+        "file_format_version": "1.0.0",
+        "runtime": {"name": "fake", "library_path": fake_library()},
+    });
+    std::fs::write(&path, manifest.to_string()).unwrap();
+    path
+}
+
+/// Writes the layer's manifest; what to set for a program to lose its device at submission number `after`.
+fn device_lost_after(folder: &Folder, after: u32) -> Vec<(&'static str, String)> {
+    let layers = folder.join("layers");
+    std::fs::create_dir_all(&layers).unwrap();
+    let manifest = json!({
+        "file_format_version": "1.2.0",
+        "layer": {
+            "name": "VK_LAYER_STEREOLUX_device_lost",
+            "type": "INSTANCE",
+            "library_path": fake_library(),
+            "api_version": "1.3.0",
+            "implementation_version": "1",
+            "description": "loses the device",
+        },
+    });
+    std::fs::write(layers.join("device_lost.json"), manifest.to_string()).unwrap();
+    vec![
+        ("VK_LAYER_PATH", layers.display().to_string()),
+        (
+            "VK_INSTANCE_LAYERS",
+            "VK_LAYER_STEREOLUX_device_lost".to_owned(),
+        ),
+        ("FAKE_DEVICE_LOST_AFTER", after.to_string()),
+    ]
+}
+
+/// Runs the program on the fake runtime with `behaviour`, the OpenXR loader and the driver being Monado's folder's.
+fn on_fake(folder: &Folder, behaviour: &str, more: &[(&str, String)], args: &[&str]) -> Output {
+    let manifest = runtime_manifest(folder);
+    let mut command = monado(&["--no-service"]);
+    command.arg("env");
+    // Inside the script, which sets some of these itself.
+    for (name, value) in more {
+        command.arg(format!("{name}={value}"));
+    }
+    command
+        .arg(format!("XR_RUNTIME_JSON={}", manifest.display()))
+        .arg(format!("FAKE_RUNTIME={behaviour}"))
+        .args(["bash", "-c"])
+        .arg(format!("exec $MONADO_RUN {PROGRAM} {}", args.join(" ")));
+    command.output().unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The one line of ours; fails if there are more or anything panicked.
+fn one_error(output: &Output) -> String {
+    let text = stderr(output);
+    assert!(!text.contains("panicked"), "{text}");
+    let ours: Vec<_> = text
+        .lines()
+        .filter(|line| line.starts_with("error: "))
+        .collect();
+    assert_eq!(ours.len(), 1, "{text}");
+    ours[0].to_owned()
+}
+
+#[test]
+fn a_runtime_that_cannot_be_used_is_refused_and_auto_goes_on_without() {
+    let folder = Folder::new("openxr-unusable");
+    for (behaviour, says) in [
+        (
+            "no_headset",
+            "OpenXR runtime \"Fake runtime\" has no headset (",
+        ),
+        ("no_vulkan", "the OpenXR runtime offers no Vulkan ("),
+        (
+            "no_stereo",
+            "\"Fake headset\" offers no stereo view configuration (",
+        ),
+        (
+            "no_device",
+            "Vulkan through the OpenXR runtime: vkCreateDevice: ",
+        ),
+        (
+            "no_format",
+            "Vulkan through the OpenXR runtime: the runtime offers no sRGB or half-float",
+        ),
+    ] {
+        let out = folder.join(behaviour);
+        let refused = ["run", "--session", "openxr", "--out", text(&out)];
+        let output = on_fake(&folder, behaviour, &[], &refused);
+        assert_status(&output, 1);
+        let line = one_error(&output);
+        assert!(line.starts_with(&format!("error: {says}")), "{line}");
+        assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
+        assert!(!out.exists(), "a refused run leaves no files");
+
+        let mut args = vec!["run", "--session", "auto", "--out", text(&out)];
+        args.extend(["--frames", "1", "--size", "8x8", "--photons", "10"]);
+        args.extend(["--scene", "builtin:plane"]);
+        let output = on_fake(&folder, behaviour, &[], &args);
+        assert_status(&output, 0);
+        assert!(
+            stderr(&output)
+                .lines()
+                .any(|line| line.starts_with("session: simulated") && line.contains(says)),
+            "{}",
+            stderr(&output)
+        );
+        assert_eq!(stats(&out).len(), 1);
+    }
+}
+
+#[test]
+fn info_says_why_a_runtime_cannot_be_used() {
+    let folder = Folder::new("openxr-unusable-info");
+    let output = on_fake(&folder, "no_headset", &[], &["info"]);
+    assert_status(&output, 0);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(report["openxr"]["runtime"].is_null());
+    let reason = report["openxr"]["reason"].as_str().unwrap();
+    assert!(reason.contains("has no headset"), "{reason}");
+}
+
+/// A library of the loader's name that is no library: no machine's own loader can help out.
+#[test]
+fn without_a_loader_the_run_says_so_and_auto_goes_on_without() {
+    let folder = Folder::new("openxr-no-loader");
+    std::fs::write(folder.join("libopenxr_loader.so.1"), "no library").unwrap();
+    let out = folder.join("out");
+    let run = |session: &str, more: &[&str]| {
+        Command::new(PROGRAM)
+            .args(["run", "--session", session, "--out", text(&out)])
+            .args(more)
+            .env("LD_LIBRARY_PATH", folder.join(""))
+            .output()
+            .unwrap()
+    };
+    let output = run("openxr", &[]);
+    assert_status(&output, 1);
+    let line = one_error(&output);
+    assert!(
+        line.starts_with("error: no OpenXR loader was found ("),
+        "{line}"
+    );
+    assert_eq!(stderr(&output).lines().count(), 1);
+    assert!(!out.exists());
+    let output = run(
+        "auto",
+        &["--frames", "1", "--size", "8x8", "--photons", "10"],
+    );
+    assert_status(&output, 0);
+    assert!(
+        stderr(&output).contains("session: simulated")
+            && stderr(&output).contains("no OpenXR loader was found"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+/// Arguments of a small run on the fake runtime with a recording.
+fn small_run(out: &Path, trace: &Path, frames: usize) -> Vec<String> {
+    format!(
+        "run --session openxr --frames {frames} --scene builtin:plane --size 16x16 --photons 10 \
+         --set output.images=false --out {} --record {}",
+        out.display(),
+        trace.display()
+    )
+    .split_whitespace()
+    .map(str::to_owned)
+    .collect()
+}
+
+/// A run on the fake runtime: its output, frames in the statistics, frames in the recording.
+fn recorded(
+    folder: &Folder,
+    behaviour: &str,
+    more: &[(&str, String)],
+    frames: usize,
+) -> (Output, usize, usize) {
+    let (out, trace) = (
+        folder.join(behaviour),
+        folder.join(&format!("{behaviour}.jsonl")),
+    );
+    let args = small_run(&out, &trace, frames);
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let output = on_fake(folder, behaviour, more, &args);
+    let counted = stats(&out).len();
+    let held = Trace::read(&trace).map_or(0, |trace| trace.frames.len());
+    (output, counted, held)
+}
+
+#[test]
+fn a_session_that_is_lost_ends_the_run_with_all_frames_kept() {
+    let folder = Folder::new("openxr-lost");
+    for (behaviour, says) in [
+        (
+            "loss_pending",
+            "the runtime announces the loss of the session",
+        ),
+        (
+            "instance_loss_pending",
+            "the runtime announces the loss of the instance",
+        ),
+        ("session_lost", "xrWaitFrame: "),
+        ("end_frame_lost", "xrEndFrame: "),
+    ] {
+        let (output, counted, held) = recorded(&folder, behaviour, &[], 100);
+        assert_status(&output, 1);
+        let line = one_error(&output);
+        assert!(
+            line.starts_with(&format!("error: XR runtime: {says}")),
+            "{line}"
+        );
+        assert!(
+            line.ends_with(&format!("; {SHOWN_BEFORE} frames were shown and are kept")),
+            "{line}"
+        );
+        assert_eq!(counted, SHOWN_BEFORE, "{behaviour}");
+        // A frame that was rendered and could not be handed over may be in the recording.
+        assert!(
+            held == SHOWN_BEFORE || held == SHOWN_BEFORE + 1,
+            "{behaviour}: {held}"
+        );
+    }
+}
+
+#[test]
+fn the_runtime_may_end_pause_or_hide_a_session() {
+    let folder = Folder::new("openxr-wishes");
+    for (behaviour, frames) in [
+        ("exiting", SHOWN_BEFORE),
+        ("pause", SHOWN_BEFORE + 3),
+        ("unseen", SHOWN_BEFORE + 3),
+    ] {
+        let (output, counted, held) = recorded(&folder, behaviour, &[], SHOWN_BEFORE + 3);
+        assert_status(&output, 0);
+        assert_eq!((counted, held), (frames, frames), "{behaviour}");
+        assert!(folder.join(behaviour).join("run.json").exists());
+    }
+}
+
+#[test]
+fn a_lost_device_ends_the_run_with_all_frames_kept() {
+    let folder = Folder::new("openxr-device-lost");
+    // A frame takes a handful of submissions, so these are some frames.
+    let lost = device_lost_after(&folder, 60);
+    let (output, counted, held) = recorded(&folder, "device_lost", &lost, 100);
+    assert_status(&output, 1);
+    let line = one_error(&output);
+    assert!(line.starts_with("error: the device was lost in "), "{line}");
+    assert!((1..100).contains(&counted), "{counted} frames");
+    assert!(held == counted || held == counted + 1, "{held} recorded");
+
+    // Without a runtime.
+    let out = folder.join("simulated");
+    let output = Command::new(PROGRAM)
+        .args(["run", "--session", "simulated", "--frames", "100"])
+        .args(["--scene", "builtin:plane", "--size", "16x16"])
+        .args([
+            "--photons",
+            "10",
+            "--set",
+            "output.images=false",
+            "--out",
+            text(&out),
+        ])
+        .envs(lost)
+        .output()
+        .unwrap();
+    assert_status(&output, 1);
+    let line = one_error(&output);
+    assert!(line.starts_with("error: the device was lost in "), "{line}");
+    assert!((1..100).contains(&stats(&out).len()));
+}
+
+#[test]
+fn answers_that_make_no_sense_are_refused_or_passed_over() {
+    let folder = Folder::new("openxr-wild");
+    // No size, no pair of views: nothing to render.
+    for (behaviour, says) in [
+        ("no_size", "asks for images of 0x0 pixels per eye"),
+        (
+            "huge_size",
+            "asks for images of 4294967295x4294967295 pixels per eye",
+        ),
+        ("three_views", "offers no stereo view configuration"),
+    ] {
+        let out = folder.join(behaviour);
+        let output = on_fake(
+            &folder,
+            behaviour,
+            &[],
+            &["run", "--session", "openxr", "--out", text(&out)],
+        );
+        assert_status(&output, 1);
+        assert!(one_error(&output).contains(says), "{}", stderr(&output));
+        assert!(!out.exists());
+    }
+    // Names are shown without what steers a terminal.
+    let output = on_fake(&folder, "wild_name", &[], &["info"]);
+    assert_status(&output, 0);
+    let report = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        report.contains("Fake headset") && !report.chars().any(|c| c.is_control() && c != '\n'),
+        "{report:?}"
+    );
+    // What is left of rates and masks is used.
+    for (behaviour, refresh_hz) in [
+        ("wild_rates", 75.0),
+        ("no_rates", 90.0),
+        ("wild_mask", 90.0),
+    ] {
+        let (out, trace) = (
+            folder.join(behaviour),
+            folder.join(&format!("{behaviour}.jsonl")),
+        );
+        let args = small_run(&out, &trace, 2);
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let output = on_fake(&folder, behaviour, &[], &args);
+        assert_status(&output, 0);
+        let trace = Trace::read(&trace).unwrap();
+        assert_eq!(trace.header.refresh_hz, refresh_hz, "{behaviour}");
+        assert_eq!(trace.header.hidden.is_some(), behaviour == "wild_mask");
+        if let Some(hidden) = trace.header.hidden {
+            assert!(
+                hidden
+                    .iter()
+                    .all(|area| (1..=200).contains(&area.triangles().len()))
+            );
+        }
+    }
+}

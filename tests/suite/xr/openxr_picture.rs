@@ -1,0 +1,214 @@
+//! The composited picture, read off a virtual screen: blocks of colour, one per corner, and a bar that stands nearer.
+
+use std::path::Path;
+use std::process::Stdio;
+
+use serde_json::json;
+
+use super::openxr_support::{PROGRAM, frames_so_far, monado, wait_until};
+use crate::suite::support::Folder;
+
+/// Glowing squares 2 m ahead (upper left red, upper right green, lower left blue, lower right yellow) and a magenta bar
+/// 0.5 m ahead.
+pub fn block_scene(folder: &Folder) -> String {
+    let corners: [[f32; 3]; 4] = [
+        [-0.5, -0.5, 0.0],
+        [0.5, -0.5, 0.0],
+        [0.5, 0.5, 0.0],
+        [-0.5, 0.5, 0.0],
+    ];
+    let mut bytes: Vec<u8> = corners
+        .iter()
+        .flatten()
+        .flat_map(|value| value.to_le_bytes())
+        .collect();
+    for index in [0_u16, 1, 2, 0, 2, 3] {
+        bytes.extend_from_slice(&index.to_le_bytes());
+    }
+    std::fs::write(folder.join("blocks.bin"), &bytes).unwrap();
+    let blocks = [
+        ([1.0, 0.0, 0.0], [-0.3, 0.3, -2.0], [0.5, 0.5, 1.0]),
+        ([0.0, 1.0, 0.0], [0.3, 0.3, -2.0], [0.5, 0.5, 1.0]),
+        ([0.0, 0.0, 1.0], [-0.3, -0.3, -2.0], [0.5, 0.5, 1.0]),
+        ([1.0, 1.0, 0.0], [0.3, -0.3, -2.0], [0.5, 0.5, 1.0]),
+        ([1.0, 0.0, 1.0], [0.0, 0.0, -0.5], [0.01, 0.3, 1.0]),
+    ];
+    let mut nodes: Vec<_> = blocks
+        .iter()
+        .enumerate()
+        .map(
+            |(mesh, (_, place, scale))| json!({"mesh": mesh, "translation": place, "scale": scale}),
+        )
+        .collect();
+    nodes.push(json!({"camera": 0}));
+    let scene = json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": (0..nodes.len()).collect::<Vec<_>>()}],
+        "nodes": nodes,
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.01}}],
+        "meshes": (0..blocks.len()).map(|material| json!({"primitives": [
+            {"attributes": {"POSITION": 0}, "indices": 1, "material": material}]})).collect::<Vec<_>>(),
+        "materials": blocks.iter().map(|(color, ..)| json!({
+            "emissiveFactor": color,
+            "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+        })).collect::<Vec<_>>(),
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3",
+             "min": [-0.5, -0.5, 0], "max": [0.5, 0.5, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 12},
+        ],
+        "buffers": [{"uri": "blocks.bin", "byteLength": 60}],
+    });
+    std::fs::write(folder.join("blocks.gltf"), scene.to_string()).unwrap();
+    folder.join("blocks.gltf").display().to_string()
+}
+
+/// Red, green, blue of a screen dump in XWD format, 32 bits per pixel.
+pub struct Screen {
+    pixels: Vec<u8>,
+    row_bytes: usize,
+    is_little_endian: bool,
+}
+
+impl Screen {
+    /// Reads the file that `Xvfb -fbdir` keeps.
+    pub fn read(path: &Path) -> Self {
+        let bytes = std::fs::read(path).unwrap();
+        // XWDFileHeader: 25 big-endian words.
+        let word =
+            |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap()) as usize;
+        assert_eq!(word(11), 32, "bits per pixel");
+        let start = word(0) + 12 * word(19);
+        Self {
+            pixels: bytes[start..].to_vec(),
+            row_bytes: word(12),
+            is_little_endian: word(7) == 0,
+        }
+    }
+
+    /// Red, green and blue of a pixel.
+    pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = y * self.row_bytes + 4 * x;
+        let p = &self.pixels[at..at + 4];
+        if self.is_little_endian {
+            [p[2], p[1], p[0]]
+        } else {
+            [p[1], p[2], p[3]]
+        }
+    }
+}
+
+/// Mean place of the pixels of a colour in `columns` of the upper `rows`, and their number.
+fn centre(
+    screen: &Screen,
+    columns: std::ops::Range<usize>,
+    rows: usize,
+    color: [bool; 3],
+) -> (f64, f64, usize) {
+    let (mut x_sum, mut y_sum, mut count) = (0.0, 0.0, 0);
+    for y in 0..rows {
+        for x in columns.clone() {
+            let found = screen.pixel(x, y).map(|channel| channel > 128);
+            if found == color {
+                x_sum += (x - columns.start) as f64;
+                y_sum += y as f64;
+                count += 1;
+            }
+        }
+    }
+    (
+        x_sum / f64::from(count.max(1)),
+        y_sum / f64::from(count.max(1)),
+        count as usize,
+    )
+}
+
+/// Monado's window under Xvfb, at the screen's upper left; the left half is the left eye's.
+const WINDOW: [usize; 2] = [640, 360];
+const RED: [bool; 3] = [true, false, false];
+const GREEN: [bool; 3] = [false, true, false];
+const BLUE: [bool; 3] = [false, false, true];
+const YELLOW: [bool; 3] = [true, true, false];
+const MAGENTA: [bool; 3] = [true, false, true];
+
+/// What is wrong with the picture in the upper `rows`, if anything; the columns are the left and the right eye's.
+pub fn fault(screen: &Screen, halves: [std::ops::Range<usize>; 2], rows: usize) -> Option<String> {
+    let mut bars = Vec::new();
+    for half in halves {
+        let place = |color| centre(screen, half.clone(), rows, color);
+        let [red, green, blue, yellow, bar] = [RED, GREEN, BLUE, YELLOW, MAGENTA].map(place);
+        let all = [red, green, blue, yellow, bar];
+        if all.iter().any(|(.., count)| *count < 20) {
+            return Some(format!("a block is missing: {all:?}"));
+        }
+        if !(red.1 < blue.1 && green.1 < yellow.1) {
+            return Some(format!("upside down: {all:?}"));
+        }
+        if !(red.0 < green.0 && blue.0 < yellow.0) {
+            return Some(format!("mirrored: {all:?}"));
+        }
+        // Against the far blocks' middle.
+        bars.push(bar.0 - 0.25 * (red.0 + green.0 + blue.0 + yellow.0));
+    }
+    // What is near stands further right for the left eye.
+    (bars[0] <= bars[1] + 2.0).then(|| format!("eyes exchanged: the bar is at {bars:?}"))
+}
+
+#[test]
+fn the_compositor_shows_the_scene_upright_and_each_eye_its_own() {
+    let folder = Folder::new("openxr-picture");
+    let scene = block_scene(&folder);
+    let out = folder.join("out");
+    let mut child = monado(&["--xvfb"])
+        .args(["bash", "-c"])
+        .arg(format!(
+            "$MONADO_RUN {PROGRAM} run --session openxr --frames 4000 --size 256x256 --photons 0 --method path \
+             --scene {scene} --set output.images=false --out {} & echo $! > {}; echo $XVFB_SCREEN > {}; wait $!",
+            out.display(),
+            folder.join("pid").display(),
+            folder.join("screen").display(),
+        ))
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_until(&mut child, "twenty frames", || frames_so_far(&out) >= 20);
+    let screen_file = std::fs::read_to_string(folder.join("screen")).unwrap();
+    // The compositor fades a new program in and may lag behind on a busy machine: look until the picture is right.
+    let mut last = String::new();
+    let mut tries = 0;
+    let whole = [0..WINDOW[0] / 2, WINDOW[0] / 2..WINDOW[0]];
+    let screen = loop {
+        let screen = Screen::read(Path::new(screen_file.trim()));
+        match fault(&screen, whole.clone(), WINDOW[1]) {
+            None => break Some(screen),
+            Some(what) => last = what,
+        }
+        tries += 1;
+        if tries > 100 {
+            break None;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    };
+    let pid = std::fs::read_to_string(folder.join("pid")).unwrap();
+    std::process::Command::new("kill")
+        .arg(pid.trim())
+        .status()
+        .unwrap();
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "interrupted: {stderr}");
+    let screen = screen.unwrap_or_else(|| panic!("{last}"));
+    // The judge would notice an exchange.
+    let exchanged = [whole[1].clone(), whole[0].clone()];
+    assert!(
+        fault(&screen, exchanged, WINDOW[1])
+            .unwrap()
+            .starts_with("eyes exchanged")
+    );
+}

@@ -1,0 +1,210 @@
+//! Scripted heads, eyes and controllers through Monado's remote driver.
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3};
+use serde_json::Value;
+use stereolux::xr::Pose;
+use stereolux::xr::trace::Trace;
+
+use super::openxr_support::{
+    Remote, RemoteEye, assert_same_images, assert_status, drive, remote_port, stats,
+    stereolux_on_monado,
+};
+use crate::suite::support::{Folder, builtin, start_pose};
+
+fn turned(axis: DVec3, angle: f64) -> [f32; 4] {
+    let q = DQuat::from_axis_angle(axis.normalize(), angle).as_quat();
+    [q.x, q.y, q.z, q.w]
+}
+
+fn pose(orientation: [f32; 4], position: [f32; 3]) -> Pose {
+    Pose::new(
+        DVec3::from_array(position.map(f64::from)),
+        DQuat::from_array(orientation.map(f64::from)).normalize(),
+    )
+}
+
+/// Canted eyes, four different angles each, head turned and rolled; `step` moves it.
+fn scripted(step: usize) -> Remote {
+    let t = (step % 64) as f64;
+    Remote {
+        eyes: [
+            RemoteEye {
+                fov: [-0.9, 0.6, 0.7, -0.8],
+                orientation: turned(DVec3::Y, 0.1),
+                position: [-0.05, 0.01, 0.02],
+            },
+            RemoteEye {
+                fov: [-0.55, 0.85, 0.75, -0.7],
+                orientation: turned(DVec3::new(0.1, 1.0, 0.0), -0.12),
+                position: [0.04, -0.01, 0.0],
+            },
+        ],
+        head_orientation: turned(DVec3::new(0.2, 1.0, 0.3), 0.01 * t),
+        head_position: [0.1 + 0.003 * t as f32, 1.5, 0.2 - 0.002 * t as f32],
+        sticks: [[0.0; 2]; 2],
+        a: false,
+        b: false,
+    }
+}
+
+#[test]
+fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
+    let _port = remote_port();
+    let start = start_pose(&builtin("cornell"));
+    for space in ["local", "stage"] {
+        let folder = Folder::new(&format!("openxr-remote-{space}"));
+        let (live, replayed, trace_path) = (
+            folder.join("live"),
+            folder.join("replayed"),
+            folder.join("views.jsonl"),
+        );
+        let sent = drive(&live, scripted);
+        let common = ["--size", "40x32", "--photons", "1000", "--every", "5"];
+        let space_setting = format!("openxr.space={space}");
+        let mut args = vec!["run", "--session", "openxr", "--frames", "21"];
+        args.extend(["--set", &space_setting]);
+        args.extend([
+            "--out",
+            live.to_str().unwrap(),
+            "--record",
+            trace_path.to_str().unwrap(),
+        ]);
+        args.extend(common);
+        assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
+
+        // Monado keeps LOCAL 1.6 m over the floor, and STAGE starts as high under the scene's start: both alike.
+        let world_from_floor = Pose::new(
+            start.position - DVec3::Y * 1.6,
+            DQuat::from_rotation_y(start.heading_rad()),
+        );
+        let sent = sent.lock().unwrap();
+        let mut expected: Vec<[Pose; 2]> = Vec::new();
+        for remote in sent.iter() {
+            let head = world_from_floor.then(&pose(remote.head_orientation, remote.head_position));
+            let eyes = remote
+                .eyes
+                .map(|eye| head.then(&pose(eye.orientation, eye.position)));
+            if expected.last() != Some(&eyes) {
+                expected.push(eyes);
+            }
+        }
+        let trace = Trace::read(&trace_path).unwrap();
+        assert_eq!(trace.frames.len(), 21);
+        let mut places = BTreeMap::new();
+        for frame in &trace.frames {
+            for (eye, view) in frame.views.views.iter().enumerate() {
+                let fov = view.fov;
+                let angles = [
+                    fov.angle_left,
+                    fov.angle_right,
+                    fov.angle_up,
+                    fov.angle_down,
+                ];
+                // Sent as f32, and so they come back.
+                assert_eq!(angles, scripted(0).eyes[eye].fov.map(f64::from));
+            }
+            // Positions under 2 m in f32 through a few products: 4 roundings of 1.2e-7.
+            let found = expected.iter().position(|eyes| {
+                eyes.iter().zip(&frame.views.views).all(|(eye, view)| {
+                    (eye.position - view.position_in_world).length() < 1e-6
+                        && eye.orientation.dot(view.orientation).abs() > 1.0 - 1e-12
+                })
+            });
+            let found =
+                found.unwrap_or_else(|| panic!("{space}: no such pose was sent: {frame:?}"));
+            places.insert(found, ());
+        }
+        assert!(places.len() > 5, "the head moved: {places:?}");
+
+        let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
+        args.extend(["--out", replayed.to_str().unwrap()]);
+        args.extend(common);
+        assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
+        assert_eq!(assert_same_images(&live, &replayed), 10);
+    }
+}
+
+#[test]
+fn the_wearer_walks_turns_switches_reuse_and_quits() {
+    let _port = remote_port();
+    let folder = Folder::new("openxr-controls");
+    let (live, replayed, trace_path) = (
+        folder.join("live"),
+        folder.join("replayed"),
+        folder.join("views.jsonl"),
+    );
+    // Still until frame 20; ahead until 40; one snap to the right; reuse off from about 60; quit at 80.
+    let _sent = drive(&live, |frame| Remote {
+        head_orientation: [0.0, 0.0, 0.0, 1.0],
+        head_position: [0.0, 1.6, 0.0],
+        sticks: [
+            [0.0, if (20..40).contains(&frame) { 1.0 } else { 0.0 }],
+            [if (45..55).contains(&frame) { 1.0 } else { 0.0 }, 0.0],
+        ],
+        a: (60..65).contains(&frame),
+        b: frame >= 80,
+        ..scripted(0)
+    });
+    let common = ["--size", "24x24", "--photons", "500", "--every", "10"];
+    // Frames without limit: only the button ends this run. The timeout is for the case that it does not.
+    let mut args = vec![
+        "run",
+        "--session",
+        "openxr",
+        "--frames",
+        "2000",
+        "--set",
+        "openxr.snap_turn_deg=20",
+    ];
+    args.extend([
+        "--out",
+        live.to_str().unwrap(),
+        "--record",
+        trace_path.to_str().unwrap(),
+    ]);
+    // Slow enough to stay in front of the box.
+    args.extend(["--set", "openxr.move_m_per_s=0.2"]);
+    args.extend(common);
+    assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
+
+    let trace = Trace::read(&trace_path).unwrap();
+    let frames = stats(&live);
+    assert!(frames.len() > 80 && frames.len() < 2000, "{}", frames.len());
+    let first = &trace.frames[10].views;
+    let walked = &trace.frames[43].views;
+    let turned = &trace.frames[58].views;
+    let way = walked.midpoint_in_world() - first.midpoint_in_world();
+    // Ahead is -Z here (the eyes' cant aside), at 0.2 m/s for about a second, and level.
+    assert!(way.z < -0.04 && way.z > -0.6, "{way}");
+    assert!(way.y.abs() < 1e-6, "{way}");
+    assert_eq!(
+        walked.views[0].orientation, first.views[0].orientation,
+        "walking does not turn"
+    );
+    let angle = walked.views[0]
+        .orientation
+        .angle_between(turned.views[0].orientation);
+    assert!(
+        (angle.to_degrees() - 20.0).abs() < 1e-3,
+        "{}",
+        angle.to_degrees()
+    );
+    let switched: Vec<usize> = (0..trace.frames.len())
+        .filter(|i| trace.frames[*i].switch_reuse)
+        .collect();
+    let [at] = switched[..] else {
+        panic!("reuse was switched at {switched:?}");
+    };
+    let reused = |frame: &Value| frame["stereo"]["reused"].as_u64().unwrap();
+    assert!(frames[..at].iter().all(|frame| reused(frame) > 0));
+    assert!(frames[at..].iter().all(|frame| reused(frame) == 0));
+
+    // All of that is in the recording.
+    let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
+    args.extend(["--out", replayed.to_str().unwrap()]);
+    args.extend(common);
+    assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
+    assert!(assert_same_images(&live, &replayed) >= 18);
+}
