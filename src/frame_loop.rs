@@ -264,6 +264,94 @@ pub fn step(
     })))
 }
 
+/// The scene's own animation, where it stands when the frame is seen.
+fn play(renderer: &mut Renderer, state: &FrameState) {
+    renderer.animate(state.predicted_display_time_ns);
+}
+
+/// An application's frames: a session and the renderer of a scene, frame by frame.
+pub struct FrameLoop<S> {
+    session: S,
+    renderer: Renderer,
+    library: ShaderLibrary,
+    next_frame: u32,
+}
+
+impl<S: XrSession> FrameLoop<S> {
+    /// A loop over the frames of `session`, both eyes of `size` pixels (width, height) each. `context` is the runtime's
+    /// device where the session is a runtime's.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn new(
+        context: GpuContext,
+        library: ShaderLibrary,
+        session: S,
+        scene: &Scene,
+        settings: &RenderSettings,
+        size: [u32; 2],
+    ) -> Result<Self, RenderError> {
+        let hidden = session.info().hidden.as_ref();
+        let both = Eyes::Both;
+        let renderer =
+            Renderer::with_hidden_area(context, &library, scene, settings, both, size, hidden)?;
+        Ok(Self {
+            session,
+            renderer,
+            library,
+            next_frame: 0,
+        })
+    }
+
+    /// Waits for the session's next frame, lets `update` change what is shown in it, renders it and hands it over. The
+    /// scene's own animation has gone on when `update` is called; [`FrameState::predicted_display_time_ns`] is the time
+    /// to move things by. `None`: the session has ended.
+    ///
+    /// # Errors
+    /// [`LoopError::Session`], [`LoopError::Render`].
+    pub fn next_frame(
+        &mut self,
+        update: impl FnOnce(&mut Renderer, &FrameState),
+    ) -> Result<Option<FrameStats>, LoopError> {
+        let mut update = Some(update);
+        loop {
+            let began = Instant::now();
+            let index = self.next_frame;
+            let turn = step(
+                &mut self.session,
+                &mut self.renderer,
+                &self.library,
+                index,
+                |renderer, state| {
+                    play(renderer, state);
+                    if let Some(update) = update.take() {
+                        update(renderer, state);
+                    }
+                },
+                |_| {},
+            )?;
+            match turn {
+                Step::Ended => return Ok(None),
+                Step::Hidden => {}
+                Step::Rendered(rendered) => {
+                    self.next_frame += 1;
+                    return Ok(Some(rendered.into_stats(index, 0, began)));
+                }
+            }
+        }
+    }
+
+    /// What has rendered the last frame, and holds its images.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// Where frames come from.
+    pub fn session(&self) -> &S {
+        &self.session
+    }
+}
+
 /// Runs until the session ends or the user interrupts. A `mirror` shows the frames.
 ///
 /// # Errors
