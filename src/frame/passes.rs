@@ -156,15 +156,11 @@ passes! {
     scatter_depth: Hits scene,
         "Reprojects left hits into the right eye and keeps the nearest distance per right pixel.";
     scatter_winner: Hits,
-        "Resolves ties: the lowest left pixel at the nearest distance wins.";
-    reuse_resolve: Pixels scene,
-        "Copies the winners' radiance and lists the pixels that are still empty.";
+        "Settles ties: the lowest left pixel at the nearest distance wins.";
     left_irradiance: Hits scene,
-        "Demodulates the left samples' radiance.";
-    indirect_lookup: Hits scene,
-        "Reuses left samples' indirect light on glossy surfaces, and lists the rest.";
+        "Divides the left samples' radiance by the reflectance that it came from.";
     reuse_lookup: Pixels scene,
-        "Traces the right eye's primary rays, lights their hits with nearby left samples, and lists the rest.";
+        "Finds what right primary rays meet, lights it by the left samples around it, and lists the rest.";
     left_copy: Pixels scene,
         "Copies the left eye's sample to the right eye, if both eyes are equal.";
     list_setup: Once,

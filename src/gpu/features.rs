@@ -95,7 +95,8 @@ features! {
     }
     Renderer {
         visibility_mask: "pixels that the lens hides",
-        reuse_indirect: "reuse of indirect light on glossy surfaces",
+        scatters: "left hits that are scattered into the right image",
+        reuse_glossy: "light on glossy surfaces, carried to the right eye",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples for the right eye",
     }

@@ -74,12 +74,12 @@ pub fn light_candidates(
     }
 }
 
-/// Whether glossy surfaces of the right eye reuse indirect light; direct light must be shaded separately.
-pub fn reuses_indirect(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
+/// Whether the right eye's glossy surfaces take light over: direct light must come by samples of its own, apart from the rest.
+pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     (features.glossy || features.dielectric)
         && settings.method == Method::Photon
         && settings.photon.direct == DirectLight::Nee
         && settings.photon.schedule == Schedule::Split
-        && settings.reuse == Reuse::Lookup
+        && settings.reuse != Reuse::Off
         && settings.stereo.max_lobe_shift > 0.0
 }

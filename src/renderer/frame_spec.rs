@@ -2,9 +2,7 @@
 
 use super::editing::shines;
 use super::photon_map::PhotonMap;
-use super::{
-    SceneBuffers, caustic_paths, photon_paths_per_thread, reuses_indirect, shader_features,
-};
+use super::{SceneBuffers, caustic_paths, photon_paths_per_thread, reuses_glossy, shader_features};
 use crate::frame::{
     AdapterLimits, FrameSpec, GatherSlices, MapConfig, MapKind, MapLayout, PlannedStage,
     ShapeCounts, plan,
@@ -64,7 +62,8 @@ pub(super) fn frame_features(
             Force::Auto => is_software,
             forced => forced == Force::On,
         },
-        reuse_indirect: both && reuses_indirect(settings, &features),
+        scatters: both && settings.reuse == Reuse::Scatter,
+        reuse_glossy: both && reuses_glossy(settings, &features),
         one_sample: settings.spp == 1,
         keeps_samples: both && settings.reuse != Reuse::Off,
         ..features

@@ -57,7 +57,7 @@ pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
 pub use features::{
-    forms_caustics, light_candidates, reuses_indirect, shader_features, splits_light,
+    forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
 };
 pub use frame_spec::plan_of_scene;
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
@@ -119,8 +119,6 @@ pub struct Renderer {
     frame_uniform: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
-    /// Whether reused pixels of the last frame's right eye have the left eye's rays.
-    reprojects_rays: bool,
     origin_in_world: DVec3,
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
@@ -203,7 +201,6 @@ impl Renderer {
             reconstruction: reconstruct.is_on().then(|| Reconstruction::new(&context)),
             scene: buffers,
             is_bound: false,
-            reprojects_rays: false,
             origin_in_world: DVec3::ZERO,
             hidden: hidden.map(session::Hidden::new),
             submitter: None,
@@ -439,7 +436,6 @@ impl Renderer {
         } else {
             Stage::Right
         };
-        self.reprojects_rays = right == Stage::Right && self.reuse == Reuse::Scatter;
         let is_last = first + count >= self.settings.spp;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| is_last) {
             reconstruction.begin_frame(
@@ -447,7 +443,6 @@ impl Renderer {
                 frame,
                 self.origin_in_world,
                 &self.settings,
-                self.reprojects_rays,
                 self.scene.scene_moved(),
             );
         }

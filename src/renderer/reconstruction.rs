@@ -55,14 +55,13 @@ impl Reconstruction {
     }
 
     /// Says what the frame that is about to be reconstructed has to do with the one before. `moved`: something in the
-    /// scene has moved or changed since then. `reprojects_rays`: reused pixels of the right eye have the left eye's rays.
+    /// scene has moved or changed since then.
     pub(super) fn begin_frame(
         &mut self,
         context: &GpuContext,
         frame: &Frame,
         origin_in_world: DVec3,
         settings: &RenderSettings,
-        reprojects_rays: bool,
         moved: bool,
     ) {
         self.parity = 1 - self.parity;
@@ -93,9 +92,8 @@ impl Reconstruction {
             exposure: settings.output.exposure as f32,
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
-            reprojects_rays: u32::from(reprojects_rays),
             firefly_frames: own.firefly_frames as f32,
-            padding: [0; 2],
+            padding: [0; 3],
         };
         context
             .queue

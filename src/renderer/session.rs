@@ -141,12 +141,7 @@ impl Renderer {
                 )
             })?,
         };
-        submitter.submit(
-            &self.context,
-            targets,
-            self.shown_light(),
-            self.reprojects_rays,
-        )?;
+        submitter.submit(&self.context, targets, self.shown_light())?;
         self.submitter = Some(submitter);
         Ok(())
     }

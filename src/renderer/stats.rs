@@ -65,8 +65,11 @@ pub struct StereoStats {
     pub reused: u32,
     /// Right pixels that see a surface and were filled.
     pub filled: u32,
-    /// Of the filled, those that reuse indirect light (`--reuse lookup`).
-    pub indirect_reused: u32,
+    /// Right primary rays that were traced by `--reuse scatter`, since they met no triangle of a left hit in their pixel.
+    pub traced: u32,
+    /// Of the reused, glossy ones: direct light by the left light samples, scattered anew towards the right eye; indirect
+    /// light per reflectance. The others took all light over.
+    pub resampled: u32,
     /// `reused` / (`reused` + `filled`); 0 if the right eye sees no surface.
     pub reuse_fraction: f64,
     /// Why not reused.
@@ -116,7 +119,8 @@ impl StereoStats {
             scattered: counters.scattered,
             reused,
             filled,
-            indirect_reused: counters.indirect_reused,
+            traced: counters.traced,
+            resampled: counters.resampled,
             reuse_fraction: if surfaces > 0.0 {
                 f64::from(reused) / surfaces
             } else {

@@ -108,7 +108,6 @@ impl Submitter {
         context: &GpuContext,
         targets: &RuntimeTargets,
         light: ShownLight,
-        reuse: bool,
     ) -> Result<(), GpuError> {
         context.guarded(&passes::xr_submit.name, || {
             let mut encoder =
@@ -122,9 +121,7 @@ impl Submitter {
                     scale: light.scale,
                     near_m: targets.near_m,
                     eye: index as u32,
-                    reuse: u32::from(reuse),
                     is_display: light.is_display,
-                    padding: [0; 3],
                 };
                 context
                     .queue

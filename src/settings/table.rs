@@ -281,8 +281,8 @@ settings! {
         rows STEREO {
             /// most view dependence that is reused; 0 reuses only what looks the same from everywhere
             max_view_dependence: f64 = 0.0, SHARE;
-            /// lookup: glossy surfaces reuse indirect light if their lobe moves by at most this between the eyes; 0 never
-            max_lobe_shift: f64 = 0.25, NOT_NEGATIVE, "lobe widths";
+            /// glossy surfaces take light over where their lobe moves by no more between the eyes; 0 never
+            max_lobe_shift: f64 = 1.0, NOT_NEGATIVE, "lobe widths";
         }
     }
 

@@ -132,26 +132,25 @@ fn caustics(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
 }
 
-/// Reuses the left eye's sample in the right eye and lists the pixels that stay empty.
+/// The right eye takes what light it can from the left one's sample and lists the pixels that stay without.
 fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
     steps.clear(Moment::Reuse);
     let left_hits = Size::List(List::LEFT_HITS);
     match frame.reuse {
         Reuse::Off => return,
-        // Projects the left hits; the nearest one wins its right pixel.
+        // Left hits are projected; the nearest one wins its right pixel, whose ray meets its triangle without a traversal.
         Reuse::Scatter => {
             steps.run(&passes::scatter_depth, left_hits);
             steps.run(&passes::scatter_winner, left_hits);
-            steps.run(&passes::reuse_resolve, Size::Tiles);
         }
-        // Traces primary rays and lights what they meet by the left samples around it.
-        Reuse::Lookup => {
-            steps.run(&passes::left_irradiance, left_hits);
-            steps.copy_texels("demodulated_light");
-            steps.run(&passes::reuse_lookup, Size::Tiles);
-        }
+        // Right primary rays are traced.
+        Reuse::Lookup => {}
     }
+    // What they meet is lit by the left samples around it.
+    steps.run(&passes::left_irradiance, left_hits);
+    steps.copy_texels("demodulated_light");
+    steps.run(&passes::reuse_lookup, Size::Tiles);
     steps.set_up(List::FILL);
 }
 
@@ -161,13 +160,7 @@ fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     primary_hits(steps, frame, over);
     if frame.is_photon() {
         direct_light(steps, frame);
-        if frame.features.reuse_indirect {
-            steps.run(&passes::indirect_lookup, Size::List(List::HITS));
-            steps.set_up(List::GATHER);
-            gather(steps, frame, List::GATHER);
-        } else {
-            gather(steps, frame, List::HITS);
-        }
+        gather(steps, frame, List::HITS);
         caustics(steps, frame);
         steps.run(&passes::eye_combine, over);
     }

@@ -124,15 +124,11 @@ pub fn inspect(view: View, eye: Eye, buffers: Eye) -> Vec<Step> {
             steps.owner.map = MapKind::Caustics;
             steps.in_slices(&passes::inspect_caustics, Size::Tiles, slices);
         }
-        // Every pixel has a ray of its own here, so nothing is read of what the other eye left.
         View::Motion => {
             let step = steps.run(&passes::motion, Size::Tiles).words(0, 0, 1);
             step.names(&[
                 ("hit_rays", "inspected_normals"),
                 ("first_surfaces", "inspected_hits"),
-                ("left_first_surfaces", "inspected_hits"),
-                ("scatter_winners", "inspected_hits"),
-                ("provenance", "inspected_hits"),
                 ("seen_surfaces", "inspected_surfaces"),
                 ("motion", "inspection"),
             ]);

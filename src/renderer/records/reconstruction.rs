@@ -36,10 +36,8 @@ pub struct Reconstruction {
     pub taa_alpha: f32,
     /// Standard deviations that a history colour may lie from its neighbours' mean.
     pub taa_clip: f32,
-    /// 1 if reused pixels of the right eye have the left eye's rays.
-    pub reprojects_rays: u32,
     /// Frames of history up to which light is limited to its brightest neighbour's.
     pub firefly_frames: f32,
     /// Unused.
-    pub padding: [u32; 2],
+    pub padding: [u32; 3],
 }

@@ -32,8 +32,10 @@ pub struct StereoCounters {
     pub scattered: u32,
     /// Right pixels that took one over.
     pub reused: u32,
-    /// Of the filled, those that reuse indirect light.
-    pub indirect_reused: u32,
+    /// Right primary rays that met no triangle scattered to them, and were traced.
+    pub traced: u32,
+    /// Of the reused, those that scattered the left light samples anew.
+    pub resampled: u32,
     /// Filled pixels by [`Provenance`].
     pub filled_because: [u32; Provenance::Gap as usize + 1],
 }

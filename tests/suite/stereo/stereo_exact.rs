@@ -2,8 +2,8 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, Provenance, Renderer};
-use stereolux::scene::Scene;
 use stereolux::scene::builtin::plane;
+use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Headset, Pose, View};
 
@@ -109,10 +109,7 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
             let shift = -(landing.floor() as i64) as u32;
             assert!(shift >= 1, "the test must move something");
             let (winners, provenance) = (winners(&renderer), provenance(&renderer));
-            let (left, right) = (
-                radiance(&renderer, Eye::Left),
-                radiance(&renderer, Eye::Right),
-            );
+            let left = radiance(&renderer, Eye::Left);
             for y in 0..height {
                 for x in 0..width {
                     let here = (y * width + x) as usize;
@@ -133,7 +130,6 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
                         );
                     } else {
                         assert_eq!(provenance[here], Provenance::Reused as u32);
-                        assert_eq!(bits(&right)[here], bits(&left)[from as usize], "({x}, {y})");
                     }
                 }
             }
@@ -434,11 +430,19 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
                 "{what}"
             );
             assert!(
-                s.scattered <= s.left_hits && s.reused <= s.scattered,
+                s.scattered <= s.left_hits && s.traced < size[0] * size[1] / 2,
                 "{what}: {s:?}"
             );
         }
     }
+}
+
+/// Whether all light that the surface sends to an eye comes over a lobe that eye paths follow: all glass, and metal that is
+/// smoother than `photon.`.
+pub fn has_sharp_lobe(material: &Material) -> bool {
+    let alpha = f64::from(material.roughness).powi(2);
+    let is_mirror = material.metallic == 1.0 && alpha <= 0.05;
+    is_mirror || material.transmission == 1.0
 }
 
 #[test]
@@ -457,8 +461,13 @@ fn mirrors_and_glass_are_not_carried_over() {
         let Some((t, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
             continue;
         };
-        if scene.materials[material as usize].is_lambert() || from == Provenance::Reused as u32 {
-            continue; // reused: the left eye's hit in this pixel may be the diffuse surface beside the mirror
+        let is_sharp = has_sharp_lobe(&scene.materials[material as usize]);
+        assert!(
+            !is_sharp || from != Provenance::Reused as u32,
+            "pixel ({x}, {y})"
+        );
+        if !is_sharp {
+            continue;
         }
         seen += 1;
         let in_left = views[0].pixel_from_point_in_world(ray.origin + ray.direction * t, 96, 64);

@@ -94,6 +94,16 @@ fn point_lights_grow_with_the_square_of_the_scale() {
     }
 }
 
+/// Greatest difference of a channel over the expected pixel's largest one.
+fn worst_of_largest(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
+    let off = |(found, expected): (&[f32; 3], &[f32; 3])| {
+        let largest = expected.iter().fold(0.0_f32, |most, c| most.max(*c));
+        let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+        f64::from(apart.fold(0.0_f32, f32::max)) / f64::from(largest).max(1e-30)
+    };
+    found.iter().zip(expected).map(off).fold(0.0, f64::max)
+}
+
 #[test]
 fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
     let scene = builtin("cornell");
@@ -119,8 +129,15 @@ fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
                     base[eye].iter().map(|p| p.map(|c| c * factor)).collect();
                 // The same paths with other numbers: a path of 12 surfaces multiplies some 50 times and sums of
                 // positive terms keep their relative error: 100 x 2^-24 = 6e-6, twice that for both images.
-                let off = worst(&found[eye], &expected);
-                assert!(off < 2e-5, "{kind:?} eye {eye} x {factor}: {off}");
+                let off = if eye == 0 {
+                    worst(&found[eye], &expected)
+                } else {
+                    worst_of_largest(&found[eye], &expected)
+                };
+                // The right eye takes light over to 2^-18 of its largest channel, in both images; the box's reflectances,
+                // 0.04 to 0.76, make that 19 times as much of the largest channel that is reflected: 1.5e-4.
+                let bound = [2e-5, 1.7e-4][eye];
+                assert!(off < bound, "{kind:?} eye {eye} x {factor}: {off}");
                 // Negative control.
                 assert!(worst(&found[eye], &base[eye]) > 0.9);
             }
