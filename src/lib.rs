@@ -25,6 +25,7 @@
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
 
+#[cfg(feature = "bench")]
 pub mod bench;
 pub mod bvh;
 pub mod commands;
@@ -39,6 +40,7 @@ pub mod images;
 pub mod interrupt;
 pub mod limits;
 pub mod metrics;
+#[cfg_attr(not(feature = "mirror"), path = "no_mirror.rs")]
 pub mod mirror;
 pub mod options;
 pub mod output;
@@ -47,6 +49,8 @@ mod printable;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
+#[cfg(feature = "viewer")]
 pub mod viewer;
+#[cfg(feature = "mirror")]
 mod windowing;
 pub mod xr;
