@@ -7,7 +7,11 @@ cd "$(dirname "$0")/.."
 
 ensure_build_tools
 ensure_vulkan
-cargo build --release --locked --bin stereolux
+# The headless program is enough and compiles faster, unless the whole one's dependencies are there already: it would
+# take the place of the whole one.
+features=--no-default-features
+compgen -G "target/release/deps/libegui-*.rlib" >/dev/null && features=
+cargo build --release --locked --bin stereolux $features
 target/release/stereolux run --session simulated --scene builtin:gallery --size 256x256 --frames 10 --every 5 \
     --out out/demo "$@"
 echo
@@ -15,3 +19,5 @@ echo "pictures (both eyes side by side): out/demo/frame_0000.png, out/demo/frame
 echo "where the right eye's pixels came from: out/demo/frame_0000_reuse.png"
 echo "linear radiance per eye: out/demo/frame_0000_left.exr, out/demo/frame_0000_right.exr"
 echo "milliseconds per pass and reuse, frame by frame: out/demo/stats.jsonl; settings and medians: out/demo/run.json"
+[ -z "$features" ] ||
+    echo "target/release/stereolux is headless: \`cargo build --release\` adds view, bench and --mirror"

@@ -367,7 +367,8 @@ pub fn write_atomically(
 }
 
 /// OpenEXR 2 single-part scan-line file ("OpenEXR File Layout", openexr.com). The `image` crate's encoder writes
-/// run-length-coded tiles in no promised order; runs are compared byte for byte, so the order is fixed here.
+/// run-length-coded tiles in no promised order, and the `exr` crate promises no order of a header's attributes; runs are
+/// compared byte for byte, so the order is fixed here.
 fn encode_exr(out: &mut impl Write, image: &ImageRgb) -> io::Result<()> {
     const PIXEL_TYPE_FLOAT: i32 = 2;
     const CHANNELS: [(&str, usize); 3] = [("B", 2), ("G", 1), ("R", 0)]; // sorted by name, as the format wants

@@ -72,9 +72,9 @@
     )
 )]
 
-#[cfg(not(feature = "internals"))]
+#[cfg(all(feature = "bench", not(feature = "internals")))]
 mod bench;
-#[cfg(feature = "internals")]
+#[cfg(all(feature = "bench", feature = "internals"))]
 pub mod bench;
 #[cfg(not(feature = "internals"))]
 mod bvh;
@@ -119,8 +119,10 @@ pub mod limits;
 mod metrics;
 #[cfg(feature = "internals")]
 pub mod metrics;
+#[cfg_attr(not(feature = "mirror"), path = "no_mirror.rs")]
 #[cfg(not(feature = "internals"))]
 mod mirror;
+#[cfg_attr(not(feature = "mirror"), path = "no_mirror.rs")]
 #[cfg(feature = "internals")]
 pub mod mirror;
 #[cfg(not(feature = "internals"))]
@@ -145,10 +147,11 @@ pub mod scene;
 mod settings;
 #[cfg(feature = "internals")]
 pub mod settings;
-#[cfg(not(feature = "internals"))]
+#[cfg(all(feature = "viewer", not(feature = "internals")))]
 mod viewer;
-#[cfg(feature = "internals")]
+#[cfg(all(feature = "viewer", feature = "internals"))]
 pub mod viewer;
+#[cfg(feature = "mirror")]
 mod windowing;
 #[cfg(not(feature = "internals"))]
 mod xr;

@@ -1,16 +1,17 @@
 //! What each command does, once its options are known to be usable.
 
+#[cfg(feature = "bench")]
 mod bench;
 mod compare;
 mod info;
 mod report;
 mod run;
+#[cfg(feature = "viewer")]
 mod view;
 
 use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 
-use crate::bench::BenchError;
 use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
@@ -24,7 +25,6 @@ use crate::printable::escaped;
 use crate::renderer::RenderError;
 use crate::scene::{Scene, SceneError, load_environment_within};
 use crate::settings::Settings;
-use crate::viewer::ViewError;
 use crate::xr::XrError;
 
 /// The whole program: flags to checked options to a command; errors to an exit status.
@@ -136,8 +136,10 @@ impl From<crate::xr::openxr::RuntimeError> for Failure {
     }
 }
 
-impl From<ViewError> for Failure {
-    fn from(error: ViewError) -> Self {
+#[cfg(feature = "viewer")]
+impl From<crate::viewer::ViewError> for Failure {
+    fn from(error: crate::viewer::ViewError) -> Self {
+        use crate::viewer::ViewError;
         match error {
             ViewError::Gpu(error) => error.into(),
             ViewError::NoWindow(_) | ViewError::CannotShow { .. } => Self::unusable(error),
@@ -187,8 +189,10 @@ impl From<LoopError> for Failure {
     }
 }
 
-impl From<BenchError> for Failure {
-    fn from(error: BenchError) -> Self {
+#[cfg(feature = "bench")]
+impl From<crate::bench::BenchError> for Failure {
+    fn from(error: crate::bench::BenchError) -> Self {
+        use crate::bench::BenchError;
         match error {
             BenchError::Scene(error) => error.into(),
             BenchError::Xr(error) => error.into(),
@@ -227,9 +231,23 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
         Options::Render(options) => run::render(&options).map(|()| 0),
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),
+        #[cfg(feature = "bench")]
         Options::Bench(options) => bench::bench(&options).map(|()| 0),
+        #[cfg(not(feature = "bench"))]
+        Options::Bench(_) => Err(not_built("bench", "bench")),
+        #[cfg(feature = "viewer")]
         Options::View(options) => view::view(&options).map(|()| 0),
+        #[cfg(not(feature = "viewer"))]
+        Options::View(_) => Err(not_built("view", "viewer")),
     }
+}
+
+/// A command that this build was made without.
+#[cfg(not(all(feature = "bench", feature = "viewer")))]
+fn not_built(command: &str, feature: &str) -> Failure {
+    Failure::unusable(format!(
+        "{command}: this build is without it; build with `cargo build --release --features {feature}`"
+    ))
 }
 
 /// Prefix of scenes that are embedded in the program.

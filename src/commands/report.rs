@@ -5,7 +5,6 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::bench::statistics;
 use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
@@ -95,7 +94,7 @@ pub struct RunReport<'a> {
 
 /// Median; 0 of nothing.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
-    statistics::median(&values.collect::<Vec<_>>()).unwrap_or_default()
+    crate::metrics::median(&values.collect::<Vec<_>>()).unwrap_or_default()
 }
 
 impl<'a> RunReport<'a> {

@@ -12,11 +12,13 @@ mod binocular;
 mod comparison;
 mod flip;
 mod moments;
+mod quantiles;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use comparison::{CompareError, Comparison, compare, compare_files, rel_mse_map};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
 pub use moments::{BiasVariance, RenderMoments};
+pub use quantiles::{median, quantile};
 
 use crate::images::{Image, ImageRgb, srgb_decode};
 

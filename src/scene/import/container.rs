@@ -1,6 +1,11 @@
 //! Files, the GLB container and `data:` URIs.
 
+use std::borrow::Cow;
 use std::path::Path;
+
+use base64::Engine as _;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::super::SceneError;
 use super::Notes;
@@ -136,47 +141,21 @@ pub fn decode_data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), String>> {
 
 /// Base64 (RFC 4648, section 4), padding optional, white space skipped.
 pub fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 3);
-    let mut bits: u32 = 0;
-    let mut count = 0;
-    let mut padding = false;
-    for (position, byte) in text.bytes().enumerate() {
-        let value = match byte {
-            b'A'..=b'Z' => byte - b'A',
-            b'a'..=b'z' => byte - b'a' + 26,
-            b'0'..=b'9' => byte - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            b'=' => {
-                padding = true;
-                continue;
-            }
-            b' ' | b'\n' | b'\r' | b'\t' => continue,
-            _ => {
-                return Err(format!(
-                    "character {} of the base64 data is not base64",
-                    position + 1
-                ));
-            }
-        };
-        if padding {
-            return Err("base64 data goes on after its padding".to_owned());
-        }
-        bits = (bits << 6) | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count) as u8);
-            bits &= (1 << count) - 1;
-        }
-    }
-    if count == 6 {
-        return Err("base64 data is cut off".to_owned());
-    }
-    Ok(bytes)
+    const LENIENT: GeneralPurposeConfig = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true);
+    let is_space = |c: char| matches!(c, ' ' | '\n' | '\r' | '\t');
+    let plain = if text.contains(is_space) {
+        Cow::Owned(text.replace(is_space, ""))
+    } else {
+        Cow::Borrowed(text)
+    };
+    GeneralPurpose::new(&STANDARD, LENIENT)
+        .decode(plain.as_bytes())
+        .map_err(|error| format!("the base64 data is broken: {error}"))
 }
 
-/// Undoes percent-encoding (RFC 3986, section 2.1).
+/// Undoes percent-encoding (RFC 3986, section 2.1). The `percent-encoding` crate would let broken escapes pass.
 pub fn percent_decode(text: &str) -> Result<Vec<u8>, String> {
     let hex = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
     let source = text.as_bytes();
@@ -218,7 +197,7 @@ mod tests {
         ] {
             assert_eq!(decode_base64(text).unwrap(), plain.as_bytes(), "{text}");
         }
-        assert_eq!(decode_base64("+/A=").unwrap(), [0xfb, 0xf0]);
+        assert_eq!(decode_base64(" +/\n\tA=\r").unwrap(), [0xfb, 0xf0]);
         for broken in ["Z", "Zm9v!", "Zg==Zg=="] {
             assert!(decode_base64(broken).is_err(), "{broken}");
         }

@@ -14,6 +14,7 @@ mod nodes;
 use std::io::Write as _;
 use std::path::Path;
 
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 
 use super::edit::{Document, Original};
@@ -70,7 +71,7 @@ impl Document {
         if !bin.is_empty() {
             root["buffers"][0]["uri"] = json!(format!(
                 "data:application/octet-stream;base64,{}",
-                encode_base64(&bin)
+                BASE64_STANDARD.encode(&bin)
             ));
         }
         let mut text = serde_json::to_string_pretty(&root).map_err(|error| SceneError::Write {
@@ -229,42 +230,9 @@ fn factor_and_strength(color: [f32; 3]) -> ([f32; 3], f32) {
     (color.map(|channel| channel / strength), strength)
 }
 
-/// Base64 (RFC 4648, section 4).
-fn encode_base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for group in bytes.chunks(3) {
-        let at = |index: usize| u32::from(group.get(index).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..4 {
-            if digit <= group.len() {
-                let value = bits >> (18 - 6 * digit) & 63;
-                text.push(char::from(DIGITS[value as usize]));
-            } else {
-                text.push('=');
-            }
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_follows_rfc_4648() {
-        for (plain, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(encode_base64(plain.as_bytes()), text);
-        }
-        assert_eq!(encode_base64(&[0xfb, 0xf0]), "+/A=");
-    }
 
     #[test]
     fn colours_survive_being_shared_out() {

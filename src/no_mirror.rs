@@ -1,0 +1,53 @@
+//! Stands in for the mirror in a build without windows: `--mirror` is refused before the run begins.
+
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::renderer::{RenderError, Renderer};
+
+/// Why there is no mirror; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum MirrorError {
+    /// The feature is off.
+    #[error(
+        "--mirror: this build has no windows; build with `cargo build --release --features mirror`, or leave --mirror out: the run works without it"
+    )]
+    NotBuilt,
+}
+
+/// A window; there is none.
+pub enum MirrorWindow {}
+
+impl MirrorWindow {
+    /// Refuses.
+    ///
+    /// # Errors
+    /// [`MirrorError::NotBuilt`].
+    pub fn open() -> Result<Self, MirrorError> {
+        Err(MirrorError::NotBuilt)
+    }
+}
+
+/// A window that frames are shown in; there is none.
+pub enum Mirror {}
+
+impl Mirror {
+    /// Cannot be called: there is no window.
+    ///
+    /// # Errors
+    /// None.
+    pub fn new(window: MirrorWindow, _: &GpuContext) -> Result<Self, MirrorError> {
+        match window {}
+    }
+
+    /// Cannot be called.
+    pub fn serve(&mut self) {
+        match *self {}
+    }
+
+    /// Cannot be called.
+    ///
+    /// # Errors
+    /// None.
+    pub fn show(&mut self, _: &mut Renderer, _: &ShaderLibrary) -> Result<(), RenderError> {
+        match *self {}
+    }
+}
