@@ -186,7 +186,7 @@ impl<'a> Geometry<'a> {
         (self.view.orientation * DVec3::new(x, y, -1.0)).normalize()
     }
 
-    fn to_eye(&self) -> DVec3 {
+    fn direction_to_eye(&self) -> DVec3 {
         -self.place.normalize()
     }
 
@@ -219,7 +219,7 @@ impl<'a> Geometry<'a> {
 
     /// 0 to 1: arrows that point at the eye and planes seen from their edge fade.
     fn visibility(&self, handle: Handle) -> f32 {
-        let along = |axis: usize| self.to_eye().dot(self.axes[axis]).abs();
+        let along = |axis: usize| self.direction_to_eye().dot(self.axes[axis]).abs();
         let faded = match handle {
             _ if self.mode == Mode::Turn => 0.0,
             Handle::Axis(axis) => (along(axis) - 0.95) / 0.04,
@@ -243,11 +243,11 @@ impl<'a> Geometry<'a> {
             Handle::Axis(axis) if is_turn => {
                 // The half that faces the eye, or all of it seen from the front.
                 let normal = self.axes[axis];
-                let facing = self.to_eye().reject_from_normalized(normal);
+                let facing = self.direction_to_eye().reject_from_normalized(normal);
                 let u = facing
                     .try_normalize()
                     .unwrap_or(normal.any_orthonormal_vector());
-                let front = (self.to_eye().dot(normal).abs() - 0.990) / 0.005;
+                let front = (self.direction_to_eye().dot(normal).abs() - 0.990) / 0.005;
                 let half_angle = FRAC_PI_2 * (1.0 + front.clamp(0.0, 1.0));
                 (self.arc(SIZE, [u, normal.cross(u)], half_angle), false)
             }
