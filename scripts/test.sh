@@ -17,4 +17,6 @@ scripts/monado.sh --fetch
 cargo fmt --all --check
 # One profile throughout, so that dependencies are compiled once.
 cargo clippy --release --locked --all-targets -- -D warnings
+# What scripts/demo.sh builds: it has the same dependencies, so that only the program itself is read again.
+cargo clippy --release --locked --no-default-features -- -D warnings
 cargo test --release --locked
