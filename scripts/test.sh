@@ -20,6 +20,8 @@ cargo fmt --all --check
 cargo clippy --release --locked --all-targets -- -D warnings
 # What users get: without `internals`, which tests and examples turn on.
 cargo clippy --release --locked --bin stereolux -- -D warnings
+# What scripts/demo.sh builds.
+cargo clippy --release --locked --bin stereolux --no-default-features -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
 cargo build --release --locked --examples
 

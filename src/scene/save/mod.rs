@@ -3,7 +3,8 @@
 //! Buffers, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
 //! edit has touched. Buffers and pictures beside the original go into the new one, which therefore stands alone; a file that
 //! is named as a picture and is none is not carried along. Read back it gives the same
-//! scene: transforms are written with all digits of f64, colours and factors with those that f32 needs.
+//! scene: transforms are written with all digits of f64, colours and factors with those that f32 needs. JSON values are
+//! edited, not the types of `gltf-json`: those know no foreign extensions and would write every number anew.
 //!
 //! A deleted node stays in the file without a parent and in no scene, so that no number that names a node changes; readers
 //! show nothing of it. Environment and scattering models of the user's are no part of glTF and are not saved.
