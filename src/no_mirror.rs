@@ -51,3 +51,9 @@ impl Mirror {
         match *self {}
     }
 }
+
+impl Drop for Mirror {
+    fn drop(&mut self) {
+        match *self {}
+    }
+}
