@@ -151,6 +151,9 @@ impl Mirror {
         })
     }
 
+    /// Takes the window away.
+    pub fn close(self) {}
+
     /// Answers the window system; call between frames.
     pub fn serve(&mut self) {
         if self.surface.is_none() {

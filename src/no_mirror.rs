@@ -39,6 +39,11 @@ impl Mirror {
     }
 
     /// Cannot be called.
+    pub fn close(self) {
+        match self {}
+    }
+
+    /// Cannot be called.
     pub fn serve(&mut self) {
         match *self {}
     }

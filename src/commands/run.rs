@@ -298,7 +298,9 @@ fn render_session(
         mirror.as_mut(),
     );
     // The window goes at once, also while files are still written.
-    drop(mirror);
+    if let Some(mirror) = mirror {
+        mirror.close();
+    }
     bar.finish();
     let outcome = outcome?;
     let run = report::RunReport::new(

@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use base64::Engine as _;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, Engine as _};
 
 use super::super::SceneError;
 use super::Notes;
@@ -139,7 +139,7 @@ pub fn decode_data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), String>> {
     Some(bytes.map(|bytes| (media_type, bytes)))
 }
 
-/// Base64 (RFC 4648, section 4), padding optional, white space skipped.
+/// Base64 (RFC 4648, section 4), padding optional. White space is skipped, and not counted in messages.
 pub fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
     const LENIENT: GeneralPurposeConfig = GeneralPurposeConfig::new()
         .with_decode_padding_mode(DecodePaddingMode::Indifferent)
@@ -152,7 +152,12 @@ pub fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
     };
     GeneralPurpose::new(&STANDARD, LENIENT)
         .decode(plain.as_bytes())
-        .map_err(|error| format!("the base64 data is broken: {error}"))
+        .map_err(|error| match error {
+            DecodeError::InvalidByte(at, byte) if byte != b'=' => {
+                format!("character {} of the base64 data is not base64", at + 1)
+            }
+            other => format!("the base64 data is broken: {other}"),
+        })
 }
 
 /// Undoes percent-encoding (RFC 3986, section 2.1). The `percent-encoding` crate would let broken escapes pass.
