@@ -56,9 +56,3 @@ impl Mirror {
         match *self {}
     }
 }
-
-impl Drop for Mirror {
-    fn drop(&mut self) {
-        match *self {}
-    }
-}
