@@ -504,7 +504,9 @@ fn the_script_says_when_the_service_crashed() {
         let output = monado(&[]).args(["bash", "-c", command]).output().unwrap();
         output.status.code()
     };
-    let crashed = status("kill -SEGV $MONADO_PID; exit 3");
+    // Until it is gone: the script's own SIGTERM, sent when the command ends, must not overtake the crash.
+    let gone = "for _ in $(seq 200); do kill -0 $MONADO_PID 2>/dev/null || break; sleep 0.1; done";
+    let crashed = status(&format!("kill -SEGV $MONADO_PID; {gone}; exit 3"));
     assert_eq!(crashed, Some(SERVICE_CRASHED));
     assert_eq!(status("kill -KILL $MONADO_PID; exit 3"), Some(3));
     assert_eq!(status("exit 3"), Some(3));
