@@ -18,7 +18,7 @@ pub enum Provenance {
     Edge = 4,
     /// Filled: what is seen depends on the viewing direction.
     ViewDependent = 5,
-    /// Filled: the left eye sees the surface, but no sample landed in the pixel.
+    /// Filled: the left eye sees the surface, but too few samples agree with the point.
     Gap = 6,
 }
 
