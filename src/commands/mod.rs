@@ -201,7 +201,7 @@ impl From<crate::bench::BenchError> for Failure {
             BenchError::Metrics(_)
             | BenchError::Image(_)
             | BenchError::File { .. }
-            | BenchError::Plot { .. } => Self::failed(error),
+            | BenchError::Report(_) => Self::failed(error),
         }
     }
 }
