@@ -9,8 +9,8 @@ use std::{env, fs, io};
 const RENDER_CODE: &[&str] = &[
     "Cargo.lock",
     "assets",
+    "crates/bvh",
     "shaders",
-    "src/bvh",
     "src/frame",
     "src/gpu",
     "src/images.rs",

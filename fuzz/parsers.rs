@@ -272,7 +272,7 @@ fn scene(bytes: &[u8], random: &mut Random) -> bool {
         .sum::<usize>()
         < 100_000
     {
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let _ = one_line(MeshHierarchies::build(&scene.meshes, &marks));
     }
     if random.below(4) == 0 {
