@@ -77,10 +77,6 @@ mod bench;
 #[cfg(all(feature = "bench", feature = "internals"))]
 pub mod bench;
 #[cfg(not(feature = "internals"))]
-mod bvh;
-#[cfg(feature = "internals")]
-pub mod bvh;
-#[cfg(not(feature = "internals"))]
 mod commands;
 #[cfg(feature = "internals")]
 pub mod commands;
@@ -157,6 +153,11 @@ mod windowing;
 mod xr;
 #[cfg(feature = "internals")]
 pub mod xr;
+
+#[cfg(not(feature = "internals"))]
+use stereolux_bvh as bvh;
+#[cfg(feature = "internals")]
+pub use stereolux_bvh as bvh;
 
 // Scenes.
 pub use bvh::BvhError;

@@ -6,7 +6,6 @@ use std::process::Command;
 use glam::DVec3;
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::plane;
 use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 use stereolux::xr::Pose;
 
@@ -16,6 +15,7 @@ use super::support::{
     Folder, Triangles, adapter_name, bits, builtin, frame, method, parallel_views, radiance,
     renderer, settings, square_fov, start_pose,
 };
+use crate::suite::embedded_scenes::plane;
 
 fn provenance(renderer: &Renderer) -> Vec<u32> {
     renderer.read_provenance().unwrap().unwrap()

@@ -2,11 +2,11 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, Provenance, Renderer};
-use stereolux::scene::builtin::plane;
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Headset, Pose, View};
 
+use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     Triangles, bits, builtin, frame, hit_in_world, hit_rays, method, parallel_views, placed,
     radiance, renderer, square_fov, start_pose,
