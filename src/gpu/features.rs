@@ -89,6 +89,7 @@ features! {
         deformation: "deforming meshes",
     }
     Settings {
+        mips: "levels of textures",
         user_bsdf: "a user BSDF",
         sobol: "Sobol points instead of random numbers",
         light_only: "direct light by light samples only",

@@ -3,7 +3,8 @@
 use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
 use crate::scene::Needs;
 use crate::settings::{
-    DirectLight, Force, ForceSettings, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
+    DirectLight, Force, ForceSettings, Method, Mips, RenderSettings, Reuse, Sampler, Schedule,
+    Technique,
 };
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -36,6 +37,7 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         Force::On => features.zip(uses, |on, is_use| on || is_use),
         Force::Off => features.without(uses),
     };
+    features.mips = features.textures && chooses_mips(settings);
     // Passes after the fused one shade the surface that it gathered at.
     features.keeps_ends = settings.photon.schedule == Schedule::Fused
         && (settings.photon.direct == DirectLight::Nee || features.caustics);
@@ -55,6 +57,17 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
         caustics: force.caustics,
         record_texels: force.record_texels,
         ..WORDS.zip(WORDS, |_, _| Force::Auto)
+    }
+}
+
+/// Whether textures have levels: as `textures.mips` says, of itself where frames are reconstructed. Frames that stand alone
+/// read every texture at its finest, as other renderers do.
+pub fn chooses_mips(settings: &RenderSettings) -> bool {
+    let reconstruct = &settings.reconstruct;
+    match settings.textures.mips {
+        Mips::Auto => reconstruct.svgf || reconstruct.taa || reconstruct.still,
+        Mips::On => true,
+        Mips::Off => false,
     }
 }
 
