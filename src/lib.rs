@@ -176,9 +176,9 @@ pub use scene::{
 // Settings.
 pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
-    Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
+    Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space, StereoSettings,
-    Technique, TimingSettings, UserDomain, UserPass,
+    Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
 };
 
 // Devices and images.

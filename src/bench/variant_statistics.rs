@@ -69,10 +69,10 @@ pub fn region_masks(frame: &Frame, eye: usize, size: [u32; 2]) -> Vec<(&'static 
         pixels: provenance.iter().map(|&code| wanted(code)).collect(),
     };
     vec![
-        (REUSED, mask(|code| code == Provenance::Reused as u32)),
+        (REUSED, mask(Provenance::is_reused)),
         (
             FILLED,
-            mask(|code| code != Provenance::Reused as u32 && code != Provenance::Background as u32),
+            mask(|code| !Provenance::is_reused(code) && code != Provenance::Background as u32),
         ),
     ]
 }

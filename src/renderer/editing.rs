@@ -265,9 +265,11 @@ impl Renderer {
             for part in &base.statistics.meshes[placed.mesh].uses {
                 let material = &scene.materials[part.material];
                 let slots = material.texture_slots();
-                let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
+                let mut textures = slots
+                    .iter()
+                    .filter_map(|(name, slot)| Some((*name, (*slot)?.texture)));
                 if self.features().textures
-                    && textures.any(|texture| !self.scene.holds_texture(scene, texture))
+                    && textures.any(|used| !self.scene.holds_texture(scene, material, used))
                 {
                     return Some(format!(
                         "{} has a texture that is not uploaded",

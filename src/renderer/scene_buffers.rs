@@ -96,7 +96,7 @@ impl SceneBuffers {
             MeshHierarchies::build_with_room(&scene.meshes, &marks, |mesh| changes[mesh])?;
         let deformer = Deformer::new(context, scene, &hierarchies, &marks)?;
         let mut packed_textures = if features.textures {
-            pack_textures(scene, context.max_binding_bytes)?
+            pack_textures(scene, context.max_binding_bytes, features.mips)?
         } else {
             Default::default()
         };

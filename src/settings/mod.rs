@@ -12,14 +12,14 @@ pub mod table;
 pub mod user_pass;
 
 pub use choices::{
-    BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Motion,
-    PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
+    BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Mips,
+    Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
 };
 pub use registry::{Kind, Setting};
 pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,
     OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
-    TimingSettings,
+    TextureSettings, TimingSettings,
 };
 pub use user_pass::{UserDomain, UserPass};
