@@ -16,12 +16,15 @@ use crate::statistics::{LineFit, PowerFit};
 /// Blocks of text, each under a line `%% name`; `{key}` stands for a value.
 const TEMPLATE: &str = include_str!("report.md");
 
+/// The template's blocks: name and text.
+fn blocks() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let blocks = TEMPLATE.split("%% ");
+    blocks.filter_map(|text| text.split_once('\n'))
+}
+
 /// A block of the template with its values.
 fn fill(block: &str, values: &[(&str, String)]) -> String {
-    let mut blocks = TEMPLATE
-        .split("%% ")
-        .filter_map(|text| text.split_once('\n'));
-    let mut rest = blocks
+    let mut rest = blocks()
         .find(|(name, _)| *name == block)
         .map_or("", |(_, text)| text);
     let mut filled = String::new();
@@ -524,4 +527,42 @@ fn references(report: &Report<'_>) -> String {
         ("table", table.of(&parts)),
     ];
     fill("references", &values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A misspelt name would leave a hole in the report.
+    #[test]
+    fn template_and_code_name_the_same_blocks_and_values() {
+        let code: String = include_str!("markdown.rs")
+            .split("#[cfg(test)]")
+            .next()
+            .map(|code| code.split_whitespace().collect())
+            .unwrap();
+        let first_word = |text: &str| {
+            text.strip_prefix('"')?
+                .split_once('"')
+                .map(|w| w.0.to_owned())
+        };
+        let mut filled: Vec<String> = code.split("fill(").filter_map(first_word).collect();
+        // Without spaces, as the code is here.
+        let mut names: Vec<String> = blocks().map(|(name, _)| name.replace(' ', "")).collect();
+        filled.sort();
+        names.sort();
+        assert_eq!(filled, names);
+        for (name, text) in blocks() {
+            for key in text.split('{').skip(1) {
+                let key = key.split_once('}').unwrap().0;
+                assert!(code.contains(&format!("(\"{key}\",")), "{name}: {key}");
+            }
+        }
+        assert_eq!(
+            fill("anchor", &[("ms", "1".to_owned())])
+                .matches('{')
+                .count(),
+            0
+        );
+    }
 }
