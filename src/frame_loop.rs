@@ -9,7 +9,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::gpu::timing::milliseconds_since;
-use crate::gpu::{GpuContext, PassTimes, ShaderLibrary};
+use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
 use crate::output::{FrameImages, OutputError, OutputFolder};
@@ -175,9 +175,18 @@ pub struct Rendered {
     pub result: FrameResult,
     /// Host times up to submission.
     pub cpu_ms: CpuMs,
+    /// The host's stages, those of the renderer too.
+    pub stages: Vec<HostSpan>,
 }
 
 impl Rendered {
+    /// Notes a stage that ends now; milliseconds.
+    pub fn note(&mut self, stage: &'static str, began: Instant) -> f64 {
+        let span = HostSpan::since(stage, began);
+        self.stages.push(span);
+        span.ms()
+    }
+
     /// The frame's statistics; call it last, so that `cpu_ms.write` and `cpu_ms.mirror` are filled in.
     pub fn into_stats(self, frame: u32, non_finite_pixels: usize, began: Instant) -> FrameStats {
         let Self {
@@ -185,6 +194,7 @@ impl Rendered {
             located,
             result,
             mut cpu_ms,
+            stages: _,
         } = self;
         cpu_ms.frame = milliseconds_since(began);
         let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
@@ -221,10 +231,7 @@ pub fn step(
     let Some(state) = session.wait_frame()? else {
         return Ok(Step::Ended);
     };
-    let mut cpu_ms = CpuMs {
-        wait: milliseconds_since(began),
-        ..CpuMs::default()
-    };
+    let mut stages = vec![HostSpan::since("wait", began)];
     if state.switch_reuse && !renderer.switch_reuse() {
         log::info!("reuse is off in this run's settings; there is nothing to switch");
     }
@@ -240,13 +247,14 @@ pub fn step(
         return Ok(Step::Hidden);
     };
     let targets = session.acquire_targets()?;
-    cpu_ms.session = milliseconds_since(called);
+    stages.push(HostSpan::since("session", called));
     update(renderer, &state);
-    let result = renderer.render_frame(&located.views, index, sample)?;
+    let mut result = renderer.render_frame(&located.views, index, sample)?;
+    stages.append(&mut result.stages);
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
         renderer.submit_to(library, targets)?;
-        cpu_ms.submit = milliseconds_since(recorded);
+        stages.push(HostSpan::since("submit", recorded));
     }
     drop(targets);
     let called = Instant::now();
@@ -254,13 +262,24 @@ pub fn step(
         state.predicted_display_time_ns,
         Some(&located),
     ))?;
-    cpu_ms.session += milliseconds_since(called);
-    cpu_ms.renderer = result.cpu_ms;
+    stages.push(HostSpan::since("session", called));
+    let ms = |name| {
+        let of_name = stages.iter().filter(|span| span.stage == name);
+        of_name.fold(0.0, |sum, span| sum + span.ms())
+    };
+    let cpu_ms = CpuMs {
+        renderer: result.cpu_ms,
+        wait: ms("wait"),
+        session: ms("session"),
+        submit: ms("submit"),
+        ..CpuMs::default()
+    };
     Ok(Step::Rendered(Box::new(Rendered {
         display_time_ns: state.predicted_display_time_ns,
         located,
         result,
         cpu_ms,
+        stages,
     })))
 }
 
@@ -386,7 +405,7 @@ pub fn run(
         if let Some(mirror) = &mut mirror {
             let shown = Instant::now();
             mirror.show(renderer, library)?;
-            frame.cpu_ms.mirror = milliseconds_since(shown);
+            frame.cpu_ms.mirror = frame.note("mirror", shown);
         }
         let written = Instant::now();
         let mut non_finite_pixels = 0;
@@ -394,7 +413,11 @@ pub fn run(
             let images = read_images(renderer, options.size, &mut non_finite_pixels)?;
             output.write_frame(index, &images, options.exposure)?;
         }
-        frame.cpu_ms.write = milliseconds_since(written);
+        frame.cpu_ms.write = frame.note("write", written);
+        let submissions = frame.result.times.submissions.take().unwrap_or_default();
+        let mut stages = std::mem::take(&mut frame.stages);
+        stages.insert(0, HostSpan::since("frame", began));
+        output.trace_frame(index, &stages, &submissions)?;
         let stats = frame.into_stats(index, non_finite_pixels, began);
         output.append_stats(&stats)?;
         progress.frame(&stats);

@@ -57,6 +57,7 @@
 //! - `viewer`: the same loop in a window in which a scene is walked through and edited;
 //! - `renderer`, `frame`, `gpu`: images from views;
 //! - `scene`, `bvh`: what is rendered;
+//! - `chrome_trace`: host and device times of a run on one clock;
 //! - `limits`: limits on reading files;
 //! - `metrics`, `images`, `false_color`: errors against a reference, image files, pictures of views;
 //! - `bench`: speed against error.
@@ -77,9 +78,9 @@ mod bench;
 #[cfg(all(feature = "bench", feature = "internals"))]
 pub mod bench;
 #[cfg(not(feature = "internals"))]
-mod bvh;
+mod chrome_trace;
 #[cfg(feature = "internals")]
-pub mod bvh;
+pub mod chrome_trace;
 #[cfg(not(feature = "internals"))]
 mod commands;
 #[cfg(feature = "internals")]
@@ -158,6 +159,11 @@ mod xr;
 #[cfg(feature = "internals")]
 pub mod xr;
 
+#[cfg(not(feature = "internals"))]
+use stereolux_bvh as bvh;
+#[cfg(feature = "internals")]
+pub use stereolux_bvh as bvh;
+
 // Scenes.
 pub use bvh::BvhError;
 pub use limits::{LoadBudget, LoadLimits, OverBudget};
@@ -183,7 +189,7 @@ pub use settings::{
 // Devices and images.
 pub use gpu::context::AdapterSummary;
 pub use gpu::vulkan_interop::disable_device_select_layer;
-pub use gpu::{GpuContext, GpuError, PassTimes, ShaderLibrary};
+pub use gpu::{GpuContext, GpuError, HostSpan, PassTimes, ShaderLibrary, Submission};
 pub use images::{
     Image, ImageError, ImageRgb, ImageRgb8, read_image, tone_map, write_exr, write_png,
 };

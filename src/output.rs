@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::chrome_trace::ChromeTrace;
 use crate::false_color::provenance_color;
+use crate::gpu::{HostSpan, Submission};
 use crate::images::{
     Image, ImageError, ImageRgb, encode_display, tone_map, write_atomically, write_exr, write_png,
 };
@@ -54,6 +56,7 @@ pub struct FrameImages {
 pub struct OutputFolder {
     path: PathBuf,
     stats: File,
+    trace: Option<ChromeTrace>,
 }
 
 impl OutputFolder {
@@ -89,6 +92,7 @@ impl OutputFolder {
         Ok(Self {
             path: path.to_owned(),
             stats,
+            trace: None,
         })
     }
 
@@ -112,6 +116,55 @@ impl OutputFolder {
         self.stats
             .write_all(line.as_bytes())
             .map_err(|error| fail(error.to_string()))
+    }
+
+    fn trace_path(&self) -> PathBuf {
+        self.path.join("trace.json")
+    }
+
+    fn trace_failed(&self, error: &std::io::Error) -> OutputError {
+        OutputError::File {
+            path: self.trace_path(),
+            reason: error.to_string(),
+        }
+    }
+
+    /// Begins `trace.json`. `device` is the adapter's name; `clocks` are submissions to compare the clocks by.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn begin_trace(&mut self, device: &str, clocks: &[Submission]) -> Result<(), OutputError> {
+        let trace = ChromeTrace::create(&self.trace_path(), device, clocks);
+        self.trace = Some(trace.map_err(|error| self.trace_failed(&error))?);
+        Ok(())
+    }
+
+    /// Adds a frame to `trace.json`, if there is one.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn trace_frame(
+        &mut self,
+        index: u32,
+        stages: &[HostSpan],
+        submissions: &[Submission],
+    ) -> Result<(), OutputError> {
+        let Some(trace) = &mut self.trace else {
+            return Ok(());
+        };
+        let written = trace.add_frame(index, stages, submissions);
+        written.map_err(|error| self.trace_failed(&error))
+    }
+
+    /// Puts `trace.json` in its place, if there is one.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn finish_trace(&mut self) -> Result<(), OutputError> {
+        match self.trace.take().map(ChromeTrace::finish) {
+            Some(Err(error)) => Err(self.trace_failed(&error)),
+            _ => Ok(()),
+        }
     }
 
     /// Writes `run.json`.

@@ -280,6 +280,10 @@ fn render_session(
         None => session,
     };
     let mut output = OutputFolder::create(job.out)?;
+    if settings.render.output.chrome_trace {
+        let clocks = renderer.compare_clocks()?;
+        output.begin_trace(&renderer.context().adapter.name, &clocks)?;
+    }
     if let Some(line) = &announcement {
         bar.print(line);
     }
@@ -302,7 +306,9 @@ fn render_session(
         mirror.close();
     }
     bar.finish();
+    let traced = output.finish_trace();
     let outcome = outcome?;
+    traced?;
     let run = report::RunReport::new(
         settings,
         &renderer,

@@ -104,6 +104,7 @@ features! {
         visibility_mask: "pixels that the lens hides",
         scatters: "left hits that are scattered into the right image",
         reuse_glossy: "light on glossy surfaces, carried to the right eye",
+        reuse_paths: "light that whole paths found, carried to the right eye",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples for the right eye",
     }

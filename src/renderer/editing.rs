@@ -190,7 +190,7 @@ impl Renderer {
         let base = &self.edit_base;
         let pairs = || base.materials.iter().zip(&scene.materials);
         let marks: Vec<bool> = pairs()
-            .map(|(before, after)| MaterialMarks::of(before) != MaterialMarks::of(after))
+            .map(|(before, after)| MaterialMarks::from(before) != MaterialMarks::from(after))
             .collect();
         let glows: Vec<bool> = pairs()
             .map(|(before, after)| glows_otherwise(before, after))

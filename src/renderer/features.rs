@@ -107,12 +107,17 @@ pub fn light_candidates(
     }
 }
 
-/// Whether the right eye's glossy surfaces take light over: direct light must come by samples of its own, apart from the rest.
+/// Whether the right eye's glossy surfaces take light over: the left eye must know in which directions it found light.
 pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
+    let has_samples = match settings.method {
+        Method::Path => settings.path.technique == Technique::Mis,
+        Method::Photon => {
+            settings.photon.direct == DirectLight::Nee
+                && settings.photon.schedule == Schedule::Split
+        }
+    };
     (features.glossy || features.dielectric)
-        && settings.method == Method::Photon
-        && settings.photon.direct == DirectLight::Nee
-        && settings.photon.schedule == Schedule::Split
+        && has_samples
         && settings.reuse != Reuse::Off
         && settings.stereo.max_lobe_shift > 0.0
 }

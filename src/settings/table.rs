@@ -369,6 +369,8 @@ settings! {
             parts: bool = false;
             /// keep the previous frame's positions, for views of motion; images do not change
             motion: bool = false;
+            /// also write trace.json: host stages and device passes on one clock, for Perfetto and chrome://tracing
+            chrome_trace: bool = false;
         }
     }
 

@@ -184,7 +184,7 @@ impl SceneBuffers {
         relights: &mut bool,
     ) -> Option<Range<u64>> {
         let scene = change.scene;
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let mut painted: Option<Range<u64>> = None;
         for (index, mesh) in scene.meshes.iter().enumerate() {
             let (repaints, glows) = (change.repainted[index], change.glow[index]);

@@ -9,3 +9,4 @@ pub mod commands;
 pub mod options_flags;
 pub mod options_saving;
 pub mod options_settings;
+pub mod trace_file;
