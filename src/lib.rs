@@ -78,10 +78,6 @@ mod bench;
 #[cfg(all(feature = "bench", feature = "internals"))]
 pub mod bench;
 #[cfg(not(feature = "internals"))]
-mod bvh;
-#[cfg(feature = "internals")]
-pub mod bvh;
-#[cfg(not(feature = "internals"))]
 mod chrome_trace;
 #[cfg(feature = "internals")]
 pub mod chrome_trace;
@@ -171,6 +167,11 @@ mod xr;
 #[cfg(feature = "internals")]
 pub mod xr;
 
+#[cfg(not(feature = "internals"))]
+use stereolux_bvh as bvh;
+#[cfg(feature = "internals")]
+pub use stereolux_bvh as bvh;
+
 // Scenes.
 pub use bvh::BvhError;
 pub use limits::{LoadBudget, LoadLimits, OverBudget};
@@ -188,9 +189,9 @@ pub use scene::{
 // Settings.
 pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
-    Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
+    Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space, StereoSettings,
-    Technique, TimingSettings, UserDomain, UserPass,
+    Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
 };
 
 // Devices and images.

@@ -256,7 +256,7 @@ fn main() -> Outcome<ExitCode> {
     for n in [130, 920] {
         let scene = scene(n, 1);
         let (host_ms, bytes) = update(&context, &scene, 1)?;
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let mut times = Vec::new();
         for _ in 0..3 {
             let began = Instant::now();

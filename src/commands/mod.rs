@@ -204,7 +204,7 @@ impl From<crate::bench::BenchError> for Failure {
             BenchError::Metrics(_)
             | BenchError::Image(_)
             | BenchError::File { .. }
-            | BenchError::Plot { .. } => Self::failed(error),
+            | BenchError::Report(_) => Self::failed(error),
         }
     }
 }
@@ -248,7 +248,7 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
 }
 
 /// A command that this build was made without.
-#[cfg(not(all(feature = "bench", feature = "viewer")))]
+#[cfg(any(test, not(all(feature = "bench", feature = "viewer"))))]
 fn not_built(command: &str, feature: &str) -> Failure {
     Failure::unusable(format!(
         "{command}: this build is without it; build with `cargo build --release --features {feature}`"
@@ -327,4 +327,25 @@ fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
     }
     warnings.extend(scene.size_warning());
     warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// That `execute` says it in builds without a feature is the compiler's to check, in the headless pass of
+    /// `scripts/test.sh`: its other arms do not exist there.
+    #[test]
+    fn a_command_that_was_not_built_names_its_feature_in_one_line() {
+        for (command, feature) in [("bench", "bench"), ("view", "viewer")] {
+            let Failure { status, message } = not_built(command, feature);
+            assert_eq!(status, 2);
+            assert!(message.starts_with(&format!("{command}: ")), "{message}");
+            assert!(
+                message.contains(&format!("--features {feature}`")),
+                "{message}"
+            );
+            assert_eq!(message.lines().count(), 1, "{message}");
+        }
+    }
 }

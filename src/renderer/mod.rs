@@ -57,7 +57,7 @@ pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
 pub use features::{
-    forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
+    chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
 };
 pub use frame_spec::plan_of_scene;
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};

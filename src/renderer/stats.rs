@@ -52,7 +52,7 @@ pub struct FilledBecause {
     pub edge: u32,
     /// What is seen depends on the viewing direction.
     pub view_dependent: u32,
-    /// The left eye sees the surface, but no sample landed in the pixel.
+    /// The left eye sees the surface, but too few of its samples agree with the point.
     pub gap: u32,
 }
 

@@ -218,6 +218,16 @@ choices! {
         Linear = "linear",
     }
 
+    /// Coarser levels of textures (`textures.mips`).
+    pub enum Mips {
+        /// Where frames are reconstructed
+        Auto = "auto",
+        /// Chosen by how much of a texture a ray covers
+        On = "on",
+        /// The finest level everywhere, as other renderers read it
+        Off = "off",
+    }
+
     /// Reference space that the scene stands in (`openxr.space`).
     pub enum Space {
         /// Origin at the wearer's head when the runtime last recentred

@@ -13,14 +13,14 @@ pub mod user_pass;
 
 pub use choices::{
     Aov, BuiltinScene, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, ImageFormat,
-    Kernel, Light, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space,
-    Technique, Tone,
+    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
+    Space, Technique, Tone,
 };
 pub use registry::{Kind, Setting};
 pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,
     OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
-    TimingSettings,
+    TextureSettings, TimingSettings,
 };
 pub use user_pass::{UserDomain, UserPass};

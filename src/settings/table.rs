@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::choices::{
     Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, ImageFormat, Kernel, Light,
-    Loads, Method, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
-    Tone,
+    Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space,
+    Technique, Tone,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -136,6 +136,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Path tracing", &[PATH]),
     RowSection::new("Photon mapping", &[PHOTON]),
     RowSection::new("Stereo reuse", &[STEREO]),
+    RowSection::new("Textures", &[TEXTURES]),
     RowSection::new("Reconstruction", &[RECONSTRUCT]),
     RowSection::new("Environment", &[ENVIRONMENT]),
     RowSection::new("Animation", &[ANIMATION]),
@@ -204,6 +205,8 @@ settings! {
             photon: PhotonSettings;
             /// Stereo reuse.
             stereo: StereoSettings;
+            /// Textures.
+            textures: TextureSettings;
             /// Denoising and anti-aliasing.
             reconstruct: ReconstructSettings;
             /// Playback of clips.
@@ -288,6 +291,14 @@ settings! {
             max_view_dependence: f64 = 0.0, SHARE;
             /// glossy surfaces take light over where their lobe moves by no more between the eyes; 0 never
             max_lobe_shift: f64 = 1.0, NOT_NEGATIVE, "lobe widths";
+        }
+    }
+
+    /// Settings of textures (`textures.*`).
+    struct TextureSettings at (render textures) "textures." {
+        rows TEXTURES {
+            /// coarser levels of textures, chosen by how much of one a ray covers
+            mips: Mips = Mips::Auto;
         }
     }
 

@@ -12,6 +12,7 @@
 mod environment;
 mod lights;
 mod materials;
+mod mips;
 mod textures;
 mod user_bsdf;
 mod vertices;
@@ -22,6 +23,7 @@ pub use lights::{
     pack_lights, spot_falloff, spot_solid_angle,
 };
 pub use materials::pack_materials;
+pub use mips::{Averaging, alpha_of_normals};
 pub use textures::{PackedTextures, linear_from_srgb, pack_textures, sample_image};
 pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
 pub use vertices::{PackedVertices, pack_vertices};

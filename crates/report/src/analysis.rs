@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 
 use serde::Serialize;
 
-use super::super::records::Row;
-use super::super::statistics::{
+use crate::records::{GENERATED, REBUILT, Row};
+use crate::statistics::{
     LineFit, PowerFit, Spread, line_fit, log_interpolate, pareto_front, power_fit, spread,
 };
-use super::super::suites::REBUILT;
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -124,12 +123,12 @@ pub fn analyse(rows: &[Row]) -> Analysis {
     }
 }
 
-pub(super) fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
+pub(crate) fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
     values.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// Two figures of each row that has both, by the first, rising.
-pub(super) fn points<'a>(
+pub(crate) fn points<'a>(
     rows: impl Iterator<Item = &'a Row>,
     x: impl Fn(&Row) -> Option<f64>,
     y: impl Fn(&Row) -> Option<f64>,
@@ -312,7 +311,7 @@ fn growth(rows: &[Row]) -> Vec<Growth> {
     let of_suite: Vec<&Row> = rows.iter().filter(|row| row.suite == "scaling").collect();
     // Generated scenes change their name with their size; what stays is the series.
     let scene_of = |row: &Row| {
-        let generated = row.scene.starts_with("generated:");
+        let generated = row.scene.starts_with(GENERATED);
         if generated { "generated" } else { &row.scene }.to_owned()
     };
     // The photon counts are variants of one group; everything else keeps its variant from size to size.
@@ -376,12 +375,12 @@ fn growth_of(line: &(String, String, String), members: &[&Row], cost: &str) -> O
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use serde_json::{Value, json};
 
-    use super::super::super::records::RegionErrors;
-    use super::super::super::statistics::Estimate;
     use super::*;
+    use crate::records::RegionErrors;
+    use crate::statistics::Estimate;
 
     /// A row with a time and an error.
     pub fn row(suite: &str, variant: &str, factors: Value, ms: f64, rel_mse: f64) -> Row {

@@ -1,25 +1,25 @@
 //! Figures as text, and Markdown tables of them.
 
-use super::super::records::{RegionErrors, Row};
-use super::super::statistics::{Estimate, Spread};
+use crate::records::Row;
+use crate::statistics::{Estimate, Spread};
 
 /// What a column says of a row.
 type Cell<'a, R> = Box<dyn Fn(&R) -> String + 'a>;
 
 /// A Markdown table: its columns with their heads.
-pub(super) struct Table<'a, R> {
+pub(crate) struct Table<'a, R> {
     columns: Vec<(String, Cell<'a, R>)>,
 }
 
 impl<'a, R> Table<'a, R> {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             columns: Vec::new(),
         }
     }
 
     /// A further column on the right.
-    pub(super) fn with(
+    pub(crate) fn with(
         mut self,
         head: impl Into<String>,
         cell: impl Fn(&R) -> String + 'a,
@@ -29,7 +29,7 @@ impl<'a, R> Table<'a, R> {
     }
 
     /// The table of `rows`, in their order.
-    pub(super) fn of(&self, rows: impl IntoIterator<Item = R>) -> String {
+    pub(crate) fn of(&self, rows: impl IntoIterator<Item = R>) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let mut text = line(self.columns.iter().map(|(head, _)| head.clone()).collect());
         text.push_str(&format!("|{}\n", "---|".repeat(self.columns.len())));
@@ -46,7 +46,7 @@ impl<'a, R> Table<'a, R> {
 }
 
 /// Three significant digits.
-pub(super) fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
@@ -60,16 +60,16 @@ pub(super) fn digits(value: f64) -> String {
 }
 
 /// What stands where there is no figure.
-fn or_dash(text: Option<String>) -> String {
+pub(crate) fn or_dash(text: Option<String>) -> String {
     text.unwrap_or_else(|| "-".to_owned())
 }
 
-pub(super) fn optional(value: Option<f64>) -> String {
+pub(crate) fn optional(value: Option<f64>) -> String {
     or_dash(value.map(digits))
 }
 
 /// Value and standard error.
-pub(super) fn estimate(value: Option<Estimate>) -> String {
+pub(crate) fn estimate(value: Option<Estimate>) -> String {
     or_dash(value.map(|estimate| match estimate.standard_error {
         Some(error) => format!("{} ± {}", digits(estimate.value), digits(error)),
         None => digits(estimate.value),
@@ -77,7 +77,7 @@ pub(super) fn estimate(value: Option<Estimate>) -> String {
 }
 
 /// A value with its standard error, where there is a value.
-pub(super) fn with_error(value: f64, standard_error: Option<f64>) -> String {
+pub(crate) fn with_error(value: f64, standard_error: Option<f64>) -> String {
     estimate(Some(Estimate {
         value,
         standard_error,
@@ -90,49 +90,43 @@ fn in_quartiles([middle, lower, upper]: [f64; 3]) -> String {
 }
 
 /// Median and quartiles.
-pub(super) fn quartiles(value: Option<&Spread>) -> String {
+pub(crate) fn quartiles(value: Option<&Spread>) -> String {
     or_dash(value.map(|s| in_quartiles([s.median, s.lower_quartile, s.upper_quartile])))
 }
 
 /// How many times as fast as the first variant: the inverse of a ratio of times, quartiles swapped.
-pub(super) fn speed_up(ratio: Option<&Spread>) -> String {
+pub(crate) fn speed_up(ratio: Option<&Spread>) -> String {
     let inverse = |s: &Spread| [s.median, s.upper_quartile, s.lower_quartile].map(|x| 1.0 / x);
     or_dash(ratio.map(|spread| in_quartiles(inverse(spread))))
 }
 
 /// Milliseconds of a group of passes.
-pub(super) fn ms(row: &Row, group: &str) -> String {
+pub(crate) fn ms(row: &Row, group: &str) -> String {
     quartiles(row.timing.ms.get(group))
 }
 
 /// A part's relative MSE, with a mark where the reference is not good enough for it.
-pub(super) fn rel_mse(row: &Row, part: &str) -> String {
+pub(crate) fn rel_mse(row: &Row, part: &str) -> String {
     or_dash(row.errors.get(part).map(|errors| {
-        let mark = if is_settled(errors) { "" } else { " *" };
+        let mark = if errors.is_settled() { "" } else { " *" };
         format!("{}{mark}", estimate(errors.rel_mse))
     }))
 }
 
 /// A part's relative MSE over that of the group's first variant.
-pub(super) fn rel_mse_ratio(row: &Row, part: &str) -> String {
+pub(crate) fn rel_mse_ratio(row: &Row, part: &str) -> String {
     let errors = row.errors.get(part);
     quartiles(errors.and_then(|errors| errors.rel_mse_ratio.as_ref()))
 }
 
-pub(super) fn size(row: &Row) -> String {
+pub(crate) fn size(row: &Row) -> String {
     format!("{}x{}", row.size[0], row.size[1])
-}
-
-/// Whether the reference was good enough. An error of exactly 0 (a part that shows nothing but what is exact) needs no
-/// better one.
-pub(super) fn is_settled(errors: &RegionErrors) -> bool {
-    errors.reference_settled || errors.rel_mse.is_none_or(|error| error.value == 0.0)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::statistics::spread;
     use super::*;
+    use crate::statistics::spread;
 
     #[test]
     fn numbers_have_three_digits() {

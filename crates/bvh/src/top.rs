@@ -2,11 +2,11 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::bounds::{Bounds32, PAD_UNITS, ROUNDING_UNIT};
-use super::mesh::MeshHierarchies;
-use super::tree::{self, Flat, Scratch, Shape, Split};
-use super::{BvhError, MAX_INDEX, TOP_STACK};
-use crate::bvh::records::{BvhNode, INSTANCE_MIRRORED, Instance};
+use crate::bounds::{Bounds32, PAD_UNITS, ROUNDING_UNIT};
+use crate::mesh::MeshHierarchies;
+use crate::records::{BvhNode, INSTANCE_MIRRORED, Instance};
+use crate::tree::{self, Flat, Scratch, Shape, Split};
+use crate::{BvhError, MAX_INDEX, TOP_STACK};
 
 /// `traversal.wesl` pads the instance boxes by this many times the mesh boxes' share of the ray's origin.
 pub const RAY_CONDITION: f64 = 4.0;
@@ -308,7 +308,8 @@ fn place(
 }
 
 /// The rows of a 3x4 matrix in f32.
-pub(crate) fn rows(transform: &DAffine3) -> [[f32; 4]; 3] {
+#[must_use]
+pub fn rows(transform: &DAffine3) -> [[f32; 4]; 3] {
     let linear = transform.matrix3.transpose();
     [
         (linear.x_axis, transform.translation.x),

@@ -6,6 +6,8 @@
 //! - [`refit`]: hierarchies of meshes that change their shape;
 //! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth.
 //!
+//! Neither scene nor device is known here: a mesh is what implements [`MeshSource`].
+//!
 //! The GPU's part is `shaders/shared/traversal.wesl`. It keeps one fixed stack; [`MESH_STACK`] and [`TOP_STACK`] are
 //! its two shares. A traversal pushes at most one entry per inner node on its path, so a hierarchy whose depth (inner
 //! nodes on the longest path from its root) is within its share cannot overflow it. The builders guarantee that.
@@ -20,9 +22,8 @@ pub mod tree;
 use thiserror::Error;
 
 pub use bounds::Bounds32;
-pub use mesh::{MaterialMarks, MeshHierarchies, MeshRange};
-pub(crate) use top::rows;
-pub use top::{InstanceSource, TopLevel};
+pub use mesh::{MaterialMarks, MeshHierarchies, MeshRange, MeshSource, MeshTriangle};
+pub use top::{InstanceSource, TopLevel, rows};
 
 /// Stack entries for one mesh hierarchy.
 pub const MESH_STACK: u32 = 48;

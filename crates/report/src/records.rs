@@ -6,13 +6,21 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::statistics::{Estimate, Spread};
-use crate::gpu::context::AdapterSummary;
-use crate::metrics::BiasVariance;
-use crate::settings::{Settings, registry};
+use crate::statistics::{Estimate, Spread};
+
+/// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
+pub const REFERENCE_SHARE: f64 = 0.1;
+/// What names of the scenes that a suite generates to a size begin with.
+pub const GENERATED: &str = "generated:";
+/// The variant that tables 1 to 4 of the suite `tables` share: what the renderer does by default.
+pub const DEFAULT_WAY: &str = "grid, radius, split, direct";
+/// Width of a scene in the units in which the suite `tables` gives radii: that of the 2020 report's box.
+pub const BOX_WIDTH_IN_TABLE_UNITS: f64 = 2.0;
+/// The variant of the suite `scaling` whose host builds all hierarchies anew in every round.
+pub const REBUILT: &str = "rebuilt whole";
 
 /// Where a row was measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     /// Adapter's name.
     pub adapter: String,
@@ -27,20 +35,6 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// What wgpu says of an adapter.
-    #[must_use]
-    pub fn of(adapter: &AdapterSummary) -> Self {
-        Self {
-            adapter: adapter.name.clone(),
-            kind: adapter.kind.to_owned(),
-            backend: adapter.backend.clone(),
-            driver: format!("{} {}", adapter.driver, adapter.driver_info)
-                .trim()
-                .to_owned(),
-            software_adapter: adapter.is_software(),
-        }
-    }
-
     /// Short label for tables: the adapter, and that it is software if it is.
     #[must_use]
     pub fn label(&self) -> String {
@@ -92,6 +86,30 @@ pub struct RegionErrors {
     pub reference_variance: Option<f64>,
     /// Whether it is.
     pub reference_settled: bool,
+}
+
+impl RegionErrors {
+    /// Whether the reference was good enough. An error of exactly 0 (a part that shows nothing but what is exact) needs no
+    /// better one.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.reference_settled || self.rel_mse.is_none_or(|error| error.value == 0.0)
+    }
+}
+
+/// Squared bias and variance in units of relative MSE: means over pixels and channels, each over r^2 + 0.01 s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BiasVariance {
+    /// Squared bias: what no number of renders averages away. An unbiased estimate, so noise may make it negative.
+    pub bias_squared: f64,
+    /// Its standard error over blocks of 8x8 pixels.
+    pub bias_squared_se: Option<f64>,
+    /// Variance of a single render.
+    pub variance: f64,
+    /// Its standard error over blocks of 8x8 pixels.
+    pub variance_se: Option<f64>,
+    /// Renders.
+    pub renders: u32,
 }
 
 /// Stereo reuse of a row, medians over the rounds.
@@ -201,20 +219,6 @@ pub fn leaves(value: &impl Serialize) -> BTreeMap<String, Value> {
 }
 
 #[cfg(test)]
-impl Machine {
-    /// A software adapter that is nowhere, for tests.
-    pub fn imagined() -> Self {
-        Self {
-            adapter: "a".to_owned(),
-            kind: "software".to_owned(),
-            backend: "b".to_owned(),
-            driver: "d".to_owned(),
-            software_adapter: true,
-        }
-    }
-}
-
-#[cfg(test)]
 impl Row {
     /// A row without any figure, for tests.
     pub fn imagined(key: &str) -> Self {
@@ -250,7 +254,7 @@ impl Row {
                 photons_dropped: 0,
                 radius_m: Some(0.1),
             },
-            machine: Machine::imagined(),
+            machine: Machine::default(),
             version: "0".to_owned(),
             code: "c".to_owned(),
         }
@@ -284,32 +288,5 @@ impl Row {
     #[must_use]
     pub fn rel_mse(&self, region: &str) -> Option<f64> {
         Some(self.errors.get(region)?.rel_mse?.value)
-    }
-}
-
-/// Settings that differ from the defaults, by dotted key.
-#[must_use]
-pub fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
-    registry::all()
-        .map(|setting| (setting, setting.value(settings)))
-        .filter(|(setting, value)| *value != setting.default_value())
-        .map(|(setting, value)| (setting.key.to_owned(), value))
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_what_differs_is_listed() {
-        assert!(differing_settings(&Settings::default()).is_empty());
-        let mut settings = Settings::default();
-        settings.render.photon.count = 7;
-        settings.render.spp = 2;
-        let found = differing_settings(&settings);
-        assert_eq!(found.len(), 2);
-        assert_eq!(found["photon.count"], 7);
-        assert_eq!(found["spp"], 2);
     }
 }

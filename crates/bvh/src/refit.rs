@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use super::mesh::{self, MaterialMarks, MeshHierarchies, node_room};
-use super::tree::{self, children};
-use super::{Bounds32, BvhError, MESH_STACK};
-use crate::bvh::records::BvhNode;
-use crate::scene::Mesh;
+use crate::mesh::{self, MaterialMarks, MeshHierarchies, MeshSource, node_room};
+use crate::records::BvhNode;
+use crate::tree::{self, children};
+use crate::{Bounds32, BvhError, MESH_STACK};
 
 /// What a rebuilt mesh changes in the arrays.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,7 +64,7 @@ impl MeshHierarchies {
     pub fn rebuild(
         &mut self,
         mesh: usize,
-        shape: &Mesh,
+        shape: &impl MeshSource,
         marks: &[MaterialMarks],
     ) -> Result<Rebuilt, BvhError> {
         let range = *self.meshes.get(mesh).ok_or(BvhError::MeshIndex {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::metrics::{median, quantile};
+pub use crate::quantiles::{median, quantile};
 
 /// A median with its spread. Times have long upper tails, so means and standard deviations would describe the worst
 /// interruption and not the work.

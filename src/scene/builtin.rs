@@ -1,11 +1,5 @@
-//! Embedded scenes: the files under `assets/`. They are made by code, `examples/make_assets`; what is known of them in closed
-//! form stands here.
-
-pub mod caustic;
-pub mod cornell;
-pub mod parade;
-pub mod plane;
-pub mod sphere;
+//! Embedded scenes: the files under `assets/`. They are made by code, `examples/make_assets`, which also
+//! says what is known of them in closed form.
 
 use super::{Scene, SceneError};
 use crate::settings::BuiltinScene;
@@ -21,12 +15,12 @@ pub const NAMES: &[&str] = BuiltinScene::WORDS;
 pub fn glb(name: &str) -> Result<&'static [u8], SceneError> {
     let name = name.strip_prefix("builtin:").unwrap_or(name);
     Ok(match BuiltinScene::from_word(name) {
-        Some(BuiltinScene::Cornell) => include_bytes!("../../../assets/cornell.glb"),
-        Some(BuiltinScene::Plane) => include_bytes!("../../../assets/plane.glb"),
-        Some(BuiltinScene::Sphere) => include_bytes!("../../../assets/sphere.glb"),
-        Some(BuiltinScene::Caustic) => include_bytes!("../../../assets/caustic.glb"),
-        Some(BuiltinScene::Gallery) => include_bytes!("../../../assets/gallery.glb"),
-        Some(BuiltinScene::Parade) => include_bytes!("../../../assets/parade.glb"),
+        Some(BuiltinScene::Cornell) => include_bytes!("../../assets/cornell.glb"),
+        Some(BuiltinScene::Plane) => include_bytes!("../../assets/plane.glb"),
+        Some(BuiltinScene::Sphere) => include_bytes!("../../assets/sphere.glb"),
+        Some(BuiltinScene::Caustic) => include_bytes!("../../assets/caustic.glb"),
+        Some(BuiltinScene::Gallery) => include_bytes!("../../assets/gallery.glb"),
+        Some(BuiltinScene::Parade) => include_bytes!("../../assets/parade.glb"),
         None => {
             return Err(SceneError::UnknownBuiltin {
                 name: name.to_owned(),

@@ -5,9 +5,9 @@
 
 use glam::Vec3;
 
-use super::MAX_LEAF;
-use super::bounds::Bounds32;
-use crate::bvh::records::BvhNode;
+use crate::MAX_LEAF;
+use crate::bounds::Bounds32;
+use crate::records::BvhNode;
 
 /// A node of the tree to convert.
 #[derive(Clone, Copy, Debug)]
@@ -260,7 +260,7 @@ fn pack_nodes(children: &mut Vec<[Child; 2]>, pad_units: f64, flat: &mut Flat) {
 }
 
 /// A node whose indices count from a hierarchy's own first node and primitive, among other hierarchies.
-pub(super) fn shifted(node: &BvhNode, root: u32, first_primitive: u32) -> BvhNode {
+pub(crate) fn shifted(node: &BvhNode, root: u32, first_primitive: u32) -> BvhNode {
     let shift = |index, count| index + if count == 0 { root } else { first_primitive };
     BvhNode {
         left_index: shift(node.left_index, node.left_count),
@@ -270,7 +270,7 @@ pub(super) fn shifted(node: &BvhNode, root: u32, first_primitive: u32) -> BvhNod
 }
 
 /// Box, index and count of a node's two children.
-pub(super) fn children(node: &BvhNode) -> [(Bounds32, u32, u32); 2] {
+pub(crate) fn children(node: &BvhNode) -> [(Bounds32, u32, u32); 2] {
     let bounds = |min: [f32; 3], max: [f32; 3]| Bounds32 {
         min: min.into(),
         max: max.into(),

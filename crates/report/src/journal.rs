@@ -4,13 +4,12 @@
 //! covers settings, views, scene, adapter and code; rows under other keys stay in the file and out of the report.
 
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::BenchError;
-use super::records::Row;
-use crate::files;
+use crate::ReportError;
+use crate::records::Row;
 
 /// Largest journal that is read, bytes: a hundred thousand rows.
 const MAX_BYTES: u64 = 1 << 28;
@@ -28,14 +27,18 @@ impl Journal {
     /// alone, and its row measured anew.
     ///
     /// # Errors
-    /// [`BenchError::File`].
-    pub fn open(path: &Path) -> Result<Self, BenchError> {
-        let fail = |error: std::io::Error| BenchError::file(path, error);
-        if path.exists() {
-            let length = files::length(path).map_err(|reason| BenchError::file(path, reason))?;
-            if length > MAX_BYTES {
+    /// [`ReportError::File`].
+    pub fn open(path: &Path) -> Result<Self, ReportError> {
+        let fail = |error: std::io::Error| ReportError::file(path, error);
+        if let Ok(found) = fs::metadata(path) {
+            // Opening a pipe would wait for whoever writes to it.
+            if !found.is_file() {
+                let reason = "it is not a regular file; give --out another folder";
+                return Err(ReportError::file(path, reason));
+            }
+            if found.len() > MAX_BYTES {
                 let reason = format!("is longer than {MAX_BYTES} bytes; give --out another folder");
-                return Err(BenchError::file(path, reason));
+                return Err(ReportError::file(path, reason));
             }
         }
         let mut file = OpenOptions::new()
@@ -103,18 +106,18 @@ impl Journal {
     /// Appends rows that were measured together: all lines in one write, handed to the disk before this returns.
     ///
     /// # Errors
-    /// [`BenchError::File`].
-    pub fn append(&mut self, rows: &[Row]) -> Result<(), BenchError> {
+    /// [`ReportError::File`].
+    pub fn append(&mut self, rows: &[Row]) -> Result<(), ReportError> {
         let mut text = Vec::new();
         for row in rows {
             serde_json::to_writer(&mut text, row)
-                .map_err(|error| BenchError::file(&self.path, error))?;
+                .map_err(|error| ReportError::file(&self.path, error))?;
             text.push(b'\n');
         }
         self.file
             .write_all(&text)
             .and_then(|()| self.file.sync_data())
-            .map_err(|error| BenchError::file(&self.path, error))?;
+            .map_err(|error| ReportError::file(&self.path, error))?;
         for row in rows {
             self.rows.insert(row.key.clone(), row.clone());
         }
@@ -132,8 +135,8 @@ mod tests {
 
     fn folder(name: &str) -> PathBuf {
         let path = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
         path
     }
 
@@ -150,8 +153,8 @@ mod tests {
         drop(journal);
 
         // Killed in the middle of writing c.
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
         let mut journal = Journal::open(&path).unwrap();
         assert_eq!(journal.len(), 2);
         assert_eq!(
@@ -163,7 +166,7 @@ mod tests {
         journal.append(&[Row::imagined("c")]).unwrap();
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.all(&keys(&["a", "b", "c"])).unwrap().len(), 3);
-        std::fs::remove_dir_all(folder).unwrap();
+        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
@@ -171,12 +174,12 @@ mod tests {
         let folder = folder("journal-broken");
         let path = folder.join("journal.jsonl");
         let good = serde_json::to_string(&Row::imagined("a")).unwrap();
-        std::fs::write(&path, format!("{{\"key\":\"x\"}}\n{good}\nnonsense\n")).unwrap();
+        fs::write(&path, format!("{{\"key\":\"x\"}}\n{good}\nnonsense\n")).unwrap();
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.len(), 1);
         assert!(journal.all(&keys(&["a"])).is_some());
         assert!(journal.all(&keys(&["x"])).is_none());
         assert!(journal.all(&keys(&["another"])).is_none());
-        std::fs::remove_dir_all(folder).unwrap();
+        fs::remove_dir_all(folder).unwrap();
     }
 }

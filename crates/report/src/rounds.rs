@@ -47,7 +47,7 @@ pub fn interleave<T, E>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::statistics::paired_ratio;
+    use crate::statistics::paired_ratio;
 
     #[test]
     fn every_variant_runs_once_per_round_in_rotating_order() {

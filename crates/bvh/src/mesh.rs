@@ -13,39 +13,38 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ploc::{PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
-use super::bounds::{Bounds32, PAD_UNITS};
-use super::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
-use super::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
-use crate::bvh::records::{BvhNode, NO_EMITTER, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED, Triangle};
-use crate::scene::{AlphaMode, Material, Mesh};
+use crate::bounds::{Bounds32, PAD_UNITS};
+use crate::records::{BvhNode, NO_EMITTER, Triangle};
+use crate::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
+use crate::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
 
 /// What the hierarchy notes about a material in its triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MaterialMarks {
     /// Its triangles are numbered as area lights.
     pub emits: bool,
-    /// [`TRIANGLE_ALPHA`] and [`TRIANGLE_DOUBLE_SIDED`].
+    /// [`TRIANGLE_ALPHA`](crate::records::TRIANGLE_ALPHA) and
+    /// [`TRIANGLE_DOUBLE_SIDED`](crate::records::TRIANGLE_DOUBLE_SIDED).
     pub flags: u32,
 }
 
-impl MaterialMarks {
-    /// Marks of a scene's material: it emits where any channel's factor is above 0.
-    pub fn of(material: &Material) -> Self {
-        let alpha = if material.alpha_mode == AlphaMode::Opaque {
-            0
-        } else {
-            TRIANGLE_ALPHA
-        };
-        let sides = if material.double_sided {
-            TRIANGLE_DOUBLE_SIDED
-        } else {
-            0
-        };
-        Self {
-            emits: material.emission.iter().any(|&channel| channel > 0.0),
-            flags: alpha | sides,
-        }
-    }
+/// A triangle of a mesh. Zero-area triangles are kept; rays never meet them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshTriangle {
+    /// Indices into the vertex arrays.
+    pub vertices: [u32; 3],
+    /// Index into the scene's materials.
+    pub material: u32,
+}
+
+/// A mesh to build a hierarchy over.
+pub trait MeshSource: Sync {
+    /// Its name, for messages.
+    fn name(&self) -> &str;
+    /// Its vertices in object space, metres.
+    fn positions(&self) -> &[[f32; 3]];
+    /// Its triangles.
+    fn triangles(&self) -> &[MeshTriangle];
 }
 
 /// Meshes of so few triangles need no node: the instance's box has been met already. Cornell's walls gain 8 %; with 2 it is
@@ -110,7 +109,7 @@ impl MeshHierarchies {
     ///
     /// # Errors
     /// [`BvhError::Coordinate`], [`BvhError::VertexIndex`], [`BvhError::TooMany`].
-    pub fn build(meshes: &[Mesh], marks: &[MaterialMarks]) -> Result<Self, BvhError> {
+    pub fn build(meshes: &[impl MeshSource], marks: &[MaterialMarks]) -> Result<Self, BvhError> {
         Self::build_with_room(meshes, marks, |_| false)
     }
 
@@ -120,12 +119,12 @@ impl MeshHierarchies {
     /// # Errors
     /// As [`MeshHierarchies::build`].
     pub fn build_with_room(
-        meshes: &[Mesh],
+        meshes: &[impl MeshSource],
         marks: &[MaterialMarks],
         changes: impl Fn(usize) -> bool,
     ) -> Result<Self, BvhError> {
-        let triangle_total: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-        let vertex_total: usize = meshes.iter().map(|mesh| mesh.positions.len()).sum();
+        let triangle_total: usize = meshes.iter().map(|mesh| mesh.triangles().len()).sum();
+        let vertex_total: usize = meshes.iter().map(|mesh| mesh.positions().len()).sum();
         for (what, count) in [("triangles", triangle_total), ("vertices", vertex_total)] {
             // A quarter of the index space: two nodes per triangle at most, and one per empty mesh.
             if count + meshes.len() > (MAX_INDEX / 4) as usize {
@@ -151,19 +150,19 @@ impl MeshHierarchies {
         let mut first_vertex = 0;
         for (index, (mesh, part)) in meshes.iter().zip(&parts).enumerate() {
             let room = if changes(index) {
-                node_room(mesh.triangles.len())
+                node_room(mesh.triangles().len())
             } else {
                 0
             };
             all.append(mesh, part, marks, first_vertex, room);
-            first_vertex += mesh.positions.len() as u32;
+            first_vertex += mesh.positions().len() as u32;
         }
         Ok(all)
     }
 
-    pub(super) fn append(
+    pub(crate) fn append(
         &mut self,
-        mesh: &Mesh,
+        mesh: &impl MeshSource,
         part: &Flat,
         marks: &[MaterialMarks],
         first_vertex: u32,
@@ -179,10 +178,10 @@ impl MeshHierarchies {
         let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();
         let (emitters, emitter_count) = emitter_numbers(mesh, marks);
         for &index in &part.order {
-            let triangle = &mesh.triangles[index as usize];
+            let triangle = &mesh.triangles()[index as usize];
             let [v0, v1, v2] = triangle
                 .vertices
-                .map(|vertex| mesh.positions[vertex as usize]);
+                .map(|vertex| mesh.positions()[vertex as usize]);
             let [a, b, c] = triangle.vertices.map(|vertex| vertex + first_vertex);
             self.triangles.push(Triangle {
                 v0,
@@ -211,7 +210,7 @@ impl MeshHierarchies {
     pub fn repaint(
         &mut self,
         index: usize,
-        mesh: &Mesh,
+        mesh: &impl MeshSource,
         marks: &[MaterialMarks],
     ) -> std::ops::Range<usize> {
         let range = &mut self.meshes[index];
@@ -221,7 +220,7 @@ impl MeshHierarchies {
         range.emitter_count = emitter_count;
         for at in triangles.clone() {
             let source = self.triangle_vertices[at][3] as usize;
-            let material = mesh.triangles[source].material;
+            let material = mesh.triangles()[source].material;
             let marks = marks.get(material as usize).copied().unwrap_or_default();
             let triangle = &mut self.triangles[at];
             triangle.material = material;
@@ -256,10 +255,10 @@ impl MeshHierarchies {
 }
 
 /// For each triangle its number among those of its mesh that emit, or [`NO_EMITTER`]; and how many do.
-fn emitter_numbers(mesh: &Mesh, marks: &[MaterialMarks]) -> (Vec<u32>, u32) {
+fn emitter_numbers(mesh: &impl MeshSource, marks: &[MaterialMarks]) -> (Vec<u32>, u32) {
     let mut count = 0;
     let numbers = mesh
-        .triangles
+        .triangles()
         .iter()
         .map(|triangle| {
             let marks = marks.get(triangle.material as usize);
@@ -274,32 +273,32 @@ fn emitter_numbers(mesh: &Mesh, marks: &[MaterialMarks]) -> (Vec<u32>, u32) {
     (numbers, count)
 }
 
-pub(super) fn build_one(index: usize, mesh: &Mesh) -> Result<Flat, BvhError> {
-    let bad_vertex = mesh.positions.iter().position(|position| {
+pub(crate) fn build_one(index: usize, mesh: &impl MeshSource) -> Result<Flat, BvhError> {
+    let bad_vertex = mesh.positions().iter().position(|position| {
         // Written so that a NaN is refused too.
         !position.iter().all(|x| x.abs() <= MAX_COORDINATE)
     });
     if let Some(vertex) = bad_vertex {
         return Err(BvhError::Coordinate {
             mesh: index,
-            name: mesh.name.clone(),
+            name: mesh.name().to_owned(),
             vertex,
-            position: mesh.positions[vertex],
+            position: mesh.positions()[vertex],
         });
     }
-    let mut boxes = Vec::with_capacity(mesh.triangles.len());
-    for (triangle_index, triangle) in mesh.triangles.iter().enumerate() {
+    let mut boxes = Vec::with_capacity(mesh.triangles().len());
+    for (triangle_index, triangle) in mesh.triangles().iter().enumerate() {
         let mut bounds = Bounds32::EMPTY;
         for vertex in triangle.vertices {
             let position =
-                mesh.positions
+                mesh.positions()
                     .get(vertex as usize)
                     .ok_or_else(|| BvhError::VertexIndex {
                         mesh: index,
-                        name: mesh.name.clone(),
+                        name: mesh.name().to_owned(),
                         triangle: triangle_index,
                         index: vertex,
-                        count: mesh.positions.len(),
+                        count: mesh.positions().len(),
                     })?;
             bounds = bounds.union(&Bounds32::of_points([Vec3::from(*position)]));
         }
