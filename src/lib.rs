@@ -59,7 +59,7 @@
 //! - `scene`, `bvh`: what is rendered;
 //! - `chrome_trace`: host and device times of a run on one clock;
 //! - `limits`: limits on reading files;
-//! - `metrics`, `images`, `false_color`: errors against a reference, image files, pictures of views;
+//! - `metrics`, `images`, `exr_file`, `tone`, `false_color`: errors against a reference, image files, pictures of views;
 //! - `bench`: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
@@ -86,6 +86,10 @@ mod commands;
 #[cfg(feature = "internals")]
 pub mod commands;
 mod decoding;
+#[cfg(not(feature = "internals"))]
+mod exr_file;
+#[cfg(feature = "internals")]
+pub mod exr_file;
 #[cfg(not(feature = "internals"))]
 mod false_color;
 #[cfg(feature = "internals")]
@@ -148,6 +152,10 @@ pub mod scene;
 mod settings;
 #[cfg(feature = "internals")]
 pub mod settings;
+#[cfg(not(feature = "internals"))]
+mod tone;
+#[cfg(feature = "internals")]
+pub mod tone;
 #[cfg(all(feature = "viewer", not(feature = "internals")))]
 mod viewer;
 #[cfg(all(feature = "viewer", feature = "internals"))]
