@@ -12,8 +12,9 @@ pub mod table;
 pub mod user_pass;
 
 pub use choices::{
-    BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Mips,
-    Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
+    Aov, BuiltinScene, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, ImageFormat,
+    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
+    Space, Technique, Tone,
 };
 pub use registry::{Kind, Setting};
 pub use table::{
