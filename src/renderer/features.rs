@@ -121,3 +121,24 @@ pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bo
         && settings.reuse != Reuse::Off
         && settings.stereo.max_lobe_shift > 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn textures_have_levels_where_frames_are_reconstructed_unless_a_setting_says() {
+        let chosen = |mips, taa, svgf| {
+            let mut settings = RenderSettings::default();
+            settings.textures.mips = mips;
+            settings.reconstruct.taa = taa;
+            settings.reconstruct.svgf = svgf;
+            chooses_mips(&settings)
+        };
+        for (taa, svgf) in [(false, false), (true, false), (false, true)] {
+            assert_eq!(chosen(Mips::Auto, taa, svgf), taa || svgf);
+            assert!(chosen(Mips::On, taa, svgf));
+            assert!(!chosen(Mips::Off, taa, svgf));
+        }
+    }
+}

@@ -553,7 +553,9 @@ impl OutputSettings {
                 None if word.is_empty() => {}
                 None => {
                     let known = Aov::WORDS.join(", ");
-                    return Err(format!("output.aovs: {word:?} is none of {known}"));
+                    return Err(format!(
+                        "output.aovs = {word}: must be words of {known}, separated by commas"
+                    ));
                 }
             }
         }

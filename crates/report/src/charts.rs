@@ -75,7 +75,8 @@ fn pareto(rows: &[&Row], scene: &ParetoScene) -> [Named; 2] {
     let members = || rows.iter().copied().filter(|row| row.scene == scene.scene);
     let photons =
         |row: &Row, direct: &str| row.text("method") == "photon" && row.text("direct") == direct;
-    let kinds: [(&str, Mark, &dyn Fn(&Row) -> bool); 3] = [
+    type Kind<'a> = (&'a str, Mark, &'a dyn Fn(&Row) -> bool);
+    let kinds: [Kind<'_>; 3] = [
         (
             "photons, direct light by next event",
             Mark::Points,

@@ -61,7 +61,8 @@ pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: &[&str]) -> Str
         text += &fill("host clock", &[]);
     }
     let of = |suite: &str| rows.iter().filter(|row| row.suite == suite).collect();
-    let sections: [(&str, fn(&Report<'_>, &[&Row], &Analysis) -> String); 4] = [
+    type Section = fn(&Report<'_>, &[&Row], &Analysis) -> String;
+    let sections: [(&str, Section); 4] = [
         ("tables", tables),
         ("stereo", stereo),
         ("pareto", pareto),
@@ -308,7 +309,8 @@ fn pareto(report: &Report<'_>, rows: &[&Row], analysis: &Analysis) -> String {
 fn pareto_scene(rows: &[&Row], scene: &ParetoScene) -> String {
     let front: BTreeSet<&String> = scene.front.iter().map(|point| &point.key).collect();
     let flip_front: BTreeSet<&String> = scene.flip_front.iter().collect();
-    let left = |row: &Row, pick: fn(&RegionErrors) -> Option<(f64, Option<f64>)>| {
+    type Figure = (f64, Option<f64>);
+    let left = |row: &Row, pick: fn(&RegionErrors) -> Option<Figure>| {
         let figure = row.errors.get("left").and_then(pick);
         or_dash(figure.map(|(value, error)| with_error(value, error)))
     };

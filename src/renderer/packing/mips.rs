@@ -132,12 +132,6 @@ pub fn alpha_of_normals(mean_length: f32) -> f32 {
     squared.sqrt().min(1.0) as f32
 }
 
-/// Texels of all levels of an image, finest first, and the size of each.
-pub(super) struct Levels {
-    pub texels: Vec<u32>,
-    pub sizes: Vec<[u32; 2]>,
-}
-
 /// Texels of all levels together.
 pub(super) fn texel_count(image: &Image, averaging: Averaging) -> u64 {
     let levels = averaging.level_count(image.width, image.height);
@@ -151,22 +145,20 @@ fn half(size: u32, times: u32) -> u32 {
     (size >> times).max(size.min(1))
 }
 
-/// Makes the levels. Means are taken of the level before as it was before it was rounded to bytes.
-pub(super) fn levels(image: &Image, averaging: Averaging) -> Levels {
-    let texels = image.rgba8.chunks_exact(4);
-    let keep = |t: &[u8]| {
-        if averaging == Averaging::Normals {
-            0
-        } else {
-            t[3]
-        }
+/// Appends the texels of all levels, finest first, and returns the sizes. Means are taken of the level before as it was before
+/// it was rounded to bytes.
+pub(super) fn add_levels(
+    image: &Image,
+    averaging: Averaging,
+    texels: &mut Vec<u32>,
+) -> Vec<[u32; 2]> {
+    let alpha = |t: &[u8]| match averaging {
+        Averaging::Normals => 0,
+        _ => t[3],
     };
-    let mut made = Levels {
-        texels: texels
-            .map(|t| u32::from_le_bytes([t[0], t[1], t[2], keep(t)]))
-            .collect(),
-        sizes: vec![[image.width, image.height]],
-    };
+    let finest = image.rgba8.chunks_exact(4);
+    texels.extend(finest.map(|t| u32::from_le_bytes([t[0], t[1], t[2], alpha(t)])));
+    let mut sizes = vec![[image.width, image.height]];
     let finest = |at: usize| averaging.expand(&image.rgba8[4 * at..4 * at + 4]);
     let mut size = [image.width as usize, image.height as usize];
     let mut before: Vec<[f32; 4]> = Vec::new();
@@ -179,11 +171,11 @@ pub(super) fn levels(image: &Image, averaging: Averaging) -> Levels {
             averaged(size, to, |at| before[at])
         };
         let packed = before.par_iter().map(|mean| averaging.pack(*mean));
-        made.texels.par_extend(packed);
-        made.sizes.push(coarser);
+        texels.par_extend(packed);
+        sizes.push(coarser);
         size = to;
     }
-    made
+    sizes
 }
 
 /// Means over the area of each texel of a smaller image.

@@ -34,7 +34,7 @@ pub enum PackError {
     /// The images do not fit into one binding.
     #[error(
         "textures need {bytes} bytes ({images} images), but at most {budget} bytes can be bound; \
-         scale the largest image down ({largest}) or choose another --adapter"
+         {without_levels}scale the largest image down ({largest}) or choose another --adapter"
     )]
     TexturesTooLarge {
         /// Bytes of all images that materials in use refer to.
@@ -43,6 +43,8 @@ pub enum PackError {
         images: usize,
         /// What can be bound.
         budget: u64,
+        /// What to do where coarser levels are among the bytes, else empty.
+        without_levels: &'static str,
         /// Name and size of the largest image.
         largest: String,
     },

@@ -91,6 +91,11 @@ pub fn pack_textures(
             bytes,
             images: used.len(),
             budget: budget_bytes,
+            without_levels: if with_levels {
+                "set textures.mips=off, "
+            } else {
+                ""
+            },
             largest: largest.unwrap_or_default(),
         });
     }
@@ -102,9 +107,10 @@ pub fn pack_textures(
     packed.texels.reserve_exact((bytes / 4) as usize);
     let mut levels_of = BTreeMap::new();
     for key in &used {
-        let levels = mips::levels(&scene.images[key.0 as usize], key.1);
-        levels_of.insert(*key, (packed.texels.len() as u32, levels.sizes));
-        packed.texels.extend(levels.texels);
+        let offset = packed.texels.len() as u32;
+        let image = &scene.images[key.0 as usize];
+        let sizes = mips::add_levels(image, key.1, &mut packed.texels);
+        levels_of.insert(*key, (offset, sizes));
     }
     for (texture, averaging) in wanted {
         let levels = image_of(texture).and_then(|image| levels_of.get(&(image, averaging)));

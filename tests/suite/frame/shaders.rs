@@ -27,7 +27,7 @@ pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
     let mut kinds = vec![features(&[]), features(&["emitters"]), every_feature()];
     kinds.extend(every_feature().select(WORDS).map(|word| {
         // Maps and second coordinates come with textures.
-        if word.ends_with("_maps") || word == "uv1" {
+        if word.ends_with("_maps") || matches!(word, "uv1" | "mips") {
             features(&[word, "textures", "emitters"])
         } else {
             features(&[word, "emitters"])

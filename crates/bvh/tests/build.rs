@@ -1,14 +1,59 @@
 //! Hierarchies as they are built: structure by `validate`, hits by exhaustive search.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use stereolux::bvh::records::NO_EMITTER;
-use stereolux::bvh::{
-    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
+use stereolux_bvh::records::NO_EMITTER;
+use stereolux_bvh::{
+    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, MeshSource, MeshTriangle,
+    TOP_STACK, TopLevel,
 };
-use stereolux::scene::Mesh;
 
-use super::bvh_probe::{Random, mesh_of, soup};
-use super::bvh_reference::{Arrays, ExactInstance, Ray, brute_force, trace};
+use shared::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
+use shared::shapes::{self, Random};
+
+/// What the tests of the device use too.
+#[allow(dead_code, reason = "each user takes a part")]
+mod shared {
+    pub mod reference;
+    pub mod shapes;
+}
+
+/// A mesh without anything but its triangles.
+#[derive(Clone, Default)]
+struct Mesh {
+    positions: Vec<[f32; 3]>,
+    triangles: Vec<MeshTriangle>,
+}
+
+impl MeshSource for Mesh {
+    fn name(&self) -> &str {
+        "mesh"
+    }
+
+    fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    fn triangles(&self) -> &[MeshTriangle] {
+        &self.triangles
+    }
+}
+
+fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
+    Mesh {
+        positions: triangles.iter().flatten().map(|v| v.to_array()).collect(),
+        triangles: (0..triangles.len() as u32)
+            .map(|i| MeshTriangle {
+                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
+                material: 0,
+            })
+            .collect(),
+    }
+}
+
+fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
+    mesh_of(&shapes::soup(random, count, size))
+}
 
 fn placed(world_from_object: DAffine3, mesh: u32) -> InstanceSource {
     InstanceSource {

@@ -4,8 +4,8 @@
 //! arithmetic with it.
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
-use stereolux::bvh::records::{BvhNode, Instance, Triangle};
-use stereolux::bvh::{MAX_INDEX, MESH_STACK, TOP_STACK};
+use stereolux_bvh::records::{BvhNode, Instance, Triangle};
+use stereolux_bvh::{MAX_INDEX, MESH_STACK, TOP_STACK};
 
 /// The arrays that the shader sees.
 #[derive(Clone, Copy, Debug)]
