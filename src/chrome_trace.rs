@@ -220,7 +220,7 @@ mod tests {
         let middle = clock.note(&later).unwrap();
         assert!((middle - 2_100_500.0).abs() < 1e-3, "{middle}");
         let ([low, high], _) = clock.bounds.unwrap();
-        assert!((high - low - (3000.0 + 2.0 * 0.2756)).abs() < 1e-3);
+        assert!((high - low - (3000.0 + 2.0 * 275.6)).abs() < 1e-3);
         let reset = submission(began, [5000, 5010], [25, 50], 40.0);
         let difference = clock.note(&reset).unwrap();
         let first_ns = clock.device_ns(25, 40.0) + difference;

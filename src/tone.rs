@@ -82,11 +82,10 @@ mod tests {
             let mut last = -1.0;
             for step in 0..4000 {
                 let [red, green, blue] = tone.apply([step as f32 * 0.01; 3]);
-                // AgX's matrices are rounded to seven digits: its grey may be off by as much, to the power of 2.2.
-                assert!(
-                    (red - green).abs() < 1e-5 && (red - blue).abs() < 1e-5,
-                    "{tone}"
-                );
+                // The rows of AgX's matrix sum to 1 within 1.4e-4; encoded light differs by as much on each of the two ways,
+                // and the power of 2.2 makes 6e-4 of it.
+                let spread = (red - green).abs().max((red - blue).abs());
+                assert!(spread < 1e-3, "{tone} at {step}: {spread}");
                 assert!(
                     red >= last - 1e-6 && (0.0..=1.0).contains(&red),
                     "{tone} at {step}"
@@ -112,8 +111,8 @@ mod tests {
         // The specification's own example of its end: a peak of 1 goes to 1 - 0.24^2 / (1 - 0.04 + 0.24 - 0.76).
         let [white, ..] = Tone::Neutral.apply([1.0; 3]);
         assert!((white - (1.0 - 0.0576 / 0.44)).abs() < 1e-5, "{white}");
-        // AgX shows middle grey, 0.18, about where sRGB has it: 0.18 +- 0.03 of display light.
+        // AgX shows middle grey, 0.18, at half of the encoded light of a 2.2 display; the fit is good to a few thousandths.
         let [grey, ..] = Tone::Agx.apply([0.18; 3]);
-        assert!((grey - 0.18).abs() < 0.03, "{grey}");
+        assert!((grey - 0.5_f32.powf(2.2)).abs() < 0.01, "{grey}");
     }
 }

@@ -101,6 +101,9 @@ pub struct RunReport<'a> {
     pub features: BTreeMap<&'static str, bool>,
     /// Passes that were compiled.
     pub passes: Vec<String>,
+    /// Whether both eyes are rendered.
+    #[serde(skip)]
+    pub has_both_eyes: bool,
     /// Frames rendered.
     pub frames: usize,
     /// Medians over the frames.
@@ -202,6 +205,7 @@ impl<'a> RunReport<'a> {
                 .features()
                 .report(ShaderFeatures::decided_up_to(DecidedBy::Renderer)),
             passes: renderer.pass_names(),
+            has_both_eyes: renderer.has_both_eyes(),
             frames: outcome.frames,
             medians: Medians::of(&stats),
         }
@@ -214,19 +218,27 @@ impl<'a> RunReport<'a> {
             Some(_) => format!(", photons {:.1} ms when traced", m.photons_ms),
             None => String::new(),
         };
+        let (who, eyes) = match self.has_both_eyes {
+            true => (
+                "both eyes",
+                format!("left {:.1} ms, right {:.1} ms", m.left_ms, m.right_ms),
+            ),
+            // A lone eye is rendered as the left one.
+            false => ("one eye", format!("{:.1} ms", m.left_ms)),
+        };
         let times = match self.timestamps {
             true => format!(
-                "both eyes {:.1} ms of the {:.1} ms that {:.0} Hz allow (left {:.1} ms, right {:.1} ms{photons}; device medians)",
-                m.total_ms, self.budget_ms, self.refresh_hz, m.left_ms, m.right_ms
+                "{who} {:.1} ms of the {:.1} ms that {:.0} Hz allow ({eyes}{photons}; device medians)",
+                m.total_ms, self.budget_ms, self.refresh_hz
             ),
             false => "not timed by the device".to_owned(),
         };
-        let reused = match self.settings.render.reuse {
-            Reuse::Off => String::new(),
-            _ => format!(
+        let reused = match self.has_both_eyes && self.settings.render.reuse != Reuse::Off {
+            true => format!(
                 ", {:.0} % of the right eye reused",
                 100.0 * m.reuse_fraction
             ),
+            false => String::new(),
         };
         let what = if self.settings.output.images {
             "pictures"

@@ -303,7 +303,7 @@ impl Renderer {
         self.reuse != Reuse::Off
     }
 
-    fn has_both_eyes(&self) -> bool {
+    pub(crate) fn has_both_eyes(&self) -> bool {
         self.eye_choice == EyeChoice::Both
     }
 

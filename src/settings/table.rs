@@ -137,7 +137,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Photon mapping", &[PHOTON]),
     RowSection::new("Stereo reuse", &[STEREO]),
     RowSection::new("Textures", &[TEXTURES]),
-    RowSection::new("Reconstruction", &[RECONSTRUCT]),
+    RowSection::new("Reconstruction (denoising)", &[RECONSTRUCT]),
     RowSection::new("Environment", &[ENVIRONMENT]),
     RowSection::new("Animation", &[ANIMATION]),
     RowSection::new("Output", &[EXPOSURE, IMAGES, PARTS]),
@@ -553,7 +553,9 @@ impl OutputSettings {
                 None if word.is_empty() => {}
                 None => {
                     let known = Aov::WORDS.join(", ");
-                    return Err(format!("output.aovs: {word:?} is none of {known}"));
+                    return Err(format!(
+                        "output.aovs = {word}: must be words of {known}, separated by commas"
+                    ));
                 }
             }
         }
