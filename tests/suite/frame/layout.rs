@@ -515,6 +515,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
                 ("MATERIAL_ALPHA_MASK", material::MATERIAL_ALPHA_MASK),
                 ("MATERIAL_ALPHA_BLEND", material::MATERIAL_ALPHA_BLEND),
                 ("TEXTURE_UV1_BIT", material::TEXTURE_UV1_BIT),
+                ("TEXTURE_LEVELS_SHIFT", material::TEXTURE_LEVELS_SHIFT),
                 ("TEXTURE_WRAP_MIRROR", material::TEXTURE_WRAP_MIRROR),
                 ("TEXTURE_WRAP_CLAMP", material::TEXTURE_WRAP_CLAMP),
                 ("TEXTURE_NEAREST_BIT", material::TEXTURE_NEAREST_BIT),

@@ -128,7 +128,7 @@ fn normals_that_a_ray_covers_make_a_surface_rougher() {
     let theta = 10.0_f64.to_radians();
     let byte = |value: f64| ((0.5 * value + 0.5) * 255.0).round() as u8;
     let texel = |x: u32, _: u32| {
-        let side = if x % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if x.is_multiple_of(2) { 1.0 } else { -1.0 };
         [byte(side * theta.sin()), 128, byte(theta.cos()), 255]
     };
     let (scene, reference) = textured(texel, TEXELS, 1.0);
@@ -166,7 +166,13 @@ const MIRROR_Z: f64 = -0.5;
 
 /// A glowing floor of black and white squares of 0.25 m, perhaps with a mirror before the eye.
 fn checkerboard(with_mirror: bool) -> Scene {
-    let texel = |x: u32, y: u32| [if (x / 8 + y / 8) % 2 == 0 { 0 } else { 255 }; 4];
+    let texel = |x: u32, y: u32| {
+        [if (x / 8 + y / 8).is_multiple_of(2) {
+            0
+        } else {
+            255
+        }; 4]
+    };
     let (mut scene, reference) = textured(texel, 64, 0.5);
     let at = |x: f64, z: f64| DVec3::new(FLOOR_M * x, 0.0, FLOOR_M * z);
     let floor = [
