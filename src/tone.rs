@@ -9,8 +9,12 @@ impl Tone {
     /// Display light, 0 to 1, of linear RGB. NaN and negative values count as 0.
     #[must_use]
     pub fn apply(self, linear: [f32; 3]) -> [f32; 3] {
-        // Beyond 1e4 every curve is white; the bound keeps powers finite. `max` takes the number beside a NaN.
-        let linear = linear.map(|channel| channel.max(0.0).min(1e4));
+        // Beyond 1e4 every curve is white; the bound keeps powers finite.
+        let bounded = |channel: f32| match channel.is_nan() {
+            true => 0.0,
+            false => channel.clamp(0.0, 1e4),
+        };
+        let linear = linear.map(bounded);
         let shown = match self {
             Self::Aces => linear.map(aces_filmic),
             Self::Agx => agx(linear.into()).to_array(),
