@@ -85,7 +85,7 @@ fn attributes_say_where_the_eye_was_and_what_it_saw() {
             own.software_name.as_ref().unwrap().to_string(),
             concat!("stereolux ", env!("CARGO_PKG_VERSION"))
         );
-        let text = |name: &str| match own.other.iter().find(|(known, _)| *known == name) {
+        let text = |name: &str| match own.other.iter().find(|(known, _)| **known == *name) {
             Some((_, AttributeValue::Text(text))) => text.to_string(),
             other => panic!("{name}: {other:?}"),
         };
