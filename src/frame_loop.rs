@@ -436,8 +436,6 @@ pub fn read_images(
     };
     let mut radiance = |eye| renderer.read_radiance(eye)?.map(&mut image).transpose();
     let (left, right) = (radiance(Eye::Left)?, radiance(Eye::Right)?);
-    let mut displayed = |eye| renderer.read_displayed(eye)?.map(&mut image).transpose();
-    let displayed = [displayed(Eye::Left)?, displayed(Eye::Right)?];
     let mut parts = Vec::new();
     for eye in [Eye::Left, Eye::Right] {
         if let Some(read) = renderer.read_parts(eye)? {
@@ -463,7 +461,6 @@ pub fn read_images(
     Ok(FrameImages {
         left,
         right,
-        displayed,
         provenance,
         parts,
     })

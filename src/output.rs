@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::false_color::provenance_color;
 use crate::images::{
-    Image, ImageError, ImageRgb, encode_display, tone_map, write_atomically, write_exr, write_png,
+    Image, ImageError, ImageRgb, tone_map, write_atomically, write_exr, write_png,
 };
 
 /// Why nothing can be written; exit status 2.
@@ -42,8 +42,6 @@ pub struct FrameImages {
     pub left: Option<ImageRgb>,
     /// Right eye, linear radiance.
     pub right: Option<ImageRgb>,
-    /// Left and right in display light, 0 to 1 before the sRGB curve, where they are shown otherwise than tone mapped.
-    pub displayed: [Option<ImageRgb>; 2],
     /// Provenance of the right eye's pixels, row-major; `None` without reuse.
     pub provenance: Option<Vec<u32>>,
     /// Further images as (eye and part as in the file's name, such as `left_direct`; pixels).
@@ -155,12 +153,9 @@ impl OutputFolder {
                 image,
             )?;
         }
-        let [left, right] = &images.displayed;
-        let shown = |displayed: &Option<ImageRgb>, radiance: &Option<ImageRgb>| match displayed {
-            Some(image) => Some(encode_display(image)),
-            None => radiance.as_ref().map(|image| tone_map(image, exposure)),
-        };
-        let picture = match (shown(left, &images.left), shown(right, &images.right)) {
+        let shown =
+            |radiance: &Option<ImageRgb>| radiance.as_ref().map(|image| tone_map(image, exposure));
+        let picture = match (shown(&images.left), shown(&images.right)) {
             (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),
             (image, None) | (None, image) => image,
         };

@@ -37,7 +37,9 @@ struct Source {
 
 /// The stereo frame loop.
 pub fn run(options: &RunOptions) -> Result<(), Failure> {
-    let settings = &options.settings;
+    let mut settings = options.settings.clone();
+    settings.render.decide_reconstruction(true);
+    let settings = &settings;
     let headset = headset(settings)?;
     let scene = load_scene(settings)?;
     let start = scene.start_pose();
@@ -67,7 +69,9 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
 
 /// One stereo pair from one pose.
 pub fn render(options: &RenderOptions) -> Result<(), Failure> {
-    let settings = &options.settings;
+    let mut settings = options.settings.clone();
+    settings.render.decide_reconstruction(false);
+    let settings = &settings;
     let mut headset = headset(settings)?;
     if let Some(ipd_m) = options.view.ipd {
         headset = headset.with_ipd(ipd_m)?;

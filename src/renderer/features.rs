@@ -17,8 +17,8 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         light_only: is_alone(Technique::Light),
         bsdf_only: is_alone(Technique::Bsdf),
         parts: splits_light(settings),
-        svgf: settings.reconstruct.svgf,
-        still_mean: settings.reconstruct.still,
+        svgf: settings.reconstruct.svgf.is_on(),
+        still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),
         ..needs.shader_features()
@@ -53,7 +53,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
 
 /// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
 pub fn splits_light(settings: &RenderSettings) -> bool {
-    settings.output.parts || settings.reconstruct.svgf
+    settings.output.parts || settings.reconstruct.svgf.is_on()
 }
 
 /// Whether there is a caustic map: the scene can form caustics, or a setting forces it.

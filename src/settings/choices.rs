@@ -164,6 +164,16 @@ choices! {
         Off = "off",
     }
 
+    /// Whether a step of reconstruction runs (`reconstruct.*`).
+    pub enum Switch {
+        /// On in sequences (run, view) of one sample per pixel, off in single frames (render)
+        Auto = "auto",
+        /// Always; true says the same
+        On = "on",
+        /// Never; false says the same
+        Off = "off",
+    }
+
     /// Reference space that the scene stands in (`openxr.space`).
     pub enum Space {
         /// Origin at the wearer's head when the runtime last recentred
@@ -208,6 +218,20 @@ choices! {
         Gallery = "gallery",
         /// A room in which everything that can be animated moves
         Parade = "parade",
+    }
+}
+
+impl Switch {
+    /// Whether it is on for certain; the commands decide what [`Switch::Auto`] is, and the renderer takes it for off.
+    #[must_use]
+    pub fn is_on(self) -> bool {
+        self == Self::On
+    }
+}
+
+impl From<bool> for Switch {
+    fn from(on: bool) -> Self {
+        if on { Self::On } else { Self::Off }
     }
 }
 

@@ -13,7 +13,7 @@ pub mod user_pass;
 
 pub use choices::{
     BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Motion,
-    PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Technique,
+    PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Switch, Technique,
 };
 pub use registry::{Kind, Setting};
 pub use table::{

@@ -397,12 +397,12 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
         s.method = Method::Path;
         s.path.max_depth = 2;
         s.reuse = Reuse::Off;
-        s.reconstruct.taa = true;
-        s.reconstruct.svgf = true;
+        s.reconstruct.taa = true.into();
+        s.reconstruct.svgf = true.into();
     });
     let mut plain = filtered.clone();
-    plain.reconstruct.taa = false;
-    plain.reconstruct.svgf = false;
+    plain.reconstruct.taa = false.into();
+    plain.reconstruct.svgf = false.into();
     plain.output.motion = true;
     let mut found: Vec<Vec<[f32; 2]>> = Vec::new();
     for settings in [&filtered, &plain] {
@@ -454,7 +454,7 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
                 s.method = Method::Path;
                 s.path.max_depth = depth;
                 s.reuse = Reuse::Off;
-                s.reconstruct.svgf = true;
+                s.reconstruct.svgf = true.into();
                 s.reconstruct.stereo = false;
                 s.reconstruct.moments_alpha = 0.0;
             }),
