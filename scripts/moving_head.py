@@ -7,7 +7,8 @@
 Runs every variant of settings (without --variant: `raw`, with reconstruction off, and `default`) over a simulated head's
 first frames, interleaved, and compares both eyes of the last frame with a path-traced frame from its pose: N samples spread
 over each pixel. Prints a line of a table per scene and variant: RMSE of the tone-mapped pictures in display light, mean
-radiance of the last 16 frames over the reference's, device milliseconds per frame (median), and both over the first variant's. References in
+radiance of the last 16 frames over the reference's, device milliseconds per frame (lower quartile: whatever else
+the machine does only adds to them), and both over the first variant's. References in
 DIR are used again if they are there.
 """
 import argparse
@@ -89,7 +90,7 @@ def main():
         first = None
         for variant, _ in variants:
             error, brightness = judge(options, folder / variant, reference)
-            ms = statistics.median(times[variant])
+            ms = statistics.quantiles(times[variant], n=4)[0]
             first = first or (error, ms)
             print(f"| {name} | {variant} | {error:.4f} | {error / first[0]:.2f} | {brightness:.3f} | {ms:.1f} "
                   f"| {ms / first[1]:.2f} |", flush=True)

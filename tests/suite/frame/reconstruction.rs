@@ -60,7 +60,7 @@ fn mean_of_frames(scene: &Scene, views: &[View; 2], eyes: Eyes, frames: u32) -> 
 }
 
 /// Displacement of every pixel of the second frame, and whether it is known.
-pub fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
+fn motion(renderer: &Renderer, eye: Eye) -> Vec<[f32; 4]> {
     renderer.read_motion(eye).unwrap().unwrap().1
 }
 
@@ -77,7 +77,7 @@ pub fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
 }
 
 /// Where in the pixel a record of what is seen lies, from the centre, in pixels: two signed 16-bit fractions.
-fn place_in_pixel(record: &[u32; 4]) -> [f64; 2] {
+pub fn place_in_pixel(record: &[u32; 4]) -> [f64; 2] {
     [record[3] as i16, (record[3] >> 16) as i16].map(|part| f64::from(part) / 32767.0)
 }
 
