@@ -9,8 +9,8 @@ use std::{env, fs, io};
 const RENDER_CODE: &[&str] = &[
     "Cargo.lock",
     "assets",
+    "crates/bvh",
     "shaders",
-    "src/bvh",
     "src/frame",
     "src/gpu",
     "src/images.rs",
@@ -23,14 +23,16 @@ const RENDER_CODE: &[&str] = &[
 /// What decides how images are measured, beside that; not how figures are laid out.
 const BENCH_CODE: &[&str] = &[
     "config/headsets",
+    "crates/report/src/quantiles.rs",
+    "crates/report/src/records.rs",
+    "crates/report/src/rounds.rs",
+    "crates/report/src/samples.rs",
+    "crates/report/src/statistics.rs",
     "src/bench/correspondence.rs",
     "src/bench/instance_motion.rs",
     "src/bench/measure.rs",
-    "src/bench/records.rs",
     "src/bench/reference.rs",
     "src/bench/scenes.rs",
-    "src/bench/statistics.rs",
-    "src/bench/timing.rs",
     "src/bench/variant_statistics.rs",
     "src/metrics",
     "src/xr",
@@ -40,6 +42,7 @@ fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=shaders");
     println!("cargo:rerun-if-changed=assets");
     println!("cargo:rerun-if-changed=src");
+    println!("cargo:rerun-if-changed=crates");
     println!("cargo:rerun-if-changed=config/headsets");
     println!("cargo:rerun-if-changed=Cargo.lock");
     let manifest_dir = env::var("CARGO_MANIFEST_DIR").map_err(io::Error::other)?;

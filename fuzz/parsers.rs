@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DQuat, DVec3};
 use image::ImageFormat;
 use serde_json::Value;
-use stereolux::bench::journal::Journal;
 use stereolux::bvh::{MaterialMarks, MeshHierarchies};
 use stereolux::images::read_image;
 use stereolux::options::layers::Layers;
@@ -17,6 +16,7 @@ use stereolux::xr::{
     Fov, Headset, HiddenArea, LocatedViews, Pose, ReplayOptions, ReplaySession, View,
     XrSession as _,
 };
+use stereolux_report::journal::Journal;
 
 use super::mutate::{self, Random};
 use super::seeds;
@@ -272,7 +272,7 @@ fn scene(bytes: &[u8], random: &mut Random) -> bool {
         .sum::<usize>()
         < 100_000
     {
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let _ = one_line(MeshHierarchies::build(&scene.meshes, &marks));
     }
     if random.below(4) == 0 {

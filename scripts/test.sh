@@ -14,15 +14,16 @@ command -v Xvfb >/dev/null || apt_install xvfb
 has_libraries libX11.so.6 libX11-xcb.so.1 libxcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0 ||
     apt_install libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0
 scripts/monado.sh --fetch
-# With the packages under tests/.
+# The fake runtime has no tests of its own.
+packages=(-p stereolux -p stereolux-bvh -p stereolux-report)
 cargo fmt --all --check
 # One profile throughout, so that dependencies are compiled once.
-cargo clippy --release --locked --all-targets -- -D warnings
+cargo clippy --release --locked "${packages[@]}" --all-targets -- -D warnings
 # What users get: without `internals`, which tests and examples turn on.
 cargo clippy --release --locked --bin stereolux -- -D warnings
 # What scripts/demo.sh builds.
 cargo clippy --release --locked --bin stereolux --no-default-features -- -D warnings
-RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
+RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps "${packages[@]}"
 cargo build --release --locked --examples
 
 # Runs tests, their output shown as it comes and kept in $log.
@@ -32,7 +33,7 @@ began=$SECONDS
 status=0
 # libtest knows each test's time on the stable toolchain too, but says it only to a test binary that is told to take
 # unstable flags; nothing is compiled with this variable.
-cargo test --release --locked --lib --bins --tests \
+cargo test --release --locked "${packages[@]}" --lib --bins --tests \
     --config 'target."cfg(all())".runner = ["env", "RUSTC_BOOTSTRAP=1"]' \
     -- -Z unstable-options --report-time | tee "$log" || status=$?
 echo

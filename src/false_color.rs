@@ -388,14 +388,15 @@ fn bar(
 }
 
 /// Names of provenances, in the order of their numbers (`PROVENANCE_*` of the shaders).
-const PROVENANCES: [&str; 7] = [
+const PROVENANCES: [&str; 8] = [
     "no surface",
     "reused",
     "outside the left image",
     "hidden from the left eye",
     "another surface there",
     "depends on the direction",
-    "no sample landed",
+    "too few samples agree",
+    "reused, scattered anew",
 ];
 /// Colour of a provenance: what the legend in `docs/architecture.md` says.
 pub fn provenance_color(provenance: u32) -> [u8; 3] {
@@ -407,6 +408,7 @@ pub fn provenance_color(provenance: u32) -> [u8; 3] {
         p if p == Provenance::Edge as u32 => [245, 210, 60],
         p if p == Provenance::ViewDependent as u32 => [200, 90, 220],
         p if p == Provenance::Gap as u32 => [240, 240, 240],
+        p if p == Provenance::Resampled as u32 => [170, 200, 80],
         // Not a provenance: a colour that nobody overlooks.
         _ => [255, 0, 255],
     }

@@ -228,28 +228,56 @@ pub(crate) fn write_beside(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let Some(name) = path.file_name() else {
-        return Err(io::Error::other("the path does not name a file"));
-    };
-    if path.is_dir() {
-        return Err(io::Error::other("it is a directory"));
+    let mut file = Beside::create(path)?;
+    write(&mut file.out)?;
+    file.finish()
+}
+
+/// A file that is being written beside its place; dropped before [`Beside::finish`], it is removed.
+pub(crate) struct Beside {
+    pub(crate) out: BufWriter<File>,
+    partial: PathBuf,
+    path: PathBuf,
+}
+
+impl Beside {
+    /// Begins to write what will be `path`.
+    ///
+    /// # Errors
+    /// The path names no file, or none can be made beside it.
+    pub(crate) fn create(path: &Path) -> io::Result<Self> {
+        let Some(name) = path.file_name() else {
+            return Err(io::Error::other("the path does not name a file"));
+        };
+        if path.is_dir() {
+            return Err(io::Error::other("it is a directory"));
+        }
+        let mut partial_name = std::ffi::OsString::from(".");
+        partial_name.push(name);
+        partial_name.push(format!(".{}.partial", std::process::id()));
+        let partial = path.with_file_name(partial_name);
+        Ok(Self {
+            out: BufWriter::new(File::create(&partial)?),
+            partial,
+            path: path.to_owned(),
+        })
     }
-    let mut partial_name = std::ffi::OsString::from(".");
-    partial_name.push(name);
-    partial_name.push(format!(".{}.partial", std::process::id()));
-    let partial = path.with_file_name(partial_name);
-    let written = File::create(&partial).and_then(|file| {
-        let mut out = BufWriter::new(file);
-        write(&mut out)?;
-        out.flush()?;
-        drop(out);
-        fs::rename(&partial, path)
-    });
-    if written.is_err() {
-        // The first error is the one to report; the file may never have been made.
-        let _ = fs::remove_file(&partial);
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// The first that occurs; what was there before stays.
+    pub(crate) fn finish(mut self) -> io::Result<()> {
+        self.out.flush()?;
+        fs::rename(&self.partial, &self.path)
     }
-    written
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        // Gone once it is finished.
+        let _ = fs::remove_file(&self.partial);
+    }
 }
 
 #[cfg(test)]

@@ -4,20 +4,22 @@
 //! runtime. An application runs a [`FrameLoop`]; [`run`] is that of the program, with files and a mirror.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 use std::time::Instant;
 
 use serde::Serialize;
 
 use crate::gpu::timing::milliseconds_since;
-use crate::gpu::{GpuContext, PassTimes, ShaderLibrary};
+use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
-use crate::output::{FrameImages, OutputError, OutputFolder};
+use crate::output::{FrameFacts, FrameImages, OutputError, OutputFolder};
 use crate::renderer::{
-    CpuTimes, Eye, FrameResult, PhotonStats, RenderError, Renderer, StereoStats,
+    CpuTimes, Eye, FrameResult, Inspected, Inspection, PhotonStats, RenderError, Renderer,
+    StereoStats,
 };
 use crate::scene::Scene;
-use crate::settings::{Eyes, RenderSettings};
+use crate::settings::{Aov, Eyes, RenderSettings};
 use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
@@ -30,6 +32,8 @@ pub struct Outcome {
     pub frames: usize,
     /// Statistics of the last of them, at most [`KEPT_FRAMES`].
     pub last: VecDeque<FrameStats>,
+    /// How long the loop took, seconds of wall time.
+    pub wall_s: f64,
 }
 
 /// Errors that end a loop.
@@ -136,15 +140,55 @@ pub struct CpuMs {
 
 /// Options of a loop.
 #[derive(Debug, Clone, Copy)]
-pub struct LoopOptions {
+pub struct LoopOptions<'a> {
+    /// Frames of the session that are rendered, with how many before them for what they leave; `None`: all.
+    pub range: Option<(&'a Range<u32>, u32)>,
     /// Images are written every this many frames.
     pub every: u32,
     /// Whether images are written at all.
     pub images: bool,
-    /// Exposure of the tone-mapped pictures.
-    pub exposure: f64,
+    /// Further layers of the images.
+    pub aovs: &'a [Aov],
     /// Image size per eye.
     pub size: [u32; 2],
+}
+
+/// What becomes of a frame of the session.
+enum Role {
+    /// It is not rendered.
+    Skipped,
+    /// It is rendered for the frames after it.
+    WarmUp,
+    /// It is rendered and written.
+    Written,
+    /// The loop ends before it.
+    Last,
+}
+
+impl LoopOptions<'_> {
+    fn role(&self, index: u32) -> Role {
+        match self.range {
+            None => Role::Written,
+            Some((range, _)) if index >= range.end => Role::Last,
+            Some((range, _)) if index >= range.start => Role::Written,
+            // The first frame's photons serve all of a scene that stands still, and clips begin with it.
+            Some((range, warm_up)) if index == 0 || range.start - index <= warm_up => Role::WarmUp,
+            Some(_) => Role::Skipped,
+        }
+    }
+}
+
+/// Lets a frame of the session pass.
+fn skip(session: &mut dyn XrSession, renderer: &mut Renderer) -> Result<Option<()>, LoopError> {
+    let Some(state) = session.wait_frame()? else {
+        return Ok(None);
+    };
+    if state.switch_reuse {
+        renderer.switch_reuse();
+    }
+    session.begin_frame()?;
+    session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
+    Ok(Some(()))
 }
 
 /// Progress reports of a loop.
@@ -175,9 +219,18 @@ pub struct Rendered {
     pub result: FrameResult,
     /// Host times up to submission.
     pub cpu_ms: CpuMs,
+    /// The host's stages, those of the renderer too.
+    pub stages: Vec<HostSpan>,
 }
 
 impl Rendered {
+    /// Notes a stage that ends now; milliseconds.
+    pub fn note(&mut self, stage: &'static str, began: Instant) -> f64 {
+        let span = HostSpan::since(stage, began);
+        self.stages.push(span);
+        span.ms()
+    }
+
     /// The frame's statistics; call it last, so that `cpu_ms.write` and `cpu_ms.mirror` are filled in.
     pub fn into_stats(self, frame: u32, non_finite_pixels: usize, began: Instant) -> FrameStats {
         let Self {
@@ -185,6 +238,7 @@ impl Rendered {
             located,
             result,
             mut cpu_ms,
+            stages: _,
         } = self;
         cpu_ms.frame = milliseconds_since(began);
         let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
@@ -221,10 +275,7 @@ pub fn step(
     let Some(state) = session.wait_frame()? else {
         return Ok(Step::Ended);
     };
-    let mut cpu_ms = CpuMs {
-        wait: milliseconds_since(began),
-        ..CpuMs::default()
-    };
+    let mut stages = vec![HostSpan::since("wait", began)];
     if state.switch_reuse && !renderer.switch_reuse() {
         log::info!("reuse is off in this run's settings; there is nothing to switch");
     }
@@ -240,13 +291,14 @@ pub fn step(
         return Ok(Step::Hidden);
     };
     let targets = session.acquire_targets()?;
-    cpu_ms.session = milliseconds_since(called);
+    stages.push(HostSpan::since("session", called));
     update(renderer, &state);
-    let result = renderer.render_frame(&located.views, index, sample)?;
+    let mut result = renderer.render_frame(&located.views, index, sample)?;
+    stages.append(&mut result.stages);
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
         renderer.submit_to(library, targets)?;
-        cpu_ms.submit = milliseconds_since(recorded);
+        stages.push(HostSpan::since("submit", recorded));
     }
     drop(targets);
     let called = Instant::now();
@@ -254,13 +306,24 @@ pub fn step(
         state.predicted_display_time_ns,
         Some(&located),
     ))?;
-    cpu_ms.session += milliseconds_since(called);
-    cpu_ms.renderer = result.cpu_ms;
+    stages.push(HostSpan::since("session", called));
+    let ms = |name| {
+        let of_name = stages.iter().filter(|span| span.stage == name);
+        of_name.fold(0.0, |sum, span| sum + span.ms())
+    };
+    let cpu_ms = CpuMs {
+        renderer: result.cpu_ms,
+        wait: ms("wait"),
+        session: ms("session"),
+        submit: ms("submit"),
+        ..CpuMs::default()
+    };
     Ok(Step::Rendered(Box::new(Rendered {
         display_time_ns: state.predicted_display_time_ns,
         located,
         result,
         cpu_ms,
+        stages,
     })))
 }
 
@@ -352,49 +415,82 @@ impl<S: XrSession> FrameLoop<S> {
     }
 }
 
-/// Runs until the session ends or the user interrupts. A `mirror` shows the frames.
+/// Runs until the session ends or the user interrupts. A `mirror` shows the frames. What was done is in `outcome`, also
+/// when an error ends the loop.
 ///
 /// # Errors
 /// [`LoopError`]; files and statistics of the frames before it are on disk.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "one call site; a struct of the same fields would only be moved"
+)]
 pub fn run(
     session: &mut dyn XrSession,
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     output: &mut OutputFolder,
-    options: LoopOptions,
+    options: LoopOptions<'_>,
     progress: &mut dyn LoopProgress,
     mut mirror: Option<&mut Mirror>,
-) -> Result<Outcome, LoopError> {
-    let mut outcome = Outcome::default();
+    outcome: &mut Outcome,
+) -> Result<(), LoopError> {
+    let refresh_hz = session.info().refresh_hz;
     let mut index = 0;
     loop {
         let began = Instant::now();
         if crate::interrupt::requested() {
-            return Ok(outcome);
+            return Ok(());
         }
         if let Some(mirror) = &mut mirror {
             // Also while the session shows nothing.
             mirror.serve();
         }
+        let role = options.role(index);
+        match role {
+            Role::Last => return Ok(()),
+            Role::Skipped => match skip(session, renderer)? {
+                Some(()) => {
+                    index += 1;
+                    continue;
+                }
+                None => return Ok(()),
+            },
+            Role::WarmUp | Role::Written => {}
+        }
         let told = |done| progress.sample(index, done);
         let mut frame = match step(session, renderer, library, index, play, told)? {
-            Step::Ended => return Ok(outcome),
+            Step::Ended => return Ok(()),
             Step::Hidden => continue,
             Step::Rendered(frame) => frame,
         };
+        if matches!(role, Role::WarmUp) {
+            index += 1;
+            continue;
+        }
         // After the runtime has got its frame: the window must not delay it.
         if let Some(mirror) = &mut mirror {
             let shown = Instant::now();
             mirror.show(renderer, library)?;
-            frame.cpu_ms.mirror = milliseconds_since(shown);
+            frame.cpu_ms.mirror = frame.note("mirror", shown);
         }
         let written = Instant::now();
         let mut non_finite_pixels = 0;
         if options.images && index % options.every.max(1) == 0 {
-            let images = read_images(renderer, options.size, &mut non_finite_pixels)?;
-            output.write_frame(index, &images, options.exposure)?;
+            let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
+            images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
+            let facts = FrameFacts {
+                frame: index,
+                display_time_ns: frame.display_time_ns,
+                refresh_hz,
+                views: &frame.located.views,
+            };
+            output.write_frame(&facts, &images)?;
         }
-        frame.cpu_ms.write = milliseconds_since(written);
+        frame.cpu_ms.write = frame.note("write", written);
+        let submissions = frame.result.times.submissions.take().unwrap_or_default();
+        let mut stages = std::mem::take(&mut frame.stages);
+        stages.insert(0, HostSpan::since("frame", began));
+        output.trace_frame(index, &stages, &submissions)?;
         let stats = frame.into_stats(index, non_finite_pixels, began);
         output.append_stats(&stats)?;
         progress.frame(&stats);
@@ -405,6 +501,33 @@ pub fn run(
         outcome.frames += 1;
         index += 1;
     }
+}
+
+/// The view that a layer is.
+pub fn inspection(aov: Aov) -> Inspection {
+    match aov {
+        Aov::Depth => Inspection::Depth,
+        Aov::Normal => Inspection::Normal,
+        Aov::Albedo => Inspection::Albedo,
+        Aov::Motion => Inspection::Motion,
+        Aov::Instance => Inspection::Instance,
+    }
+}
+
+/// What each pixel of the eyes in `images` sees through its centre.
+fn read_aovs(
+    renderer: &mut Renderer,
+    library: &ShaderLibrary,
+    aovs: &[Aov],
+    images: &FrameImages,
+) -> Result<Vec<Inspected>, LoopError> {
+    let mut layers = Vec::new();
+    for (eye, _) in &images.radiance {
+        for aov in aovs {
+            layers.push(renderer.inspect(library, inspection(*aov), *eye)?);
+        }
+    }
+    Ok(layers)
 }
 
 fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {
@@ -434,8 +557,12 @@ pub fn read_images(
         }
         Ok(Image::new(size[0], size[1], pixels)?)
     };
-    let mut radiance = |eye| renderer.read_radiance(eye)?.map(&mut image).transpose();
-    let (left, right) = (radiance(Eye::Left)?, radiance(Eye::Right)?);
+    let mut radiance = Vec::new();
+    for eye in [Eye::Left, Eye::Right] {
+        if let Some(pixels) = renderer.read_radiance(eye)? {
+            radiance.push((eye, image(pixels)?));
+        }
+    }
     let mut parts = Vec::new();
     for eye in [Eye::Left, Eye::Right] {
         if let Some(read) = renderer.read_parts(eye)? {
@@ -444,7 +571,7 @@ pub fn read_images(
                 ("indirect", read.indirect),
                 ("albedo", read.albedo),
             ] {
-                parts.push((format!("{}_{part}", eye.name()), image(pixels)?));
+                parts.push((eye, part, image(pixels)?));
             }
         }
     }
@@ -453,15 +580,16 @@ pub fn read_images(
             "{non_finite_pixels} pixels were not finite and are written as 0; please report the scene"
         );
     }
-    let provenance = if right.is_some() {
+    let has_right = radiance.iter().any(|(eye, _)| *eye == Eye::Right);
+    let provenance = if has_right {
         renderer.read_provenance()?
     } else {
         None
     };
     Ok(FrameImages {
-        left,
-        right,
+        radiance,
         provenance,
         parts,
+        aovs: Vec::new(),
     })
 }

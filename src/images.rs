@@ -4,12 +4,13 @@
 //! reader never sees half of one.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use image::{ImageEncoder as _, ImageFormat};
 
 use crate::decoding::Encoded;
+use crate::exr_file::ExrFile;
 use crate::files::{self, write_beside};
 use crate::limits::{LoadBudget, OverBudget};
 use crate::printable;
@@ -205,21 +206,28 @@ pub fn aces_filmic(linear: f32) -> f32 {
 #[must_use]
 pub fn tone_map(image: &ImageRgb, exposure: f64) -> ImageRgb8 {
     let exposure = exposure as f32;
-    to_bytes(image, |linear| aces_filmic(linear * exposure))
+    to_bytes(image, |pixel| pixel.map(|c| aces_filmic(c * exposure)))
 }
 
 /// An image of display light, 0 to 1, as a screen takes it: sRGB, 8 bits.
 #[must_use]
 pub fn encode_display(image: &ImageRgb) -> ImageRgb8 {
-    to_bytes(image, |light| light.clamp(0.0, 1.0))
+    to_bytes(image, |light| light.map(|c| c.clamp(0.0, 1.0)))
 }
 
-fn to_bytes(image: &ImageRgb, display_light: impl Fn(f32) -> f32) -> ImageRgb8 {
-    let encode = |linear: f32| (srgb_encode(display_light(linear)) * 255.0).round() as u8;
+/// The image by what each pixel shows, sRGB, 8 bits.
+pub(crate) fn to_bytes(
+    image: &ImageRgb,
+    display_light: impl Fn([f32; 3]) -> [f32; 3],
+) -> ImageRgb8 {
+    let encode = |light: f32| (srgb_encode(light) * 255.0).round() as u8;
+    let pixels = image.pixels.iter();
     ImageRgb8 {
         width: image.width,
         height: image.height,
-        pixels: image.pixels.iter().map(|pixel| pixel.map(encode)).collect(),
+        pixels: pixels
+            .map(|pixel| display_light(*pixel).map(encode))
+            .collect(),
     }
 }
 
@@ -324,12 +332,14 @@ fn undecodable(path: &Path, reason: impl Into<String>) -> ImageError {
     }
 }
 
-/// Writes linear RGB as OpenEXR: 32-bit float, scan lines from the top, uncompressed. Equal pixels give equal bytes.
+/// Writes linear RGB as OpenEXR: 32-bit float, scan lines from the top, ZIP. Equal pixels give equal bytes.
 ///
 /// # Errors
 /// [`ImageError::Unwritable`]; nothing is left behind.
 pub fn write_exr(path: &Path, image: &ImageRgb) -> Result<(), ImageError> {
-    write_atomically(path, |out| encode_exr(out, image))
+    let mut file = ExrFile::new([image.width, image.height]);
+    file.add_rgb("", image, false);
+    write_atomically(path, |out| file.write(out))
 }
 
 /// Writes 8-bit RGB as PNG.
@@ -364,68 +374,6 @@ pub fn write_atomically(
         path: path.to_owned(),
         reason: error.to_string(),
     })
-}
-
-/// OpenEXR 2 single-part scan-line file ("OpenEXR File Layout", openexr.com). The `image` crate's encoder writes
-/// run-length-coded tiles in no promised order, and the `exr` crate promises no order of a header's attributes; runs are
-/// compared byte for byte, so the order is fixed here.
-fn encode_exr(out: &mut impl Write, image: &ImageRgb) -> io::Result<()> {
-    const PIXEL_TYPE_FLOAT: i32 = 2;
-    const CHANNELS: [(&str, usize); 3] = [("B", 2), ("G", 1), ("R", 0)]; // sorted by name, as the format wants
-    let (width, height) = (image.width as usize, image.height as usize);
-
-    let mut header: Vec<u8> = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0]; // magic number, version 2, no flags
-    let mut attribute = |name: &str, kind: &str, value: &[u8]| {
-        for text in [name, kind] {
-            header.extend_from_slice(text.as_bytes());
-            header.push(0);
-        }
-        header.extend_from_slice(&(value.len() as i32).to_le_bytes());
-        header.extend_from_slice(value);
-    };
-    let mut channel_list = Vec::new();
-    for (name, _) in CHANNELS {
-        channel_list.extend_from_slice(name.as_bytes());
-        channel_list.push(0);
-        // Type, "perceptually linear" with three reserved bytes, sampling steps in x and y.
-        for word in [PIXEL_TYPE_FLOAT, 0, 1, 1] {
-            channel_list.extend_from_slice(&word.to_le_bytes());
-        }
-    }
-    channel_list.push(0);
-    let window: Vec<u8> = [0, 0, image.width as i32 - 1, image.height as i32 - 1]
-        .iter()
-        .flat_map(|bound| bound.to_le_bytes())
-        .collect();
-    attribute("channels", "chlist", &channel_list);
-    attribute("compression", "compression", &[0]);
-    attribute("dataWindow", "box2i", &window);
-    attribute("displayWindow", "box2i", &window);
-    attribute("lineOrder", "lineOrder", &[0]);
-    attribute("pixelAspectRatio", "float", &1.0_f32.to_le_bytes());
-    attribute("screenWindowCenter", "v2f", &[0; 8]);
-    attribute("screenWindowWidth", "float", &1.0_f32.to_le_bytes());
-    header.push(0);
-    out.write_all(&header)?;
-
-    let line_bytes = width * CHANNELS.len() * size_of::<f32>();
-    let first_line = header.len() + height * size_of::<u64>();
-    for row in 0..height {
-        out.write_all(&((first_line + row * (8 + line_bytes)) as u64).to_le_bytes())?;
-    }
-    let mut line = Vec::with_capacity(8 + line_bytes);
-    for (row, pixels) in image.pixels.chunks_exact(width).enumerate() {
-        line.clear();
-        line.extend_from_slice(&(row as i32).to_le_bytes());
-        line.extend_from_slice(&(line_bytes as i32).to_le_bytes());
-        for (_, channel) in CHANNELS {
-            for pixel in pixels {
-                line.extend_from_slice(&pixel[channel].to_le_bytes());
-            }
-        }
-        out.write_all(&line)?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -57,8 +57,9 @@
 //! - `viewer`: the same loop in a window in which a scene is walked through and edited;
 //! - `renderer`, `frame`, `gpu`: images from views;
 //! - `scene`, `bvh`: what is rendered;
+//! - `chrome_trace`: host and device times of a run on one clock;
 //! - `limits`: limits on reading files;
-//! - `metrics`, `images`, `false_color`: errors against a reference, image files, pictures of views;
+//! - `metrics`, `images`, `exr_file`, `tone`, `false_color`: errors against a reference, image files, pictures of views;
 //! - `bench`: speed against error.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
@@ -77,14 +78,18 @@ mod bench;
 #[cfg(all(feature = "bench", feature = "internals"))]
 pub mod bench;
 #[cfg(not(feature = "internals"))]
-mod bvh;
+mod chrome_trace;
 #[cfg(feature = "internals")]
-pub mod bvh;
+pub mod chrome_trace;
 #[cfg(not(feature = "internals"))]
 mod commands;
 #[cfg(feature = "internals")]
 pub mod commands;
 mod decoding;
+#[cfg(not(feature = "internals"))]
+mod exr_file;
+#[cfg(feature = "internals")]
+pub mod exr_file;
 #[cfg(not(feature = "internals"))]
 mod false_color;
 #[cfg(feature = "internals")]
@@ -147,6 +152,10 @@ pub mod scene;
 mod settings;
 #[cfg(feature = "internals")]
 pub mod settings;
+#[cfg(not(feature = "internals"))]
+mod tone;
+#[cfg(feature = "internals")]
+pub mod tone;
 #[cfg(all(feature = "viewer", not(feature = "internals")))]
 mod viewer;
 #[cfg(all(feature = "viewer", feature = "internals"))]
@@ -157,6 +166,11 @@ mod windowing;
 mod xr;
 #[cfg(feature = "internals")]
 pub mod xr;
+
+#[cfg(not(feature = "internals"))]
+use stereolux_bvh as bvh;
+#[cfg(feature = "internals")]
+pub use stereolux_bvh as bvh;
 
 // Scenes.
 pub use bvh::BvhError;
@@ -175,15 +189,15 @@ pub use scene::{
 // Settings.
 pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
-    Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
+    Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space, StereoSettings,
-    Technique, TimingSettings, UserDomain, UserPass,
+    Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
 };
 
 // Devices and images.
 pub use gpu::context::AdapterSummary;
 pub use gpu::vulkan_interop::disable_device_select_layer;
-pub use gpu::{GpuContext, GpuError, PassTimes, ShaderLibrary};
+pub use gpu::{GpuContext, GpuError, HostSpan, PassTimes, ShaderLibrary, Submission};
 pub use images::{
     Image, ImageError, ImageRgb, ImageRgb8, read_image, tone_map, write_exr, write_png,
 };

@@ -1,15 +1,21 @@
 //! Files under `--out`.
 
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
+use glam::{DMat4, DVec3};
 use serde::Serialize;
 
+use crate::chrome_trace::ChromeTrace;
+use crate::exr_file::{ExrAttribute, ExrFile, ExrSamples};
 use crate::false_color::provenance_color;
-use crate::images::{
-    Image, ImageError, ImageRgb, tone_map, write_atomically, write_exr, write_png,
-};
+use crate::gpu::{HostSpan, Submission};
+use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, write_atomically, write_png};
+use crate::renderer::{Eye, Inspected, InspectedValues};
+use crate::settings::{ExrLayout, ExrPrecision, OutputSettings, Settings, Tone};
+use crate::tone::tone_map_by;
+use crate::xr::View;
 
 /// Why nothing can be written; exit status 2.
 #[derive(Debug, thiserror::Error)]
@@ -35,23 +41,81 @@ pub enum OutputError {
     Image(#[from] ImageError),
 }
 
+/// How files are written.
+#[derive(Debug, Clone)]
+pub struct Style {
+    /// Exposure of the tone-mapped pictures.
+    pub exposure: f64,
+    /// Their curve.
+    pub tone: Tone,
+    /// Samples of EXR files.
+    pub exr: ExrPrecision,
+    /// EXR files by eye or by frame.
+    pub layout: ExrLayout,
+    /// The adapter's name.
+    pub adapter: String,
+    /// [`Settings::picture_hash`].
+    pub settings_hash: u64,
+}
+
+impl Style {
+    /// By the settings.
+    pub fn of(settings: &Settings, adapter: &str) -> Self {
+        let OutputSettings {
+            exr, layout, tone, ..
+        } = settings.output;
+        Self {
+            exposure: settings.render.output.exposure,
+            tone,
+            exr,
+            layout,
+            adapter: adapter.to_owned(),
+            settings_hash: settings.picture_hash(),
+        }
+    }
+}
+
+/// What a frame's files say about it.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameFacts<'a> {
+    /// Number, from 0.
+    pub frame: u32,
+    /// Predicted display time, nanoseconds.
+    pub display_time_ns: i64,
+    /// Refresh rate, Hz.
+    pub refresh_hz: f64,
+    /// Views of the left and the right eye.
+    pub views: &'a [View; 2],
+}
+
 /// The images of one frame.
 #[derive(Debug, Default)]
 pub struct FrameImages {
-    /// Left eye, linear radiance.
-    pub left: Option<ImageRgb>,
-    /// Right eye, linear radiance.
-    pub right: Option<ImageRgb>,
+    /// Linear radiance of the eyes that were rendered, the left one first.
+    pub radiance: Vec<(Eye, ImageRgb)>,
     /// Provenance of the right eye's pixels, row-major; `None` without reuse.
     pub provenance: Option<Vec<u32>>,
-    /// Further images as (eye and part as in the file's name, such as `left_direct`; pixels).
-    pub parts: Vec<(String, ImageRgb)>,
+    /// Parts of the radiance: direct, indirect, albedo.
+    pub parts: Vec<(Eye, &'static str, ImageRgb)>,
+    /// What each pixel sees, as further layers.
+    pub aovs: Vec<Inspected>,
+}
+
+impl FrameImages {
+    fn radiance(&self, eye: Eye) -> Option<&ImageRgb> {
+        let found = self.radiance.iter().find(|(of, _)| *of == eye);
+        found.map(|(_, image)| image)
+    }
 }
 
 /// The folder that a run writes to.
 pub struct OutputFolder {
     path: PathBuf,
+    style: Style,
+    /// Files of an older run that were removed.
+    removed: usize,
     stats: File,
+    trace: Option<ChromeTrace>,
 }
 
 impl OutputFolder {
@@ -73,21 +137,39 @@ impl OutputFolder {
         }
     }
 
-    /// Makes the folder if need be and starts `stats.jsonl` in it.
+    /// Makes the folder if need be, removes what an older run has left in it, and starts `stats.jsonl`.
     ///
     /// # Errors
     /// [`OutputError::Folder`] if that is impossible.
-    pub fn create(path: &Path) -> Result<Self, OutputError> {
-        let fail = |error: std::io::Error| OutputError::Folder {
+    pub fn create(path: &Path, style: Style) -> Result<Self, OutputError> {
+        let fail = |error: io::Error| OutputError::Folder {
             path: path.to_owned(),
             reason: error.to_string(),
         };
         fs::create_dir_all(path).map_err(fail)?;
+        let mut removed = 0;
+        for entry in fs::read_dir(path).map_err(fail)? {
+            let entry = entry.map_err(fail)?;
+            let is_old = entry.file_name().to_str().is_some_and(is_of_a_run);
+            // Folders and links of such a name are somebody else's.
+            if is_old && entry.file_type().map_err(fail)?.is_file() {
+                fs::remove_file(entry.path()).map_err(fail)?;
+                removed += 1;
+            }
+        }
         let stats = File::create(path.join("stats.jsonl")).map_err(fail)?;
         Ok(Self {
             path: path.to_owned(),
+            style,
+            removed,
             stats,
+            trace: None,
         })
+    }
+
+    /// Files of an older run that were removed, besides its `stats.jsonl`.
+    pub fn removed(&self) -> usize {
+        self.removed
     }
 
     /// The folder.
@@ -112,6 +194,55 @@ impl OutputFolder {
             .map_err(|error| fail(error.to_string()))
     }
 
+    fn trace_path(&self) -> PathBuf {
+        self.path.join("trace.json")
+    }
+
+    fn trace_failed(&self, error: &io::Error) -> OutputError {
+        OutputError::File {
+            path: self.trace_path(),
+            reason: error.to_string(),
+        }
+    }
+
+    /// Begins `trace.json`. `device` is the adapter's name; `clocks` are submissions to compare the clocks by.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn begin_trace(&mut self, device: &str, clocks: &[Submission]) -> Result<(), OutputError> {
+        let trace = ChromeTrace::create(&self.trace_path(), device, clocks);
+        self.trace = Some(trace.map_err(|error| self.trace_failed(&error))?);
+        Ok(())
+    }
+
+    /// Adds a frame to `trace.json`, if there is one.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn trace_frame(
+        &mut self,
+        index: u32,
+        stages: &[HostSpan],
+        submissions: &[Submission],
+    ) -> Result<(), OutputError> {
+        let Some(trace) = &mut self.trace else {
+            return Ok(());
+        };
+        let written = trace.add_frame(index, stages, submissions);
+        written.map_err(|error| self.trace_failed(&error))
+    }
+
+    /// Puts `trace.json` in its place, if there is one.
+    ///
+    /// # Errors
+    /// [`OutputError::File`].
+    pub fn finish_trace(&mut self) -> Result<(), OutputError> {
+        match self.trace.take().map(ChromeTrace::finish) {
+            Some(Err(error)) => Err(self.trace_failed(&error)),
+            _ => Ok(()),
+        }
+    }
+
     /// Writes `run.json`.
     ///
     /// # Errors
@@ -129,47 +260,242 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Writes a frame's images: EXR per eye and per part, both tone mapped side by side, provenance in false colour.
+    fn frame_path(&self, index: u32, rest: &str) -> PathBuf {
+        self.path.join(format!("frame_{index:04}{rest}"))
+    }
+
+    /// Writes a frame's images: EXR by the style's layout, both eyes tone mapped side by side, provenance in false colour.
     ///
     /// # Errors
     /// [`OutputError`].
     pub fn write_frame(
         &self,
-        index: u32,
+        facts: &FrameFacts<'_>,
         images: &FrameImages,
-        exposure: f64,
     ) -> Result<(), OutputError> {
-        for (eye, image) in [("left", &images.left), ("right", &images.right)] {
-            if let Some(image) = image {
-                write_exr(
-                    &self.path.join(format!("frame_{index:04}_{eye}.exr")),
-                    image,
-                )?;
-            }
+        let index = facts.frame;
+        match self.style.layout {
+            ExrLayout::Files => self.write_files(facts, images)?,
+            ExrLayout::Multiview => self.write_multiview(facts, images)?,
         }
-        for (part, image) in &images.parts {
-            write_exr(
-                &self.path.join(format!("frame_{index:04}_{part}.exr")),
-                image,
-            )?;
+        if let Some(picture) = self.picture(images)? {
+            write_png(&self.frame_path(index, ".png"), &picture)?;
         }
-        let shown =
-            |radiance: &Option<ImageRgb>| radiance.as_ref().map(|image| tone_map(image, exposure));
-        let picture = match (shown(&images.left), shown(&images.right)) {
-            (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),
-            (image, None) | (None, image) => image,
-        };
-        if let Some(picture) = picture {
-            write_png(&self.path.join(format!("frame_{index:04}.png")), &picture)?;
-        }
-        if let (Some(provenance), Some(right)) = (&images.provenance, &images.right) {
+        if let (Some(provenance), Some(right)) = (&images.provenance, images.radiance(Eye::Right)) {
             let pixels = provenance.iter().map(|&p| provenance_color(p)).collect();
             let picture = Image::new(right.width, right.height, pixels)?;
-            write_png(
-                &self.path.join(format!("frame_{index:04}_reuse.png")),
-                &picture,
-            )?;
+            write_png(&self.frame_path(index, "_reuse.png"), &picture)?;
         }
         Ok(())
+    }
+
+    /// The eyes side by side as a screen shows them.
+    fn picture(&self, images: &FrameImages) -> Result<Option<ImageRgb8>, OutputError> {
+        let Style { exposure, tone, .. } = self.style;
+        let shown = |eye: Eye| {
+            let image = images.radiance(eye);
+            image.map(|image| tone_map_by(image, exposure, tone))
+        };
+        Ok(match (shown(Eye::Left), shown(Eye::Right)) {
+            (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),
+            (image, None) | (None, image) => image,
+        })
+    }
+
+    /// A file per eye, its further layers in it, and one per part.
+    fn write_files(&self, facts: &FrameFacts<'_>, images: &FrameImages) -> Result<(), OutputError> {
+        let half = self.style.exr == ExrPrecision::F16;
+        let eyes = images.radiance.iter().map(|(eye, image)| (*eye, "", image));
+        let parts = images.parts.iter();
+        let parts = parts.map(|(eye, part, image)| (*eye, *part, image));
+        for (eye, part, image) in eyes.chain(parts) {
+            let mut file = ExrFile::new([image.width, image.height]);
+            file.add_rgb("", image, half);
+            self.describe(&mut file, facts, eye, "");
+            file.set("view", ExrAttribute::Text(eye.name().to_owned()));
+            let rest = if part.is_empty() {
+                for layer in images.aovs.iter().filter(|layer| layer.eye == eye) {
+                    add_layer(&mut file, layer, "", half);
+                }
+                format!("_{}.exr", eye.name())
+            } else {
+                format!("_{}_{part}.exr", eye.name())
+            };
+            let path = self.frame_path(facts.frame, &rest);
+            write_atomically(&path, |out| file.write(out))?;
+        }
+        Ok(())
+    }
+
+    /// One file: the first eye's channels have no view in their names.
+    fn write_multiview(
+        &self,
+        facts: &FrameFacts<'_>,
+        images: &FrameImages,
+    ) -> Result<(), OutputError> {
+        let half = self.style.exr == ExrPrecision::F16;
+        let Some((first, image)) = images.radiance.first() else {
+            return Ok(());
+        };
+        let mut file = ExrFile::new([image.width, image.height]);
+        let view = |eye: Eye| match eye == *first {
+            true => String::new(),
+            false => format!("{}.", eye.name()),
+        };
+        for (eye, image) in &images.radiance {
+            file.add_rgb(&view(*eye), image, half);
+            self.describe(&mut file, facts, *eye, &view(*eye));
+        }
+        for (eye, part, image) in &images.parts {
+            file.add_rgb(&format!("{part}.{}", view(*eye)), image, half);
+        }
+        for layer in &images.aovs {
+            add_layer(&mut file, layer, &view(layer.eye), half);
+        }
+        let names = images.radiance.iter().map(|(eye, _)| eye.name().to_owned());
+        file.set("multiView", ExrAttribute::Texts(names.collect()));
+        let path = self.frame_path(facts.frame, ".exr");
+        write_atomically(&path, |out| file.write(out))?;
+        Ok(())
+    }
+
+    /// Attributes of an eye's image; `prefix` stands before those that differ between the eyes of one file.
+    fn describe(&self, file: &mut ExrFile, facts: &FrameFacts<'_>, eye: Eye, prefix: &str) {
+        let view = &facts.views[eye as usize];
+        let tangents = view.fov.tangents();
+        let (width, height) = (tangents.right - tangents.left, tangents.up - tangents.down);
+        let [columns, rows] = file.size().map(f64::from);
+        let center = [
+            (tangents.left + tangents.right) / 2.0,
+            (tangents.up + tangents.down) / 2.0,
+        ];
+        let mut own = |name: &str, value| file.set(&format!("{prefix}{name}"), value);
+        let center = center.map(|tangent| tangent as f32);
+        own("screenWindowCenter", ExrAttribute::Vector2(center));
+        own("screenWindowWidth", ExrAttribute::Float(width as f32));
+        let aspect = (width / columns) / (height / rows);
+        own("pixelAspectRatio", ExrAttribute::Float(aspect as f32));
+        own("worldToCamera", world_to_camera(view));
+        let fov = view.fov;
+        let angles = [
+            fov.angle_left,
+            fov.angle_right,
+            fov.angle_up,
+            fov.angle_down,
+        ];
+        let angles = angles.map(|angle| format!("{:.6}", angle.to_degrees()));
+        own("fovDegrees", ExrAttribute::Text(angles.join(" ")));
+        file.set("imageCounter", ExrAttribute::Int(facts.frame as i32));
+        let thousandths = (facts.refresh_hz * 1000.0).round() as i32;
+        file.set("framesPerSecond", ExrAttribute::Rational(thousandths, 1000));
+        for (name, text) in [
+            ("stereolux.adapter", self.style.adapter.clone()),
+            ("stereolux.displayTimeNs", facts.display_time_ns.to_string()),
+            (
+                "stereolux.settings",
+                format!("{:016x}", self.style.settings_hash),
+            ),
+        ] {
+            file.set(name, ExrAttribute::Text(text));
+        }
+    }
+}
+
+/// OpenEXR's camera is left-handed: x right, y up, z forward; its matrices are for row vectors.
+fn world_to_camera(view: &View) -> ExrAttribute {
+    let camera_from_eye = DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0));
+    let camera_from_world = camera_from_eye * DMat4::from(view.eye_from_world());
+    let columns = camera_from_world.to_cols_array();
+    ExrAttribute::Matrix(columns.map(|value| value as f32))
+}
+
+/// Adds what each pixel sees; `view` stands before the last word of the channels' names.
+fn add_layer(file: &mut ExrFile, layer: &Inspected, view: &str, half: bool) {
+    let mut add = |name: &str, channel: &str, samples| {
+        let separator = if name.is_empty() { "" } else { "." };
+        file.add(format!("{name}{separator}{view}{channel}"), samples);
+    };
+    let float = |samples: Vec<f32>, as_half| match as_half {
+        true => ExrSamples::Half(samples),
+        false => ExrSamples::Float(samples),
+    };
+    let name = layer.inspection.name();
+    match &layer.values {
+        InspectedValues::Scalar(values) => add("", "Z", float(values.clone(), false)),
+        InspectedValues::Labels(values) => add(name, "id", ExrSamples::Whole(values.clone())),
+        InspectedValues::Vector2(values) => {
+            for (at, channel) in ["X", "Y"].into_iter().enumerate() {
+                let samples = values.iter().map(|value| value[at]).collect();
+                add(name, channel, float(samples, false));
+            }
+        }
+        InspectedValues::Direction(values) | InspectedValues::Color(values) => {
+            let is_color = matches!(layer.values, InspectedValues::Color(_));
+            let (name, channels) = match is_color {
+                true => (name, ["R", "G", "B"]),
+                false => ("N", ["X", "Y", "Z"]),
+            };
+            for (at, channel) in channels.into_iter().enumerate() {
+                let samples = values.iter().map(|value| value[at]).collect();
+                add(name, channel, float(samples, half));
+            }
+        }
+    }
+}
+
+/// Whether a run names its files so.
+fn is_of_a_run(name: &str) -> bool {
+    if ["run.json", "trace.json"].contains(&name) {
+        return true;
+    }
+    let Some(rest) = name.strip_prefix("frame_") else {
+        return false;
+    };
+    let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+    let (number, rest) = rest.split_at(digits);
+    let part = |rest: &str| {
+        let eye = rest.strip_prefix("_left").or(rest.strip_prefix("_right"));
+        eye.is_some_and(|part| ["", "_direct", "_indirect", "_albedo"].contains(&part))
+    };
+    number.len() >= 4
+        && (["", "_reuse"]
+            .iter()
+            .any(|end| rest == format!("{end}.png"))
+            || rest == ".exr"
+            || rest.strip_suffix(".exr").is_some_and(part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_of_a_run_are_a_runs() {
+        for name in [
+            "run.json",
+            "trace.json",
+            "frame_0000.png",
+            "frame_0000.exr",
+            "frame_0000_reuse.png",
+            "frame_12345_left.exr",
+            "frame_0001_right_albedo.exr",
+        ] {
+            assert!(is_of_a_run(name), "{name}");
+        }
+        for name in [
+            "frame_000.png",
+            "frame_0000_left.png",
+            "frame_0000_top.exr",
+            "frame_0000_left_mine.exr",
+            "frame_0000.jpg",
+            "frame_abcd.png",
+            "my_frame_0000.png",
+            "view_0000.png",
+            "run.json.bak",
+            "stats.jsonl",
+            "journal.jsonl",
+        ] {
+            assert!(!is_of_a_run(name), "{name}");
+        }
     }
 }

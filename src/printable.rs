@@ -72,6 +72,29 @@ fn cut(text: &str) -> String {
         .collect()
 }
 
+/// `; the nearest is 'NAME'`, if one of the names is like the unknown one, whatever its case; else nothing.
+pub(crate) fn did_you_mean<'a>(
+    unknown: &str,
+    names: impl IntoIterator<Item = impl AsRef<str> + 'a>,
+) -> String {
+    let mut best = (0.0, String::new());
+    for name in names {
+        let name = name.as_ref();
+        let (a, b) = (unknown.to_lowercase(), name.to_lowercase());
+        let likeness = match a.len() >= 3 && b.starts_with(&a) {
+            true => 1.0,
+            false => strsim::normalized_damerau_levenshtein(&a, &b),
+        };
+        if likeness > best.0 {
+            best = (likeness, name.to_owned());
+        }
+    }
+    match best.0 >= 0.5 {
+        true => format!("; the nearest is '{}'", best.1),
+        false => String::new(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,13 +7,16 @@
 //! model's clips beside an exhaustive search (exit status 1 where they differ), and what its refitted hierarchies cost
 //! beside ones built anew.
 
-// The probe and the comparator of the test suite.
+// The probe of the test suite, and the comparator of the hierarchies' tests.
 #[allow(dead_code, clippy::unwrap_used)]
 #[path = "../../tests/suite/bvh/bvh_probe.rs"]
 mod bvh_probe;
 #[allow(dead_code)]
-#[path = "../../tests/suite/bvh/bvh_reference.rs"]
+#[path = "../../crates/bvh/tests/shared/reference.rs"]
 mod bvh_reference;
+#[allow(dead_code)]
+#[path = "../../crates/bvh/tests/shared/shapes.rs"]
+mod bvh_shapes;
 mod hits;
 #[allow(dead_code, clippy::unwrap_used)]
 #[path = "../../tests/suite/bvh/moving_support.rs"]
@@ -256,7 +259,7 @@ fn main() -> Outcome<ExitCode> {
     for n in [130, 920] {
         let scene = scene(n, 1);
         let (host_ms, bytes) = update(&context, &scene, 1)?;
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let mut times = Vec::new();
         for _ in 0..3 {
             let began = Instant::now();

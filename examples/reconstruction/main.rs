@@ -19,8 +19,8 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
+use stereolux::bench::RENDER_CODE;
 use stereolux::bench::correspondence::left_from_right;
-use stereolux::bench::fingerprint::RENDER_CODE;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb, read_image, tone_map, write_exr, write_png};
 use stereolux::renderer::{Eye, Renderer};

@@ -75,7 +75,8 @@ impl InstanceMover {
             }
         }
         if self.rebuilds {
-            let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+            let marks: Vec<MaterialMarks> =
+                scene.materials.iter().map(MaterialMarks::from).collect();
             std::hint::black_box(MeshHierarchies::build(&scene.meshes, &marks)?);
         }
         Ok(milliseconds_since(began))

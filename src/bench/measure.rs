@@ -6,23 +6,23 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use serde_json::Value;
+use stereolux_report::fingerprint::Fingerprint;
+use stereolux_report::journal::Journal;
+use stereolux_report::records::{Load, Machine, REFERENCE_SHARE, Row};
+use stereolux_report::rounds::{Round, interleave};
+use stereolux_report::statistics::mean;
 
 use super::correspondence::left_from_right;
-use super::fingerprint::{BENCH_CODE, Fingerprint};
 use super::instance_motion::{InstanceMotion, InstanceMover};
-use super::journal::Journal;
-use super::records::{Load, Machine, Row, differing_settings};
-use super::reference::{PixelFilter, REFERENCE_SHARE, Reference, ReferenceSpec, References};
+use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
-use super::statistics::mean;
-use super::timing::{Round, interleave};
 use super::variant_statistics::{Frame, Truth, VariantStatistics, judge_part, region_masks};
-use super::{BenchError, BenchProgress};
+use super::{BENCH_CODE, BenchError, BenchProgress};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Eyes, RenderSettings, Settings};
+use crate::settings::{Eyes, RenderSettings, Settings, registry};
 use crate::xr::{
     Headset, Motion, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession, View, XrError,
     all_frames,
@@ -454,6 +454,15 @@ fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View
     Ok(replayed.into_iter().map(|(_, views)| views).collect())
 }
 
+/// Settings that differ from the defaults, by dotted key.
+fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
+    registry::all()
+        .map(|setting| (setting, setting.value(settings)))
+        .filter(|(setting, value)| *value != setting.default_value())
+        .map(|(setting, value)| (setting.key.to_owned(), value))
+        .collect()
+}
+
 /// Where a group's recorded trace lies; its folder is made.
 fn trace_path(out: &Path, plan: &GroupPlan) -> Result<PathBuf, BenchError> {
     let folder = out.join("traces");
@@ -554,6 +563,18 @@ mod tests {
     use super::*;
     use crate::settings::Reuse;
 
+    #[test]
+    fn only_what_differs_is_listed() {
+        assert!(differing_settings(&Settings::default()).is_empty());
+        let mut settings = Settings::default();
+        settings.render.photon.count = 7;
+        settings.render.spp = 2;
+        let found = differing_settings(&settings);
+        assert_eq!(found.len(), 2);
+        assert_eq!(found["photon.count"], 7);
+        assert_eq!(found["spp"], 2);
+    }
+
     struct Silent;
 
     impl BenchProgress for Silent {
@@ -595,7 +616,7 @@ mod tests {
     fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) -> T {
         let out = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&out).unwrap();
-        let machine = Machine::imagined();
+        let machine = Machine::default();
         let settings = Settings::default();
         let library = ShaderLibrary::embedded();
         let mut silent = Silent;

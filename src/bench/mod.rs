@@ -1,48 +1,51 @@
 //! Speed against error: what `stereolux bench` measures and writes.
 //!
 //! A suite ([`suites`]) is a list of groups, and a group is a few variants of the same picture. [`measure`] renders the
-//! variants of a group in turn ([`timing`]), so that whatever slows the machine slows all of them, and judges the very frames
-//! that it timed ([`variant_statistics`]) against a path-traced reference ([`reference`]) that is cached under everything it depends on.
-//! Each variant becomes one [`records::Row`], appended to the [`journal`] as soon as it is there: a run that is killed goes on
-//! where it stopped. In the end [`report`] fits, ranks and writes report.md, CSV, JSON and [`plots`].
+//! variants of a group in turn ([`stereolux_report::rounds`]), so that whatever slows the machine slows all of them, and
+//! judges the very frames that it timed ([`variant_statistics`]) against a path-traced reference ([`reference`]) that is
+//! cached under everything it depends on. Everything that needs no renderer is in the crate `stereolux_report`: each
+//! variant becomes one row there, kept in a journal as soon as it is measured, and in the end a report.
 //!
 //! Photons are traced anew in every frame that is measured, so that frames are independent renders: their mean against the
 //! reference is the bias, their spread the variance, and no renderer has to be rebuilt in between.
 
 pub mod correspondence;
-pub mod fingerprint;
 pub mod instance_motion;
-pub mod journal;
 pub mod measure;
-pub mod plots;
-pub mod records;
 pub mod reference;
-pub mod report;
 pub mod scenes;
-pub mod statistics;
 pub mod suites;
-pub mod timing;
 pub mod variant_statistics;
 
 use std::fmt;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use journal::Journal;
+use stereolux_report::journal::Journal;
+use stereolux_report::records::{Machine, Row};
+use stereolux_report::rounds::Round;
+use stereolux_report::{Report, ReportError};
+
 use measure::{GroupPlan, Lab};
-use records::Machine;
-use reference::References;
+use reference::{BOX_SAMPLES, References};
 use scenes::SceneSource;
-use timing::Round;
 
 use crate::frame::user_passes::shader_library;
+use crate::gpu::context::AdapterSummary;
 use crate::gpu::{GpuContext, GpuError};
-use crate::images::ImageError;
+use crate::images::{ImageError, write_atomically};
 use crate::metrics::MetricsError;
 use crate::options::BenchOptions;
 use crate::renderer::RenderError;
 use crate::scene::SceneError;
+use crate::settings::Choice as _;
 use crate::xr::XrError;
+
+/// The code that decides the pixels of an image: shaders, renderer, scenes and the versions of all dependencies.
+pub const RENDER_CODE: &str = env!("STEREOLUX_RENDER_CODE");
+/// [`RENDER_CODE`] and the code that measures.
+pub const BENCH_CODE: &str = env!("STEREOLUX_BENCH_CODE");
 
 /// Why a suite ends early; what was finished is in the journal.
 #[derive(Debug, thiserror::Error)]
@@ -81,14 +84,9 @@ pub enum BenchError {
         /// The system's words.
         reason: String,
     },
-    /// A plot.
-    #[error("{}: cannot be drawn: {reason}", path.display())]
-    Plot {
-        /// The file.
-        path: PathBuf,
-        /// The plotting library's words.
-        reason: String,
-    },
+    /// The journal or the report.
+    #[error(transparent)]
+    Report(#[from] ReportError),
 }
 
 impl BenchError {
@@ -156,7 +154,7 @@ pub fn run(
             checked.push(&plan.scene);
         }
     }
-    let machine = Machine::of(&GpuContext::open(Some(&settings.adapter))?.adapter);
+    let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
     let out = options.out.as_path();
     let folder = match &options.references {
         Some(folder) => folder.clone(),
@@ -179,17 +177,63 @@ pub fn run(
     let mut lab = Lab::new(
         out, settings, machine, library, journal, references, progress,
     );
-    let mut rows = Vec::new();
+    let mut rows: Vec<Row> = Vec::new();
     for plan in &plans {
         rows.extend(lab.measure(plan)?);
     }
     let resumed = lab.resumed();
     let machine = lab.machine.clone();
-    let written = report::write(out, options, &machine, &rows)?;
+    let report = Report {
+        suite: options.suite.word(),
+        version: env!("CARGO_PKG_VERSION"),
+        render_code: RENDER_CODE,
+        bench_code: BENCH_CODE,
+        reference_samples: suites::reference_samples(options),
+        samples_per_batch: BOX_SAMPLES,
+        machine: &machine,
+        rows: &rows,
+    };
+    write(out, &report)?;
     Ok(Outcome {
         rows: rows.len(),
         resumed,
-        report: written.path,
-        unsettled: written.unsettled,
+        report: out.join("report.md"),
+        unsettled: report.unsettled(),
     })
+}
+
+fn write(out: &Path, report: &Report<'_>) -> Result<(), BenchError> {
+    let plots = out.join("plots");
+    fs::create_dir_all(&plots).map_err(|error| BenchError::file(&plots, error))?;
+    for file in report.files()? {
+        write_atomically(&out.join(&file.path), |to| to.write_all(&file.bytes))?;
+    }
+    Ok(())
+}
+
+/// What wgpu says of an adapter.
+fn machine_of(adapter: &AdapterSummary) -> Machine {
+    Machine {
+        adapter: adapter.name.clone(),
+        kind: adapter.kind.to_owned(),
+        backend: adapter.backend.clone(),
+        driver: format!("{} {}", adapter.driver, adapter.driver_info)
+            .trim()
+            .to_owned(),
+        software_adapter: adapter.is_software(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_code_has_a_fingerprint() {
+        for code in [RENDER_CODE, BENCH_CODE] {
+            assert_eq!(code.len(), 32);
+            assert!(u128::from_str_radix(code, 16).unwrap() != 0);
+        }
+        assert_ne!(RENDER_CODE, BENCH_CODE);
+    }
 }

@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
+use stereolux_report::fingerprint::Fingerprint;
+use stereolux_report::records::Machine;
 
-use super::BenchError;
-use super::fingerprint::{Fingerprint, RENDER_CODE};
-use super::records::Machine;
+use super::{BenchError, RENDER_CODE};
 use crate::files;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, write_atomically};
@@ -25,8 +25,6 @@ use crate::scene::Scene;
 use crate::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
 use crate::xr::View;
 
-/// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
-pub(super) const REFERENCE_SHARE: f64 = 0.1;
 /// Samples of one batch over a pixel's area.
 pub const BOX_SAMPLES: u32 = 16;
 /// Fewest batches: under these the spread is not worth much.
@@ -347,7 +345,7 @@ mod tests {
     #[test]
     fn keys_tell_everything_apart_that_shows() {
         let folder = folder("reference-keys");
-        let machine = Machine::imagined();
+        let machine = Machine::default();
         let open = |library: ShaderLibrary, machine: Machine| {
             References::open(&folder, 64, library, machine)
         };

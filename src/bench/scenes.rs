@@ -6,9 +6,10 @@
 
 use glam::{DAffine3, DVec3};
 use serde::Serialize;
+use stereolux_report::fingerprint::Fingerprint;
+use stereolux_report::records::GENERATED;
 
 use super::BenchError;
-use super::fingerprint::Fingerprint;
 use crate::limits::LoadBudget;
 use crate::scene::{
     Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
@@ -53,7 +54,7 @@ impl SceneSource {
         match self {
             Self::Named(name) => name.clone(),
             Self::Generated(made) => format!(
-                "generated:{}-triangle floor, {} boxes, {} lights",
+                "{GENERATED}{}-triangle floor, {} boxes, {} lights",
                 made.floor_triangles, made.boxes, made.lights
             ),
         }

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use stereolux_report::records::{RegionErrors, StereoFigures, Timing, leaves};
+use stereolux_report::samples::{RegionSamples, StereoSamples, TimeSamples};
+
 use super::BenchError;
-use super::records::{RegionErrors, StereoFigures, Timing, leaves};
-use super::reference::{REFERENCE_SHARE, Reference};
-use super::statistics::{Spread, mean, median, paired_ratio, spread};
+use super::reference::Reference;
 use crate::frame::passes::Pass;
 use crate::frame::plan::{GATHERS, PATH_PASSES};
 use crate::images::{Image, ImageRgb};
@@ -43,36 +44,17 @@ const REUSED: &str = "right_reused";
 /// Filled pixels of the right eye.
 const FILLED: &str = "right_filled";
 
-/// Values of one part of the picture, one per judged round.
-#[derive(Default)]
-struct RegionSamples {
-    pixels: Vec<f64>,
-    rel_mse: Vec<f64>,
-    rmse: Vec<f64>,
-    mean_rel_bias: Vec<f64>,
-    flip: Vec<f64>,
-    /// The group's first variant on the same pixels.
-    first_rel_mse: Vec<f64>,
-    /// The part, as of the last judged round; `None` is the whole eye.
-    mask: Option<Mask>,
-}
-
 /// Everything of one variant, round by round.
 #[derive(Default)]
 pub struct VariantStatistics {
-    ms: BTreeMap<String, Vec<f64>>,
-    pass_ms: BTreeMap<String, Vec<f64>>,
+    times: TimeSamples,
     regions: BTreeMap<&'static str, RegionSamples>,
+    /// Parts of an eye, as of the last judged round.
+    masks: BTreeMap<&'static str, Mask>,
     moments: [Option<RenderMoments>; 2],
     noise: Vec<f64>,
     previous: Option<ImageRgb>,
-    reuses: bool,
-    reuse_fraction: Vec<f64>,
-    reused: Vec<f64>,
-    filled: Vec<f64>,
-    because: BTreeMap<String, Vec<f64>>,
-    binocular: Vec<f64>,
-    pairs: Vec<f64>,
+    stereo: StereoSamples,
     last: FrameResult,
 }
 
@@ -87,10 +69,10 @@ pub fn region_masks(frame: &Frame, eye: usize, size: [u32; 2]) -> Vec<(&'static 
         pixels: provenance.iter().map(|&code| wanted(code)).collect(),
     };
     vec![
-        (REUSED, mask(|code| code == Provenance::Reused as u32)),
+        (REUSED, mask(Provenance::is_reused)),
         (
             FILLED,
-            mask(|code| code != Provenance::Reused as u32 && code != Provenance::Background as u32),
+            mask(|code| !Provenance::is_reused(code) && code != Provenance::Background as u32),
         ),
     ]
 }
@@ -142,7 +124,7 @@ impl VariantStatistics {
     /// Takes a frame's times and counters in.
     pub fn time(&mut self, frame: &Frame, settings: &RenderSettings) {
         let times = &frame.result.times.passes;
-        self.reuses = settings.reuse != Reuse::Off;
+        let reuses = settings.reuse != Reuse::Off;
         let sum = |wanted: &dyn Fn(&str) -> bool| {
             times
                 .iter()
@@ -170,7 +152,7 @@ impl VariantStatistics {
             if right > 0.0 {
                 groups.push(("right", right));
             }
-            if right > 0.0 && self.reuses {
+            if right > 0.0 && reuses {
                 // What fills is what renders the left eye.
                 let fills = |name: &str| {
                     let pass = name.strip_prefix("right.");
@@ -181,18 +163,18 @@ impl VariantStatistics {
             }
         }
         for (name, ms) in groups {
-            self.ms.entry(name.to_owned()).or_default().push(ms);
+            self.times.add(name, ms);
         }
         for (name, (ms, _)) in times {
-            self.pass_ms.entry(name.clone()).or_default().push(*ms);
+            self.times.add_pass(name, *ms);
         }
-        if self.reuses {
+        if reuses {
             let stereo = &frame.result.stereo;
-            self.reuse_fraction.push(stereo.reuse_fraction);
-            self.reused.push(f64::from(stereo.reused));
-            self.filled.push(f64::from(stereo.filled));
+            self.stereo.reuse_fraction.push(stereo.reuse_fraction);
+            self.stereo.reused.push(f64::from(stereo.reused));
+            self.stereo.filled.push(f64::from(stereo.filled));
             for (reason, count) in leaves(&stereo.filled_because) {
-                let counts = self.because.entry(reason).or_default();
+                let counts = self.stereo.because.entry(reason).or_default();
                 counts.extend(count.as_f64());
             }
         }
@@ -248,7 +230,9 @@ impl VariantStatistics {
                 region
                     .first_rel_mse
                     .extend(beside.and_then(|beside| beside.rel_mse));
-                region.mask = mask;
+                if let Some(mask) = mask {
+                    self.masks.insert(name, mask);
+                }
             }
         }
         if let ([Some(left), Some(right)], Some(map), Some(reference)) =
@@ -256,8 +240,8 @@ impl VariantStatistics {
         {
             match binocular_error(left, right, &reference.moments.mean_image(), map) {
                 Ok(found) => {
-                    self.binocular.extend(found.rel_mse);
-                    self.pairs.push(found.pairs as f64);
+                    self.stereo.binocular.extend(found.rel_mse);
+                    self.stereo.pairs.push(found.pairs as f64);
                 }
                 // Eyes that share no point have nothing to disagree about.
                 Err(MetricsError::NothingCounted(_)) => {}
@@ -300,90 +284,33 @@ impl VariantStatistics {
 
     /// Times, and their ratios to the first variant's.
     pub fn timing(&self, first: &Self, renderer: &Renderer, rounds: u32, warm_up: u32) -> Timing {
-        let spreads = |all: &BTreeMap<String, Vec<f64>>| -> BTreeMap<String, Spread> {
-            all.iter()
-                .filter_map(|(name, values)| Some((name.clone(), spread(values)?)))
-                .collect()
+        let clock = match renderer.context().has_timestamps {
+            true => "device",
+            false => "host",
         };
-        let ratio = self.ms.iter().filter_map(|(name, values)| {
-            Some((name.clone(), paired_ratio(values, first.ms.get(name)?)?))
-        });
-        Timing {
-            clock: if renderer.context().has_timestamps {
-                "device"
-            } else {
-                "host"
-            }
-            .to_owned(),
-            rounds,
-            warm_up,
-            ms: spreads(&self.ms),
-            ratio: ratio.collect(),
-            pass_ms: spreads(&self.pass_ms),
-        }
+        self.times.timing(&first.times, clock, rounds, warm_up)
     }
 
     /// Errors by part of the picture.
     pub fn errors(&self, truth: &Truth) -> BTreeMap<String, RegionErrors> {
-        let errors = |name: &str, region: &RegionSamples| {
-            let eye = usize::from(name != EYES[0]);
-            let reference = truth.references[eye].as_ref();
-            let reference_variance = reference.and_then(|found| {
-                found
-                    .moments
-                    .relative_variance_of_mean(region.mask.as_ref())
-            });
-            let rel_mse = mean(&region.rel_mse);
-            RegionErrors {
-                pixels: mean(&region.pixels).map_or(0.0, |found| found.value),
-                rel_mse,
-                rmse: mean(&region.rmse),
-                mean_rel_bias: mean(&region.mean_rel_bias),
-                flip: mean(&region.flip),
-                bias_variance: self.moments[eye]
-                    .as_ref()
-                    .zip(reference)
-                    .filter(|_| region.mask.is_none())
-                    .and_then(|(moments, found)| moments.bias_and_variance(&found.moments).ok()),
-                rel_mse_ratio: paired_ratio(&region.rel_mse, &region.first_rel_mse),
-                reference_variance,
-                reference_settled: rel_mse.zip(reference_variance).is_some_and(
-                    |(error, variance)| variance <= REFERENCE_SHARE.powi(2) * error.value,
-                ),
-            }
+        let errors = |(name, region): (&&'static str, &RegionSamples)| {
+            let eye = usize::from(*name != EYES[0]);
+            let mask = self.masks.get(name);
+            let reference = truth.references[eye].as_ref().map(|found| &found.moments);
+            let bias_variance = self.moments[eye]
+                .as_ref()
+                .zip(reference)
+                .filter(|_| mask.is_none())
+                .and_then(|(moments, reference)| moments.bias_and_variance(reference).ok());
+            let variance = reference.and_then(|found| found.relative_variance_of_mean(mask));
+            ((*name).to_owned(), region.errors(bias_variance, variance))
         };
-        self.regions
-            .iter()
-            .map(|(name, region)| ((*name).to_owned(), errors(name, region)))
-            .collect()
+        self.regions.iter().map(errors).collect()
     }
 
     /// Reuse and binocular error; `None` without a right eye.
     pub fn stereo(&self, first: &Self) -> Option<StereoFigures> {
-        if !self.reuses && self.binocular.is_empty() {
-            return None;
-        }
-        let zero = Spread {
-            median: 0.0,
-            lower_quartile: 0.0,
-            upper_quartile: 0.0,
-            mad: 0.0,
-            count: 0,
-        };
-        let middle = |values: &[f64]| median(values).unwrap_or(0.0);
-        Some(StereoFigures {
-            reuse_fraction: spread(&self.reuse_fraction).unwrap_or(zero),
-            reused: middle(&self.reused),
-            filled: middle(&self.filled),
-            because: self
-                .because
-                .iter()
-                .map(|(reason, counts)| (reason.clone(), middle(counts)))
-                .collect(),
-            binocular_rel_mse: mean(&self.binocular),
-            binocular_ratio: paired_ratio(&self.binocular, &first.binocular),
-            binocular_pairs: middle(&self.pairs),
-        })
+        self.stereo.figures(&first.stereo)
     }
 }
 
@@ -443,18 +370,17 @@ mod tests {
             ("right.photon_gather", 1.0),
         ];
         statistics.time(&frame(1.0, &passes), &settings);
-        let of = |name: &str| statistics.ms[name][0];
+        let of = |name: &str| statistics.times.ms(name)[0];
         assert_eq!((of("photons"), of("left"), of("right")), (8.0, 4.0, 1.5));
         assert_eq!((of("eyes"), of("frame")), (5.5, 13.5));
         assert_eq!((of("fill"), of("carry")), (1.0, 0.5));
         assert_eq!((of("build"), of("gather")), (0.75, 5.0));
         assert_eq!(of("build_gather"), 5.75);
         assert_eq!(of("host_frame"), 100.0);
-        assert_eq!(statistics.pass_ms.len(), 6);
         // One kernel for tracing and gathering: what it spends on which is not known.
         let mut fused = VariantStatistics::default();
         fused.time(&frame(1.0, &[("left.eye_fused", 4.0)]), &settings);
-        assert!(!fused.ms.contains_key("gather") && fused.ms["build"] == [0.0]);
+        assert!(fused.times.ms("gather").is_empty() && fused.times.ms("build") == [0.0]);
     }
 
     #[test]
@@ -491,7 +417,7 @@ mod tests {
         }
         assert_eq!(errors["left"].rel_mse.unwrap().value, 0.0);
         // The eyes' errors are 0 and 1 everywhere: they disagree by 1.
-        assert!((mean(&statistics.binocular).unwrap().value - 1.0 / 4.04).abs() < 1e-12);
+        assert!((statistics.stereo.binocular[0] - 1.0 / 4.04).abs() < 1e-12);
         // A bias of 1 without noise.
         let split = errors["right"].bias_variance.unwrap();
         assert!((split.bias_squared - 1.0 / 4.04).abs() < 1e-12 && split.variance == 0.0);

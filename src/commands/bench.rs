@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use stereolux_report::rounds::Round;
 
 use super::Failure;
 use crate::bench::measure::GroupPlan;
-use crate::bench::timing::Round;
 use crate::bench::{self, BenchProgress};
 use crate::options::BenchOptions;
 use crate::output::OutputFolder;

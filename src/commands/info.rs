@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::{Failure, load_scene, print_line};
+use std::fmt::Write as _;
+
+use super::{Failure, Loaded, load_scene, print_line};
 use crate::frame::listing::list;
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::shader_library;
@@ -27,6 +29,9 @@ pub fn info(options: &InfoOptions) -> Result<(), Failure> {
     if options.names_scene {
         report["scene"] = scene_report(&options.settings, is_software)?;
     }
+    if options.brief {
+        return print_line(brief(&report).trim_end());
+    }
     if options.lists_settings {
         report["settings"] = registry::listing();
     }
@@ -48,8 +53,91 @@ fn openxr_report() -> Value {
     })
 }
 
+/// The report in some ten lines for people.
+fn brief(report: &Value) -> String {
+    let text = |value: &Value| printable::line(value.as_str().unwrap_or_default());
+    let mut lines = format!("stereolux {}\n", text(&report["version"]));
+    // Writing to a String cannot fail.
+    let mut say = |what: &str, line: String| {
+        let _ = writeln!(lines, "{what:<10}{line}");
+    };
+    let adapters = report["adapters"].as_array();
+    for (at, adapter) in adapters.into_iter().flatten().enumerate() {
+        let what = if at == 0 { "adapter" } else { "" };
+        let (name, kind) = (text(&adapter["name"]), text(&adapter["kind"]));
+        say(
+            what,
+            format!("{name} ({kind}, {})", text(&adapter["backend"])),
+        );
+    }
+    let openxr = &report["openxr"];
+    say(
+        "OpenXR",
+        match openxr["runtime"].as_str() {
+            Some(runtime) => printable::line(runtime),
+            None => format!("none: {}", text(&openxr["reason"])),
+        },
+    );
+    let scene = &report["scene"];
+    if scene.is_null() {
+        return lines;
+    }
+    let needs = &scene["needs"];
+    let corner = |end: usize, axis: usize| scene["bounds_in_world"][end][axis].as_f64();
+    let size = |axis| Some(format!("{:.3}", corner(1, axis)? - corner(0, axis)?));
+    let size: Option<Vec<String>> = (0..3).map(size).collect();
+    say("scene", text(&scene["name"]));
+    say(
+        "size",
+        size.map_or("nothing in it".to_owned(), |size| size.join(" x ") + " m"),
+    );
+    say(
+        "contents",
+        format!(
+            "{} triangles, {} instances",
+            needs["stored_triangles"], needs["instances"]
+        ),
+    );
+    let lights = needs["lights"].as_object();
+    let lights = lights
+        .into_iter()
+        .flatten()
+        .filter(|(_, count)| count.as_u64() > Some(0));
+    let mut lights: Vec<String> = lights
+        .map(|(kind, count)| format!("{count} {}", kind.replace('_', " ")))
+        .collect();
+    if needs["environment"].as_bool() == Some(true) {
+        lights.push(scene["light"].as_str().unwrap_or("environment").to_owned());
+    }
+    say(
+        "lights",
+        if lights.is_empty() {
+            "none".to_owned()
+        } else {
+            lights.join(", ")
+        },
+    );
+    say(
+        "radius",
+        format!(
+            "{:.4} m (automatic)",
+            scene["automatic_radius_m"].as_f64().unwrap_or_default()
+        ),
+    );
+    let warnings = scene["warnings"].as_array();
+    for warning in warnings.into_iter().flatten() {
+        say("warning", text(warning));
+    }
+    lines
+}
+
 fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure> {
-    let scene = load_scene(settings)?;
+    let Loaded {
+        scene,
+        settings,
+        light,
+    } = load_scene(settings)?;
+    let settings = &settings;
     let needs = Needs::of(&scene);
     let features = shader_features(&needs, &settings.render);
     let (mut stages, frame_features) =
@@ -60,6 +148,7 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
+        "light": light,
         "outside_files": scene.source.outside_files,
         "too_bright_lights": scene.source.too_bright_lights,
         "bounds_in_world": scene

@@ -4,8 +4,10 @@
 mod bench;
 mod compare;
 mod info;
+mod merge;
 mod report;
 mod run;
+mod settings;
 #[cfg(feature = "viewer")]
 mod view;
 
@@ -23,8 +25,9 @@ use crate::options::{Options, parse};
 use crate::output::OutputError;
 use crate::printable::escaped;
 use crate::renderer::RenderError;
-use crate::scene::{Scene, SceneError, load_environment_within};
-use crate::settings::Settings;
+use crate::scene::needs::LightCounts;
+use crate::scene::{Needs, Scene, SceneError, load_environment_within};
+use crate::settings::{Light, Settings};
 use crate::xr::XrError;
 
 /// The whole program: flags to checked options to a command; errors to an exit status.
@@ -201,7 +204,7 @@ impl From<crate::bench::BenchError> for Failure {
             BenchError::Metrics(_)
             | BenchError::Image(_)
             | BenchError::File { .. }
-            | BenchError::Plot { .. } => Self::failed(error),
+            | BenchError::Report(_) => Self::failed(error),
         }
     }
 }
@@ -231,6 +234,8 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
         Options::Render(options) => run::render(&options).map(|()| 0),
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),
+        Options::Merge(options) => merge::merge(&options).map(|()| 0),
+        Options::Settings(options) => settings::settings(&options).map(|()| 0),
         #[cfg(feature = "bench")]
         Options::Bench(options) => bench::bench(&options).map(|()| 0),
         #[cfg(not(feature = "bench"))]
@@ -243,7 +248,7 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
 }
 
 /// A command that this build was made without.
-#[cfg(not(all(feature = "bench", feature = "viewer")))]
+#[cfg(any(test, not(all(feature = "bench", feature = "viewer"))))]
 fn not_built(command: &str, feature: &str) -> Failure {
     Failure::unusable(format!(
         "{command}: this build is without it; build with `cargo build --release --features {feature}`"
@@ -253,13 +258,25 @@ fn not_built(command: &str, feature: &str) -> Failure {
 /// Prefix of scenes that are embedded in the program.
 const BUILTIN: &str = "builtin:";
 
-/// Loads a scene by `--scene`'s rules, with the environment that the settings name.
-fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
+/// A scene as it is rendered.
+struct Loaded {
+    scene: Scene,
+    /// With the environment that `light` stands for.
+    settings: Settings,
+    /// What lights the scene beside its own lights, in words; `None`: nothing that was not asked for by its path.
+    light: Option<String>,
+}
+
+/// Loads a scene by `--scene`'s rules, with the environment that the settings name, or that `light` gives it.
+fn load_scene(settings: &Settings) -> Result<Loaded, Failure> {
     let budget = LoadBudget::new(settings.limits.load());
     let mut scene = match settings.scene.strip_prefix(BUILTIN) {
         Some(name) => Scene::builtin(name)?,
         None => Scene::load_within(&settings.scene, &budget)?,
     };
+    scene.scale(settings.scene_scale);
+    let mut settings = settings.clone();
+    let light = light_scene(&mut settings, &scene);
     if !settings.environment.path.is_empty() {
         let (environment, warnings) = load_environment_within(
             &settings.environment.path,
@@ -270,8 +287,65 @@ fn load_scene(settings: &Settings) -> Result<Scene, Failure> {
         scene.warnings.extend(warnings);
     }
     scene.clip(&settings.render.animation.clip)?;
+    scene.warnings.extend(unlit_or_odd(&scene, &settings));
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }
-    Ok(scene)
+    Ok(Loaded {
+        scene,
+        settings,
+        light,
+    })
+}
+
+/// Puts the environment that `light` stands for into the settings; what was done, in words.
+fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
+    let is_bare = settings.environment.path.is_empty();
+    let (name, why) = match settings.light {
+        Light::Auto if is_bare && !is_lit(scene) => ("studio", "the scene has no light"),
+        Light::Studio => ("studio", "asked for"),
+        Light::Sky => ("sky", "asked for"),
+        Light::Auto | Light::None => return None,
+    };
+    settings.environment.path = format!("{BUILTIN}{name}");
+    Some(format!("{BUILTIN}{name} ({why})"))
+}
+
+fn is_lit(scene: &Scene) -> bool {
+    let needs = Needs::of(scene);
+    needs.lights != LightCounts::default() || needs.environment
+}
+
+/// Warnings that the scene will be black, or is of a size that two eyes cannot make much of.
+fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if scene.environment.is_none() && !is_lit(scene) {
+        warnings.push(format!(
+            "{} has no light and will be black: give --light auto, --light sky or environment.path",
+            settings.scene
+        ));
+    }
+    warnings.extend(scene.size_warning());
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// That `execute` says it in builds without a feature is the compiler's to check, in the headless pass of
+    /// `scripts/test.sh`: its other arms do not exist there.
+    #[test]
+    fn a_command_that_was_not_built_names_its_feature_in_one_line() {
+        for (command, feature) in [("bench", "bench"), ("view", "viewer")] {
+            let Failure { status, message } = not_built(command, feature);
+            assert_eq!(status, 2);
+            assert!(message.starts_with(&format!("{command}: ")), "{message}");
+            assert!(
+                message.contains(&format!("--features {feature}`")),
+                "{message}"
+            );
+            assert_eq!(message.lines().count(), 1, "{message}");
+        }
+    }
 }

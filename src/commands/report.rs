@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::frame_loop::Outcome;
 use crate::gpu::context::AdapterSummary;
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::renderer::Renderer;
 use crate::scene::{Needs, Scene};
-use crate::settings::{Method, Settings};
+use crate::settings::{Method, Reuse, Settings};
 use crate::xr::SessionInfo;
 
 /// What a scene holds, for `run.json`.
@@ -26,6 +27,8 @@ pub struct SceneSummary {
     pub lights: usize,
     /// Total emitted power, W per channel.
     pub emitted_power_w: [f64; 3],
+    /// Embedded environment that lights it, and why; `null` without one.
+    pub light: Option<String>,
     /// Deepest mesh hierarchy, inner nodes.
     pub hierarchy_depth: u32,
     /// Lower and upper corner, world, metres.
@@ -47,6 +50,8 @@ pub struct Medians {
     pub right_ms: f64,
     /// Device milliseconds of the photon map in the frames that traced it.
     pub photons_ms: f64,
+    /// Device milliseconds of a frame, both eyes and all passes.
+    pub total_ms: f64,
     /// Host milliseconds of a frame.
     pub frame_ms: f64,
     /// Reuse fraction.
@@ -76,6 +81,16 @@ pub struct RunReport<'a> {
     pub radius_m: Option<f64>,
     /// Gather radius of the caustic map, metres, if there is one.
     pub caustic_radius_m: Option<f64>,
+    /// Why the run ended before its end; `null` if it did not.
+    pub error: Option<String>,
+    /// Hash of the settings that pixels depend on, hexadecimal; the EXR files have it as `stereolux.settings`.
+    pub settings_hash: String,
+    /// Wall time of all frames, seconds.
+    pub wall_s: f64,
+    /// Frames per second of wall time.
+    pub frames_per_second: f64,
+    /// What the headset allows a frame, milliseconds.
+    pub budget_ms: f64,
     /// The resolved settings.
     pub settings: &'a Settings,
     /// The scene.
@@ -97,6 +112,36 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     crate::metrics::median(&values.collect::<Vec<_>>()).unwrap_or_default()
 }
 
+impl Medians {
+    /// Of frames as `stats.jsonl` holds them.
+    pub fn of(frames: &[Value]) -> Self {
+        let all = |of: &dyn Fn(&Value) -> Option<f64>| median(frames.iter().filter_map(of));
+        let device = |part: &str| all(&|frame| frame["gpu_ms"][part].as_f64());
+        let mut by_pass: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        let passes = frames
+            .iter()
+            .filter_map(|frame| frame["pass_ms"].as_object());
+        for (name, ms) in passes.flatten() {
+            by_pass.entry(name).or_default().extend(ms.as_f64());
+        }
+        let by_pass = by_pass.into_iter();
+        Self {
+            pass_ms: by_pass
+                .map(|(name, values)| (name.to_owned(), median(values.into_iter())))
+                .collect(),
+            left_ms: device("left"),
+            right_ms: device("right"),
+            photons_ms: all(&|frame| {
+                let traced = frame["photons"]["traced"].as_bool()?;
+                frame["gpu_ms"]["photons"].as_f64().filter(|_| traced)
+            }),
+            total_ms: device("total"),
+            frame_ms: all(&|frame| frame["cpu_ms"]["frame"].as_f64()),
+            reuse_fraction: all(&|frame| frame["stereo"]["reuse_fraction"].as_f64()),
+        }
+    }
+}
+
 impl<'a> RunReport<'a> {
     /// Collects everything after the last frame.
     #[expect(
@@ -107,19 +152,16 @@ impl<'a> RunReport<'a> {
         settings: &'a Settings,
         renderer: &Renderer,
         scene: &Scene,
+        light: Option<String>,
         needs: &'a Needs,
         session: &str,
         info: &SessionInfo,
         size: [u32; 2],
         outcome: &Outcome,
+        error: Option<String>,
     ) -> Self {
-        let stats = &outcome.last;
-        let mut by_pass: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for frame in stats {
-            for (name, ms) in &frame.pass_ms {
-                by_pass.entry(name).or_default().push(*ms);
-            }
-        }
+        let stats = outcome.last.iter().map(serde_json::to_value);
+        let stats: Vec<Value> = stats.flatten().collect();
         let context = renderer.context();
         Self {
             version: env!("CARGO_PKG_VERSION"),
@@ -132,6 +174,14 @@ impl<'a> RunReport<'a> {
             size,
             radius_m: (settings.render.method == Method::Photon).then(|| renderer.radius_m()),
             caustic_radius_m: renderer.caustic_map().map(|_| renderer.caustic_radius_m()),
+            error,
+            settings_hash: format!("{:016x}", settings.picture_hash()),
+            wall_s: outcome.wall_s,
+            frames_per_second: match outcome.wall_s {
+                wall_s if wall_s > 0.0 => outcome.frames as f64 / wall_s,
+                _ => 0.0,
+            },
+            budget_ms: 1e3 / info.refresh_hz,
             settings,
             scene: SceneSummary {
                 name: settings.scene.clone(),
@@ -139,6 +189,7 @@ impl<'a> RunReport<'a> {
                 instances: needs.instances,
                 lights: renderer.scene().light_count(),
                 emitted_power_w: renderer.scene().total_power_w(),
+                light,
                 hierarchy_depth: renderer.scene().hierarchies().max_depth,
                 bounds_in_world: scene
                     .bounds_in_world()
@@ -152,44 +203,45 @@ impl<'a> RunReport<'a> {
                 .report(ShaderFeatures::decided_up_to(DecidedBy::Renderer)),
             passes: renderer.pass_names(),
             frames: outcome.frames,
-            medians: Medians {
-                pass_ms: by_pass
-                    .into_iter()
-                    .map(|(name, values)| (name.to_owned(), median(values.into_iter())))
-                    .collect(),
-                left_ms: median(stats.iter().map(|frame| frame.gpu_ms.left)),
-                right_ms: median(stats.iter().map(|frame| frame.gpu_ms.right)),
-                photons_ms: median(
-                    stats
-                        .iter()
-                        .filter(|frame| frame.photons.traced)
-                        .map(|frame| frame.gpu_ms.photons),
-                ),
-                frame_ms: median(stats.iter().map(|frame| frame.cpu_ms.frame)),
-                reuse_fraction: median(stats.iter().map(|frame| frame.stereo.reuse_fraction)),
-            },
+            medians: Medians::of(&stats),
         }
     }
 
     /// The line that ends a run.
     pub fn summary_line(&self, out: &Path) -> String {
         let m = &self.medians;
-        let photons = if self.radius_m.is_some() {
-            format!(", photons {:.1} ms when traced", m.photons_ms)
+        let photons = match self.radius_m {
+            Some(_) => format!(", photons {:.1} ms when traced", m.photons_ms),
+            None => String::new(),
+        };
+        let times = match self.timestamps {
+            true => format!(
+                "both eyes {:.1} ms of the {:.1} ms that {:.0} Hz allow (left {:.1} ms, right {:.1} ms{photons}; device medians)",
+                m.total_ms, self.budget_ms, self.refresh_hz, m.left_ms, m.right_ms
+            ),
+            false => "not timed by the device".to_owned(),
+        };
+        let reused = match self.settings.render.reuse {
+            Reuse::Off => String::new(),
+            _ => format!(
+                ", {:.0} % of the right eye reused",
+                100.0 * m.reuse_fraction
+            ),
+        };
+        let what = if self.settings.output.images {
+            "pictures"
         } else {
-            String::new()
+            "statistics"
         };
         format!(
-            "{} frame{} of {}x{} per eye on {} ({}): left {:.1} ms, right {:.1} ms{photons} (device medians), reuse fraction {:.3}; pictures in {}",
+            "{} frame{} of {}x{} per eye on {} ({}): {times}, {:.1} frames/s of wall time{reused}; {what} in {}",
             self.frames,
             if self.frames == 1 { "" } else { "s" },
             self.size[0],
             self.size[1],
             self.adapter.name,
             self.adapter.kind,
-            m.left_ms,
-            m.right_ms,
-            m.reuse_fraction,
+            self.frames_per_second,
             out.display(),
         )
     }

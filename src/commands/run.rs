@@ -1,23 +1,26 @@
 //! `run` and `render`: both are the frame loop, `render` over one frame of a still headset.
 
+use std::io::IsTerminal as _;
+use std::ops::Range;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Failure, load_scene, report};
+use super::{Failure, Loaded, load_scene, report};
 use crate::frame::user_passes::shader_library;
-use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress};
+use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress, Outcome, inspection};
 use crate::gpu::GpuContext;
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
-use crate::output::OutputFolder;
+use crate::output::{OutputFolder, Style};
 use crate::renderer::Renderer;
-use crate::scene::{Needs, Scene};
-use crate::settings::{Eyes, Settings};
+use crate::scene::{Camera, Needs};
+use crate::settings::{Aov, ExrPrecision, Eyes, OutputSettings, RenderSettings, Settings};
+use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
-    Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
+    Fov, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
     Validated, XrSession,
 };
 
@@ -37,12 +40,11 @@ struct Source {
 
 /// The stereo frame loop.
 pub fn run(options: &RunOptions) -> Result<(), Failure> {
-    let mut settings = options.settings.clone();
-    settings.render.decide_reconstruction(true);
-    let settings = &settings;
-    let headset = headset(settings)?;
-    let scene = load_scene(settings)?;
-    let start = scene.start_pose();
+    let headset = headset(&options.settings)?;
+    let mut loaded = load_scene(&options.settings)?;
+    loaded.settings.render.decide_reconstruction(true);
+    let start = options.session.pose;
+    let start = start.unwrap_or_else(|| start_pose(&loaded, &headset));
     OutputFolder::check(&options.shared.out)?;
     // Before a session is opened: without a display there is nothing to close again.
     let window = options
@@ -55,9 +57,13 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     render_session(
         source,
         &Job {
-            scene: &scene,
-            settings,
+            loaded: &loaded,
             eyes: Eyes::Both,
+            range: options
+                .session
+                .range
+                .as_ref()
+                .map(|range| (range, options.session.warm_up)),
             every: options.session.every,
             frames: options.session.frames,
             out: &options.shared.out,
@@ -67,34 +73,72 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
     )
 }
 
+/// Where the head starts. The embedded box is seen by its camera through a narrow angle: a headset stands nearer, so that
+/// the box's opening fills as much of the view.
+fn start_pose(loaded: &Loaded, headset: &Headset) -> Pose {
+    let scene = &loaded.scene;
+    let mut pose = scene.start_pose();
+    let angle = scene.start_camera().and_then(|camera| camera.yfov_rad);
+    if loaded.settings.scene != "builtin:cornell" {
+        return pose;
+    }
+    if let (Some(angle), Some(bounds)) = (angle, scene.bounds_in_world()) {
+        let seen = headset.views_from_head(&pose)[0].fov.tangents();
+        let share = (f64::from(angle) / 2.0).tan() / ((seen.up - seen.down) / 2.0);
+        let distance_m = pose.position.z - bounds.max.z;
+        pose.position.z -= distance_m * (1.0 - share.min(1.0));
+    }
+    pose
+}
+
+/// The camera's angles for an image of this size; `None` for an orthographic one, or one of no use.
+fn camera_fov(camera: &Camera, size: [u32; 2]) -> Option<Fov> {
+    let tan_up = (f64::from(camera.yfov_rad?) / 2.0).tan();
+    let tan_right = tan_up * f64::from(size[0]) / f64::from(size[1]);
+    let [up, right] = [tan_up, tan_right].map(|tangent| tangent.atan().to_degrees());
+    let is_usable = |angle: f64| angle > 0.0 && angle <= MAX_FOV_ANGLE_DEG;
+    let fov = Fov::from_degrees(-right, right, up, -up);
+    (is_usable(up) && is_usable(right)).then_some(fov)
+}
+
 /// One stereo pair from one pose.
 pub fn render(options: &RenderOptions) -> Result<(), Failure> {
-    let mut settings = options.settings.clone();
-    settings.render.decide_reconstruction(false);
-    let settings = &settings;
-    let mut headset = headset(settings)?;
+    let mut headset = headset(&options.settings)?;
     if let Some(ipd_m) = options.view.ipd {
         headset = headset.with_ipd(ipd_m)?;
     }
+    let mut loaded = load_scene(&options.settings)?;
+    loaded.settings.render.decide_reconstruction(false);
+    let scene = &loaded.scene;
+    let size = options.settings.size.unwrap_or(headset.size);
+    let mut announcement = None;
     if let Some(fov) = options.view.fov {
         headset = headset.with_fov(fov)?;
+    } else if options.view.pose.is_none() && !options.names_headset {
+        let camera = scene.start_camera();
+        if let Some((camera, fov)) = camera.and_then(|c| Some((c, camera_fov(c, size)?))) {
+            headset = headset.with_fov(fov)?;
+            let degrees = 2.0 * fov.angle_up.to_degrees();
+            announcement = Some(format!(
+                "the view is the glTF camera's '{}', {degrees:.1} degrees high; --fov or --headset give other angles",
+                camera.name
+            ));
+        }
     }
-    let scene = load_scene(settings)?;
     let pose = options.view.pose.unwrap_or_else(|| scene.start_pose());
-    let size = settings.size.unwrap_or(headset.size);
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
         Source {
             session: Box::new(session),
             context: None,
             name: "one pose".to_owned(),
-            announcement: None,
+            announcement,
             size,
         },
         &Job {
-            scene: &scene,
-            settings,
+            loaded: &loaded,
             eyes: options.view.eyes,
+            range: None,
             every: 1,
             frames: Some(1),
             out: &options.shared.out,
@@ -106,9 +150,9 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
 
 /// What both commands ask of the frame loop.
 struct Job<'a> {
-    scene: &'a Scene,
-    settings: &'a Settings,
+    loaded: &'a Loaded,
     eyes: Eyes,
+    range: Option<(&'a Range<u32>, u32)>,
     every: u32,
     frames: Option<u32>,
     out: &'a Path,
@@ -204,6 +248,7 @@ fn session(
     match (options.session.choice, &options.session.recording.trace) {
         (SessionChoice::Replay, Some(path)) => {
             let mut replay = replay_options(&options.session.recording, headset.clone(), start);
+            replay.start_is_given = options.session.pose.is_some();
             replay.frame_limit = options.session.frames.map(u64::from);
             replay.pacing = pacing;
             let session = ReplaySession::open(path, replay)?;
@@ -241,7 +286,11 @@ fn render_session(
     job: &Job<'_>,
     window: Option<MirrorWindow>,
 ) -> Result<(), Failure> {
-    let settings = job.settings;
+    let Loaded {
+        scene,
+        settings,
+        light,
+    } = job.loaded;
     let Source {
         session,
         context,
@@ -265,15 +314,20 @@ fn render_session(
     }
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
-    let needs = Needs::of(job.scene);
+    let needs = Needs::of(scene);
+    let aovs = settings.output.aov_list().map_err(Failure::unusable)?;
+    let mut render = settings.render.clone();
+    for aov in &aovs {
+        render = inspection(*aov).settings_for(&render);
+    }
     let mut bar = Bar::new(settings.render.spp, job.frames);
     bar.say("compiling");
     let hidden = session.info().hidden.clone();
     let mut renderer = Renderer::with_hidden_area(
         context,
         &library,
-        job.scene,
-        &settings.render,
+        scene,
+        &render,
         job.eyes,
         size,
         hidden.as_ref(),
@@ -283,55 +337,134 @@ fn render_session(
         Some(path) => Box::new(Recorder::create(path, session)?),
         None => session,
     };
-    let mut output = OutputFolder::create(job.out)?;
+    warn_of_much_output(&settings.output, &render, &aovs, job, size);
+    let style = Style::of(settings, &renderer.context().adapter.name);
+    let mut output = OutputFolder::create(job.out, style)?;
+    if output.removed() > 0 {
+        let (count, out) = (output.removed(), job.out.display());
+        bar.print(&format!("removed {count} files of an older run from {out}"));
+    }
+    if settings.render.output.chrome_trace {
+        let clocks = renderer.compare_clocks()?;
+        output.begin_trace(&renderer.context().adapter.name, &clocks)?;
+    }
+    if let Some(light) = light {
+        bar.print(&format!("light: {light}"));
+    }
     if let Some(line) = &announcement {
         bar.print(line);
     }
-    let outcome = frame_loop::run(
+    let mut outcome = Outcome::default();
+    let began = Instant::now();
+    let ended = frame_loop::run(
         session.as_mut(),
         &mut renderer,
         &library,
         &mut output,
         LoopOptions {
+            range: job.range,
             every: job.every,
             images: settings.output.images,
-            exposure: settings.render.output.exposure,
+            aovs: &aovs,
             size,
         },
         &mut bar,
         mirror.as_mut(),
+        &mut outcome,
     );
+    outcome.wall_s = began.elapsed().as_secs_f64();
     // The window goes at once, also while files are still written.
     if let Some(mirror) = mirror {
         mirror.close();
     }
     bar.finish();
-    let outcome = outcome?;
+    let traced = output.finish_trace();
+    let ended = ended.map_err(Failure::from);
+    let ended = ended.and_then(|()| Ok(traced?)).and_then(|()| {
+        if interrupt::requested() {
+            return Err(Failure::failed(format!(
+                "interrupted after {} frames; files written so far are complete",
+                outcome.frames
+            )));
+        }
+        Ok(())
+    });
     let run = report::RunReport::new(
         settings,
         &renderer,
-        job.scene,
+        scene,
+        light.clone(),
         &needs,
         &name,
         session.info(),
         size,
         &outcome,
+        ended.as_ref().err().map(|failure| failure.message.clone()),
     );
-    output.write_run(&run)?;
-    eprintln!("{}", run.summary_line(output.path()));
-    if interrupt::requested() {
-        return Err(Failure::failed(format!(
-            "interrupted after {} frames; files written so far are complete",
-            outcome.frames
-        )));
+    let written = output.write_run(&run);
+    // The first error is the one to tell.
+    if ended.is_ok() || interrupt::requested() {
+        written?;
+        eprintln!("{}", run.summary_line(output.path()));
     }
-    Ok(())
+    ended
 }
 
-/// Progress on stderr, if that is a terminal.
+/// Bytes over which a run says how much it will write.
+const MUCH_OUTPUT: f64 = 2e9;
+
+/// Says how much a run may write, if that is much. ZIP's share is not known before: the figure is the most.
+fn warn_of_much_output(
+    output: &OutputSettings,
+    render: &RenderSettings,
+    aovs: &[Aov],
+    job: &Job<'_>,
+    size: [u32; 2],
+) {
+    let frames = match job.range {
+        Some((range, _)) => Some(range.end - range.start),
+        None => job.frames,
+    };
+    let Some(frames) = frames.filter(|_| output.images) else {
+        return;
+    };
+    let eyes = if job.eyes == Eyes::Both { 2.0 } else { 1.0 };
+    let color = match output.exr {
+        ExrPrecision::F32 => 12.0,
+        ExrPrecision::F16 => 6.0,
+    };
+    let parts = if render.output.parts { 4.0 } else { 1.0 };
+    let layers = aovs.iter().map(|aov| match aov {
+        Aov::Depth | Aov::Instance => 4.0,
+        Aov::Motion => 8.0,
+        Aov::Normal | Aov::Albedo => color,
+    });
+    // 3 bytes for the PNG, 3 for the picture of reuse.
+    let per_pixel = parts * color + layers.sum::<f64>() + 6.0;
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let frames = f64::from(frames.div_ceil(job.every.max(1)));
+    let bytes = frames * eyes * pixels * per_pixel;
+    if bytes > MUCH_OUTPUT {
+        log::warn!(
+            "images of {frames} frame{s} take up to {:.1} GB before compression; --every K writes fewer, \
+             --set output.exr=f16 smaller ones, --set output.images=false none",
+            bytes * 1e-9,
+            s = if frames == 1.0 { "" } else { "s" },
+        );
+    }
+}
+
+/// Time between two lines of progress where there is no terminal.
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
+
+/// Progress on stderr: a bar on a terminal, else a line now and then.
 struct Bar {
     bar: ProgressBar,
     samples: u32,
+    frames: Option<u32>,
+    began: Instant,
+    /// When the last line was printed; `None` on a terminal.
+    last_line: Option<Instant>,
 }
 
 impl Bar {
@@ -346,7 +479,14 @@ impl Bar {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(250));
-        Self { bar, samples }
+        let began = Instant::now();
+        Self {
+            bar,
+            samples,
+            frames,
+            began,
+            last_line: (!std::io::stderr().is_terminal()).then_some(began),
+        }
     }
 
     fn say(&self, message: &'static str) {
@@ -360,12 +500,48 @@ impl Bar {
     fn finish(&self) {
         self.bar.finish_and_clear();
     }
+
+    /// Prints a line if the last one is long ago: `done` samples of frame `frame` are finished.
+    fn line(&mut self, frame: u32, done: u32) {
+        let is_due = |last: Instant| last.elapsed() >= BETWEEN_LINES;
+        if !self.last_line.is_some_and(is_due) {
+            return;
+        }
+        self.last_line = Some(Instant::now());
+        let elapsed_s = self.began.elapsed().as_secs_f64();
+        let line = progress_line([frame, done], [self.frames, Some(self.samples)], elapsed_s);
+        eprintln!("{line}");
+    }
+}
+
+/// Where a run stands: frame and finished samples of it, and how many there are of each.
+fn progress_line(
+    [frame, done]: [u32; 2],
+    [frames, samples]: [Option<u32>; 2],
+    elapsed_s: f64,
+) -> String {
+    let samples = samples.unwrap_or(1);
+    let finished = f64::from(frame) + f64::from(done) / f64::from(samples);
+    let of_frames = frames.map_or(String::new(), |frames| format!(" of {frames}"));
+    let of_samples = match samples {
+        1 => String::new(),
+        samples => format!(", sample {done} of {samples}"),
+    };
+    let left = frames
+        .filter(|_| finished > 0.0)
+        .map_or(String::new(), |frames| {
+            let left_s = elapsed_s * (f64::from(frames) / finished - 1.0).max(0.0);
+            format!(", about {left_s:.0} s left")
+        });
+    let number = u64::from(frame) + 1;
+    format!("frame {number}{of_frames}{of_samples}: {elapsed_s:.0} s so far{left}")
 }
 
 impl LoopProgress for Bar {
     fn sample(&mut self, frame: u32, done: u32) {
         self.bar
             .set_position(u64::from(frame) * u64::from(self.samples) + u64::from(done));
+        self.line(frame, done);
     }
 
     fn frame(&mut self, stats: &FrameStats) {
@@ -373,5 +549,24 @@ impl LoopProgress for Bar {
             "frame {}: {:.1} ms, reuse {:.2}",
             stats.frame, stats.gpu_ms.total, stats.stereo.reuse_fraction
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_says_what_is_done_and_what_is_left() {
+        let line = progress_line([4, 1], [Some(20), Some(1)], 10.0);
+        // 5 of 20 frames in 10 s.
+        assert_eq!(line, "frame 5 of 20: 10 s so far, about 30 s left");
+        let line = progress_line([0, 16], [Some(1), Some(64)], 10.0);
+        assert_eq!(
+            line,
+            "frame 1 of 1, sample 16 of 64: 10 s so far, about 30 s left"
+        );
+        let line = progress_line([9, 1], [None, Some(1)], 12.4);
+        assert_eq!(line, "frame 10: 12 s so far");
     }
 }

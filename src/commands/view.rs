@@ -1,7 +1,7 @@
 //! `view`: the desktop viewer.
 
-use super::Failure;
 use super::run::replay_options;
+use super::{Failure, light_scene};
 use crate::frame::user_passes::shader_library;
 use crate::interrupt;
 use crate::limits::LoadBudget;
@@ -24,6 +24,13 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let headset = Headset::load(&settings.headset)?;
     let budget = LoadBudget::new(settings.limits.load());
     let mut document = Document::load_within(&settings.scene, &budget)?;
+    document.scale(settings.scene_scale);
+    if let Some(light) = light_scene(&mut settings, document.scene()) {
+        eprintln!("light: {light}");
+    }
+    if let Some(warning) = document.scene().size_warning() {
+        log::warn!("{warning}");
+    }
     if !settings.environment.path.is_empty() {
         let strength = settings.environment.strength as f32;
         let (environment, warnings) =

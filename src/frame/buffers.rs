@@ -157,7 +157,7 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "coarse_count", 16).cleared(&[Moment::HalfRate]),
     fixed!(Frame, "coarse_groups", 16),
     per_pixel!(Frame, "gather_list", 4),
-    fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
+    fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate]),
     fixed!(Frame, "gather_groups", 16),
     // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
     per_pixel!(Frame, "demodulated_light", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),

@@ -70,6 +70,12 @@ features! {
         glossy: "gloss and metal",
         dielectric: "glass",
         textures: "textures",
+        base_color_maps: "base colour textures",
+        metallic_roughness_maps: "textures of metalness and roughness",
+        emissive_maps: "emissive textures",
+        specular_maps: "textures of specular strength",
+        specular_color_maps: "textures of specular colour",
+        transmission_maps: "textures of transmission",
         normal_maps: "normal maps",
         alpha: "alpha mask and blend",
         vertex_colors: "vertex colours",
@@ -83,6 +89,7 @@ features! {
         deformation: "deforming meshes",
     }
     Settings {
+        mips: "levels of textures",
         user_bsdf: "a user BSDF",
         sobol: "Sobol points instead of random numbers",
         light_only: "direct light by light samples only",
@@ -97,6 +104,7 @@ features! {
         visibility_mask: "pixels that the lens hides",
         scatters: "left hits that are scattered into the right image",
         reuse_glossy: "light on glossy surfaces, carried to the right eye",
+        reuse_paths: "light that whole paths found, carried to the right eye",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples for the right eye",
     }

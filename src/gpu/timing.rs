@@ -16,6 +16,45 @@ pub(crate) fn milliseconds_since(began: Instant) -> f64 {
     began.elapsed().as_secs_f64() * 1e3
 }
 
+/// A stage of a frame on the host.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HostSpan {
+    /// Its name, as in `cpu_ms` of `stats.jsonl`.
+    pub stage: &'static str,
+    /// Its beginning.
+    pub began: Instant,
+    /// Its end.
+    pub ended: Instant,
+}
+
+impl HostSpan {
+    /// A stage that ends now.
+    pub(crate) fn since(stage: &'static str, began: Instant) -> Self {
+        let ended = Instant::now();
+        Self {
+            stage,
+            began,
+            ended,
+        }
+    }
+
+    /// Milliseconds from its beginning to its end.
+    pub(crate) fn ms(&self) -> f64 {
+        (self.ended - self.began).as_secs_f64() * 1e3
+    }
+}
+
+/// A submission whose passes were timed. The device wrote all its ticks between the two host times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Submission {
+    /// What the host did: recording's end to the ticks' arrival.
+    pub host: HostSpan,
+    /// Nanoseconds per tick.
+    pub ns_per_tick: f64,
+    /// Name, first and last tick of each pass, in their order.
+    pub passes: Vec<(String, [u64; 2])>,
+}
+
 /// Device milliseconds by pass name. A pass that ran several times is summed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PassTimes {
@@ -23,6 +62,8 @@ pub struct PassTimes {
     pub passes: BTreeMap<String, (f64, u32)>,
     /// Names of all dispatches, timed or not, in their order.
     pub dispatched: Vec<String>,
+    /// All submissions one by one, if somebody asks for them.
+    pub submissions: Option<Vec<Submission>>,
 }
 
 impl PassTimes {
@@ -184,7 +225,7 @@ impl<'a> FrameRecorder<'a> {
     ///
     /// # Errors
     /// [`GpuError::Validation`] or [`GpuError::Lost`], naming `stage` (wgpu's own words name the pass by its label).
-    pub fn submit(self, stage: &str, times: &mut PassTimes) -> Result<(), GpuError> {
+    pub fn submit(self, stage: &'static str, times: &mut PassTimes) -> Result<(), GpuError> {
         let Self {
             context,
             timer,
@@ -195,6 +236,7 @@ impl<'a> FrameRecorder<'a> {
         times.dispatched.extend(dispatched);
         let count = 2 * timed.len() as u32;
         let timer = timer.filter(|_| count > 0);
+        let began = Instant::now();
         context.guarded(stage, || {
             if let Some(timer) = timer {
                 encoder.resolve_query_set(&timer.queries, 0..count, &timer.resolved, 0);
@@ -213,11 +255,29 @@ impl<'a> FrameRecorder<'a> {
             return context.wait(stage);
         };
         let ticks: Vec<u64> = map_and_copy(context, stage, &timer.staging, u64::from(count) * 8)?;
-        let ms_per_tick = f64::from(context.queue.get_timestamp_period()) * 1e-6;
-        for (name, pair) in timed.iter().zip(ticks.chunks_exact(2)) {
+        let host = HostSpan::since(stage, began);
+        let ns_per_tick = f64::from(context.queue.get_timestamp_period());
+        let mut passes = Vec::new();
+        for (name, pair) in timed.into_iter().zip(ticks.chunks_exact(2)) {
             // A device may reset its clock between two queries; such a pair says nothing.
-            times.add(name, pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick);
+            let ticks = pair[1].saturating_sub(pair[0]);
+            times.add(&name, ticks as f64 * (ns_per_tick * 1e-6));
+            if times.submissions.is_some() {
+                passes.push((name, [pair[0], pair[0] + ticks]));
+            }
+        }
+        if let Some(submissions) = &mut times.submissions {
+            submissions.push(Submission {
+                host,
+                ns_per_tick,
+                passes,
+            });
         }
         Ok(())
+    }
+
+    /// A pass that does nothing, for its ticks alone.
+    pub fn nothing(&mut self, label: &str) {
+        self.begin(label);
     }
 }

@@ -1,6 +1,6 @@
 //! `compare`: one image against its reference.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -62,11 +62,25 @@ pub enum CompareError {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The images do not go together.
-    #[error(transparent)]
-    Metrics(#[from] MetricsError),
+    #[error("{} against {}: {fault}", image.display(), reference.display())]
+    Metrics {
+        /// The image.
+        image: PathBuf,
+        /// The reference.
+        reference: PathBuf,
+        /// What is wrong.
+        fault: MetricsError,
+    },
     /// Their differences take more memory than they may.
-    #[error(transparent)]
-    TooLarge(#[from] OverBudget),
+    #[error("{} against {}: {fault}", image.display(), reference.display())]
+    TooLarge {
+        /// The image.
+        image: PathBuf,
+        /// The reference.
+        reference: PathBuf,
+        /// What is wrong.
+        fault: OverBudget,
+    },
 }
 
 /// What the metrics take beside the two images, bytes per pixel: FLIP's images in its colour spaces, its features and maps.
@@ -85,6 +99,7 @@ pub fn compare_files(
     limits: LoadLimits,
 ) -> Result<Comparison, CompareError> {
     let budget = LoadBudget::new(limits);
+    let both = (image.to_owned(), reference.to_owned());
     let image = ImageFile::open(image, &budget)?;
     let reference = ImageFile::open(reference, &budget)?;
     let mask = mask
@@ -92,13 +107,27 @@ pub fn compare_files(
         .transpose()?;
     // Before anything is decoded, so that what cannot be compared is not read either.
     let bytes = reference.pixels()?.saturating_mul(METRIC_BYTES);
-    budget.take(bytes, "the images' differences")?;
+    if let Err(fault) = budget.take(bytes, "the images' differences") {
+        let (image, reference) = both;
+        return Err(CompareError::TooLarge {
+            image,
+            reference,
+            fault,
+        });
+    }
     let (image, reference) = (image.decode(&budget)?, reference.decode(&budget)?);
     let mask = mask
         .map(|mask| mask.decode(&budget))
         .transpose()?
         .map(|mask| Mask::from_image(&mask));
-    Ok(compare(&image, &reference, mask.as_ref(), view)?)
+    compare(&image, &reference, mask.as_ref(), view).map_err(|fault| {
+        let (image, reference) = both;
+        CompareError::Metrics {
+            image,
+            reference,
+            fault,
+        }
+    })
 }
 
 /// (x - r)^2 / (r^2 + floor) of one channel.

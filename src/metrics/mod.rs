@@ -8,16 +8,21 @@
 //! channels of the whole reference, masked or not: so the relative MSEs of a mask and of its complement add up, weighted
 //! by their pixels, to that of the whole image.
 
+#[cfg(feature = "bench")]
 mod binocular;
 mod comparison;
 mod flip;
+#[cfg(feature = "bench")]
 mod moments;
+#[path = "../../crates/report/src/quantiles.rs"]
 mod quantiles;
 
+#[cfg(feature = "bench")]
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use comparison::{CompareError, Comparison, compare, compare_files, rel_mse_map};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
-pub use moments::{BiasVariance, RenderMoments};
+#[cfg(feature = "bench")]
+pub use moments::RenderMoments;
 pub use quantiles::{median, quantile};
 
 use crate::images::{Image, ImageRgb, srgb_decode};

@@ -4,7 +4,7 @@
 //! E (m - r)^2 = bias^2 + v / n + u, so that (m - r)^2 - v / n - u estimates the squared bias without bias of its own. It may
 //! come out negative where there is next to none.
 
-use serde::{Deserialize, Serialize};
+use stereolux_report::records::BiasVariance;
 
 use super::{BlockedMean, Mask, MetricsError, mean_square, require_size};
 use crate::images::{Image, ImageRgb};
@@ -18,21 +18,6 @@ pub struct RenderMoments {
     pub mean: Image<[f64; 3]>,
     /// Sum of squared deviations from the mean.
     pub squares: Image<[f64; 3]>,
-}
-
-/// Squared bias and variance in units of relative MSE: means over pixels and channels, each over r^2 + 0.01 s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BiasVariance {
-    /// Squared bias: what no number of renders averages away. An unbiased estimate, so noise may make it negative.
-    pub bias_squared: f64,
-    /// Its standard error over blocks of 8x8 pixels.
-    pub bias_squared_se: Option<f64>,
-    /// Variance of a single render.
-    pub variance: f64,
-    /// Its standard error over blocks of 8x8 pixels.
-    pub variance_se: Option<f64>,
-    /// Renders.
-    pub renders: u32,
 }
 
 impl RenderMoments {

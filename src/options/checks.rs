@@ -6,6 +6,7 @@ use super::cli::{
 };
 use super::layers::Layers;
 use super::{OptionsError, quoted};
+use crate::settings::Light;
 
 impl Options {
     /// Checks the flags as a whole, and fills the settings in.
@@ -15,12 +16,22 @@ impl Options {
     pub(super) fn check(&mut self) -> Result<(), OptionsError> {
         match self {
             Self::Run(options) => options.check()?,
-            Self::Render(options) => options.settings = options.shared.layers.read()?.finish()?,
+            Self::Render(options) => {
+                let layers = options.shared.layers.read()?;
+                options.names_headset = layers.is_set("headset");
+                options.settings = layers.finish()?;
+            }
             Self::Compare(options) => options.limits = options.layers.read()?.finish()?.limits,
             Self::Bench(options) => options.check()?,
             Self::Info(options) => options.check()?,
+            Self::Settings(_) | Self::Merge(_) => {}
             Self::View(options) => {
-                options.settings = options.shared.layers.read()?.finish()?;
+                let layers = options.shared.layers.read()?;
+                let lights = layers.is_set("light");
+                options.settings = layers.finish()?;
+                if !lights {
+                    options.settings.light = Light::Auto;
+                }
                 options.recording.check()?;
             }
         }
@@ -78,6 +89,30 @@ impl SessionOptions {
             return conflict(
                 "--motion moves the simulated headset; give --session simulated or leave --motion out",
             );
+        }
+        if self.pose.is_some() && self.recording.trace_recenter == Some(false) {
+            return conflict(
+                "--pose is where a recording starts, and --trace-recenter=false leaves it where it is; leave one out",
+            );
+        }
+        if let Some(range) = &self.range {
+            if self.choice == SessionChoice::Openxr {
+                return conflict(
+                    "--range cuts a recording or a simulation; an OpenXR runtime shows every frame, leave it out",
+                );
+            }
+            if self.record.is_some() {
+                return conflict(
+                    "--range renders some frames and --record writes down all; leave one out",
+                );
+            }
+            if self.choice == SessionChoice::Auto {
+                // Not a headset that happens to be there.
+                self.choice = SessionChoice::Simulated;
+            }
+            self.frames.get_or_insert(range.end);
+        } else if self.warm_up != 0 {
+            return conflict("--warm-up is for --range; leave it out, or say which range");
         }
         if self.realtime && self.choice == SessionChoice::Openxr {
             return conflict(

@@ -1,5 +1,6 @@
 //! The command line: commands, flags and their help. A single flag is checked here, combinations in `checks`.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
@@ -97,6 +98,10 @@ pub enum Options {
     Info(Box<InfoOptions>),
     /// Open the desktop viewer
     View(Box<ViewOptions>),
+    /// Join the statistics of runs over ranges of one run's frames
+    Merge(MergeOptions),
+    /// List the settings for --set and --config, or those that a word is about
+    Settings(SettingsOptions),
 }
 
 /// Sources of settings: a command's flags, a file, `--set`.
@@ -108,7 +113,7 @@ pub(super) struct LayerArgs<const FLAGS: usize> {
     #[arg(long, value_name = "FILE", help_heading = "Settings")]
     pub(super) config: Option<PathBuf>,
     /// Change one setting, such as photon.kernel=cone; may be repeated, the last wins.
-    /// The value is TOML, or bare text. `stereolux info --settings` lists all keys
+    /// The value is TOML, or bare text. `stereolux settings` lists all keys
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Settings")]
     pub(super) set: Vec<String>,
 }
@@ -182,12 +187,25 @@ pub struct SessionOptions {
     /// The recording; there is one exactly if `choice` is [`SessionChoice::Replay`].
     #[command(flatten)]
     pub recording: TraceOptions,
+    /// Where the head starts in the world: position in metres and unit quaternion, +Y up, -Z forward. With an OpenXR
+    /// runtime, the place of its origin; with a recording, of its first pose
+    /// [default: the scene's first glTF camera, else a pose that frames the scene]
+    #[arg(long, value_name = "\"x y z qx qy qz qw\"", value_parser = values::pose)]
+    pub pose: Option<Pose>,
     /// Record the views used to this native trace (JSON Lines)
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Frames to run, 1 to 4294967295 [default: simulated 100; replay all; openxr until the session ends]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub frames: Option<u32>,
+    /// Render frames A to B-1 alone, as the whole run would; statistics and images keep their numbers. Frame 0 is
+    /// rendered before them, without files: its photons serve all frames of a scene that stands still
+    #[arg(long, value_name = "A..B", value_parser = values::frame_range)]
+    pub range: Option<Range<u32>>,
+    /// With --range: render N more frames before A, without files, for what frames leave to the next ones (filters, light
+    /// that lags)
+    #[arg(long, value_name = "N", value_parser = whole(0..=u32::MAX), default_value = "0")]
+    pub warm_up: u32,
     /// Write images of every K-th frame, from frame 0 on; 1 to 4294967295
     #[arg(long, value_name = "K", value_parser = whole(1..=u32::MAX), default_value = "1")]
     pub every: u32,
@@ -228,6 +246,9 @@ pub struct RenderOptions {
     /// All settings.
     #[arg(skip)]
     pub settings: Settings,
+    /// Whether a headset was named.
+    #[arg(skip)]
+    pub names_headset: bool,
     /// Shared with `run` and `view`.
     #[command(flatten)]
     pub shared: SharedOptions,
@@ -249,7 +270,8 @@ pub struct PoseOptions {
     #[arg(long, value_name = "M", value_parser = values::ipd_m)]
     pub ipd: Option<f64>,
     /// Field of view of both eyes: angles in degrees within +-89, left and down negative, such as
-    /// "-40 40 40 -40"; replaces the profile's angles and cant [default: the headset's]
+    /// "-40 40 40 -40"; replaces the profile's angles and cant [default: the glTF camera's where its pose is taken
+    /// and --headset is not given, else the headset's]
     #[arg(long, value_name = "\"left right up down\"", value_parser = values::fov)]
     pub fov: Option<Fov>,
     /// Eyes to render
@@ -342,9 +364,32 @@ pub struct InfoOptions {
     pub names_scene: bool,
     #[command(flatten)]
     pub(super) layers: LayerArgs<INFO>,
+    /// Ten lines for people instead of JSON
+    #[arg(long, conflicts_with = "lists_settings")]
+    pub brief: bool,
     /// Also list all settings: key, kind, default, range, unit, sentence
     #[arg(long = "settings")]
     pub lists_settings: bool,
+}
+
+/// Options of `merge`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = STATUS_HELP)]
+pub struct MergeOptions {
+    /// Folders that `run --range` has written; they keep their images
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the joined stats.jsonl and run.json; made if missing
+    #[arg(long, value_name = "DIR", default_value = "merged")]
+    pub out: PathBuf,
+}
+
+/// Options of `settings`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = STATUS_HELP)]
+pub struct SettingsOptions {
+    /// Part of a key, a group, a value or an explanation, such as `photon` or `denoise`
+    pub word: Option<String>,
 }
 
 /// Options of `view`.

@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 use super::{OptionsError, quoted};
 use crate::files;
 use crate::printable::escaped;
-use crate::settings::{Kind, Settings, registry, user_pass};
+use crate::settings::{Kind, Light, Settings, registry, user_pass};
 
 /// Longest config file that is read, in bytes.
 const MAX_CONFIG_BYTES: u64 = 1 << 20;
@@ -209,6 +209,11 @@ impl Layers {
         source: &str,
         place: &Place<'_>,
     ) -> Result<(), OptionsError> {
+        // TOML has no room for `scene.scale` beside `scene`; people write it all the same.
+        let key = match key {
+            "scene.scale" => "scene_scale",
+            key => key,
+        };
         let Some(setting) = registry::find(key) else {
             return Err(unknown(key, raw, source, place));
         };
@@ -244,6 +249,16 @@ impl Layers {
             .photon
             .check_gather()
             .map_err(OptionsError::Conflict)?;
+        let aovs = self.settings.output.aov_list();
+        aovs.map_err(OptionsError::Conflict)?;
+        let Settings {
+            light, environment, ..
+        } = &self.settings;
+        if matches!(light, Light::Studio | Light::Sky) && !environment.path.is_empty() {
+            return Err(OptionsError::Conflict(format!(
+                "--light {light} and environment.path exclude each other; leave one out"
+            )));
+        }
         Ok(self.settings)
     }
 }

@@ -14,8 +14,9 @@ mod setting_flags;
 mod values;
 
 pub use cli::{
-    BenchOptions, CompareOptions, InfoOptions, Options, PoseOptions, RenderOptions, RunOptions,
-    SessionChoice, SessionOptions, SharedOptions, Suite, TraceOptions, ViewOptions,
+    BenchOptions, CompareOptions, InfoOptions, MergeOptions, Options, PoseOptions, RenderOptions,
+    RunOptions, SessionChoice, SessionOptions, SettingsOptions, SharedOptions, Suite, TraceOptions,
+    ViewOptions,
 };
 pub use parse::{EarlyExit, parse};
 pub use save::{Extent, example_toml};

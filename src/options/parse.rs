@@ -2,17 +2,14 @@
 
 use std::error::Error as _;
 use std::ffi::OsString;
-use std::fmt::Write as _;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, CommandFactory, FromArgMatches};
-use serde_json::Value;
 
 use super::cli::{
     BENCH_EXAMPLES, Cli, Options, RENDER_EXAMPLES, RUN_EXAMPLES, STATUS_HELP, VIEW_EXAMPLES,
 };
 use super::{OptionsError, quoted};
-use crate::settings::{Kind, registry};
 
 /// Why the command line did not become [`Options`]: help was asked for, or it is unusable.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,35 +20,13 @@ pub struct EarlyExit {
     pub status: u8,
 }
 
-/// All settings as text, for `--help`.
-fn settings_text() -> String {
-    let mut text = String::from(
-        "Settings, for --set KEY=VALUE and for the TOML file of --config\n\
-         (a dotted key there is a key under a [section]; flags win over --set, --set over the file):\n",
-    );
-    for setting in registry::all() {
-        let default = match setting.default_value() {
-            Value::Null => "unset".to_owned(),
-            other => other.to_string(),
-        };
-        let unit = match setting.unit {
-            "" => String::new(),
-            unit => format!(", {unit}"),
-        };
-        let range = match setting.kind {
-            Kind::Text { .. } => String::new(),
-            kind => format!("; {}", kind.allowed()),
-        };
-        let (key, doc) = (setting.key, setting.doc);
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "  {key} = {default}{unit}\n      {doc}{range}");
-    }
-    text
-}
+/// Ends the help of commands that take settings.
+const SETTINGS_HELP: &str = "\
+Settings for --set KEY=VALUE and for the TOML file of --config: `stereolux settings` lists them in groups,
+`stereolux settings WORD` those that a word is about, config/example.toml all with their defaults.";
 
-/// The clap command: values may begin with a minus sign, and the settings are listed at the end of `--help`.
+/// The clap command: values may begin with a minus sign.
 fn command() -> clap::Command {
-    let settings = settings_text();
     let takes_any_text = |arg: &Arg| {
         arg.get_long().is_some()
             && arg.get_action().takes_values()
@@ -72,7 +47,7 @@ fn command() -> clap::Command {
     listings
         .into_iter()
         .fold(plain, |command, (name, examples)| {
-            let text = format!("{examples}\n\n{settings}\n{STATUS_HELP}");
+            let text = format!("{examples}\n\n{SETTINGS_HELP}\n\n{STATUS_HELP}");
             command.mut_subcommand(name, |command| command.after_long_help(text))
         })
 }

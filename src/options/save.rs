@@ -121,7 +121,9 @@ impl Settings {
         if settings.headset.ends_with(".toml") {
             absolute(&mut settings.headset);
         }
-        absolute(&mut settings.environment.path);
+        if !settings.environment.path.starts_with("builtin:") {
+            absolute(&mut settings.environment.path);
+        }
         absolute(&mut settings.gpu.shader_folder);
         for pass in &mut settings.render.user_passes {
             pass.file = folder.join(&pass.file);

@@ -30,6 +30,8 @@ const TRUST: &str = "; only for scenes that you trust, since any file they name 
 const ROWS: [&[Row]; 5] = [
     &[
         ("--scene", "scene", "PATH|builtin:NAME", ", with NAME one of {scenes}"),
+        ("--scene-scale", "scene_scale", "FACTOR", ""),
+        ("--light", "light", "LIGHT", ""),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--method", "method", "METHOD", ""),
         ("--reuse", "reuse", "REUSE", ""),
@@ -52,6 +54,8 @@ const ROWS: [&[Row]; 5] = [
     ],
     &[
         ("--scene", "scene", "PATH|builtin:NAME", "; reports its needs and what is left out [default: none]"),
+        ("--scene-scale", "scene_scale", "FACTOR", ""),
+        ("--light", "light", "LIGHT", ""),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--method", "method", "METHOD", " to report the scene's needs for"),
         ("--adapter", "adapter", "NAME", "; marks the adapter that would be used"),

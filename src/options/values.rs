@@ -1,6 +1,6 @@
 //! Values of flags: words, numbers, poses, angles. An error says what is wrong, to follow the flag and its value.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DQuat, DVec3};
@@ -59,6 +59,16 @@ pub(super) fn real(
         Ok(number) if number.is_finite() && allowed(number) => Ok(number + 0.0),
         _ => Err(format!("must be {allowed_words}")),
     }
+}
+
+/// Frames `A..B`, at least one.
+pub(super) fn frame_range(text: &str) -> Result<Range<u32>, String> {
+    let range = || {
+        let (from, to) = text.split_once("..")?;
+        let range = from.trim().parse().ok()?..to.trim().parse().ok()?;
+        Some(range).filter(|range| !range.is_empty())
+    };
+    range().ok_or_else(|| "must be A..B with whole numbers, A below B, such as 100..200".to_owned())
 }
 
 /// The name of a scene.

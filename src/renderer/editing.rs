@@ -190,7 +190,7 @@ impl Renderer {
         let base = &self.edit_base;
         let pairs = || base.materials.iter().zip(&scene.materials);
         let marks: Vec<bool> = pairs()
-            .map(|(before, after)| MaterialMarks::of(before) != MaterialMarks::of(after))
+            .map(|(before, after)| MaterialMarks::from(before) != MaterialMarks::from(after))
             .collect();
         let glows: Vec<bool> = pairs()
             .map(|(before, after)| glows_otherwise(before, after))
@@ -265,9 +265,11 @@ impl Renderer {
             for part in &base.statistics.meshes[placed.mesh].uses {
                 let material = &scene.materials[part.material];
                 let slots = material.texture_slots();
-                let mut textures = slots.iter().filter_map(|(_, slot)| Some((*slot)?.texture));
+                let mut textures = slots
+                    .iter()
+                    .filter_map(|(name, slot)| Some((*name, (*slot)?.texture)));
                 if self.features().textures
-                    && textures.any(|texture| !self.scene.holds_texture(scene, texture))
+                    && textures.any(|used| !self.scene.holds_texture(scene, material, used))
                 {
                     return Some(format!(
                         "{} has a texture that is not uploaded",

@@ -3,7 +3,8 @@
 use crate::gpu::features::{PerFeature, ShaderFeatures, WORDS};
 use crate::scene::Needs;
 use crate::settings::{
-    DirectLight, Force, ForceSettings, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
+    DirectLight, Force, ForceSettings, Method, Mips, RenderSettings, Reuse, Sampler, Schedule,
+    Technique,
 };
 
 /// Shader features for what a scene needs, with the settings' forces applied.
@@ -29,6 +30,14 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
     features.textures |= features.normal_maps && force.textures != Force::Off;
     features.normal_maps &= features.textures;
     features.uv1 &= features.textures;
+    // What a material has textures for: forced in, every use is.
+    let uses = texture_uses();
+    features = match force.textures {
+        Force::Auto => features,
+        Force::On => features.zip(uses, |on, is_use| on || is_use),
+        Force::Off => features.without(uses),
+    };
+    features.mips = features.textures && chooses_mips(settings);
     // Passes after the fused one shade the surface that it gathered at.
     features.keeps_ends = settings.photon.schedule == Schedule::Fused
         && (settings.photon.direct == DirectLight::Nee || features.caustics);
@@ -48,6 +57,30 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
         caustics: force.caustics,
         record_texels: force.record_texels,
         ..WORDS.zip(WORDS, |_, _| Force::Auto)
+    }
+}
+
+/// Whether textures have levels: as `textures.mips` says, of itself where frames are reconstructed. Frames that stand alone
+/// read every texture at its finest, as other renderers do.
+pub fn chooses_mips(settings: &RenderSettings) -> bool {
+    let reconstruct = &settings.reconstruct;
+    match settings.textures.mips {
+        Mips::Auto => reconstruct.is_on(),
+        Mips::On => true,
+        Mips::Off => false,
+    }
+}
+
+/// The features that each stand for one use of textures; normal maps have a setting of their own.
+fn texture_uses() -> ShaderFeatures {
+    ShaderFeatures {
+        base_color_maps: true,
+        metallic_roughness_maps: true,
+        emissive_maps: true,
+        specular_maps: true,
+        specular_color_maps: true,
+        transmission_maps: true,
+        ..ShaderFeatures::default()
     }
 }
 
@@ -74,12 +107,38 @@ pub fn light_candidates(
     }
 }
 
-/// Whether the right eye's glossy surfaces take light over: direct light must come by samples of its own, apart from the rest.
+/// Whether the right eye's glossy surfaces take light over: the left eye must know in which directions it found light.
 pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
+    let has_samples = match settings.method {
+        Method::Path => settings.path.technique == Technique::Mis,
+        Method::Photon => {
+            settings.photon.direct == DirectLight::Nee
+                && settings.photon.schedule == Schedule::Split
+        }
+    };
     (features.glossy || features.dielectric)
-        && settings.method == Method::Photon
-        && settings.photon.direct == DirectLight::Nee
-        && settings.photon.schedule == Schedule::Split
+        && has_samples
         && settings.reuse != Reuse::Off
         && settings.stereo.max_lobe_shift > 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn textures_have_levels_where_frames_are_reconstructed_unless_a_setting_says() {
+        let chosen = |mips, taa: bool, svgf: bool| {
+            let mut settings = RenderSettings::default();
+            settings.textures.mips = mips;
+            settings.reconstruct.taa = taa.into();
+            settings.reconstruct.svgf = svgf.into();
+            chooses_mips(&settings)
+        };
+        for (taa, svgf) in [(false, false), (true, false), (false, true)] {
+            assert_eq!(chosen(Mips::Auto, taa, svgf), taa || svgf);
+            assert!(chosen(Mips::On, taa, svgf));
+            assert!(!chosen(Mips::Off, taa, svgf));
+        }
+    }
 }

@@ -57,13 +57,15 @@ pub(super) fn frame_features(
     is_software: bool,
 ) -> ShaderFeatures {
     let features = shader_features(needs, settings);
+    let reuse_glossy = both && reuses_glossy(settings, &features);
     ShaderFeatures {
         record_texels: match settings.force.record_texels {
             Force::Auto => is_software,
             forced => forced == Force::On,
         },
         scatters: both && settings.reuse == Reuse::Scatter,
-        reuse_glossy: both && reuses_glossy(settings, &features),
+        reuse_glossy,
+        reuse_paths: reuse_glossy && settings.method == Method::Path,
         one_sample: settings.spp == 1,
         keeps_samples: both && settings.reuse != Reuse::Off,
         ..features

@@ -36,10 +36,10 @@ use crate::frame::{
     FrameRun, FrameSpec, GatherSlices, ImageLayout, MapLayout, Only, PlannedStage, Play,
     SAMPLES_PER_SUBMISSION, plan,
 };
-use crate::gpu::timing::{Timer, milliseconds_since};
+use crate::gpu::timing::Timer;
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
-    uniform_buffer,
+    Submission, uniform_buffer,
 };
 use crate::renderer::packing::{PackError, check_user_bsdfs};
 use crate::renderer::records::frame::{
@@ -57,7 +57,7 @@ pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
 pub use features::{
-    forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
+    chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
 };
 pub use frame_spec::plan_of_scene;
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
@@ -361,6 +361,7 @@ impl Renderer {
         mut progress: impl FnMut(u32),
     ) -> Result<FrameResult, RenderError> {
         let mut result = FrameResult::default();
+        result.times.submissions = self.settings.output.chrome_trace.then(Vec::new);
         let began = Instant::now();
         self.origin_in_world = View::midpoint_in_world(views);
         self.update_hidden(views);
@@ -370,7 +371,7 @@ impl Renderer {
         if replaced || !self.is_bound {
             self.bind()?;
         }
-        result.cpu_ms.update = milliseconds_since(began);
+        result.cpu_ms.update = result.note("update", began);
 
         let began = Instant::now();
         self.pose(&mut result.times)?;
@@ -401,13 +402,33 @@ impl Renderer {
             first += count;
             progress(first);
         }
-        result.cpu_ms.render = milliseconds_since(began);
+        result.cpu_ms.render = result.note("render", began);
 
         let began = Instant::now();
         result.stereo = self.read_stereo()?;
         self.scene.check_cost(&self.context)?;
-        result.cpu_ms.read_back = milliseconds_since(began);
+        result.cpu_ms.read_back = result.note("read_back", began);
         Ok(result)
+    }
+
+    /// Times passes that do nothing, each in a submission of its own: what the device's clock says while the host's is
+    /// known. Empty without timestamps.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`].
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
+    pub fn compare_clocks(&self) -> Result<Vec<Submission>, RenderError> {
+        const TIMES: usize = 8;
+        let mut times = PassTimes {
+            submissions: Some(Vec::new()),
+            ..PassTimes::default()
+        };
+        for _ in 0..TIMES {
+            let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "clock");
+            recorder.nothing("clock");
+            recorder.submit("clock", &mut times)?;
+        }
+        Ok(times.submissions.unwrap_or_default())
     }
 
     /// Deforms skinned and morphed meshes for the frame.

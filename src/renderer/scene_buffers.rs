@@ -87,7 +87,7 @@ impl SceneBuffers {
     ) -> Result<Self, RenderError> {
         let own = with_own_meshes(scene);
         let scene = own.as_ref();
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let mut changes = vec![false; scene.meshes.len()];
         for placed in scene.instances() {
             changes[placed.mesh] |= scene.deforms(placed.node);
@@ -96,7 +96,7 @@ impl SceneBuffers {
             MeshHierarchies::build_with_room(&scene.meshes, &marks, |mesh| changes[mesh])?;
         let deformer = Deformer::new(context, scene, &hierarchies, &marks)?;
         let mut packed_textures = if features.textures {
-            pack_textures(scene, context.max_binding_bytes)?
+            pack_textures(scene, context.max_binding_bytes, features.mips)?
         } else {
             Default::default()
         };

@@ -1,9 +1,11 @@
 //! What a frame reports: photons, stereo reuse and times, as `stats.jsonl` holds them.
 
+use std::time::Instant;
+
 use serde::Serialize;
 
 use super::records::stereo::StereoCounters;
-use crate::gpu::PassTimes;
+use crate::gpu::{HostSpan, PassTimes};
 
 pub use super::records::stereo::Provenance;
 
@@ -50,7 +52,7 @@ pub struct FilledBecause {
     pub edge: u32,
     /// What is seen depends on the viewing direction.
     pub view_dependent: u32,
-    /// The left eye sees the surface, but no sample landed in the pixel.
+    /// The left eye sees the surface, but too few of its samples agree with the point.
     pub gap: u32,
 }
 
@@ -94,10 +96,21 @@ pub struct FrameResult {
     pub times: PassTimes,
     /// Host milliseconds by stage.
     pub cpu_ms: CpuTimes,
+    /// The same stages with their times.
+    pub stages: Vec<HostSpan>,
     /// Photons, with the photon method.
     pub photons: PhotonStats,
     /// Stereo reuse; zero without it.
     pub stereo: StereoStats,
+}
+
+impl FrameResult {
+    /// Notes a stage that ends now; milliseconds.
+    pub(super) fn note(&mut self, stage: &'static str, began: Instant) -> f64 {
+        let span = HostSpan::since(stage, began);
+        self.stages.push(span);
+        span.ms()
+    }
 }
 
 impl StereoStats {

@@ -3,6 +3,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::{Scene, SceneError, ScenePose};
+use crate::printable::did_you_mean;
 
 /// How values between two keys are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -300,7 +301,9 @@ impl Scene {
                 known: if known.is_empty() {
                     "it has no animations".to_owned()
                 } else {
-                    format!("it has {}", known.join(", "))
+                    let names = self.animations.iter().map(|clip| clip.name.as_str());
+                    let hint = did_you_mean(wanted, names);
+                    format!("it has {}{hint}", known.join(", "))
                 },
             }
         })

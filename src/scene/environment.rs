@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::ImageFormat;
 
-use super::SceneError;
+use super::{SceneError, surroundings};
 use crate::decoding::Encoded;
 use crate::files;
 use crate::limits::{LoadBudget, OverBudget};
@@ -36,8 +36,8 @@ const MOST_RADIANCE: f32 = 1e30;
 /// sampled by.
 const TEXEL_BYTES: u64 = 48;
 
-/// Reads a `.hdr` (Radiance RGBE) or `.exr` (OpenEXR) equirectangular map and multiplies it by `strength`. Takes as much
-/// memory as a load may by default.
+/// Reads a `.hdr` (Radiance RGBE) or `.exr` (OpenEXR) equirectangular map, or makes the embedded one of `builtin:NAME`, and
+/// multiplies it by `strength`. Takes as much memory as a load may by default.
 ///
 /// Returns the map and warnings, one line each: negative texels are raised to 0, a shape other than 2:1 is stretched.
 ///
@@ -66,6 +66,9 @@ pub fn load_environment_within(
             path,
             format!("environment.strength must be 0 or more, it is {strength}"),
         ));
+    }
+    if let Some(name) = path.to_str().and_then(|path| path.strip_prefix("builtin:")) {
+        return Ok((surroundings::environment(name, strength)?, Vec::new()));
     }
     let bytes =
         files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))?;

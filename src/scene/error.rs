@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::limits::OverBudget;
-use crate::printable::line;
+use crate::printable::{did_you_mean, line};
 
 /// A scene or environment that cannot be used. `Display` is one line of at most 300 characters, fit for
 /// a terminal: where, what, and how to mend it where that is not obvious.
@@ -38,7 +38,7 @@ pub enum SceneError {
         name: String,
     },
     /// `builtin:NAME` names no embedded scene.
-    #[error("{}", line(&format!("no embedded scene is called '{name}': the names are {known}")))]
+    #[error("{}", line(&format!("no embedded scene is called '{name}'{}: the names are {known}", did_you_mean(name, known.split(", ")))))]
     UnknownBuiltin {
         /// The name that was asked for.
         name: String,

@@ -1,5 +1,8 @@
 //! Materials, textures and images as the importer hands them to the renderer.
 
+use crate::bvh::MaterialMarks;
+use crate::bvh::records::{TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED};
+
 /// A reference from a material slot to a texture, with its coordinate set and KHR_texture_transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
@@ -222,4 +225,22 @@ pub struct Image {
     pub height: u32,
     /// `width * height * 4` bytes, R G B A.
     pub rgba8: Vec<u8>,
+}
+
+impl From<&Material> for MaterialMarks {
+    /// A material emits where any channel's factor is above 0.
+    fn from(material: &Material) -> Self {
+        let alpha = match material.alpha_mode {
+            AlphaMode::Opaque => 0,
+            AlphaMode::Mask { .. } | AlphaMode::Blend => TRIANGLE_ALPHA,
+        };
+        let sides = match material.double_sided {
+            true => TRIANGLE_DOUBLE_SIDED,
+            false => 0,
+        };
+        Self {
+            emits: material.emission.iter().any(|&channel| channel > 0.0),
+            flags: alpha | sides,
+        }
+    }
 }

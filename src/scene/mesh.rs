@@ -2,6 +2,10 @@
 
 use glam::DVec3;
 
+pub use crate::bvh::MeshTriangle;
+
+use crate::bvh::MeshSource;
+
 use super::{MorphTarget, VertexJoints, as_dvec3};
 
 /// One glTF mesh, its primitives merged. Every vertex array has `positions.len()` entries.
@@ -41,13 +45,18 @@ pub struct Mesh {
     pub repainted: Vec<[u32; 2]>,
 }
 
-/// A triangle of a [`Mesh`]. Zero-area triangles are kept; rays never meet them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MeshTriangle {
-    /// Indices into the vertex arrays.
-    pub vertices: [u32; 3],
-    /// Index into [`super::Scene::materials`].
-    pub material: u32,
+impl MeshSource for Mesh {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    fn triangles(&self) -> &[MeshTriangle] {
+        &self.triangles
+    }
 }
 
 impl Mesh {

@@ -28,6 +28,7 @@ mod player;
 mod pose;
 mod save;
 mod subtree;
+pub mod surroundings;
 
 use std::path::Path;
 
@@ -434,17 +435,75 @@ impl Scene {
         self.camera_pose().unwrap_or_else(|| self.framing_pose())
     }
 
-    /// Pose of the placed camera with the least camera index (scaling taken out).
-    fn camera_pose(&self) -> Option<Pose> {
-        let (_, world_from_camera) = self
-            .placed_nodes()
+    /// The placed camera with the least index, if there is one: its number and its transform.
+    fn placed_camera(&self) -> Option<(usize, DAffine3)> {
+        self.placed_nodes()
             .into_iter()
             .filter_map(|(node, world_from_node)| Some((self.nodes[node].camera?, world_from_node)))
-            .min_by_key(|(camera, _)| *camera)?;
+            .min_by_key(|(camera, _)| *camera)
+    }
+
+    /// The camera whose pose [`Scene::start_pose`] is; `None` if the scene has none.
+    pub fn start_camera(&self) -> Option<&Camera> {
+        self.cameras.get(self.placed_camera()?.0)
+    }
+
+    /// Pose of that camera (scaling taken out).
+    fn camera_pose(&self) -> Option<Pose> {
+        let (_, world_from_camera) = self.placed_camera()?;
         Some(Pose {
             position: world_from_camera.translation,
             orientation: rotation_of(world_from_camera.matrix3),
         })
+    }
+
+    /// Takes the file's unit of length for `metres_per_unit` metres: everything is placed below one more node that scales
+    /// it. Intensities of lights stay as they are.
+    pub fn scale(&mut self, metres_per_unit: f64) {
+        if metres_per_unit == 1.0 {
+            return;
+        }
+        let root = self.nodes.len();
+        for child in &self.roots {
+            self.nodes[*child].parent = Some(root);
+        }
+        self.nodes.push(Node {
+            name: "scene scale".to_owned(),
+            children: std::mem::replace(&mut self.roots, vec![root]),
+            parent_from_node: DAffine3::from_scale(DVec3::splat(metres_per_unit)),
+            ..Node::default()
+        });
+        for material in &mut self.materials {
+            material.attenuation_distance_m *= metres_per_unit as f32;
+        }
+    }
+
+    /// What is wrong with the scene's size for a pair of eyes, with a factor that mends it; one line. `None` if nothing is,
+    /// or if the head starts inside.
+    pub fn size_warning(&self) -> Option<String> {
+        // At 20 m the eyes, 63 mm apart, see a point 0.2 degrees apart: 3 to 4 pixels of a headset, and less beyond.
+        const FAR_M: f64 = 20.0;
+        // Eyes cannot turn towards what is nearer.
+        const NEAR_M: f64 = 0.07;
+        let bounds = self.bounds_in_world()?;
+        let head = self.start_pose().position;
+        let nearest = head.clamp(bounds.min, bounds.max);
+        let distance_m = nearest
+            .distance(head)
+            .max(nearest.distance(bounds.center()));
+        let size_m = bounds.size().max_element();
+        let is_inside = nearest == head;
+        if is_inside || size_m <= 0.0 || (NEAR_M..=FAR_M).contains(&distance_m) {
+            return None;
+        }
+        let factor = 10_f64.powf((1.0 / size_m).log10().round());
+        let why = match distance_m > FAR_M {
+            true => "from where it fits the view both eyes see the same",
+            false => "it fits the view only nearer than eyes can look",
+        };
+        Some(format!(
+            "the scene is {size_m:.3} m large, so that {why}; if its unit is no metre, give --scene-scale {factor}"
+        ))
     }
 
     fn framing_pose(&self) -> Pose {

@@ -292,12 +292,22 @@ impl Needs {
         self.left_out.extend(absent.select(left_out).flatten());
     }
 
+    fn has_textures(&self, name: &str) -> bool {
+        self.textures_by_use.contains_key(name)
+    }
+
     /// The shader features that the scene needs; all others are off.
     pub fn shader_features(&self) -> ShaderFeatures {
         ShaderFeatures {
             glossy: self.glossy,
             dielectric: self.dielectric,
             textures: !self.textures_by_use.is_empty(),
+            base_color_maps: self.has_textures("base_color"),
+            metallic_roughness_maps: self.has_textures("metallic_roughness"),
+            emissive_maps: self.has_textures("emissive"),
+            specular_maps: self.has_textures("specular"),
+            specular_color_maps: self.has_textures("specular_color"),
+            transmission_maps: self.has_textures("transmission"),
             normal_maps: self.normal_maps,
             alpha: self.alpha,
             vertex_colors: self.vertex_colors,

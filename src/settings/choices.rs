@@ -174,6 +174,70 @@ choices! {
         Off = "off",
     }
 
+    /// Surroundings that light a scene (`light`).
+    pub enum Light {
+        /// A plain studio, if the scene has no light at all
+        Auto = "auto",
+        /// A plain studio: a grey room with three soft boxes
+        Studio = "studio",
+        /// A plain sky with a sun
+        Sky = "sky",
+        /// None but the scene's own and environment.path
+        None = "none",
+    }
+
+    /// Samples of EXR files (`output.exr`).
+    pub enum ExrPrecision {
+        /// 32-bit floats
+        F32 = "f32",
+        /// 16-bit floats, up to 65504; depth and motion stay at 32 bits
+        F16 = "f16",
+    }
+
+    /// How EXR files hold the eyes (`output.layout`).
+    pub enum ExrLayout {
+        /// A file per eye and part: frame_NNNN_left.exr, frame_NNNN_right.exr
+        Files = "files",
+        /// One file per frame, frame_NNNN.exr, with both eyes as views and all parts as layers
+        Multiview = "multiview",
+    }
+
+    /// Further images of what a pixel sees (`output.aovs`).
+    pub enum Aov {
+        /// Distance from the eye along the ray, metres: channel Z
+        Depth = "depth",
+        /// Shading normal in world axes: channels N.X, N.Y, N.Z
+        Normal = "normal",
+        /// Base colour: channels albedo.R, albedo.G, albedo.B
+        Albedo = "albedo",
+        /// Place in the previous frame less place now, pixels right and down: channels motion.X, motion.Y
+        Motion = "motion",
+        /// Number of the instance, 4294967295 for none: channel instance.id
+        Instance = "instance",
+    }
+
+    /// Curve of PNG files from radiance to what is shown (`output.tone`).
+    pub enum Tone {
+        /// ACES filmic, by the fit of Narkowicz 2015
+        Aces = "aces",
+        /// AgX, which keeps hues of bright colours
+        Agx = "agx",
+        /// Khronos PBR Neutral, which keeps base colours
+        Neutral = "neutral",
+        /// None: clipped at 1
+        Linear = "linear",
+    }
+
+    /// Coarser levels of textures (`textures.mips`).
+    pub enum Mips {
+        /// Where frames are reconstructed
+        Auto = "auto",
+        /// Chosen by how much of a texture a ray covers
+        On = "on",
+        /// The finest level everywhere, as other renderers read it
+        Off = "off",
+    }
+
     /// Reference space that the scene stands in (`openxr.space`).
     pub enum Space {
         /// Origin at the wearer's head when the runtime last recentred

@@ -12,14 +12,15 @@ pub mod table;
 pub mod user_pass;
 
 pub use choices::{
-    BuiltinScene, Choice, DirectLight, Eyes, Force, ImageFormat, Kernel, Loads, Method, Motion,
-    PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Switch, Technique,
+    Aov, BuiltinScene, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, ImageFormat,
+    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
+    Space, Switch, Technique, Tone,
 };
 pub use registry::{Kind, Setting};
 pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,
     OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
-    TimingSettings,
+    TextureSettings, TimingSettings,
 };
 pub use user_pass::{UserDomain, UserPass};

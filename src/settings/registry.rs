@@ -47,6 +47,24 @@ pub fn listing() -> Value {
 }
 
 impl Settings {
+    /// A hash (FNV-1a, 64 bits) of all settings that the pixels of a frame depend on once its views are given: not those of
+    /// sessions, devices and files.
+    #[must_use]
+    pub fn picture_hash(&self) -> u64 {
+        let elsewhere = ["simulated", "openxr", "gpu", "output", "limits"];
+        let keys = ["headset", "adapter", "size", "force.record_texels"];
+        let mut hash = 0xcbf2_9ce4_8422_2325;
+        for setting in all() {
+            if elsewhere.contains(&section_of(setting.key)) || keys.contains(&setting.key) {
+                continue;
+            }
+            for byte in format!("{} = {}\n", setting.key, setting.value(self)).bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+        hash
+    }
+
     /// The value under a dotted key as JSON, `null` where it is unset or no such setting exists.
     #[must_use]
     pub fn value(&self, key: &str) -> Value {

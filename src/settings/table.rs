@@ -6,8 +6,9 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::choices::{
-    DirectLight, Force, ImageFormat, Kernel, Loads, Method, Motion, PhotonEstimate, Reuse, Sampler,
-    Schedule, Search, Space, Switch, Technique,
+    Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, ImageFormat, Kernel, Light,
+    Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Switch,
+    Technique, Tone,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -135,6 +136,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Path tracing", &[PATH]),
     RowSection::new("Photon mapping", &[PHOTON]),
     RowSection::new("Stereo reuse", &[STEREO]),
+    RowSection::new("Textures", &[TEXTURES]),
     RowSection::new("Reconstruction", &[RECONSTRUCT]),
     RowSection::new("Environment", &[ENVIRONMENT]),
     RowSection::new("Animation", &[ANIMATION]),
@@ -153,6 +155,10 @@ settings! {
         rows SCENE {
             /// glTF file (.gltf, .glb) or builtin:NAME
             scene: String = "builtin:cornell".to_owned(), NAME;
+            /// metres per unit of the scene file
+            scene_scale: f64 = 1.0, POSITIVE, "metres";
+            /// surroundings that light the scene; view takes auto unless told otherwise
+            light: Light = Light::None;
         }
         rows DEVICE {
             /// image size per eye; unset takes the headset's
@@ -199,6 +205,8 @@ settings! {
             photon: PhotonSettings;
             /// Stereo reuse.
             stereo: StereoSettings;
+            /// Textures.
+            textures: TextureSettings;
             /// Denoising and anti-aliasing.
             reconstruct: ReconstructSettings;
             /// Playback of clips.
@@ -286,6 +294,14 @@ settings! {
         }
     }
 
+    /// Settings of textures (`textures.*`).
+    struct TextureSettings at (render textures) "textures." {
+        rows TEXTURES {
+            /// coarser levels of textures, chosen by how much of one a ray covers
+            mips: Mips = Mips::Auto;
+        }
+    }
+
     /// Settings of denoising and anti-aliasing (`reconstruct.*`). The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
     /// Salvi 2016 (`taa_*`).
     struct ReconstructSettings at (render reconstruct) "reconstruct." {
@@ -328,7 +344,7 @@ settings! {
     /// Settings of the environment map (`environment.*`).
     struct EnvironmentSettings at (environment) "environment." {
         rows ENVIRONMENT {
-            /// equirectangular .hdr or .exr file; empty for a black surround
+            /// equirectangular .hdr or .exr file, builtin:sky or builtin:studio; empty for a black surround
             path: String = String::new(), TEXT;
             /// factor on the environment's radiance
             strength: f64 = 1.0, NOT_NEGATIVE;
@@ -358,6 +374,8 @@ settings! {
             parts: bool = false;
             /// keep the previous frame's positions, for views of motion; images do not change
             motion: bool = false;
+            /// also write trace.json: host stages and device passes on one clock, for Perfetto and chrome://tracing
+            chrome_trace: bool = false;
         }
     }
 
@@ -366,6 +384,14 @@ settings! {
         rows IMAGES {
             /// write images; stats.jsonl and run.json are always written
             images: bool = true;
+            /// samples of EXR files: 32-bit or 16-bit floats
+            exr: ExrPrecision = ExrPrecision::F32;
+            /// EXR files per eye, or one per frame with both eyes as views
+            layout: ExrLayout = ExrLayout::Files;
+            /// further layers of EXR files, separated by commas, of depth, normal, albedo, motion, instance
+            aovs: String = String::new(), TEXT;
+            /// curve of a run's PNG files from radiance to what is shown
+            tone: Tone = Tone::Aces;
         }
     }
 
@@ -510,6 +536,28 @@ impl LimitsSettings {
             },
             allow_outside: self.allow_outside,
         }
+    }
+}
+
+impl OutputSettings {
+    /// The layers of `output.aovs`, each once.
+    ///
+    /// # Errors
+    /// One line: a word that is none of them.
+    pub fn aov_list(&self) -> Result<Vec<Aov>, String> {
+        let mut list = Vec::new();
+        for word in self.aovs.split(',').map(str::trim) {
+            match Aov::from_word(word) {
+                Some(aov) if list.contains(&aov) => {}
+                Some(aov) => list.push(aov),
+                None if word.is_empty() => {}
+                None => {
+                    let known = Aov::WORDS.join(", ");
+                    return Err(format!("output.aovs: {word:?} is none of {known}"));
+                }
+            }
+        }
+        Ok(list)
     }
 }
 

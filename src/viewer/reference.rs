@@ -7,7 +7,7 @@ use crate::frame_loop;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Eyes, Method, ReconstructSettings, RenderSettings, Reuse, Settings};
+use crate::settings::{Eyes, Method, Mips, ReconstructSettings, RenderSettings, Reuse, Settings};
 
 /// Frames of the reference have numbers of their own, so that their noise is independent of the picture's.
 const FIRST_FRAME: u32 = 1 << 31;
@@ -31,6 +31,7 @@ impl Reference {
         reference.method = Method::Path;
         reference.reuse = Reuse::Off;
         reference.reconstruct = ReconstructSettings::default();
+        reference.textures.mips = Mips::Off;
         reference
     }
 

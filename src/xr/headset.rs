@@ -82,7 +82,8 @@ impl Headset {
             }
         }
         Err(super::ArgumentError(format!(
-            "unknown headset {name_or_path:?}; known: {}; or the path of a .toml profile",
+            "unknown headset {name_or_path:?}{}; known: {}; or the path of a .toml profile",
+            crate::printable::did_you_mean(name_or_path, Self::names()),
             Self::names().join(", ")
         ))
         .into())

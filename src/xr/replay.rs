@@ -25,6 +25,8 @@ pub struct ReplayOptions {
     /// Move the first pose onto `start`; `None`: yes for head trajectories. A native trace replays as it
     /// stands.
     pub recenter: Option<bool>,
+    /// Whether somebody asked for `start`, which a native trace cannot follow.
+    pub start_is_given: bool,
     /// Stop after this many frames.
     pub frame_limit: Option<u64>,
     /// At once or when due.
@@ -41,6 +43,7 @@ impl ReplayOptions {
             up: None,
             body: None,
             recenter: None,
+            start_is_given: false,
             frame_limit: None,
             pacing: Pacing::default(),
         }
@@ -95,6 +98,7 @@ impl ReplaySession {
             ("--trace-up", options.up.is_some()),
             ("--trace-body", options.body.is_some()),
             ("--trace-recenter", options.recenter == Some(true)),
+            ("--pose", options.start_is_given),
         ];
         if let Some((flag, _)) = unused.iter().find(|(_, given)| *given) {
             return Err(ArgumentError(format!(

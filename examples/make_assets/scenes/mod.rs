@@ -1,14 +1,14 @@
-//! The scenes that are embedded in the library, made by code.
+//! The scenes that are embedded in the library, made by code, and what is known of them in closed form.
 
-mod caustic;
-mod cornell;
+pub mod caustic;
+pub mod cornell;
 mod gallery;
 mod glb_writer;
 mod paint;
-mod parade;
-mod plane;
+pub mod parade;
+pub mod plane;
 mod shapes;
-mod sphere;
+pub mod sphere;
 
 use stereolux::scene::SceneError;
 

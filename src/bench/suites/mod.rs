@@ -19,10 +19,6 @@ use crate::settings::{RenderSettings, Settings};
 use crate::xr::{Fov, Headset};
 
 pub use super::scenes::INDIRECT_SCENE;
-pub use scaling::{AROUND_ONE, MOVING, REBUILT, TWO_LEVELS};
-pub use tables::{
-    BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, RADII_IN_TABLE_UNITS, WAYS_TABLES, WaysTable,
-};
 
 /// Sizes of a suite: the full ones, or those that fit into a minute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,6 +215,8 @@ mod tests {
 
     use super::*;
     use std::ffi::OsString;
+
+    use stereolux_report::records::DEFAULT_WAY;
 
     use crate::options::{Options, parse};
     use crate::settings::{Choice as _, Reuse};

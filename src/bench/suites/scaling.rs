@@ -2,6 +2,7 @@
 //! that something moves.
 
 use serde_json::json;
+use stereolux_report::records::REBUILT;
 
 use super::super::BenchError;
 use super::super::instance_motion::InstanceMotion;
@@ -51,13 +52,11 @@ const SMOKE_PHOTONS: u32 = 1 << 12;
 const LARGEST_HEADSET: &str = "quest3";
 
 /// Series of triangles around one object that moves.
-pub const AROUND_ONE: &str = "triangles_around_one_that_moves";
+const AROUND_ONE: &str = "triangles_around_one_that_moves";
 /// Series of instances that all move.
-pub const MOVING: &str = "instances_that_move";
+const MOVING: &str = "instances_that_move";
 /// Variant of [`AROUND_ONE`] that does what the renderer does.
-pub const TWO_LEVELS: &str = "two levels";
-/// Variant of [`AROUND_ONE`] whose host builds all hierarchies anew beside that.
-pub const REBUILT: &str = "rebuilt whole";
+const TWO_LEVELS: &str = "two levels";
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     let (axes, photons) = match base.extent {

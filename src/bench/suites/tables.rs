@@ -4,6 +4,7 @@
 //! The report's radii are not known: [`RADII_IN_TABLE_UNITS`] are ours.
 
 use serde_json::json;
+use stereolux_report::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY};
 
 use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
@@ -15,54 +16,7 @@ use crate::settings::{Eyes, Loads, PhotonEstimate, RenderSettings, Reuse, Schedu
 /// Photons of the report: squares of 128, 256 and 512.
 const PHOTONS: [u32; 3] = [128 * 128, 256 * 256, 512 * 512];
 /// Gather radii, in units in which the scene is [`BOX_WIDTH_IN_TABLE_UNITS`] wide, as the report's box is.
-pub const RADII_IN_TABLE_UNITS: [f64; 3] = [0.05, 0.1, 0.2];
-/// Width of the report's box.
-pub const BOX_WIDTH_IN_TABLE_UNITS: f64 = 2.0;
-
-/// One of tables 1 to 4.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WaysTable {
-    /// Number in the report.
-    pub number: u32,
-    /// What it compares.
-    pub what: &'static str,
-    /// Group of passes whose time it is about.
-    pub time: &'static str,
-    /// That time in words.
-    pub time_in_words: &'static str,
-}
-
-/// Tables that compare ways to gather.
-pub const WAYS_TABLES: [WaysTable; 4] = [
-    WaysTable {
-        number: 1,
-        what: "kd-tree against hash grid",
-        time: "build_gather",
-        time_in_words: "building and gathering",
-    },
-    WaysTable {
-        number: 2,
-        what: "k nearest with a bounded heap against fixed radius",
-        time: "build_gather",
-        time_in_words: "building and gathering",
-    },
-    WaysTable {
-        number: 3,
-        what: "one kernel that traces and gathers against split kernels",
-        time: "left",
-        time_in_words: "all passes of the eye",
-    },
-    WaysTable {
-        number: 4,
-        what: "shared-memory gather against direct gather",
-        time: "gather",
-        time_in_words: "gathering",
-    },
-];
-
-/// Name of the variant that all of them share.
-pub const DEFAULT_WAY: &str = "grid, radius, split, direct";
-
+const RADII_IN_TABLE_UNITS: [f64; 3] = [0.05, 0.1, 0.2];
 /// The ways to gather: the default, then those of each table.
 fn ways(
     settings: &RenderSettings,

@@ -36,7 +36,21 @@ fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Mater
         }
         AlphaMode::Blend => flags |= MATERIAL_ALPHA_BLEND,
     }
-    let slot = |reference: Option<TextureRef>| pack_slot(reference, textures);
+    let [
+        base_color_map,
+        metallic_roughness_map,
+        normal_map,
+        emissive_map,
+        specular_map,
+        specular_color_map,
+        transmission_map,
+    ] = material.texture_slots().map(|(name, reference)| {
+        let info = |reference: TextureRef| textures.info(material, name, reference.texture);
+        let packed = reference.and_then(|reference| Some((reference, info(reference)?)));
+        packed.map_or(TextureSlot::NONE, |(reference, info)| {
+            pack_slot(reference, info)
+        })
+    });
     Material {
         base_color: material.base_color,
         emission: material.emission,
@@ -57,13 +71,13 @@ fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Mater
         user_bsdf: material.user_bsdf,
         reserved_0: 0,
         reserved_1: 0,
-        base_color_map: slot(material.base_color_texture),
-        metallic_roughness_map: slot(material.metallic_roughness_texture),
-        normal_map: slot(material.normal_texture),
-        emissive_map: slot(material.emissive_texture),
-        specular_map: slot(material.specular_texture),
-        specular_color_map: slot(material.specular_color_texture),
-        transmission_map: slot(material.transmission_texture),
+        base_color_map,
+        metallic_roughness_map,
+        normal_map,
+        emissive_map,
+        specular_map,
+        specular_color_map,
+        transmission_map,
     }
 }
 
@@ -79,18 +93,7 @@ fn attenuation_per_m(material: &scene::Material) -> [f32; 3] {
     })
 }
 
-fn pack_slot(reference: Option<TextureRef>, textures: &PackedTextures) -> TextureSlot {
-    let Some(reference) = reference else {
-        return TextureSlot::NONE;
-    };
-    let Some(info) = textures
-        .info_of_texture
-        .get(reference.texture as usize)
-        .copied()
-        .flatten()
-    else {
-        return TextureSlot::NONE;
-    };
+fn pack_slot(reference: TextureRef, info: u32) -> TextureSlot {
     let [m0, m1, m2, m3, m4, m5] = reference.texcoord_from_uv;
     TextureSlot {
         row_u: [m0, m1, m2],

@@ -12,6 +12,7 @@
 mod environment;
 mod lights;
 mod materials;
+mod mips;
 mod textures;
 mod user_bsdf;
 mod vertices;
@@ -22,6 +23,7 @@ pub use lights::{
     pack_lights, spot_falloff, spot_solid_angle,
 };
 pub use materials::pack_materials;
+pub use mips::{Averaging, alpha_of_normals};
 pub use textures::{PackedTextures, linear_from_srgb, pack_textures, sample_image};
 pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
 pub use vertices::{PackedVertices, pack_vertices};
@@ -32,7 +34,7 @@ pub enum PackError {
     /// The images do not fit into one binding.
     #[error(
         "textures need {bytes} bytes ({images} images), but at most {budget} bytes can be bound; \
-         scale the largest image down ({largest}) or choose another --adapter"
+         {without_levels}scale the largest image down ({largest}) or choose another --adapter"
     )]
     TexturesTooLarge {
         /// Bytes of all images that materials in use refer to.
@@ -41,6 +43,8 @@ pub enum PackError {
         images: usize,
         /// What can be bound.
         budget: u64,
+        /// What to do where coarser levels are among the bytes, else empty.
+        without_levels: &'static str,
         /// Name and size of the largest image.
         largest: String,
     },

@@ -1,21 +1,42 @@
 //! Images in one pool of rgba8 texels, and the same sampling in f64 for what the host has to know of a texture.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::renderer::records::material::{
-    TEXTURE_NEAREST_BIT, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_REPEAT, TextureInfo,
+    TEXTURE_LEVELS_SHIFT, TEXTURE_NEAREST_BIT, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR,
+    TEXTURE_WRAP_REPEAT, TextureInfo,
 };
-use crate::scene::{Filter, Image, Scene, Texture, Wrap};
+use crate::scene::{Filter, Material, Scene, Texture, Wrap};
 
 use super::PackError;
+use super::mips::{self, Averaging};
 
 /// The textures that materials in use refer to.
 #[derive(Clone, Debug, Default)]
 pub struct PackedTextures {
-    /// One per texture in use.
+    /// One per level of each texture in use and of what it stands for, finest first.
     pub infos: Vec<TextureInfo>,
-    /// All images in use, red in the lowest byte.
+    /// All levels of all images in use, red in the lowest byte.
     pub texels: Vec<u32>,
-    /// For each of [`Scene::textures`] its place in `infos`, none if nothing in use refers to it.
-    pub info_of_texture: Vec<Option<u32>>,
+    /// First of `infos` by the place in [`Scene::textures`] and what the texture stands for.
+    info_of_texture: BTreeMap<(u32, Averaging), u32>,
+    has_levels: bool,
+}
+
+impl PackedTextures {
+    /// Place in `infos` of a texture that a material refers to under a name of [`Material::texture_slots`].
+    pub fn info(&self, material: &Material, slot: &str, texture: u32) -> Option<u32> {
+        let averaging = averaging_of(material, slot, self.has_levels);
+        self.info_of_texture.get(&(texture, averaging)).copied()
+    }
+}
+
+fn averaging_of(material: &Material, slot: &str, with_levels: bool) -> Averaging {
+    if with_levels {
+        Averaging::of(material, slot)
+    } else {
+        Averaging::None
+    }
 }
 
 /// Materials that triangles of placed meshes refer to, by index.
@@ -35,114 +56,113 @@ pub(super) fn materials_in_use(scene: &Scene) -> Vec<bool> {
     in_use
 }
 
-/// Packs the images that placed triangles need, each once, at full size.
+/// Packs the images that placed triangles need, each once for all that it stands for, at full size; with coarser levels if
+/// asked to.
 ///
 /// # Errors
 /// [`PackError::TexturesTooLarge`] if they take more than `budget_bytes` (the adapter's binding limit): images are
 /// never scaled silently.
-pub fn pack_textures(scene: &Scene, budget_bytes: u64) -> Result<PackedTextures, PackError> {
-    let mut wanted = vec![false; scene.textures.len()];
-    for (material, _) in scene
-        .materials
-        .iter()
-        .zip(materials_in_use(scene))
-        .filter(|(_, used)| *used)
-    {
-        for reference in material
-            .texture_slots()
-            .iter()
-            .filter_map(|(_, reference)| *reference)
-        {
-            if let Some(slot) = wanted.get_mut(reference.texture as usize) {
-                *slot = true;
-            }
-        }
-    }
-    let mut image_used = vec![false; scene.images.len()];
-    for (texture, _) in scene
-        .textures
-        .iter()
-        .zip(&wanted)
-        .filter(|(_, wanted)| **wanted)
-    {
-        if let Some(slot) = image_used.get_mut(texture.image as usize) {
-            *slot = true;
-        }
-    }
-    let used = || {
-        scene
-            .images
-            .iter()
-            .zip(&image_used)
-            .filter(|(_, used)| **used)
-            .map(|(image, _)| image)
+pub fn pack_textures(
+    scene: &Scene,
+    budget_bytes: u64,
+    with_levels: bool,
+) -> Result<PackedTextures, PackError> {
+    let wanted = textures_in_use(scene, with_levels);
+    let image_of = |texture: u32| {
+        let image = scene.textures.get(texture as usize)?.image;
+        let image = scene.images.get(image as usize).map(|_| image)?;
+        Some(image)
     };
-    let bytes: u64 = used().map(byte_count).sum();
+    let used: BTreeSet<(u32, Averaging)> = wanted
+        .iter()
+        .filter_map(|(texture, averaging)| Some((image_of(*texture)?, *averaging)))
+        .collect();
+    let chains = || {
+        used.iter()
+            .map(|(image, averaging)| (&scene.images[*image as usize], *averaging))
+    };
+    let bytes_of = |(image, averaging)| 4 * mips::texel_count(image, averaging);
+    let bytes: u64 = chains().map(bytes_of).sum();
     if bytes > budget_bytes.min(u64::from(u32::MAX) * 4) {
-        let largest = used()
-            .max_by_key(|image| byte_count(image))
-            .map(|image| format!("{}, {}x{}", image.name, image.width, image.height));
+        let largest = chains()
+            .max_by_key(|chain| bytes_of(*chain))
+            .map(|(image, _)| format!("{}, {}x{}", image.name, image.width, image.height));
         return Err(PackError::TexturesTooLarge {
             bytes,
-            images: used().count(),
+            images: used.len(),
             budget: budget_bytes,
+            without_levels: if with_levels {
+                "set textures.mips=off, "
+            } else {
+                ""
+            },
             largest: largest.unwrap_or_default(),
         });
     }
 
-    let mut packed = PackedTextures::default();
+    let mut packed = PackedTextures {
+        has_levels: with_levels,
+        ..PackedTextures::default()
+    };
     packed.texels.reserve_exact((bytes / 4) as usize);
-    let offsets: Vec<u32> = scene
-        .images
-        .iter()
-        .zip(&image_used)
-        .map(|(image, used)| {
-            let offset = packed.texels.len() as u32;
-            if *used {
-                let texels = image.rgba8.chunks_exact(4);
-                packed
-                    .texels
-                    .extend(texels.map(|t| u32::from_le_bytes([t[0], t[1], t[2], t[3]])));
-            }
-            offset
-        })
-        .collect();
-    packed.info_of_texture = scene
-        .textures
-        .iter()
-        .zip(&wanted)
-        .map(|(texture, wanted)| {
-            let image = scene.images.get(texture.image as usize)?;
-            if !wanted || image.width == 0 || image.height == 0 {
-                return None;
-            }
+    let mut levels_of = BTreeMap::new();
+    for key in &used {
+        let offset = packed.texels.len() as u32;
+        let image = &scene.images[key.0 as usize];
+        let sizes = mips::add_levels(image, key.1, &mut packed.texels);
+        levels_of.insert(*key, (offset, sizes));
+    }
+    for (texture, averaging) in wanted {
+        let levels = image_of(texture).and_then(|image| levels_of.get(&(image, averaging)));
+        let Some((offset, sizes)) = levels.filter(|(_, sizes)| !sizes[0].contains(&0)) else {
+            continue;
+        };
+        let mut offset = *offset;
+        let first = packed.infos.len() as u32;
+        packed.info_of_texture.insert((texture, averaging), first);
+        for (level, [width, height]) in sizes.iter().copied().enumerate() {
             packed.infos.push(TextureInfo {
-                offset: offsets[texture.image as usize],
-                width: image.width,
-                height: image.height,
-                flags: sampler_flags(texture),
+                offset,
+                width,
+                height,
+                flags: sampler_flags(&scene.textures[texture as usize], level, sizes.len()),
             });
-            Some(packed.infos.len() as u32 - 1)
-        })
-        .collect();
+            offset += width * height;
+        }
+    }
     Ok(packed)
 }
 
-fn byte_count(image: &Image) -> u64 {
-    u64::from(image.width) * u64::from(image.height) * 4
+/// Textures that materials on placed triangles refer to, and what they stand for there.
+fn textures_in_use(scene: &Scene, with_levels: bool) -> BTreeSet<(u32, Averaging)> {
+    let materials = scene.materials.iter().zip(materials_in_use(scene));
+    let slots = materials
+        .filter(|(_, used)| *used)
+        .flat_map(|(material, _)| {
+            let slots = material.texture_slots().into_iter();
+            slots.filter_map(move |(name, reference)| {
+                Some((
+                    reference?.texture,
+                    averaging_of(material, name, with_levels),
+                ))
+            })
+        });
+    slots.collect()
 }
 
-fn sampler_flags(texture: &Texture) -> u32 {
+/// Coarser levels are filtered whatever the finest is.
+fn sampler_flags(texture: &Texture, level: usize, levels: usize) -> u32 {
     let wrap = |wrap: Wrap| match wrap {
         Wrap::Repeat => TEXTURE_WRAP_REPEAT,
         Wrap::Mirror => TEXTURE_WRAP_MIRROR,
         Wrap::Clamp => TEXTURE_WRAP_CLAMP,
     };
     let filter = match texture.filter {
-        Filter::Nearest => TEXTURE_NEAREST_BIT,
-        Filter::Linear => 0,
+        Filter::Nearest if level == 0 => TEXTURE_NEAREST_BIT,
+        Filter::Nearest | Filter::Linear => 0,
     };
-    wrap(texture.wrap_u) | (wrap(texture.wrap_v) << 2) | filter
+    let coarser = (levels - 1 - level) as u32;
+    wrap(texture.wrap_u) | (wrap(texture.wrap_v) << 2) | filter | (coarser << TEXTURE_LEVELS_SHIFT)
 }
 
 /// Linear value of an sRGB channel, 0 to 1 (IEC 61966-2-1).

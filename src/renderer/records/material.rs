@@ -23,6 +23,9 @@ pub const TEXTURE_WRAP_CLAMP: u32 = 2;
 /// [`TextureInfo::flags`]: nearest texel instead of bilinear.
 pub const TEXTURE_NEAREST_BIT: u32 = 16;
 
+/// [`TextureInfo::flags`]: from this bit on, how many coarser levels follow.
+pub const TEXTURE_LEVELS_SHIFT: u32 = 8;
+
 /// A texture reference with KHR_texture_transform: u' = row_u . (u, v, 1), v' = row_v . (u, v, 1).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -103,7 +106,7 @@ pub struct Material {
     pub transmission_map: TextureSlot,
 }
 
-/// Where a texture's image lies in the pool of texels, and how it is sampled.
+/// Where a level of a texture's image lies in the pool of texels, and how it is sampled.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct TextureInfo {
@@ -113,7 +116,8 @@ pub struct TextureInfo {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// `TEXTURE_WRAP_*` for u in bits 0 and 1, for v in bits 2 and 3, and [`TEXTURE_NEAREST_BIT`].
+    /// `TEXTURE_WRAP_*` for u in bits 0 and 1, for v in bits 2 and 3, [`TEXTURE_NEAREST_BIT`], and from
+    /// [`TEXTURE_LEVELS_SHIFT`] on the number of coarser levels, which follow.
     pub flags: u32,
 }
 

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 pub enum Provenance {
     /// No surface.
     Background = 0,
-    /// Carried over.
+    /// Reused: all of the light was carried over.
     Reused = 1,
     /// Filled: outside the left image.
     OutOfLeftView = 2,
@@ -20,6 +20,16 @@ pub enum Provenance {
     ViewDependent = 5,
     /// Filled: the left eye sees the surface, but too few samples agree with the point.
     Gap = 6,
+    /// Reused: directions of light were carried over, and scattered anew.
+    Resampled = 7,
+}
+
+impl Provenance {
+    /// Whether a pixel of provenance `code` takes light over.
+    #[must_use]
+    pub fn is_reused(code: u32) -> bool {
+        code == Self::Reused as u32 || code == Self::Resampled as u32
+    }
 }
 
 /// Sums over the samples of a frame.

@@ -9,7 +9,7 @@ use crate::gpu::GpuContext;
 use crate::renderer::packing::{LightKinds, pack_materials};
 use crate::renderer::records::material::Material;
 use crate::renderer::{InstanceId, RenderError};
-use crate::scene::{Instance, Scene, ScenePose, SceneStatistics};
+use crate::scene::{self, Instance, Scene, ScenePose, SceneStatistics};
 
 /// What an edit asks of the buffers. Meshes, textures, images and skins are those that the buffers were made from.
 pub(in crate::renderer) struct SceneChange<'a> {
@@ -43,10 +43,16 @@ pub(in crate::renderer) struct Edited {
 }
 
 impl SceneBuffers {
-    /// Whether a texture is on the device, or has no image at all.
-    pub(in crate::renderer) fn holds_texture(&self, scene: &Scene, texture: u32) -> bool {
-        let infos = &self.packed_textures.info_of_texture;
-        let is_packed = infos.get(texture as usize).copied().flatten().is_some();
+    /// Whether a texture that a material refers to under a name of its slots is on the device as it is needed there, or has
+    /// no image at all.
+    pub(in crate::renderer) fn holds_texture(
+        &self,
+        scene: &Scene,
+        material: &scene::Material,
+        (slot, texture): (&str, u32),
+    ) -> bool {
+        let packed = &self.packed_textures;
+        let is_packed = packed.info(material, slot, texture).is_some();
         let image = scene.textures.get(texture as usize);
         let image = image.and_then(|texture| scene.images.get(texture.image as usize));
         is_packed || image.is_none_or(|image| image.width == 0 || image.height == 0)
@@ -178,7 +184,7 @@ impl SceneBuffers {
         relights: &mut bool,
     ) -> Option<Range<u64>> {
         let scene = change.scene;
-        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::of).collect();
+        let marks: Vec<MaterialMarks> = scene.materials.iter().map(MaterialMarks::from).collect();
         let mut painted: Option<Range<u64>> = None;
         for (index, mesh) in scene.meshes.iter().enumerate() {
             let (repaints, glows) = (change.repainted[index], change.glow[index]);

@@ -132,6 +132,11 @@ impl Document {
         &self.scene
     }
 
+    /// As [`Scene::scale`]: no step of the history. Saved files keep it, as a node around all others.
+    pub fn scale(&mut self, metres_per_unit: f64) {
+        self.scene.scale(metres_per_unit);
+    }
+
     /// Puts another environment around the scene: a setting, and no step of the history.
     pub fn set_environment(&mut self, environment: Option<super::super::Environment>) {
         self.scene.environment = environment;

@@ -19,8 +19,8 @@ use crate::files::{self, Unreachable};
 
 /// Longest image edge; more is taken for a broken header.
 const MAX_IMAGE_EDGE: u32 = 16_384;
-/// What a pixel of an image takes, bytes: in the scene, and packed for the device.
-const PIXEL_BYTES: u64 = 8;
+/// What three pixels of an image take, bytes: in the scene, and packed for the device with a third more for coarser levels.
+const THREE_PIXELS_BYTES: u64 = 28;
 
 /// Where the files of a document lie: one entry per buffer and per image, `None` for those without a file. A file that
 /// cannot be found is a fault only once it is needed.
@@ -277,7 +277,7 @@ pub fn load_images(
     let mut pictures = Vec::with_capacity(sources.len());
     for source in &sources {
         let picture = open_picture(&source.bytes).map_err(|what| fault(source, what))?;
-        let bytes = picture.pixels() * PIXEL_BYTES;
+        let bytes = (picture.pixels() * THREE_PIXELS_BYTES).div_ceil(3);
         let what = format_args!("{}x{} pixels", picture.width, picture.height);
         document.take(bytes, &source.place, what)?;
         pictures.push((source, picture));

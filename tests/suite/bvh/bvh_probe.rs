@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use stereolux::bvh::records::Triangle;
 use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
 use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
@@ -12,6 +12,8 @@ use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrar
 use stereolux::scene::{Mesh, MeshTriangle};
 
 use super::bvh_reference::{ExactInstance, brute_force};
+use super::bvh_shapes as shapes;
+pub use super::bvh_shapes::Random;
 
 pub const MISS: u32 = u32::MAX;
 
@@ -263,55 +265,6 @@ pub fn disagreements(
     (wrong, hits)
 }
 
-/// SplitMix64 (Steele, Lea and Flood, 2014).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn signed(&mut self) -> f64 {
-        2.0 * self.unit() - 1.0
-    }
-
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    /// Uniform on the unit sphere.
-    pub fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = self.vector();
-            if v.length() > 0.1 && v.length() < 1.0 {
-                return v.normalize();
-            }
-        }
-    }
-
-    pub fn rotation(&mut self) -> DQuat {
-        DQuat::from_axis_angle(self.direction(), 6.3 * self.unit())
-    }
-
-    /// Uniform on a triangle: weights of its second and third vertex.
-    pub fn weights(&mut self) -> [f32; 2] {
-        let (root, v) = (self.unit().sqrt(), self.unit());
-        [(root * (1.0 - v)) as f32, (root * v) as f32]
-    }
-}
-
 /// A mesh of triangles that share no vertices.
 pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
     Mesh {
@@ -328,13 +281,7 @@ pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
 
 /// Small random triangles in a cube of side 2.
 pub fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
-    let triangles: Vec<_> = (0..count)
-        .map(|_| {
-            let center = random.vector();
-            [(); 3].map(|()| (center + size * random.vector()).as_vec3())
-        })
-        .collect();
-    mesh_of(&triangles)
+    mesh_of(&shapes::soup(random, count, size))
 }
 
 /// A closed sphere around the origin whose radius varies between 1 - `bump` and 1 + `bump`, its vertices shared.

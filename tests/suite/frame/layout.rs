@@ -486,6 +486,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
                     Provenance::ViewDependent as u32,
                 ),
                 ("PROVENANCE_GAP", Provenance::Gap as u32),
+                ("PROVENANCE_RESAMPLED", Provenance::Resampled as u32),
             ],
         ),
         (

@@ -5,7 +5,6 @@ use stereolux::images::{Image, aces_filmic, luminance};
 use stereolux::metrics::{binocular_error, error_image};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::plane;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -13,6 +12,7 @@ use super::support::{
     assert_clean, bits, builtin, context, mean, method, parallel_views, placed, radiance, renderer,
     square_fov, start_pose,
 };
+use crate::suite::embedded_scenes::plane;
 
 pub const SIZE: u32 = 64;
 const PIXELS: usize = (SIZE * SIZE) as usize;

@@ -26,8 +26,8 @@ pub fn every_feature() -> ShaderFeatures {
 pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
     let mut kinds = vec![features(&[]), features(&["emitters"]), every_feature()];
     kinds.extend(every_feature().select(WORDS).map(|word| {
-        // Normal maps and second coordinates come with textures.
-        if matches!(word, "normal_maps" | "uv1") {
+        // Maps and second coordinates come with textures.
+        if word.ends_with("_maps") || matches!(word, "uv1" | "mips") {
             features(&[word, "textures", "emitters"])
         } else {
             features(&[word, "emitters"])

@@ -6,7 +6,7 @@ use stereolux::options::{
     self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice, SessionOptions,
 };
 use stereolux::settings::Choice as _;
-use stereolux::settings::{BuiltinScene, Eyes, Method, Motion, Reuse, Settings, registry};
+use stereolux::settings::{BuiltinScene, Eyes, Method, Motion, Reuse, Settings};
 use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 fn outcome(args: &[&str]) -> Result<Options, String> {
@@ -242,7 +242,7 @@ fn unknown_commands_and_flags() {
         (&["run", "--spp"], "--spp"),
         (&["run", "--spp", "1", "--spp", "2"], "--spp"),
         (&["compare", "only-one.exr"], "<REFERENCE>"),
-        (&["run", "--pose", "0 0 0 0 0 0 1"], "--pose"),
+        (&["run", "--ipd", "0.06"], "--ipd"),
     ] {
         let message = refused(args);
         assert!(message.contains(says), "{message}");
@@ -427,7 +427,7 @@ fn bench_takes_a_suite_and_its_sizes() {
 }
 
 #[test]
-fn help_is_there_for_every_command_and_lists_all_settings() {
+fn help_is_there_for_every_command_and_names_the_list_of_settings() {
     let help = |args: &[&str]| {
         let args = std::iter::once("stereolux")
             .chain(args.iter().copied())
@@ -436,7 +436,9 @@ fn help_is_there_for_every_command_and_lists_all_settings() {
         assert_eq!(exit.status, 0);
         exit.text
     };
-    for command in ["run", "render", "compare", "bench", "info", "view"] {
+    for command in [
+        "run", "render", "compare", "bench", "info", "view", "settings", "merge",
+    ] {
         assert!(help(&["--help"]).contains(command));
         assert!(
             help(&[command, "--help"]).contains("Exit status"),
@@ -445,9 +447,7 @@ fn help_is_there_for_every_command_and_lists_all_settings() {
     }
     for command in ["run", "render", "bench", "view"] {
         let text = help(&[command, "--help"]);
-        for setting in registry::all() {
-            assert!(text.contains(setting.key), "{command}: {}", setting.key);
-        }
+        assert!(text.contains("stereolux settings WORD"), "{command}");
         if command != "bench" {
             let scenes = BuiltinScene::WORDS.join(", ");
             assert!(

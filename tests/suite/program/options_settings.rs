@@ -72,6 +72,11 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
                     false => vec!["other".into(), "true".into(), "false".into()],
                 },
             ),
+            // A list of words.
+            Kind::Text { .. } if setting.key == "output.aovs" => (
+                vec!["depth,normal".into(), "motion".into()],
+                vec!["other".into()],
+            ),
             Kind::Text { .. } => (vec!["some text".into()], vec![]),
             Kind::Size { max } => (
                 vec!["[1, 1]".into(), format!("{max}x{max}")],

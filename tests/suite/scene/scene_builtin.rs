@@ -1,11 +1,13 @@
 //! The embedded scenes: measurements, closed forms, and that the files under assets/ are what the code generates.
 
 use glam::DVec3;
-use stereolux::scene::builtin::{self, cornell, plane, sphere};
+use stereolux::scene::builtin;
+
 use stereolux::scene::{LightKind, Needs, Scene};
 
 use super::bvh_probe::features;
 use super::embedded_scenes::SCENES;
+use crate::suite::embedded_scenes::{cornell, plane, sphere};
 
 #[test]
 fn assets_are_what_the_generator_writes() {

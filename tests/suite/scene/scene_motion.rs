@@ -2,8 +2,11 @@
 
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
-use stereolux::scene::builtin::{self, parade};
+use stereolux::scene::builtin;
+
 use stereolux::scene::{Needs, Scene};
+
+use crate::suite::embedded_scenes::parade;
 
 /// `builtin:parade` with its JSON changed; `bin` is its binary chunk.
 fn altered(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> Result<Scene, String> {

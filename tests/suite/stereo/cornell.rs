@@ -99,7 +99,7 @@ fn reused_pixels_are_about_as_true_as_native_ones() {
         let mask: Vec<bool> = provenance
             .unwrap()
             .iter()
-            .map(|&p| p == Provenance::Reused as u32)
+            .map(|&p| Provenance::is_reused(p))
             .collect();
         let (with, without) = (
             rel_mse(&reusing, &truth, &mask),

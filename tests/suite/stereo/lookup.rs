@@ -6,7 +6,6 @@ use std::process::Command;
 use glam::DVec3;
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::plane;
 use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 use stereolux::xr::Pose;
 
@@ -16,6 +15,7 @@ use super::support::{
     Folder, Triangles, adapter_name, bits, builtin, frame, method, parallel_views, radiance,
     renderer, settings, square_fov, start_pose,
 };
+use crate::suite::embedded_scenes::plane;
 
 fn provenance(renderer: &Renderer) -> Vec<u32> {
     renderer.read_provenance().unwrap().unwrap()
@@ -47,8 +47,7 @@ fn light_on_a_plane_is_interpolated_to_second_order() {
                     let pixel = (y * SIZE + x) as usize;
                     // Columns whose place in the left image has a sample on either side.
                     let at = f64::from(x) + 0.5 + disparity;
-                    if at > f64::from(SIZE) - 0.5 || provenance[pixel] != Provenance::Reused as u32
-                    {
+                    if at > f64::from(SIZE) - 0.5 || !Provenance::is_reused(provenance[pixel]) {
                         continue;
                     }
                     let ray = views[1].ray_through_pixel(
@@ -89,31 +88,35 @@ fn light_on_a_plane_is_interpolated_to_second_order() {
 
 #[test]
 fn only_diffuse_light_is_taken_over_whole_and_nothing_that_mirrors_or_glass_show() {
+    for by in [Method::Photon, Method::Path] {
+        only_diffuse_light_is_taken_over_whole(by);
+    }
+}
+
+fn only_diffuse_light_is_taken_over_whole(by: Method) {
     let (width, height) = (96, 64);
     let scene = builtin("gallery");
     let views = parallel_views(start_pose(&scene), 0.063, square_fov(40.0));
-    let mut renderer = renderer(
-        &scene,
-        &method(Method::Photon, Reuse::Lookup),
-        [width, height],
-    );
+    let mut renderer = renderer(&scene, &method(by, Reuse::Lookup), [width, height]);
     let result = frame(&mut renderer, &views);
     let triangles = Triangles::of(&scene);
-    let (mut diffuse, mut wrong) = (0, 0);
+    let (mut diffuse, mut mixed, mut wrong) = (0, 0, 0);
     for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
         let (x, y) = (pixel as u32 % width, pixel as u32 / width);
         let ray = views[1].ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
         let Some((_, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
             continue;
         };
-        if from == Provenance::Reused as u32 {
+        if Provenance::is_reused(from) {
             let material = &scene.materials[material as usize];
-            diffuse += u32::from(material.is_lambert());
             wrong += u32::from(has_sharp_lobe(material));
+            diffuse += u32::from(material.is_lambert());
+            mixed += u32::from(material.is_lambert() != (from == Provenance::Reused as u32));
         }
     }
     // A ray through a seam of two materials may meet either in f32: that takes a pixel centre within 1e-6 of one.
     assert_eq!(wrong, 0, "mirrors or glass were taken over");
+    assert_eq!(mixed, 0, "glossy surfaces are scattered anew, others not");
     let stereo = result.stereo;
     assert_eq!(diffuse, stereo.reused - stereo.resampled, "{stereo:?}");
     assert!(stereo.resampled > 100, "{stereo:?}");
@@ -133,11 +136,21 @@ fn varnished_cornell(roughness: f32) -> Scene {
 
 #[test]
 fn glossy_surfaces_take_light_over_as_true_as_what_they_trace_and_gather() {
+    glossy_surfaces_take_light_over(Method::Photon);
+}
+
+#[test]
+fn glossy_surfaces_take_light_over_as_true_as_whole_paths() {
+    glossy_surfaces_take_light_over(Method::Path);
+}
+
+fn glossy_surfaces_take_light_over(by: Method) {
     const SIZE: [u32; 2] = [32, 32];
     let right = |reuse, roughness, ipd_m, change: &dyn Fn(&mut RenderSettings)| {
         let scene = varnished_cornell(roughness);
         let views = parallel_views(start_pose(&scene), ipd_m, square_fov(19.0));
         let settings = settings(|s| {
+            s.method = by;
             s.reuse = reuse;
             s.photon.count = 16_384;
             s.photon.radius_m = 0.03;
@@ -253,12 +266,17 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
                 to_light.normalize(),
             )
     };
-    for reuse in [Reuse::Scatter, Reuse::Lookup] {
-        let mut renderer = renderer(&scene, &method(Method::Photon, reuse), [SIZE, SIZE]);
+    for (by, reuse) in [
+        (Method::Photon, Reuse::Scatter),
+        (Method::Photon, Reuse::Lookup),
+        (Method::Path, Reuse::Scatter),
+        (Method::Path, Reuse::Lookup),
+    ] {
+        let mut renderer = renderer(&scene, &method(by, reuse), [SIZE, SIZE]);
         let stereo = frame(&mut renderer, &views).stereo;
         assert_eq!(
             stereo.filled, stereo.filled_because.out_of_left_view,
-            "{reuse:?}: {stereo:?}"
+            "{by:?} {reuse:?}: {stereo:?}"
         );
         let (image, provenance) = (radiance(&renderer, Eye::Right), provenance(&renderer));
         let (mut worst, mut worst_of_left, mut compared) = (0.0_f64, 0.0_f64, 0);
@@ -266,7 +284,11 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
         for y in 1..SIZE - 1 {
             for x in 0..SIZE * 3 / 4 {
                 let pixel = (y * SIZE + x) as usize;
-                assert_eq!(provenance[pixel], Provenance::Reused as u32, "({x}, {y})");
+                assert_eq!(
+                    provenance[pixel],
+                    Provenance::Resampled as u32,
+                    "({x}, {y})"
+                );
                 let (found, truth) = (f64::from(image[pixel][0]), expected(1, x, y));
                 worst = worst.max((found / truth - 1.0).abs());
                 worst_of_left = worst_of_left.max((found / expected(0, x, y) - 1.0).abs());
@@ -280,16 +302,16 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
         }
         assert_eq!(
             brightest[0].1, brightest[1].1,
-            "{reuse:?}: the highlight stands elsewhere"
+            "{by:?} {reuse:?}: the highlight stands elsewhere"
         );
         // The lobe is the eye's own; directions of light are those at samples at most a pixel away, about which the light
         // is linear to first order. Second order: h^2 / 8 times the second derivatives of light over the half vector's
         // width, at most 1 / (alpha d)^2 each way: (2.4 cm / (0.16 x 1.5 m))^2 / 8 x 2 = 0.25 %. Four times that bounds it.
         eprintln!(
-            "{reuse:?}: off by {worst}; from what the left eye sees by {worst_of_left}; {compared} pixels"
+            "{by:?} {reuse:?}: off by {worst}; from what the left eye sees by {worst_of_left}; {compared} pixels"
         );
-        assert!(worst < 0.01, "{reuse:?}: off by {worst}");
+        assert!(worst < 0.01, "{by:?} {reuse:?}: off by {worst}");
         // Negative control: what the left eye sees at the same points.
-        assert!(worst_of_left > 0.1, "{reuse:?}: {worst_of_left}");
+        assert!(worst_of_left > 0.1, "{by:?} {reuse:?}: {worst_of_left}");
     }
 }

@@ -2,11 +2,11 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, Provenance, Renderer};
-use stereolux::scene::builtin::plane;
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Headset, Pose, View};
 
+use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     Triangles, bits, builtin, frame, hit_in_world, hit_rays, method, parallel_views, placed,
     radiance, renderer, square_fov, start_pose,
@@ -129,7 +129,7 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
                             "({x}, {y})"
                         );
                     } else {
-                        assert_eq!(provenance[here], Provenance::Reused as u32);
+                        assert!(Provenance::is_reused(provenance[here]));
                     }
                 }
             }
@@ -383,11 +383,11 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
             );
             let sees = hit_rays(&native, Eye::Right);
             let from = provenance(&reusing);
-            let mut counts = [0_u32; 7];
+            let mut counts = [0_u32; 8];
             let mut reused_differ = 0;
             for pixel in 0..from.len() {
                 counts[from[pixel] as usize] += 1;
-                if from[pixel] == Provenance::Reused as u32 {
+                if Provenance::is_reused(from[pixel]) {
                     reused_differ += usize::from(expected[pixel] != found[pixel]);
                     continue;
                 }
@@ -404,13 +404,20 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
                 );
             }
             // Negative control: carried over values are another sample's.
+            let reused =
+                counts[Provenance::Reused as usize] + counts[Provenance::Resampled as usize];
             assert!(
-                reused_differ > counts[1] as usize / 2,
+                reused_differ > reused as usize / 2,
                 "{what}: the comparison sees nothing"
             );
             let s = result.stereo;
             let b = s.filled_because;
-            assert_eq!(s.reused, counts[1], "{what}");
+            assert_eq!(s.reused, reused, "{what}");
+            assert_eq!(
+                s.resampled,
+                counts[Provenance::Resampled as usize],
+                "{what}"
+            );
             assert_eq!(
                 [
                     b.out_of_left_view,
@@ -422,8 +429,8 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
                 [counts[2], counts[3], counts[4], counts[5], counts[6]],
                 "{what}"
             );
-            assert_eq!(s.filled, counts[2..].iter().sum::<u32>(), "{what}");
-            assert_eq!(s.reused + s.filled + counts[0], size[0] * size[1], "{what}");
+            assert_eq!(s.filled, counts[2..7].iter().sum::<u32>(), "{what}");
+            assert_eq!(reused + s.filled + counts[0], size[0] * size[1], "{what}");
             assert_eq!(
                 s.reuse_fraction,
                 f64::from(s.reused) / f64::from(s.reused + s.filled),
@@ -463,7 +470,7 @@ fn mirrors_and_glass_are_not_carried_over() {
         };
         let is_sharp = has_sharp_lobe(&scene.materials[material as usize]);
         assert!(
-            !is_sharp || from != Provenance::Reused as u32,
+            !is_sharp || !Provenance::is_reused(from),
             "pixel ({x}, {y})"
         );
         if !is_sharp {

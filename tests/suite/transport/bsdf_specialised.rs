@@ -20,7 +20,7 @@ const TRACES: [(&str, &[&str], &[&str]); 7] = [
         &[],
     ),
     (
-        "textures",
+        "base_color_maps",
         &["fetch_texel", "sample_texture", "srgb"],
         &["texture_infos", "texels"],
     ),
@@ -40,7 +40,9 @@ fn compiled(on: &[&str]) -> (String, Vec<String>) {
     for (name, source) in ROOTS {
         for modes in [&[][..], &["probe_sampling", "probe_emit"]] {
             library.insert(name, probe_source(source, modes));
-            let shader = library.compile(name, &features(on)).unwrap();
+            // No map comes without textures; these alone bring coordinates.
+            let on: Vec<&str> = on.iter().copied().chain(["textures"]).collect();
+            let shader = library.compile(name, &features(&on)).unwrap();
             shader.validate().unwrap();
             names.extend(
                 reflect_bindings(&shader)

@@ -38,8 +38,10 @@ struct Answer {
     reserved_2: u32,
 }
 
-const ALL: [&str; 7] = [
+const ALL: [&str; 9] = [
     "textures",
+    "base_color_maps",
+    "emissive_maps",
     "normal_maps",
     "alpha",
     "vertex_colors",
@@ -168,11 +170,12 @@ fn textures_read_as_gltf_samplers_say() {
                 })
                 .collect();
             let mut compared = 0;
-            for (query, answer) in
-                queries
-                    .iter()
-                    .zip(load(&context, &["textures", "uv1"], &scene, &queries))
-            {
+            for (query, answer) in queries.iter().zip(load(
+                &context,
+                &["textures", "base_color_maps", "uv1"],
+                &scene,
+                &queries,
+            )) {
                 let [b1, b2] = query.weights.map(f64::from);
                 let uv: [f64; 2] = std::array::from_fn(|axis| {
                     let at = |corner: usize| f64::from(corners[corner][axis]);

@@ -6,7 +6,6 @@ use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::builtin::cornell::WHITE;
 use stereolux::scene::{Material, Needs, Scene};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 
@@ -19,6 +18,7 @@ use super::support::{
     start_pose,
 };
 use super::user_bsdf_example as example;
+use crate::suite::embedded_scenes::cornell::WHITE;
 
 fn library() -> ShaderLibrary {
     example::library().unwrap()

@@ -6,7 +6,6 @@ use std::ops::Range;
 use glam::DVec3;
 use stereolux::renderer::{Eye, Photon, PhotonMap, Renderer, forms_caustics};
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::caustic;
 use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
@@ -14,6 +13,7 @@ use super::support::{
     assert_clean, builtin, frame, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,
 };
+use crate::suite::embedded_scenes::caustic;
 
 fn photon_settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     settings(|s| {

@@ -6,7 +6,6 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::builtin::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 use stereolux::scene::{Environment, LightKind, Mesh, MeshTriangle, Node, PunctualLight, Scene};
 use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Sampler, Technique};
 use stereolux::xr::{Pose, View};
@@ -15,6 +14,7 @@ use super::support::{
     assert_clean, builtin, context, mean, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,
 };
+use crate::suite::embedded_scenes::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 
 const SIZE: u32 = 24;
 const DEPTH: u32 = 6;

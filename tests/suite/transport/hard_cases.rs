@@ -4,12 +4,12 @@ use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::builtin::{plane, sphere};
 use stereolux::scene::{Environment, Material, Scene};
 use stereolux::settings::{Method, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::*;
+use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
     assert_clean, bits, builtin, frame, mean, method, parallel_views, radiance, renderer, settings,
     square_fov, start_pose,

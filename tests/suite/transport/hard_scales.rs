@@ -3,12 +3,12 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use stereolux::scene::builtin::plane;
 use stereolux::scene::{LightKind, Material, MeshTriangle, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::*;
+use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     bits, builtin, mean, method, parallel_views, placed, square_fov, start_pose,
 };

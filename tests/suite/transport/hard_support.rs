@@ -2,13 +2,13 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::builtin::plane;
 use stereolux::scene::{
     Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
 };
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
+use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     assert_clean, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
 };

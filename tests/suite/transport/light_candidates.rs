@@ -2,7 +2,6 @@
 //! chance.
 
 use glam::{DQuat, DVec3};
-use stereolux::scene::builtin::plane;
 use stereolux::scene::{LightKind, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
@@ -10,6 +9,7 @@ use stereolux::xr::View;
 use super::hard_support::{CLOSED_FORM, add_point_light, eyes_at, images, worst};
 use super::support::{builtin, settings};
 use super::techniques::{agree, blocks, box_with, brighter};
+use crate::suite::embedded_scenes::plane;
 
 fn with(method: Method, candidates: u32, depth: u32) -> RenderSettings {
     settings(|s| {

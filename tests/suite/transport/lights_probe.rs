@@ -138,7 +138,7 @@ impl SceneUpload {
                 }
             })
             .collect();
-        let textures = pack_textures(scene, 1 << 24).unwrap();
+        let textures = pack_textures(scene, 1 << 24, true).unwrap();
         let mut buffers = Vec::new();
         macro_rules! upload {
             ($name:literal, $data:expr) => {

@@ -25,6 +25,7 @@ pub mod light_candidates;
 pub mod lights_emission;
 pub mod lights_probe;
 pub mod lights_sampling;
+pub mod mips;
 pub mod parts;
 pub mod photon_map;
 pub mod photons_over_time;

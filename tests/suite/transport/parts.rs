@@ -3,12 +3,12 @@
 use glam::{DQuat, DVec3};
 use stereolux::images::read_image;
 use stereolux::renderer::{Eye, RadianceParts, Renderer};
-use stereolux::scene::builtin::cornell;
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::hard_support::{add, add_point_light, eyes_at, quad};
+use crate::suite::embedded_scenes::cornell;
 use crate::suite::support::{
     Folder, bits, builtin, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
     start_pose, stereolux,

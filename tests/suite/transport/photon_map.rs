@@ -3,10 +3,10 @@
 use glam::DVec3;
 use stereolux::renderer::{Eye, MapKind, Photon, PhotonGrid, Renderer};
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::sphere;
 use stereolux::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
+use crate::suite::embedded_scenes::sphere;
 use crate::suite::support::{
     Triangles, assert_clean, bits, builtin, frame, hit_in_world, hit_rays, mean, parallel_views,
     radiance, renderer, settings, square_fov, start_pose,

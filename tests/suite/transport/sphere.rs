@@ -1,9 +1,9 @@
 //! `builtin:sphere`: the integrating sphere's closed form, by path and by photons.
 
 use stereolux::renderer::Eye;
-use stereolux::scene::builtin::sphere::{ALBEDO, RADIANCE};
 use stereolux::settings::{DirectLight, Method, Reuse};
 
+use crate::suite::embedded_scenes::sphere::{ALBEDO, RADIANCE};
 use crate::suite::support::{
     assert_clean, builtin, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,

@@ -7,7 +7,8 @@ use stereolux::gpu::buffers::read_buffer;
 use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
-use stereolux::scene::{AlphaMode, Material, builtin::plane};
+use stereolux::scene::{AlphaMode, Material};
+
 use stereolux::settings::{Eyes, Force, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -15,6 +16,7 @@ use super::bvh_reference::{ExactInstance, brute_force};
 use super::hard_support::{add, quad};
 pub use super::photon_map::views;
 use super::support::*;
+use crate::suite::embedded_scenes::plane;
 
 pub const SIZE: [u32; 2] = [40, 32];
 const EYES: [Eye; 2] = [Eye::Left, Eye::Right];

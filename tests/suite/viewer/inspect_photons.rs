@@ -6,13 +6,13 @@ use stereolux::renderer::{
     Eye, InspectedValues, Inspection, InstanceId, Photon, PhotonMap, Renderer,
 };
 use stereolux::scene::Scene;
-use stereolux::scene::builtin::plane;
 use stereolux::settings::{Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
 use super::photon_map::map_only;
 use super::support::*;
+use crate::suite::embedded_scenes::plane;
 
 const SIZE: [u32; 2] = [32, 32];
 

@@ -1,4 +1,4 @@
-//! What goes wrong with a runtime that Monado cannot be made to do, on `tests/fake_runtime`: each fault is one line, an
+//! What goes wrong with a runtime that Monado cannot be made to do, on `crates/fake_runtime`: each fault is one line, an
 //! exit status, and files that are whole up to the last frame.
 
 use std::path::{Path, PathBuf};

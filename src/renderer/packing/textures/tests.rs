@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Material, Mesh, MeshTriangle, Node, TextureRef};
+use crate::scene::{Image, Mesh, MeshTriangle, Node, TextureRef};
 
 fn reference(texture: u32) -> Option<TextureRef> {
     Some(TextureRef {
@@ -66,10 +66,12 @@ fn textured_scene() -> Scene {
 
 #[test]
 fn only_images_in_use_are_packed_and_shared_images_once() {
-    let packed = pack_textures(&textured_scene(), 1 << 20).unwrap();
+    let packed = pack_textures(&textured_scene(), 1 << 20, false).unwrap();
     assert_eq!(packed.texels.len(), 6);
     assert_eq!(packed.texels[1], u32::from_le_bytes([4, 5, 6, 7]));
-    assert_eq!(packed.info_of_texture, [None, Some(0), Some(1)]);
+    let known: Vec<_> = packed.info_of_texture.into_iter().collect();
+    let plain = Averaging::None;
+    assert_eq!(known, [((1, plain), 0), ((2, plain), 1)]);
     assert_eq!(packed.infos[0].offset, packed.infos[1].offset);
     assert_eq!(
         packed.infos[0].flags,
@@ -83,13 +85,13 @@ fn only_images_in_use_are_packed_and_shared_images_once() {
 
 #[test]
 fn too_large_a_pool_is_an_error_that_names_the_size() {
-    let error = pack_textures(&textured_scene(), 23).unwrap_err();
+    let error = pack_textures(&textured_scene(), 23, false).unwrap_err();
     let text = error.to_string();
     assert!(
         text.contains("24 bytes") && text.contains("used, 3x2"),
         "{text}"
     );
-    assert!(pack_textures(&textured_scene(), 24).is_ok());
+    assert!(pack_textures(&textured_scene(), 24, false).is_ok());
 }
 
 #[test]

@@ -1,0 +1,61 @@
+//! Random numbers, and triangles made of them.
+
+use glam::{DQuat, DVec3, Vec3};
+
+/// SplitMix64 (Steele, Lea and Flood, 2014).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.bits() % count as u64) as usize
+    }
+
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// Uniform on the unit sphere.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let v = self.vector();
+            if v.length() > 0.1 && v.length() < 1.0 {
+                return v.normalize();
+            }
+        }
+    }
+
+    pub fn rotation(&mut self) -> DQuat {
+        DQuat::from_axis_angle(self.direction(), 6.3 * self.unit())
+    }
+
+    /// Uniform on a triangle: weights of its second and third vertex.
+    pub fn weights(&mut self) -> [f32; 2] {
+        let (root, v) = (self.unit().sqrt(), self.unit());
+        [(root * (1.0 - v)) as f32, (root * v) as f32]
+    }
+}
+
+/// Small random triangles in a cube of side 2.
+pub fn soup(random: &mut Random, count: usize, size: f64) -> Vec<[Vec3; 3]> {
+    let triangle = |_| {
+        let center = random.vector();
+        [(); 3].map(|()| (center + size * random.vector()).as_vec3())
+    };
+    (0..count).map(triangle).collect()
+}

@@ -1,0 +1,246 @@
+//! EXR files of a run: attributes, layers, views and samples, read by the `exr` crate's own reader.
+
+use std::path::Path;
+use std::process::Output;
+
+use exr::meta::attribute::AttributeValue;
+use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
+use glam::{DMat4, DQuat, DVec3, DVec4};
+use serde_json::Value;
+
+use crate::suite::support::{Folder, stereolux};
+
+const POSE: &str = "-0.2 0.3 0.9 0 0.1736482 0 0.9848078";
+const SIZE: [usize; 2] = [24, 18];
+
+fn render(folder: &Folder, name: &str, more: &[&str]) -> std::path::PathBuf {
+    let out = folder.join(name);
+    let mut args = vec![
+        "render",
+        "--size",
+        "24x18",
+        "--photons",
+        "500",
+        "--fov",
+        "-50 40 30 -35",
+        "--ipd",
+        "0.1",
+        "--pose",
+        POSE,
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    args.extend(more);
+    let output: Output = stereolux(&args);
+    assert!(output.status.success(), "{output:?}");
+    out
+}
+
+/// Channels by name, as f64, and how many bits their samples have.
+fn channels(path: &Path) -> Vec<(String, Vec<f64>, u32)> {
+    let image = read_all_flat_layers_from_file(path).unwrap();
+    let [layer] = &image.layer_data[..] else {
+        panic!("{} parts", image.layer_data.len())
+    };
+    let list = layer.channel_data.list.iter();
+    list.map(|channel| {
+        let (samples, bits): (Vec<f64>, u32) = match &channel.sample_data {
+            FlatSamples::F16(v) => (v.iter().map(|v| f64::from(v.to_f32())).collect(), 16),
+            FlatSamples::F32(v) => (v.iter().map(|v| f64::from(*v)).collect(), 32),
+            FlatSamples::U32(v) => (v.iter().map(|v| f64::from(*v)).collect(), 0),
+        };
+        assert_eq!(samples.len(), SIZE[0] * SIZE[1]);
+        (channel.name.to_string(), samples, bits)
+    })
+    .collect()
+}
+
+fn names(channels: &[(String, Vec<f64>, u32)]) -> Vec<&str> {
+    channels.iter().map(|(name, ..)| name.as_str()).collect()
+}
+
+fn of<'a>(channels: &'a [(String, Vec<f64>, u32)], name: &str) -> &'a [f64] {
+    &channels
+        .iter()
+        .find(|(known, ..)| known == name)
+        .unwrap_or_else(|| panic!("no {name}"))
+        .1
+}
+
+#[test]
+fn attributes_say_where_the_eye_was_and_what_it_saw() {
+    let folder = Folder::new("exr-attributes");
+    let out = render(&folder, "out", &[]);
+    let run: Value = serde_json::from_slice(&std::fs::read(out.join("run.json")).unwrap()).unwrap();
+    for (eye, side) in [("left", -0.05), ("right", 0.05)] {
+        let path = out.join(format!("frame_0000_{eye}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(&path, true).unwrap();
+        let [header] = &meta.headers[..] else {
+            panic!("one part")
+        };
+        assert_eq!(header.compression, exr::compression::Compression::ZIP16);
+        let own = &header.own_attributes;
+        assert_eq!(own.view_name.as_ref().unwrap().to_string(), eye);
+        assert_eq!(
+            own.software_name.as_ref().unwrap().to_string(),
+            concat!("stereolux ", env!("CARGO_PKG_VERSION"))
+        );
+        let text = |name: &str| match own
+            .other
+            .iter()
+            .find(|(known, _)| known.to_string() == name)
+        {
+            Some((_, AttributeValue::Text(text))) => text.to_string(),
+            other => panic!("{name}: {other:?}"),
+        };
+        assert_eq!(
+            text("stereolux.adapter"),
+            run["adapter"]["name"].as_str().unwrap()
+        );
+        assert_eq!(
+            text("stereolux.settings"),
+            run["settings_hash"].as_str().unwrap()
+        );
+        assert_eq!(text("stereolux.displayTimeNs"), "0");
+        assert_eq!(
+            text("fovDegrees"),
+            "-50.000000 40.000000 30.000000 -35.000000"
+        );
+        // The screen window is the field of view at distance 1; f32 of tangents near 1: 1e-6.
+        let tan = |degrees: f64| degrees.to_radians().tan();
+        let near = |found: f32, wanted: f64| {
+            assert!((f64::from(found) - wanted).abs() < 1e-6, "{found} {wanted}")
+        };
+        let width = tan(40.0) + tan(50.0);
+        near(own.screen_window_width, width);
+        near(own.screen_window_center.0, (tan(40.0) - tan(50.0)) / 2.0);
+        near(own.screen_window_center.1, (tan(30.0) - tan(35.0)) / 2.0);
+        let aspect = (width / 24.0) / ((tan(30.0) + tan(35.0)) / 18.0);
+        near(header.shared_attributes.pixel_aspect, aspect);
+        // Row vectors: a point a metre before the eye, a little up and right, in a left-handed camera.
+        let matrix = own.world_to_camera.unwrap();
+        let camera_from_world = DMat4::from_cols_array(&matrix.map(f64::from));
+        let head = DQuat::from_xyzw(0.0, 0.173_648_2, 0.0, 0.984_807_8).normalize();
+        let eye_in_world = DVec3::new(-0.2, 0.3, 0.9) + head * DVec3::new(side, 0.0, 0.0);
+        let point = eye_in_world + head * DVec3::new(0.2, 0.1, -1.0);
+        let seen = camera_from_world * DVec4::from((point, 1.0));
+        assert!(
+            (seen.truncate() - DVec3::new(0.2, 0.1, 1.0)).length() < 1e-6,
+            "{seen}"
+        );
+    }
+}
+
+#[test]
+fn half_floats_and_one_file_for_both_eyes_hold_the_same_pixels() {
+    let folder = Folder::new("exr-samples");
+    let aovs = [
+        "--set",
+        "output.aovs=depth,normal,albedo,motion,instance",
+        "--set",
+        "output.parts=true",
+    ];
+    let with = |more: &[&'static str]| [&aovs[..], more].concat();
+    let plain = render(&folder, "plain", &["--set", "output.parts=true"]);
+    let files = render(&folder, "files", &with(&[]));
+    let both = render(
+        &folder,
+        "both",
+        &with(&["--set", "output.layout=multiview"]),
+    );
+    let half = render(&folder, "half", &with(&["--set", "output.exr=f16"]));
+    let layers = [
+        "B",
+        "G",
+        "N.X",
+        "N.Y",
+        "N.Z",
+        "R",
+        "Z",
+        "albedo.B",
+        "albedo.G",
+        "albedo.R",
+        "instance.id",
+        "motion.X",
+        "motion.Y",
+    ];
+    let multiview = channels(&both.join("frame_0000.exr"));
+    assert!(!both.join("frame_0000_left.exr").exists());
+    for eye in ["left", "right"] {
+        let name = format!("frame_0000_{eye}.exr");
+        let own = channels(&files.join(&name));
+        assert_eq!(names(&own), layers);
+        // Further layers change no pixel, and views are as their files.
+        let radiance = channels(&plain.join(&name));
+        assert_eq!(names(&radiance), ["B", "G", "R"]);
+        let view = if eye == "left" { "" } else { "right." };
+        for channel in ["R", "G", "B"] {
+            assert!(of(&radiance, channel) == of(&own, channel));
+            assert!(of(&multiview, &format!("{view}{channel}")) == of(&own, channel));
+            let part = channels(&plain.join(format!("frame_0000_{eye}_direct.exr")));
+            assert!(of(&multiview, &format!("direct.{view}{channel}")) == of(&part, channel));
+        }
+        for layer in ["Z", "N.X", "albedo.G", "instance.id"] {
+            let (of_layer, channel) = layer.rsplit_once('.').unwrap_or(("", layer));
+            let dot = if of_layer.is_empty() { "" } else { "." };
+            // `albedo` is a part's name too; the layer that was asked for wins.
+            assert!(
+                of(&multiview, &format!("{of_layer}{dot}{view}{channel}")) == of(&own, layer),
+                "{layer}"
+            );
+        }
+        let halves = channels(&half.join(&name));
+        for (name, samples, bits) in &halves {
+            let depths = ["Z", "motion.X", "motion.Y"].contains(&name.as_str());
+            assert_eq!(
+                *bits,
+                if name == "instance.id" {
+                    0
+                } else if depths {
+                    32
+                } else {
+                    16
+                },
+                "{name}"
+            );
+            // Half of a unit in the last of 11 bits; 2^-25 where halves are denormal.
+            for (half, full) in samples.iter().zip(of(&own, name)) {
+                assert!(
+                    (half - full).abs() <= full.abs() / 2048.0 + 3e-8,
+                    "{name}: {half} and {full}"
+                );
+            }
+        }
+        // What pixels see of the box: a unit normal, a depth, an instance, a grey or coloured wall.
+        let seen = (0..SIZE[0] * SIZE[1])
+            .filter(|pixel| of(&own, "Z")[*pixel] > 0.0)
+            .collect::<Vec<_>>();
+        assert!(seen.len() > 50, "{} pixels see the box", seen.len());
+        for pixel in seen {
+            let at = |name: &str| of(&own, name)[pixel];
+            let length = at("N.X").hypot(at("N.Y")).hypot(at("N.Z"));
+            assert!((length - 1.0).abs() < 1e-3, "{length}");
+            assert!((0.2..3.0).contains(&at("Z")) && at("instance.id") < 100.0);
+            assert!(at("albedo.G") > 0.0 && at("albedo.G") < 1.0);
+        }
+    }
+    let meta = exr::meta::MetaData::read_from_file(both.join("frame_0000.exr"), true).unwrap();
+    let views = meta.headers[0]
+        .own_attributes
+        .multi_view_names
+        .clone()
+        .unwrap();
+    assert_eq!(
+        views.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        ["left", "right"]
+    );
+    let refused = stereolux(&[
+        "render",
+        "--set",
+        "output.aovs=depth,norml",
+        "--out",
+        folder.join("x").to_str().unwrap(),
+    ]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("norml"));
+}

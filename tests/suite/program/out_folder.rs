@@ -1,0 +1,180 @@
+//! What stands under `--out`: nothing of older runs, `run.json` also after an error, pictures by the curve asked for.
+
+use std::io::{BufRead as _, BufReader};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use stereolux::images::{read_image, srgb_encode};
+
+use crate::suite::support::{Folder, adapter_name, stereolux};
+
+fn run(folder: &Folder, frames: &str, more: &[&str]) -> std::process::Output {
+    let out = folder.join("out");
+    let mut args = vec![
+        "run",
+        "--session",
+        "simulated",
+        "--size",
+        "12x8",
+        "--photons",
+        "300",
+        "--frames",
+        frames,
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    args.extend(more);
+    stereolux(&args)
+}
+
+fn run_json(folder: &Folder) -> Value {
+    serde_json::from_slice(&std::fs::read(folder.join("out/run.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn files_of_an_older_run_go_and_others_stay() {
+    let folder = Folder::new("older-run");
+    let first = run(
+        &folder,
+        "3",
+        &[
+            "--set",
+            "output.parts=true",
+            "--set",
+            "output.chrome_trace=true",
+        ],
+    );
+    assert!(first.status.success());
+    assert!(!String::from_utf8_lossy(&first.stderr).contains("removed"));
+    // 3 frames of 2 eyes in 4 parts, 2 pictures each, run.json, trace.json.
+    let old = folder.files().len();
+    assert_eq!(old, 3 * (2 * 4 + 2) + 3);
+    let mine = ["frame_0001_left_mine.exr", "notes.txt", "view_0000.png"];
+    for name in mine {
+        std::fs::write(folder.join("out").join(name), "mine").unwrap();
+    }
+    let second = run(&folder, "1", &[]);
+    let text = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(
+        text.contains(&format!("removed {} files of an older run", old - 1)),
+        "{text}"
+    );
+    let mut left: Vec<String> = [
+        "frame_0000.png",
+        "frame_0000_left.exr",
+        "frame_0000_reuse.png",
+        "frame_0000_right.exr",
+        "run.json",
+        "stats.jsonl",
+    ]
+    .iter()
+    .chain(&mine)
+    .map(|name| format!("out/{name}"))
+    .collect();
+    left.sort();
+    assert_eq!(folder.files(), left);
+    assert_eq!(run_json(&folder)["error"], Value::Null);
+}
+
+#[test]
+fn a_run_that_fails_says_so_in_run_json() {
+    let folder = Folder::new("failing-run");
+    // Something of that name is in the way of the third frame.
+    std::fs::create_dir_all(folder.join("out/frame_0002_left.exr/x")).unwrap();
+    let output = run(&folder, "5", &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(text.lines().count(), 1, "{text}");
+    let run = run_json(&folder);
+    assert!(
+        run["error"]
+            .as_str()
+            .unwrap()
+            .contains("frame_0002_left.exr"),
+        "{run}"
+    );
+    assert_eq!(run["frames"], 2);
+    assert!(run["medians"]["left_ms"].is_f64());
+}
+
+#[test]
+fn the_last_line_compares_with_the_headset() {
+    let folder = Folder::new("last-line");
+    let output = run(&folder, "4", &[]);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let run = run_json(&folder);
+    let (medians, hz) = (&run["medians"], run["refresh_hz"].as_f64().unwrap());
+    assert_eq!(run["budget_ms"].as_f64().unwrap(), 1e3 / hz);
+    let total = medians["total_ms"].as_f64().unwrap();
+    assert!(total >= medians["left_ms"].as_f64().unwrap());
+    for part in [
+        format!(
+            "both eyes {total:.1} ms of the {:.1} ms that {hz:.0} Hz allow",
+            1e3 / hz
+        ),
+        format!(
+            "{:.1} frames/s of wall time",
+            run["frames_per_second"].as_f64().unwrap()
+        ),
+        format!(
+            "{:.0} % of the right eye reused",
+            100.0 * medians["reuse_fraction"].as_f64().unwrap()
+        ),
+    ] {
+        assert!(text.contains(&part), "{text:?} lacks {part:?}");
+    }
+    let per_second = 4.0 / run["wall_s"].as_f64().unwrap();
+    assert!((run["frames_per_second"].as_f64().unwrap() - per_second).abs() < 1e-9 * per_second);
+}
+
+#[test]
+fn pictures_have_the_curve_that_is_asked_for() {
+    let folder = Folder::new("tone");
+    let mut pictures = Vec::new();
+    for tone in ["aces", "agx", "neutral", "linear"] {
+        let set = format!("output.tone={tone}");
+        assert!(run(&folder, "1", &["--set", &set]).status.success());
+        assert_eq!(run_json(&folder)["settings"]["output"]["tone"], tone);
+        pictures.push(std::fs::read(folder.join("out/frame_0000.png")).unwrap());
+    }
+    let distinct: std::collections::BTreeSet<_> = pictures.iter().collect();
+    assert_eq!(distinct.len(), 4);
+    // The last one is the radiance, clipped.
+    let radiance = read_image(&folder.join("out/frame_0000_left.exr")).unwrap();
+    let picture = image::open(folder.join("out/frame_0000.png"))
+        .unwrap()
+        .into_rgb8();
+    for (at, pixel) in radiance.pixels.iter().enumerate() {
+        let (x, y) = (at as u32 % 12, at as u32 / 12);
+        let wanted = pixel.map(|c| (srgb_encode(c.clamp(0.0, 1.0)) * 255.0).round() as u8);
+        assert_eq!(picture.get_pixel(x, y).0, wanted, "{x} {y}");
+    }
+}
+
+#[test]
+fn much_output_is_announced_before_it_is_written() {
+    let folder = Folder::new("much-output");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
+        .args([
+            "run",
+            "--session",
+            "simulated",
+            "--size",
+            "16x12",
+            "--photons",
+            "100",
+        ])
+        .args(["--frames", "1000000", "--adapter", adapter_name(), "--out"])
+        .arg(folder.join("out"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stderr.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // Two eyes of 192 pixels, 12 bytes of radiance and 6 of pictures each.
+    assert!(line.contains("1000000 frames take up to 6.9 GB"), "{line}");
+}

@@ -1,0 +1,151 @@
+//! `run --range`: parts of a run are the whole run's frames, and `merge` joins what they report.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::suite::support::{Folder, RAW_FRAMES, stereolux};
+
+fn run(out: &Path, scene: &str, args: &[&str]) {
+    let mut all = vec![
+        "run",
+        "--session",
+        "simulated",
+        "--motion",
+        "walk",
+        "--size",
+        "24x16",
+        "--photons",
+        "2000",
+        "--frames",
+        "6",
+        "--scene",
+        scene,
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    // Raw frames know nothing of the frames before them; what a test switches on comes later and wins.
+    all.extend(RAW_FRAMES);
+    all.extend(args);
+    let output = stereolux(&all);
+    assert!(output.status.success(), "{output:?}");
+}
+
+fn stats(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+#[test]
+fn two_halves_are_the_whole_run_bit_for_bit() {
+    let folder = Folder::new("range");
+    // One stands still and keeps its photons; in the other everything moves.
+    for scene in ["builtin:cornell", "builtin:parade"] {
+        let [whole, first, second, merged] =
+            ["whole", "first", "second", "merged"].map(|name| folder.join(name));
+        run(&whole, scene, &[]);
+        run(&first, scene, &["--range", "0..3"]);
+        run(&second, scene, &["--range", "3..6"]);
+        for frame in 0..6 {
+            let part = if frame < 3 { &first } else { &second };
+            let other = if frame < 3 { &second } else { &first };
+            for eye in ["left", "right"] {
+                let name = format!("frame_{frame:04}_{eye}.exr");
+                let read = |folder: &Path| std::fs::read(folder.join(&name)).unwrap();
+                assert!(read(&whole) == read(part), "{scene}: {name}");
+                assert!(!other.join(&name).exists());
+            }
+        }
+        let output = stereolux(&[
+            "merge",
+            first.to_str().unwrap(),
+            second.to_str().unwrap(),
+            "--out",
+            merged.to_str().unwrap(),
+        ]);
+        assert!(output.status.success(), "{output:?}");
+        assert!(output.stderr.is_empty(), "{output:?}");
+        let (all, joined) = (stats(&whole), stats(&merged));
+        assert_eq!(joined.len(), 6);
+        for (a, b) in all.iter().zip(&joined) {
+            for key in ["frame", "display_time_ns", "stereo", "non_finite_pixels"] {
+                assert_eq!(a[key], b[key], "{key}");
+            }
+            assert_eq!(a["photons"]["stored"], b["photons"]["stored"]);
+        }
+        let json = |folder: &Path| -> Value {
+            serde_json::from_slice(&std::fs::read(folder.join("run.json")).unwrap()).unwrap()
+        };
+        let (one, joined) = (json(&whole), json(&merged));
+        for key in [
+            "frames",
+            "settings",
+            "settings_hash",
+            "scene",
+            "size",
+            "error",
+        ] {
+            assert_eq!(one[key], joined[key], "{key}");
+        }
+        assert_eq!(
+            one["medians"]["reuse_fraction"],
+            joined["medians"]["reuse_fraction"]
+        );
+        let again = |a: &Path, b: &Path| {
+            let out = folder.join("no");
+            let output = stereolux(&[
+                "merge",
+                a.to_str().unwrap(),
+                b.to_str().unwrap(),
+                "--out",
+                out.to_str().unwrap(),
+            ]);
+            assert_eq!(output.status.code(), Some(2));
+            assert!(!out.exists());
+            String::from_utf8_lossy(&output.stderr).into_owned()
+        };
+        assert!(again(&whole, &first).contains("frame 0 is in"));
+        run(&second, scene, &["--range", "3..6", "--seed", "5"]);
+        assert!(again(&first, &second).contains("settings_hash"));
+    }
+}
+
+#[test]
+fn filters_need_the_frames_before_them() {
+    let folder = Folder::new("warm-up");
+    let filter = [
+        "--set",
+        "reconstruct.svgf=true",
+        "--set",
+        "reconstruct.taa=true",
+    ];
+    let [whole, cold, warm] = ["whole", "cold", "warm"].map(|name| folder.join(name));
+    let scene = "builtin:cornell";
+    run(&whole, scene, &filter);
+    run(&cold, scene, &[&filter[..], &["--range", "4..6"]].concat());
+    run(
+        &warm,
+        scene,
+        &[&filter[..], &["--range", "4..6", "--warm-up", "4"]].concat(),
+    );
+    let read = |folder: &Path| std::fs::read(folder.join("frame_0005_left.exr")).unwrap();
+    // All frames before it: nothing is missing. None of them: something is.
+    assert!(read(&whole) == read(&warm));
+    assert!(read(&whole) != read(&cold));
+    assert_eq!(stats(&warm).len(), 2);
+    for (args, says) in [
+        (&["--range", "5..3"][..], "A..B"),
+        (&["--warm-up", "3"], "--range"),
+        (&["--range", "0..3", "--session", "openxr"], "--range"),
+        (&["--range", "0..3", "--record", "x.jsonl"], "--record"),
+    ] {
+        let output = stereolux(&[&["run"], args].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            String::from_utf8_lossy(&output.stderr).contains(says),
+            "{args:?}"
+        );
+    }
+}

@@ -1,0 +1,141 @@
+//! `trace.json`: read back, its events nest, and the device's are those of `stats.jsonl`.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use crate::suite::support::{Folder, stereolux};
+
+struct Event {
+    name: String,
+    thread: u64,
+    frame: u64,
+    begin_us: f64,
+    end_us: f64,
+}
+
+/// Two times of one clock are alike within rounding to f64 of microseconds since the beginning, under an hour: 2^-20 us.
+const ROUNDING_US: f64 = 1e-6;
+
+impl Event {
+    fn of(event: &Value) -> Self {
+        let begin_us = event["ts"].as_f64().unwrap();
+        let duration_us = event["dur"].as_f64().unwrap();
+        assert!(begin_us >= 0.0 && duration_us >= 0.0, "{event}");
+        Self {
+            name: event["name"].as_str().unwrap().to_owned(),
+            thread: event["tid"].as_u64().unwrap(),
+            frame: event["args"]["frame"].as_u64().unwrap(),
+            begin_us,
+            end_us: begin_us + duration_us,
+        }
+    }
+
+    fn holds(&self, other: &Self) -> bool {
+        self.begin_us <= other.begin_us + ROUNDING_US && other.end_us <= self.end_us + ROUNDING_US
+    }
+
+    fn is_apart_from(&self, other: &Self) -> bool {
+        self.end_us <= other.begin_us + ROUNDING_US || other.end_us <= self.begin_us + ROUNDING_US
+    }
+}
+
+#[test]
+fn a_trace_holds_stages_and_passes_on_one_clock() {
+    let folder = Folder::new("chrome-trace");
+    let out = folder.join("out");
+    let output = stereolux(&[
+        "run",
+        "--session",
+        "simulated",
+        "--frames",
+        "3",
+        "--size",
+        "16x12",
+        "--photons",
+        "500",
+        "--set",
+        "output.chrome_trace=true",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{output:?}");
+    let text = std::fs::read_to_string(out.join("trace.json")).unwrap();
+    let events: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let (names, spans): (Vec<_>, Vec<_>) = events.iter().partition(|event| event["ph"] == "M");
+    assert_eq!(names.len(), 3, "a process and two threads have names");
+    assert!(spans.iter().all(|event| event["ph"] == "X"));
+    let thread = |wanted: &str| {
+        let named = names.iter().find(|event| event["args"]["name"] == wanted);
+        named.unwrap()["tid"].as_u64().unwrap()
+    };
+    let run: Value = serde_json::from_slice(&std::fs::read(out.join("run.json")).unwrap()).unwrap();
+    let (host, device) = (
+        thread("host"),
+        thread(run["adapter"]["name"].as_str().unwrap()),
+    );
+    let spans: Vec<Event> = spans.into_iter().map(Event::of).collect();
+
+    // On each thread two events are apart, or one holds the other.
+    for (at, one) in spans.iter().enumerate() {
+        for other in spans[..at]
+            .iter()
+            .filter(|other| other.thread == one.thread)
+        {
+            assert!(
+                one.is_apart_from(other) || one.holds(other) || other.holds(one),
+                "{} and {} overlap",
+                one.name,
+                other.name
+            );
+        }
+    }
+    let stats = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
+    assert_eq!(stats.lines().count(), 3);
+    for line in stats.lines() {
+        let stats: Value = serde_json::from_str(line).unwrap();
+        let of_frame = |thread| {
+            let number = stats["frame"].as_u64();
+            spans
+                .iter()
+                .filter(move |event| event.thread == thread && Some(event.frame) == number)
+        };
+        let frame = of_frame(host).find(|event| event.name == "frame").unwrap();
+        for stage in ["wait", "session", "update", "render", "read_back", "write"] {
+            let sum_ms: f64 = of_frame(host)
+                .filter(|event| event.name == stage)
+                .map(|event| (event.end_us - event.begin_us) / 1e3)
+                .sum();
+            let wanted = stats["cpu_ms"][stage].as_f64().unwrap();
+            assert!(
+                (sum_ms - wanted).abs() < 1e-6,
+                "{stage}: {sum_ms} and {wanted}"
+            );
+        }
+        let mut pass_ms: BTreeMap<String, f64> = BTreeMap::new();
+        for event in of_frame(device) {
+            assert!(frame.holds(event), "{} lies outside its frame", event.name);
+            let submissions = of_frame(host).filter(|host| host.name.starts_with("submission"));
+            assert_eq!(
+                submissions.filter(|host| host.holds(event)).count(),
+                1,
+                "{}",
+                event.name
+            );
+            *pass_ms.entry(event.name.clone()).or_default() +=
+                (event.end_us - event.begin_us) / 1e3;
+        }
+        assert!(of_frame(host).all(|event| frame.holds(event)));
+        let wanted = stats["pass_ms"].as_object().unwrap();
+        assert!(!wanted.is_empty());
+        assert!(
+            pass_ms.keys().eq(wanted.keys()),
+            "{pass_ms:?} and {wanted:?}"
+        );
+        for (name, ms) in &pass_ms {
+            // Ticks are whole: only differences of microseconds are rounded.
+            let wanted = wanted[name].as_f64().unwrap();
+            assert!((ms - wanted).abs() < 1e-6, "{name}: {ms} and {wanted}");
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! Levels of textures: which one a ray reads, what normals add to roughness, and a checkerboard to the horizon.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::{Kernel, Resources, ShaderLibrary};
+use stereolux::renderer::Eye;
+use stereolux::renderer::packing::sample_image;
+use stereolux::scene::{Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
+use stereolux::settings::{Method, Mips, Reuse};
+use stereolux::xr::Pose;
+
+use super::bvh_probe::{ask, features};
+use super::lights_probe::{SceneUpload, add_triangles};
+use super::support::{
+    bits, builtin, context, frame, parallel_views, radiance, renderer, settings, square_fov,
+    start_pose,
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Query {
+    ray_direction: [f32; 3],
+    width_m: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Answer {
+    level: f32,
+    taps: f32,
+    alpha: f32,
+    reserved: f32,
+}
+
+const TEXELS: u32 = 256;
+
+fn textured(texel: impl Fn(u32, u32) -> [u8; 4], size: u32, scale: f32) -> (Scene, TextureRef) {
+    let scene = Scene {
+        images: vec![Image {
+            name: "made".to_owned(),
+            width: size,
+            height: size,
+            rgba8: (0..size * size)
+                .flat_map(|at| texel(at % size, at / size))
+                .collect(),
+        }],
+        textures: vec![Texture {
+            image: 0,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            filter: Filter::Linear,
+        }],
+        ..Scene::default()
+    };
+    let reference = TextureRef {
+        texture: 0,
+        uv_set: 0,
+        texcoord_from_uv: [scale, 0.0, 0.0, 0.0, scale, 0.0],
+    };
+    (scene, reference)
+}
+
+/// Answers for the triangle (0, x, y) whose coordinates are its metres.
+fn answers(mut scene: Scene, material: Material, queries: &[Query]) -> Vec<Answer> {
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    add_triangles(&mut scene, &[corners], material, DAffine3::IDENTITY);
+    scene.meshes[0].normals = vec![[0.0, 0.0, 1.0]; 3];
+    let context = context();
+    let mut library = ShaderLibrary::embedded();
+    library.insert("tests/mips_probe", include_str!("mips_probe.wesl"));
+    let on = features(&[
+        "textures",
+        "base_color_maps",
+        "normal_maps",
+        "glossy",
+        "mips",
+    ]);
+    let kernel = Kernel::new(&context, &library, "tests/mips_probe", &on).unwrap();
+    let upload = SceneUpload::new(&context, &scene, DVec3::ZERO);
+    let resources = upload.with(Resources::new());
+    ask(&context, &kernel, &resources, queries, queries.len())
+}
+
+fn query(width_m: f64, cosine: f64) -> Query {
+    let sine = (1.0 - cosine * cosine).sqrt();
+    // Neither along the triangle's edges nor along the texture's axes.
+    let direction = DVec3::new(0.6 * sine, 0.8 * sine, -cosine);
+    Query {
+        ray_direction: direction.as_vec3().to_array(),
+        width_m: width_m as f32,
+    }
+}
+
+/// A square texture's level is the logarithm of the texels that a ray's width covers; a slanted one takes a tap per width.
+#[test]
+fn the_level_is_the_logarithm_of_texels_per_ray() {
+    let widths = [0.001, 0.0039, 0.004, 0.01, 0.05, 0.3];
+    for scale in [1.0_f32, 2.5] {
+        let (scene, reference) = textured(|_, _| [255; 4], TEXELS, scale);
+        let material = Material {
+            base_color_texture: Some(reference),
+            ..Material::default()
+        };
+        for (cosine, taps) in [(1.0, 1.0), (0.9, 1.0), (1.0 / 3.0, 3.0), (0.01, 8.0)] {
+            let queries = widths.map(|width| query(width, cosine));
+            let found = answers(scene.clone(), material.clone(), &queries);
+            for (width, found) in widths.iter().zip(found) {
+                let texels = width * f64::from(scale) * f64::from(TEXELS);
+                let longest = (texels / cosine).max(1.0);
+                let count = (longest / texels.max(1.0) - 0.25).ceil().clamp(1.0, 8.0);
+                let due = texels.max(longest / count).max(1.0).log2().min(8.0);
+                // Some 30 roundings of 2^-24 in the rates, over ln 2; the cosine's own at 0.01 is a hundred times as large.
+                let tolerance = 5e-6 / cosine;
+                assert!(
+                    (f64::from(found.level) - due).abs() < tolerance,
+                    "{width} at {cosine}: {found:?}, {due} is due"
+                );
+                assert_eq!(f64::from(found.taps), count, "{width} at {cosine}");
+                assert!(texels < 8.0 || count == taps);
+            }
+        }
+    }
+}
+
+/// Two normals at +-10 degrees, a texel each: where a ray covers many, they add their slopes' variance to alpha squared.
+#[test]
+fn normals_that_a_ray_covers_make_a_surface_rougher() {
+    let theta = 10.0_f64.to_radians();
+    let byte = |value: f64| ((0.5 * value + 0.5) * 255.0).round() as u8;
+    let texel = |x: u32, _: u32| {
+        let side = if x % 2 == 0 { 1.0 } else { -1.0 };
+        [byte(side * theta.sin()), 128, byte(theta.cos()), 255]
+    };
+    let (scene, reference) = textured(texel, TEXELS, 1.0);
+    for roughness in [0.0_f32, 0.3, 0.6] {
+        let material = Material {
+            roughness,
+            metallic: 1.0,
+            base_color_texture: Some(reference),
+            normal_texture: Some(reference),
+            ..Material::default()
+        };
+        let queries = [query(0.0, 1.0), query(0.1, 1.0)];
+        let found = answers(scene.clone(), material, &queries);
+        let plain = f64::from(roughness * roughness);
+        assert!(
+            (f64::from(found[0].alpha) - plain).abs() < 1e-6,
+            "{found:?}"
+        );
+        let due = (plain * plain + theta.tan().powi(2)).sqrt();
+        // The law's own difference at this angle (see packing's tests) and a byte.
+        let tolerance = theta.tan() * (1.0 - theta.cos()) + 2.0 / 255.0;
+        assert!(
+            (f64::from(found[1].alpha) - due).abs() < tolerance,
+            "{found:?}, {due}"
+        );
+    }
+}
+
+/// Half the floor's width, m: farther away than any pixel's centre sees it.
+const FLOOR_M: f64 = 100.0;
+const SIZE: usize = 64;
+const EYE: DVec3 = DVec3::new(0.03, 1.0, 0.0);
+/// Where the mirror stands.
+const MIRROR_Z: f64 = -0.5;
+
+/// A glowing floor of black and white squares of 0.25 m, perhaps with a mirror before the eye.
+fn checkerboard(with_mirror: bool) -> Scene {
+    let texel = |x: u32, y: u32| [if (x / 8 + y / 8) % 2 == 0 { 0 } else { 255 }; 4];
+    let (mut scene, reference) = textured(texel, 64, 0.5);
+    let at = |x: f64, z: f64| DVec3::new(FLOOR_M * x, 0.0, FLOOR_M * z);
+    let floor = [
+        [at(-1.0, 1.0), at(1.0, 1.0), at(1.0, -1.0)],
+        [at(-1.0, 1.0), at(1.0, -1.0), at(-1.0, -1.0)],
+    ];
+    let material = Material {
+        emission: [1.0; 3],
+        emissive_texture: Some(reference),
+        ..Material::lambert("squares", [0.0; 3])
+    };
+    add_triangles(&mut scene, &floor, material, DAffine3::IDENTITY);
+    scene.meshes[0].uv0 = floor
+        .iter()
+        .flatten()
+        .map(|corner| [corner.x as f32, corner.z as f32])
+        .collect();
+    if with_mirror {
+        let at = |x: f64, y: f64| DVec3::new(x, y, MIRROR_Z);
+        let mirror = [
+            [at(-50.0, -1.0), at(50.0, -1.0), at(50.0, 50.0)],
+            [at(-50.0, -1.0), at(50.0, 50.0), at(-50.0, 50.0)],
+        ];
+        let material = Material {
+            metallic: 1.0,
+            roughness: 0.0,
+            ..Material::default()
+        };
+        add_triangles(&mut scene, &mirror, material, DAffine3::IDENTITY);
+        scene.meshes[1].normals = vec![[0.0, 0.0, 1.0]; 6];
+    }
+    scene
+}
+
+/// The lower half of what an eye sees, one number per pixel.
+fn seen(scene: &Scene, position: DVec3, turn: f64, mips: Mips) -> Vec<f64> {
+    let settings = settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.path.max_depth = 2;
+        s.textures.mips = mips;
+    });
+    let head = Pose::new(position, DQuat::from_rotation_y(turn));
+    let mut renderer = renderer(scene, &settings, [SIZE as u32; 2]);
+    assert_eq!(renderer.features().mips, mips == Mips::On);
+    frame(&mut renderer, &parallel_views(head, 0.0, square_fov(45.0)));
+    let image = radiance(&renderer, Eye::Left);
+    image[SIZE * SIZE / 2..]
+        .iter()
+        .map(|pixel| f64::from(pixel[1]))
+        .collect()
+}
+
+/// The same by 4,096 samples spread over each pixel, of an endless floor.
+fn converged(scene: &Scene) -> Vec<f64> {
+    let sample = |x: f64, y: f64| {
+        let tangent = |at: f64| 2.0 * at / SIZE as f64 - 1.0;
+        let (right, down) = (tangent(x), tangent(y));
+        let at = [EYE.x + right / down, -1.0 / down].map(|metres| 0.5 * metres);
+        sample_image(scene, 0, at, false)[0]
+    };
+    let pixel = |at: usize| {
+        let (x, y) = (at % SIZE, SIZE / 2 + at / SIZE);
+        let part = |k: usize| (k as f64 + 0.5) / 64.0;
+        let samples = (0..4096).map(|k| sample(x as f64 + part(k % 64), y as f64 + part(k / 64)));
+        samples.sum::<f64>() / 4096.0
+    };
+    (0..SIZE * SIZE / 2).map(pixel).collect()
+}
+
+fn rms(a: &[f64], b: &[f64]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+    (sum / a.len() as f64).sqrt()
+}
+
+/// One sample per pixel. The contrast is 1.
+#[test]
+fn a_checkerboard_to_the_horizon_has_no_aliases() {
+    let scene = checkerboard(false);
+    let due = converged(&scene);
+    let error = |mips| rms(&seen(&scene, EYE, 0.0, mips), &due);
+    let (with, without) = (error(Mips::On), error(Mips::Off));
+    assert!(with < 0.05, "{with}");
+    // Negative control: what is seen without levels.
+    assert!(without > 0.15, "{without}");
+}
+
+/// What a mirror shows is what its mirror image shows, turned over; and so as free of aliases.
+#[test]
+fn a_mirrored_checkerboard_is_read_as_its_mirror_image() {
+    let image_of_eye = DVec3::new(EYE.x, EYE.y, 2.0 * MIRROR_Z - EYE.z);
+    let turned = |image: Vec<f64>| -> Vec<f64> {
+        let rows = image.chunks(SIZE);
+        rows.flat_map(|row| row.iter().rev().copied()).collect()
+    };
+    for mips in [Mips::On, Mips::Off] {
+        let mirrored = seen(&checkerboard(true), EYE, 0.0, mips);
+        let turn = std::f64::consts::PI;
+        let due = turned(seen(&checkerboard(false), image_of_eye, turn, mips));
+        // A coordinate of up to 50 repeats of 64 texels is rounded to 2^-24 of that some ten times: 2e-3 texels, of which
+        // each may change the value by 1. Where the texture is not averaged, rays to the horizon multiply that.
+        let allowed = if mips == Mips::On { 0.02 } else { 0.5 };
+        let worst = mirrored.iter().zip(&due).map(|(a, b)| (a - b).abs());
+        let worst = worst.fold(0.0, f64::max);
+        assert!(worst < allowed, "{mips:?}: {worst}");
+        assert!(rms(&mirrored, &due) < 0.005);
+        // Negative control: not turned over it is another picture.
+        assert!(rms(&mirrored, &turned(due)) > 0.1);
+    }
+}
+
+/// Both eyes read the same levels where they stand in the same place.
+#[test]
+fn eyes_in_one_place_see_the_same_bits_with_levels() {
+    let scene = builtin("gallery");
+    for reuse in [Reuse::Off, Reuse::Lookup, Reuse::Scatter] {
+        let settings = settings(|s| {
+            s.reuse = reuse;
+            s.textures.mips = Mips::On;
+        });
+        let mut renderer = renderer(&scene, &settings, [24, 24]);
+        let views = parallel_views(start_pose(&scene), 0.0, square_fov(40.0));
+        frame(&mut renderer, &views);
+        let [left, right] = [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)));
+        assert_eq!(left, right, "{reuse:?}");
+    }
+}
