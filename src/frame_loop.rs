@@ -563,8 +563,6 @@ pub fn read_images(
             radiance.push((eye, image(pixels)?));
         }
     }
-    let mut displayed = |eye| renderer.read_displayed(eye)?.map(&mut image).transpose();
-    let displayed = [displayed(Eye::Left)?, displayed(Eye::Right)?];
     let mut parts = Vec::new();
     for eye in [Eye::Left, Eye::Right] {
         if let Some(read) = renderer.read_parts(eye)? {
@@ -590,7 +588,6 @@ pub fn read_images(
     };
     Ok(FrameImages {
         radiance,
-        displayed,
         provenance,
         parts,
         aovs: Vec::new(),

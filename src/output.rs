@@ -11,9 +11,7 @@ use crate::chrome_trace::ChromeTrace;
 use crate::exr_file::{ExrAttribute, ExrFile, ExrSamples};
 use crate::false_color::provenance_color;
 use crate::gpu::{HostSpan, Submission};
-use crate::images::{
-    Image, ImageError, ImageRgb, ImageRgb8, encode_display, write_atomically, write_png,
-};
+use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, write_atomically, write_png};
 use crate::renderer::{Eye, Inspected, InspectedValues};
 use crate::settings::{ExrLayout, ExrPrecision, OutputSettings, Settings, Tone};
 use crate::tone::tone_map_by;
@@ -95,8 +93,6 @@ pub struct FrameFacts<'a> {
 pub struct FrameImages {
     /// Linear radiance of the eyes that were rendered, the left one first.
     pub radiance: Vec<(Eye, ImageRgb)>,
-    /// Left and right in display light, 0 to 1 before the sRGB curve, where they are shown otherwise than tone mapped.
-    pub displayed: [Option<ImageRgb>; 2],
     /// Provenance of the right eye's pixels, row-major; `None` without reuse.
     pub provenance: Option<Vec<u32>>,
     /// Parts of the radiance: direct, indirect, albedo.
@@ -296,13 +292,9 @@ impl OutputFolder {
     /// The eyes side by side as a screen shows them.
     fn picture(&self, images: &FrameImages) -> Result<Option<ImageRgb8>, OutputError> {
         let Style { exposure, tone, .. } = self.style;
-        // What the device shows has the first curve.
-        let displayed = Some(&images.displayed).filter(|_| tone == Tone::Aces);
-        let shown = |eye: Eye| match displayed.and_then(|both| both[eye as usize].as_ref()) {
-            Some(image) => Some(encode_display(image)),
-            None => images
-                .radiance(eye)
-                .map(|image| tone_map_by(image, exposure, tone)),
+        let shown = |eye: Eye| {
+            let image = images.radiance(eye);
+            image.map(|image| tone_map_by(image, exposure, tone))
         };
         Ok(match (shown(Eye::Left), shown(Eye::Right)) {
             (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),

@@ -22,9 +22,7 @@ use glam::{DQuat, DVec3};
 use stereolux::bench::RENDER_CODE;
 use stereolux::bench::correspondence::left_from_right;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::images::{
-    Image, ImageRgb, encode_display, read_image, tone_map, write_exr, write_png,
-};
+use stereolux::images::{Image, ImageRgb, read_image, tone_map, write_exr, write_png};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
@@ -140,7 +138,7 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
         seed: 99,
         ..RenderSettings::default()
     };
-    render.reconstruct.still = true;
+    render.reconstruct.still = true.into();
     render.reconstruct.still_from = 0;
     render.reconstruct.still_until = 1;
     render.gpu.timestamps = false;
@@ -281,10 +279,7 @@ fn write_picture(path: &Path, renderer: &Renderer, size: u32) -> Outcome<()> {
     for (eye, name) in EYES.into_iter().zip(["left", "right"]) {
         let radiance = image(size, renderer.read_radiance(eye)?.unwrap_or_default())?;
         write_exr(&path.with_extension(format!("{name}.exr")), &radiance)?;
-        pictures.push(match renderer.read_displayed(eye)? {
-            Some(shown) => encode_display(&image(size, shown)?),
-            None => tone_map(&radiance, 1.0),
-        });
+        pictures.push(tone_map(&radiance, 1.0));
     }
     write_png(path, &Image::side_by_side(&pictures[0], &pictures[1])?)?;
     Ok(())
@@ -333,9 +328,9 @@ fn main() -> Outcome<()> {
             settings.render.method = method;
             settings.render.reuse = reuse;
             settings.render.photon.count = 65_536;
-            settings.render.reconstruct.svgf = svgf;
+            settings.render.reconstruct.svgf = svgf.into();
             settings.render.reconstruct.stereo = stereo;
-            settings.render.reconstruct.taa = svgf;
+            settings.render.reconstruct.taa = svgf.into();
             for (key, value) in &options.set {
                 settings = settings.with(key, value)?;
             }

@@ -41,7 +41,8 @@ struct Source {
 /// The stereo frame loop.
 pub fn run(options: &RunOptions) -> Result<(), Failure> {
     let headset = headset(&options.settings)?;
-    let loaded = load_scene(&options.settings)?;
+    let mut loaded = load_scene(&options.settings)?;
+    loaded.settings.render.decide_reconstruction(true);
     let start = options.session.pose;
     let start = start.unwrap_or_else(|| start_pose(&loaded, &headset));
     OutputFolder::check(&options.shared.out)?;
@@ -106,7 +107,8 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     if let Some(ipd_m) = options.view.ipd {
         headset = headset.with_ipd(ipd_m)?;
     }
-    let loaded = load_scene(&options.settings)?;
+    let mut loaded = load_scene(&options.settings)?;
+    loaded.settings.render.decide_reconstruction(false);
     let scene = &loaded.scene;
     let size = options.settings.size.unwrap_or(headset.size);
     let mut announcement = None;

@@ -17,6 +17,7 @@ use crate::xr::{Headset, ReplaySession, Validated};
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let mut settings = options.settings.clone();
+    settings.render.decide_reconstruction(true);
     // Faults of shaders and of passes of the user's own are told before a window opens.
     shader_library(&settings.gpu.shader_folder, &settings.render.user_passes)
         .map_err(Failure::unusable)?;
@@ -62,13 +63,13 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     Ok(show(
         Start {
             document,
-            settings: settings.clone(),
+            settings,
             headset,
             recording,
             out: options.shared.out.clone(),
             window_state,
         },
-        &settings.adapter,
+        &options.settings.adapter,
         state_path,
     )?)
 }

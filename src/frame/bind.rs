@@ -291,8 +291,8 @@ mod tests {
         );
         let batch = Whose::Batch(MapKind::Caustics, 2);
         assert_eq!(of("path_counts"), Some((batch, "path_counts")));
-        let before = meaning("displayed_before", owner).unwrap();
-        assert!(before.is_before && before.place.1 == "displayed");
+        let before = meaning("anti_aliased_before", owner).unwrap();
+        assert!(before.is_before && before.place.1 == "anti_aliased");
         // Only what takes turns has a before.
         assert_eq!(of("motion_before"), None);
         assert_eq!(of("no_such_buffer"), None);

@@ -193,7 +193,8 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "indirect_history", 16),
     per_pixel!(Eye, "still_sum", 16),
     per_pixel!(Eye, "reconstructed", 16),
-    per_pixel!(Eye, "displayed", 16).takes_turns(),
+    per_pixel!(Eye, "anti_aliased", 16).takes_turns(),
+    per_pixel!(Eye, "anti_aliased_moments", 8).takes_turns(),
 
     // Views of intermediate results.
     per_pixel!(Frame, "inspected_hits", 16),

@@ -18,8 +18,8 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         light_only: is_alone(Technique::Light),
         bsdf_only: is_alone(Technique::Bsdf),
         parts: splits_light(settings),
-        svgf: settings.reconstruct.svgf,
-        still_mean: settings.reconstruct.still,
+        svgf: settings.reconstruct.svgf.is_on(),
+        still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),
         ..needs.shader_features()
@@ -65,7 +65,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
 pub fn chooses_mips(settings: &RenderSettings) -> bool {
     let reconstruct = &settings.reconstruct;
     match settings.textures.mips {
-        Mips::Auto => reconstruct.svgf || reconstruct.taa || reconstruct.still,
+        Mips::Auto => reconstruct.is_on(),
         Mips::On => true,
         Mips::Off => false,
     }
@@ -86,7 +86,7 @@ fn texture_uses() -> ShaderFeatures {
 
 /// Whether frames are split into direct and indirect light: to write them, or to filter them apart.
 pub fn splits_light(settings: &RenderSettings) -> bool {
-    settings.output.parts || settings.reconstruct.svgf
+    settings.output.parts || settings.reconstruct.svgf.is_on()
 }
 
 /// Whether there is a caustic map: the scene can form caustics, or a setting forces it.
@@ -128,11 +128,11 @@ mod tests {
 
     #[test]
     fn textures_have_levels_where_frames_are_reconstructed_unless_a_setting_says() {
-        let chosen = |mips, taa, svgf| {
+        let chosen = |mips, taa: bool, svgf: bool| {
             let mut settings = RenderSettings::default();
             settings.textures.mips = mips;
-            settings.reconstruct.taa = taa;
-            settings.reconstruct.svgf = svgf;
+            settings.reconstruct.taa = taa.into();
+            settings.reconstruct.svgf = svgf.into();
             chooses_mips(&settings)
         };
         for (taa, svgf) in [(false, false), (true, false), (false, true)] {

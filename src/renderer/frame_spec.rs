@@ -44,7 +44,7 @@ pub fn plan_of_scene(
             levels: vec![[0, 0]],
             ..ShapeCounts::default()
         }),
-        keeps_previous: reconstruct.svgf || reconstruct.taa || settings.output.motion,
+        keeps_previous: reconstruct.follows_motion() || settings.output.motion,
     });
     Ok((stages, features))
 }

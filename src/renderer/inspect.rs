@@ -82,6 +82,8 @@ impl Inspector {
             ..now
         };
         let motion = ReconstructionUniform {
+            left: now.left,
+            right: now.right,
             previous_left: before.left,
             previous_right: before.right,
             has_history: if self.frames[1].is_some() { 1.0 } else { 0.0 },

@@ -127,7 +127,7 @@ impl Inspection {
         let lacks = |has: bool, setting| (!has).then_some(setting);
         match self {
             Self::Direct | Self::Indirect => lacks(
-                settings.output.parts || reconstruct.svgf,
+                settings.output.parts || reconstruct.svgf.is_on(),
                 "output.parts=true",
             ),
             Self::Caustic => lacks(photon, "method=photon")
@@ -137,10 +137,10 @@ impl Inspection {
                 lacks(photon, "method=photon").or_else(|| lacks(grid, "photon.search=grid"))
             }
             Self::Motion => lacks(
-                settings.output.motion || reconstruct.svgf || reconstruct.taa,
+                settings.output.motion || reconstruct.follows_motion(),
                 "output.motion=true",
             ),
-            Self::Variance => lacks(reconstruct.svgf, "reconstruct.svgf=true"),
+            Self::Variance => lacks(reconstruct.svgf.is_on(), "reconstruct.svgf=true"),
             Self::Provenance => lacks(settings.reuse != Reuse::Off, "reuse=lookup"),
             Self::Albedo | Self::Normal | Self::Depth | Self::Instance | Self::BvhSteps => None,
         }
@@ -163,7 +163,7 @@ impl Inspection {
                 "output.motion=true" => changed.output.motion = true,
                 "method=photon" => changed.method = Method::Photon,
                 "photon.search=grid" => changed.photon.search = Search::Grid,
-                "reconstruct.svgf=true" => changed.reconstruct.svgf = true,
+                "reconstruct.svgf=true" => changed.reconstruct.svgf = true.into(),
                 "reuse=lookup" => changed.reuse = Reuse::Lookup,
                 _ => break,
             }
@@ -259,7 +259,7 @@ mod tests {
         }
         // Whoever filters has parts and motion already.
         let mut filtered = RenderSettings::default();
-        filtered.reconstruct.svgf = true;
+        filtered.reconstruct.svgf = true.into();
         for view in [Inspection::Direct, Inspection::Motion, Inspection::Variance] {
             assert_eq!(view.settings_for(&filtered), filtered);
         }

@@ -133,7 +133,7 @@ impl MirrorPass {
                     scale: image[0] as f32 / place.width as f32,
                     light_scale: light.scale,
                     encode: u32::from(!self.format.is_srgb()),
-                    is_display: light.is_display,
+                    unused_0: 0,
                     unused_1: 0,
                     unused_2: 0,
                 };

@@ -66,6 +66,7 @@ pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
 pub use radii::{automatic_radius_m, caustic_paths, progressive_radius_m};
 pub use read_back::{RadianceParts, SeenAndMotion};
 pub use reconstruction::Reconstruction;
+use reconstruction::pixel_offset;
 pub use scene_buffers::SceneBuffers;
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
@@ -116,7 +117,7 @@ pub struct Renderer {
     /// The photon map, and the caustic map if the scene has caustics.
     maps: Vec<PhotonMap>,
     reconstruction: Option<Reconstruction>,
-    frame_uniform: wgpu::Buffer,
+    frame_buffer: wgpu::Buffer,
     timer: Option<Timer>,
     is_bound: bool,
     origin_in_world: DVec3,
@@ -167,7 +168,7 @@ impl Renderer {
         features.visibility_mask = hidden.is_some();
         let mut buffers = SceneBuffers::new(&context, scene, &features)?;
         let reconstruct = &settings.reconstruct;
-        let follows_motion = reconstruct.svgf || reconstruct.taa || settings.output.motion;
+        let follows_motion = reconstruct.follows_motion() || settings.output.motion;
         buffers.keep_previous(follows_motion);
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
@@ -177,7 +178,7 @@ impl Renderer {
         let reuse = if both { settings.reuse } else { Reuse::Off };
         let depth = buffers.hierarchy_depth();
         let mut renderer = Self {
-            frame_uniform: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
+            frame_buffer: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
             timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
             settings: settings.clone(),
             eye_choice,
@@ -230,7 +231,7 @@ impl Renderer {
         self.bind()?;
         self.context
             .queue
-            .write_buffer(&self.frame_uniform, 0, &[0; size_of::<Frame>()]);
+            .write_buffer(&self.frame_buffer, 0, &[0; size_of::<Frame>()]);
         let mut times = PassTimes::default();
         self.pose(&mut times)?;
         self.scene.forget_previous();
@@ -258,7 +259,7 @@ impl Renderer {
 
     /// Resources that passes bind besides the frame's buffers.
     fn given(&self) -> Resources<'_> {
-        let given = self.scene.resources().with("frame", &self.frame_uniform);
+        let given = self.scene.resources().with("frame", &self.frame_buffer);
         match &self.reconstruction {
             Some(reconstruction) => given.with("reconstruction", &reconstruction.uniform),
             None => given,
@@ -395,7 +396,8 @@ impl Renderer {
                 self.slice_gathers()?;
             }
             let photons = self.photon_map().and_then(PhotonMap::traced_at);
-            let frame = self.write_frame_uniform(views, frame_index, first, photons);
+            let frame = self.frame_uniform(views, frame_index, first, photons);
+            self.write_frame_uniform(&frame);
             self.render_samples(views, &frame, [first, count], &mut result.times)?;
             first += count;
             progress(first);
@@ -523,7 +525,8 @@ impl Renderer {
         self.bind()
     }
 
-    fn write_frame_uniform(
+    /// What the passes of the next samples know. Its eyes look through the pixels' centres.
+    fn frame_uniform(
         &self,
         views: &[View; 2],
         frame_index: u32,
@@ -553,7 +556,7 @@ impl Renderer {
             progressive_radius_m(first_radius_m, alpha, self.progressive_sample) as f32
         };
         let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
-        let frame = Frame {
+        Frame {
             left: eye_uniform(&views[0], origin),
             right: eye_uniform(&views[1], origin),
             left_from_right: (views[0].position_in_world - views[1].position_in_world)
@@ -581,11 +584,24 @@ impl Renderer {
             nearest_photons: settings.photon.nearest,
             light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
             padding: 0,
+        }
+    }
+
+    /// Hands `frame` to the device. Where frames are put together over time, its eyes are shifted by the frame's offset
+    /// within the pixel: whatever goes through a pixel's centre then goes through that place, and is projected back to it.
+    fn write_frame_uniform(&self, frame: &Frame) {
+        let offset = match self.reconstruction {
+            Some(_) if self.settings.spp == 1 => pixel_offset(frame.frame_index),
+            _ => [0.0; 2],
+        };
+        let shifted = Frame {
+            left: shifted_eye(&frame.left, offset, self.image.size),
+            right: shifted_eye(&frame.right, offset, self.image.size),
+            ..*frame
         };
         self.context
             .queue
-            .write_buffer(&self.frame_uniform, 0, bytemuck::bytes_of(&frame));
-        frame
+            .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&shifted));
     }
 
     /// As [`Renderer::reconstruction`], to drop history.
@@ -598,6 +614,19 @@ impl Renderer {
     #[cfg(feature = "internals")]
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
+    }
+}
+
+/// The eye whose pixel centres lie where `eye` has the places `offset` pixels from them.
+fn shifted_eye(eye: &EyeUniform, offset: [f32; 2], size: [u32; 2]) -> EyeUniform {
+    let across = (eye.tan_right - eye.tan_left) * (offset[0] / size[0] as f32);
+    let down = (eye.tan_down - eye.tan_up) * (offset[1] / size[1] as f32);
+    EyeUniform {
+        tan_left: eye.tan_left + across,
+        tan_right: eye.tan_right + across,
+        tan_up: eye.tan_up + down,
+        tan_down: eye.tan_down + down,
+        ..*eye
     }
 }
 

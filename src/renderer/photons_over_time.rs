@@ -44,7 +44,8 @@ impl Renderer {
         self.grow_maps()?;
         if let Some((due, origin)) = self.photons_due(anew) {
             // The map that is about to be traced, not the one before it.
-            self.write_frame_uniform(views, frame_index, 0, Some((origin, photon_key)));
+            let photons = Some((origin, photon_key));
+            self.write_frame_uniform(&self.frame_uniform(views, frame_index, 0, photons));
             for index in 0..self.maps.len() {
                 result.photons.retraced += self.trace_map(index, due, result)?;
                 let (context, buffers) = (&self.context, &self.frame.buffers);

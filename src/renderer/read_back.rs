@@ -5,6 +5,7 @@ use super::stats::StereoStats;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose};
+use crate::frame::plan::shown_light;
 use crate::settings::Eyes as EyeChoice;
 
 /// An eye's radiance in parts, means over a frame's samples, row 0 on top.
@@ -53,7 +54,8 @@ impl Renderer {
         Ok(self.read_pixels((Whose::Eye(eye), name))?.map(rgb))
     }
 
-    /// Radiance of an eye's pixels, row 0 on top: the mean over the frame's samples, or what was reconstructed from it.
+    /// Radiance of an eye's pixels, row 0 on top: the mean over the frame's samples, or the picture that was reconstructed
+    /// from it, after all filters and temporal anti-aliasing. It is what is shown, before exposure and tone curve.
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
@@ -62,7 +64,7 @@ impl Renderer {
             return Ok(None);
         };
         match &self.reconstruction {
-            Some(_) => self.read_colors(eye, "reconstructed"),
+            Some(_) => self.read_colors(eye, shown_light(&self.settings)),
             None => self.read_samples(eye),
         }
     }
@@ -77,18 +79,6 @@ impl Renderer {
         let sums = self.read_colors(eye, "radiance_sum")?;
         let mean = |sum: [f32; 3]| sum.map(|channel| channel * scale);
         Ok(sums.map(|sums| sums.into_iter().map(mean).collect()))
-    }
-
-    /// An eye's picture in display light, 0 to 1, before the sRGB curve, with `reconstruct.taa`; `None` without, or for
-    /// an eye that is not rendered.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    pub fn read_displayed(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
-        match self.buffers_of(eye) {
-            Some(eye) => self.read_colors(eye, "displayed"),
-            None => Ok(None),
-        }
     }
 
     /// Mean radiance of an eye split into direct and indirect light, and the albedo; `None` for an eye that is not

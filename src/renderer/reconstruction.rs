@@ -9,7 +9,37 @@ use glam::DVec3;
 use crate::gpu::{GpuContext, uniform_buffer};
 use crate::renderer::records::frame::{Eye as EyeUniform, Frame};
 use crate::renderer::records::reconstruction::Reconstruction as Uniform;
-use crate::settings::RenderSettings;
+use crate::settings::{ReconstructSettings, RenderSettings};
+
+/// Frames after which the offsets within the pixel begin again: as many as `reconstruct.still_until`.
+const OFFSETS: u32 = 64;
+
+/// Where in every pixel of both eyes a frame's only sample lies, from the pixel's centre, in pixels: the first 64 points of
+/// Sobol's sequence in two dimensions, each in the middle of its cell, with the highest bit flipped, so that the first frame
+/// looks nearly through the centre. Any 2, 4, ... 64 frames from a multiple of that number are spread evenly (digital nets
+/// in base 2), and the mean of 64 is exactly 0.
+pub(super) fn pixel_offset(frame_index: u32) -> [f32; 2] {
+    let index = frame_index % OFFSETS;
+    // Columns of the generator matrices: the mirrored identity, and Pascal's triangle modulo 2.
+    let columns = [[32, 16, 8, 4, 2, 1], [32, 48, 40, 60, 34, 51]];
+    columns.map(|columns: [u32; 6]| {
+        let bits = (0..6).filter(|bit| index >> bit & 1 == 1);
+        let point = bits.fold(OFFSETS / 2, |sum, bit| sum ^ columns[bit]);
+        (point as f32 + 0.5) / OFFSETS as f32 - 0.5
+    })
+}
+
+/// Share of the mean of `frames` still frames in the picture. Where nothing else averages over frames, all of it.
+fn still_share(settings: &ReconstructSettings, frames: u32) -> f32 {
+    if !settings.still.is_on() {
+        return 0.0;
+    }
+    if !settings.follows_motion() {
+        return 1.0;
+    }
+    let [from, until] = [settings.still_from, settings.still_until].map(f64::from);
+    ((f64::from(frames) - from) / (until - from).max(1.0)).clamp(0.0, 1.0) as f32
+}
 
 /// The memory from frame to frame.
 pub struct Reconstruction {
@@ -54,7 +84,8 @@ impl Reconstruction {
         self.still_frames = 0;
     }
 
-    /// Says what the frame that is about to be reconstructed has to do with the one before. `moved`: something in the
+    /// Says what the frame that is about to be reconstructed has to do with the one before. `frame` has the eyes without the
+    /// frame's offset. `moved`: something in the
     /// scene has moved or changed since then.
     pub(super) fn begin_frame(
         &mut self,
@@ -78,6 +109,8 @@ impl Reconstruction {
         };
         let own = &settings.reconstruct;
         let uniform = Uniform {
+            left: now.left,
+            right: now.right,
             previous_left: before.left,
             previous_right: before.right,
             has_history: if self.before.is_some() { 1.0 } else { 0.0 },
@@ -87,13 +120,12 @@ impl Reconstruction {
             sigma_normal: own.sigma_normal as f32,
             sigma_plane: own.sigma_plane_px as f32,
             still_frames: (self.still_frames - 1) as f32,
-            still_from: own.still_from as f32,
-            still_until: own.still_until as f32,
+            still_share: still_share(own, self.still_frames),
             exposure: settings.output.exposure as f32,
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
             firefly_frames: own.firefly_frames as f32,
-            padding: [0; 3],
+            padding: [0; 4],
         };
         context
             .queue

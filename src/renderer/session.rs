@@ -113,7 +113,6 @@ impl Renderer {
         };
         ShownLight {
             scale: (exposure / f64::from(samples)) as f32,
-            is_display: u32::from(self.settings.reconstruct.taa),
             parity: self.parity(),
         }
     }

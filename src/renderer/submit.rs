@@ -15,8 +15,6 @@ use crate::settings::RenderSettings;
 pub(super) struct ShownLight {
     /// Factor before the filmic curve.
     pub(super) scale: f32,
-    /// 1 if they are display light already.
-    pub(super) is_display: u32,
     /// Which of two buffers holds the last frame, where two take turns.
     pub(super) parity: usize,
 }
@@ -121,7 +119,7 @@ impl Submitter {
                     scale: light.scale,
                     near_m: targets.near_m,
                     eye: index as u32,
-                    is_display: light.is_display,
+                    padding: 0,
                 };
                 context
                     .queue

@@ -164,6 +164,16 @@ choices! {
         Off = "off",
     }
 
+    /// Whether a step of reconstruction runs (`reconstruct.*`).
+    pub enum Switch {
+        /// On in sequences (run, view) of one sample per pixel, off in single frames (render)
+        Auto = "auto",
+        /// Always; true says the same
+        On = "on",
+        /// Never; false says the same
+        Off = "off",
+    }
+
     /// Surroundings that light a scene (`light`).
     pub enum Light {
         /// A plain studio, if the scene has no light at all
@@ -272,6 +282,20 @@ choices! {
         Gallery = "gallery",
         /// A room in which everything that can be animated moves
         Parade = "parade",
+    }
+}
+
+impl Switch {
+    /// Whether it is on for certain; the commands decide what [`Switch::Auto`] is, and the renderer takes it for off.
+    #[must_use]
+    pub fn is_on(self) -> bool {
+        self == Self::On
+    }
+}
+
+impl From<bool> for Switch {
+    fn from(on: bool) -> Self {
+        if on { Self::On } else { Self::Off }
     }
 }
 

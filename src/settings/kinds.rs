@@ -115,6 +115,11 @@ impl Kind {
                 .map(|real| Value::from(real + 0.0)),
             Self::Choice { words, .. } => value
                 .as_str()
+                // What can be switched on and off is also true or false.
+                .or_else(|| {
+                    let on = value.as_bool().filter(|_| words.contains(&"on"))?;
+                    Some(if on { "on" } else { "off" })
+                })
                 .filter(|word| words.contains(word))
                 .map(Value::from),
             Self::Text { empty } => value

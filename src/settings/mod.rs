@@ -14,7 +14,7 @@ pub mod user_pass;
 pub use choices::{
     Aov, BuiltinScene, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, ImageFormat,
     Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
-    Space, Technique, Tone,
+    Space, Switch, Technique, Tone,
 };
 pub use registry::{Kind, Setting};
 pub use table::{

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::choices::{
     Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, ImageFormat, Kernel, Light,
-    Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space,
+    Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Switch,
     Technique, Tone,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
@@ -302,18 +302,18 @@ settings! {
         }
     }
 
-    /// Settings of denoising and anti-aliasing (`reconstruct.*`), off by default. The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
+    /// Settings of denoising and anti-aliasing (`reconstruct.*`). The constants are those of Schied et al. 2017 (SVGF), Karis 2014 and
     /// Salvi 2016 (`taa_*`).
     struct ReconstructSettings at (render reconstruct) "reconstruct." {
         rows RECONSTRUCT {
             /// filter direct and indirect light over frames and neighbours (SVGF)
-            svgf: bool = false;
+            svgf: Switch = Switch::Auto;
             /// with svgf: share accumulated light between the eyes where both see a surface
             stereo: bool = true;
-            /// temporal anti-aliasing of what is shown: PNG files, headset, mirror; EXR files hold the radiance before it
-            taa: bool = false;
+            /// temporal anti-aliasing
+            taa: Switch = Switch::Auto;
             /// while nothing moves, fade to the mean of all still frames
-            still: bool = false;
+            still: Switch = Switch::Auto;
             /// passes of the a-trous wavelet filter; the last reaches 2^(passes + 1) pixels to each side
             atrous_passes: u32 = 5, whole(0, 8);
             /// least weight of a new frame in the accumulated light
@@ -330,10 +330,10 @@ settings! {
             // Barner 1994).
             /// history length up to which light is clamped to its brightest neighbour's (fireflies); 0 never clamps
             firefly_frames: u32 = 1, whole(0, 1_000_000), "frames";
-            /// weight of a new frame in the displayed image
-            taa_alpha: f64 = 0.1, SHARE;
-            /// how far the history colour may lie from the mean of its 3x3 neighbours before it is clipped
-            taa_clip: f64 = 1.0, POSITIVE, "standard deviations";
+            /// least weight of a new frame in the anti-aliased picture
+            taa_alpha: f64 = 0.2, SHARE;
+            /// how far anti-aliased history may lie from the mean of its 3x3 neighbours before it is clipped
+            taa_clip: f64 = 2.0, POSITIVE, "standard deviations";
             /// still frames up to which only the filter's image is shown
             still_from: u32 = 16, whole(0, 1_000_000), "frames";
             /// still frames from which only the mean is shown
@@ -567,6 +567,32 @@ impl ReconstructSettings {
     /// Whether any of its passes runs.
     #[must_use]
     pub fn is_on(&self) -> bool {
-        self.svgf || self.taa || self.still
+        self.svgf.is_on() || self.taa.is_on() || self.still.is_on()
+    }
+
+    /// Whether what moves must be followed from frame to frame.
+    #[must_use]
+    pub fn follows_motion(&self) -> bool {
+        self.svgf.is_on() || self.taa.is_on()
+    }
+}
+
+impl RenderSettings {
+    /// Decides what reconstruction leaves to `auto`, for a sequence or for frames that stand alone. With several samples per
+    /// pixel it is off. Photons make little noise from pixel to pixel, which anti-aliasing averages away; SVGF costs more
+    /// there than it gains (docs/results.md).
+    pub fn decide_reconstruction(&mut self, is_sequence: bool) {
+        let auto = is_sequence && self.spp == 1;
+        let own = &mut self.reconstruct;
+        let filters = auto && self.method == Method::Path;
+        for (switch, auto) in [
+            (&mut own.svgf, filters),
+            (&mut own.taa, auto),
+            (&mut own.still, auto),
+        ] {
+            if *switch == Switch::Auto {
+                *switch = auto.into();
+            }
+        }
     }
 }

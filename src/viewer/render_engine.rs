@@ -13,7 +13,7 @@ use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
-use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, encode_display, tone_map};
+use crate::images::{ImageError, ImageRgb, ImageRgb8, tone_map};
 use crate::renderer::{
     Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
@@ -311,17 +311,10 @@ impl RenderEngine {
         self.averaged[eye].mean(size)
     }
 
-    /// An eye's picture: tone mapped, or what TAA makes for the display.
+    /// An eye's picture, tone mapped.
     fn shown(&self, eye: usize, exposure: f64, size: [u32; 2]) -> Result<ImageRgb8, EngineError> {
-        let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
-        let displayed = compiled.renderer.read_displayed(EYES[eye])?;
-        Ok(match displayed {
-            Some(pixels) => encode_display(&Image::new(size[0], size[1], pixels)?),
-            None => {
-                let mean = self.mean(eye, size).ok_or(EngineError::NoRenderer)?;
-                tone_map(&mean, exposure)
-            }
-        })
+        let mean = self.mean(eye, size).ok_or(EngineError::NoRenderer)?;
+        Ok(tone_map(&mean, exposure))
     }
 
     /// The left eye's picture.

@@ -301,6 +301,16 @@ impl Drop for TemporaryFile {
     }
 }
 
+/// Flags of a run whose frames stand alone, as those of `render` do.
+pub const RAW_FRAMES: [&str; 6] = [
+    "--set",
+    "reconstruct.svgf=off",
+    "--set",
+    "reconstruct.taa=off",
+    "--set",
+    "reconstruct.still=off",
+];
+
 /// Runs the program on the tests' adapter (for the commands that take one).
 pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stereolux"));

@@ -9,8 +9,8 @@ use crate::settings::RenderSettings;
 /// The picture of an eye that is shown: a buffer's name.
 #[must_use]
 pub fn shown_light(settings: &RenderSettings) -> &'static str {
-    if settings.reconstruct.taa {
-        "displayed"
+    if settings.reconstruct.taa.is_on() {
+        "anti_aliased"
     } else if settings.reconstruct.is_on() {
         "reconstructed"
     } else {

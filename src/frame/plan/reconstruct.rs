@@ -28,10 +28,10 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     if !settings.is_on() {
         return steps.done();
     }
-    if settings.svgf || settings.taa {
+    if settings.follows_motion() {
         for_eyes(&mut steps, frame, &passes::motion, |_| ());
     }
-    let filtered = if settings.svgf {
+    let filtered = if settings.svgf.is_on() {
         svgf(&mut steps, frame)
     } else {
         PING
@@ -40,7 +40,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         let step = steps.run(&passes::remodulate, Size::Tiles);
         step.names(&named(["direct_filtered", "indirect_filtered"], filtered));
-        if settings.taa {
+        if settings.taa.is_on() {
             steps.run(&passes::taa, Size::Tiles);
         }
     }

@@ -14,8 +14,8 @@ pub struct Mirror {
     pub light_scale: f32,
     /// 1 if the window's format does not encode sRGB by itself.
     pub encode: u32,
-    /// 1 if the light is display light already.
-    pub is_display: u32,
+    /// Fills the block.
+    pub unused_0: u32,
     /// Fills the block.
     pub unused_1: u32,
     /// Fills the block.

@@ -8,6 +8,10 @@ use super::frame::Eye;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Reconstruction {
+    /// Left eye, without the frame's offset within the pixel.
+    pub left: Eye,
+    /// Right eye, likewise.
+    pub right: Eye,
     /// Left eye of the frame before, in its render space.
     pub previous_left: Eye,
     /// Right eye of the frame before.
@@ -26,18 +30,16 @@ pub struct Reconstruction {
     pub sigma_plane: f32,
     /// Frames in the still mean before this one.
     pub still_frames: f32,
-    /// Still frames up to which the filter alone is shown.
-    pub still_from: f32,
-    /// Still frames from which on the mean alone is shown.
-    pub still_until: f32,
+    /// The still mean's share in the picture.
+    pub still_share: f32,
     /// Factor on radiance before the filmic curve.
     pub exposure: f32,
-    /// Share of a new frame in the displayed image.
+    /// Least share of a new frame in the anti-aliased picture.
     pub taa_alpha: f32,
     /// Standard deviations that a history colour may lie from its neighbours' mean.
     pub taa_clip: f32,
     /// Frames of history up to which light is limited to its brightest neighbour's.
     pub firefly_frames: f32,
     /// Unused.
-    pub padding: [u32; 3],
+    pub padding: [u32; 4],
 }

@@ -12,6 +12,6 @@ pub struct Submit {
     pub near_m: f32,
     /// 0 left, 1 right.
     pub eye: u32,
-    /// 1 if the light is display light already.
-    pub is_display: u32,
+    /// Unused.
+    pub padding: u32,
 }

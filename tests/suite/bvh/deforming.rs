@@ -208,7 +208,7 @@ fn deformed_points_are_found_where_the_frame_before_had_them() {
     let scene = builtin("parade");
     // What follows motion from frame to frame makes the renderer keep the previous one.
     let mut settings = method(Method::Path, Reuse::Off);
-    settings.reconstruct.taa = true;
+    settings.reconstruct.taa = true.into();
     let mut renderer = renderer(&scene, &settings, [8, 8]);
     let context = renderer.context().clone();
     let probe = PreviousProbe::new(&context, &["deformation"]);

@@ -7,7 +7,7 @@ use stereolux::scene::{Scene, ScenePose};
 use stereolux::settings::Reuse;
 use stereolux::xr::{Pose, View};
 
-use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, motion, project};
+use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, place_in_pixel, project};
 use super::support::{builtin, meet, parallel_views, renderer, square_fov, start_pose};
 
 /// Corners in the world of every triangle of a placed mesh.
@@ -100,8 +100,17 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
         for (eye, index) in [(Eye::Left, 0), (Eye::Right, 1)] {
             let (view, before) = (views(frame)[index], views(frame - 1)[index]);
             let (mut checked, mut bent) = (0, 0);
-            for (pixel, moved) in motion(&renderer, eye).iter().enumerate() {
-                let center = [pixel as u32 % SIZE, pixel as u32 / SIZE].map(|x| f64::from(x) + 0.5);
+            let (records, motion) = renderer.read_motion(eye).unwrap().unwrap();
+            for (pixel, moved) in motion.iter().enumerate() {
+                if records[pixel][0] == 0 {
+                    continue;
+                }
+                // The sample's own place.
+                let [x, y] = place_in_pixel(&records[pixel]);
+                let center = [
+                    f64::from(pixel as u32 % SIZE) + 0.5 + x,
+                    f64::from(pixel as u32 / SIZE) + 0.5 + y,
+                ];
                 let Some((instance, triangle, [v, w])) = seen(&now, &view, center) else {
                     continue;
                 };

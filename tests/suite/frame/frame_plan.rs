@@ -46,16 +46,16 @@ const WAYS: &[(&str, Change)] = &[
         s.reuse = Reuse::Off;
     }),
     ("shares", |s| s.photon.shares = 3),
-    ("filtered", |s| s.reconstruct.svgf = true),
+    ("filtered", |s| s.reconstruct.svgf = true.into()),
     ("filtered, eyes apart", |s| {
-        s.reconstruct.svgf = true;
+        s.reconstruct.svgf = true.into();
         s.reconstruct.stereo = false;
         s.reconstruct.atrous_passes = 0;
     }),
     ("everything shown", |s| {
-        s.reconstruct.svgf = true;
-        s.reconstruct.taa = true;
-        s.reconstruct.still = true;
+        s.reconstruct.svgf = true.into();
+        s.reconstruct.taa = true.into();
+        s.reconstruct.still = true.into();
         s.reuse = Reuse::Lookup;
     }),
     ("parts and motion", |s| {
@@ -170,7 +170,7 @@ fn every_name_of_every_plan_means_a_buffer_and_no_pass_writes_what_it_reads() {
 #[test]
 fn a_wrong_name_and_a_pass_that_writes_what_it_reads_are_found() {
     let library = ShaderLibrary::embedded();
-    let (stages, features) = planned(&settings(|s| s.reconstruct.svgf = true), "cornell");
+    let (stages, features) = planned(&settings(|s| s.reconstruct.svgf = true.into()), "cornell");
     let atrous = |step: &&Step| step.label == "reconstruction.left.svgf_atrous";
     let mut steps = stages.iter().flat_map(|stage| &stage.steps);
     let step = steps.find(atrous).unwrap();

@@ -5,6 +5,7 @@ use crate::suite::{
     bvh::bvh_probe, bvh::deforming, stereo::cornell, support, transport::hard_support,
 };
 
+pub mod anti_aliasing;
 pub mod deforming_motion;
 pub mod determinism;
 pub mod forced_features;

@@ -108,7 +108,7 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
         // Without the wavelet the first frame's picture is the limited light times albedo.
         let settings = {
             let mut settings = method(Method::Path, Reuse::Off);
-            settings.reconstruct.svgf = true;
+            settings.reconstruct.svgf = true.into();
             settings.reconstruct.stereo = false;
             settings.reconstruct.atrous_passes = 0;
             settings.reconstruct.firefly_frames = frames;

@@ -88,9 +88,9 @@ fn reconstruction_parts_and_heaps_follow_the_size() {
         &settings(|s| {
             s.reuse = Reuse::Lookup;
             s.output.parts = true;
-            s.reconstruct.svgf = true;
-            s.reconstruct.taa = true;
-            s.reconstruct.still = true;
+            s.reconstruct.svgf = true.into();
+            s.reconstruct.taa = true.into();
+            s.reconstruct.still = true.into();
         }),
     );
     resized_and_made(

@@ -66,7 +66,11 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
             ),
             Kind::Choice { words, .. } => (
                 words.iter().map(|&word| word.to_owned()).collect(),
-                vec!["other".into(), "true".into()],
+                // What has the word on may be true.
+                match words.contains(&"on") {
+                    true => vec!["other".into(), "1".into()],
+                    false => vec!["other".into(), "true".into(), "false".into()],
+                },
             ),
             // A list of words; `exr_output` has one that is refused.
             Kind::Text { .. } if setting.key == "output.aovs" => {

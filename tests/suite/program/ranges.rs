@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::suite::support::{Folder, stereolux};
+use crate::suite::support::{Folder, RAW_FRAMES, stereolux};
 
 fn run(out: &Path, scene: &str, args: &[&str]) {
     let mut all = vec![
@@ -24,6 +24,8 @@ fn run(out: &Path, scene: &str, args: &[&str]) {
         "--out",
         out.to_str().unwrap(),
     ];
+    // Raw frames know nothing of the frames before them; what a test switches on comes later and wins.
+    all.extend(RAW_FRAMES);
     all.extend(args);
     let output = stereolux(&all);
     assert!(output.status.success(), "{output:?}");

@@ -421,8 +421,8 @@ fn history_is_kept_for_motion_and_dropped_for_other_light() {
     let mut scene = builtin("cornell");
     let views = views(&scene);
     let settings = settings(|s| {
-        s.reconstruct.svgf = true;
-        s.reconstruct.still = true;
+        s.reconstruct.svgf = true.into();
+        s.reconstruct.still = true.into();
     });
     let mut shown = renderer(&scene, &settings, SIZE);
     for frame in 0..3 {

@@ -1,7 +1,7 @@
 //! What a runtime's images hold: colour against the PNG path, depth against f64, pixels that the lens hides.
 
 use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::images::{Image, ImageRgb8, aces_filmic, encode_display, tone_map};
+use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::settings::{Method, Reuse};
 use stereolux::xr::view::Fov;
@@ -170,8 +170,8 @@ fn images_hold_what_the_png_shows_encoded_once() {
 fn runtime_and_mirror_get_the_reconstructed_picture() {
     let mut settings = method(Method::Path, Reuse::Off);
     settings.output.exposure = 1.5;
-    settings.reconstruct.svgf = true;
-    settings.reconstruct.taa = true;
+    settings.reconstruct.svgf = true.into();
+    settings.reconstruct.taa = true.into();
     let mut renderer = renderer(&builtin("cornell"), &settings, SIZE);
     let library = ShaderLibrary::embedded();
     let format = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -179,8 +179,8 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
     for index in 0..4 {
         renderer.render_frame(&views(), index, |_| {}).unwrap();
         let pictures = [Eye::Left, Eye::Right].map(|eye| {
-            let shown = renderer.read_displayed(eye).unwrap().unwrap();
-            encode_display(&Image::new(SIZE[0], SIZE[1], shown).unwrap())
+            let shown = renderer.read_radiance(eye).unwrap().unwrap();
+            tone_map(&Image::new(SIZE[0], SIZE[1], shown).unwrap(), 1.5)
         });
         let targets = targets(renderer.context(), format, false);
         renderer.submit_to(&library, &targets).unwrap();
