@@ -12,12 +12,12 @@ ensure_vulkan
 features=--no-default-features
 compgen -G "target/release/deps/libegui-*.rlib" >/dev/null && features=
 cargo build --release --locked --bin stereolux $features
-target/release/stereolux run --session simulated --scene builtin:gallery --size 256x256 --frames 10 --every 5 \
+target/release/stereolux run --session simulated --scene builtin:gallery --size 256x256 --frames 10 --every 9 \
     --out out/demo "$@"
 echo
-echo "pictures (both eyes side by side): out/demo/frame_0000.png, out/demo/frame_0005.png"
-echo "where the right eye's pixels came from: out/demo/frame_0000_reuse.png"
-echo "linear radiance per eye: out/demo/frame_0000_left.exr, out/demo/frame_0000_right.exr"
+echo "pictures (both eyes side by side), the first and the tenth frame: out/demo/frame_0000.png, out/demo/frame_0009.png"
+echo "where the right eye's pixels came from: out/demo/frame_0009_reuse.png"
+echo "linear radiance per eye: out/demo/frame_0009_left.exr, out/demo/frame_0009_right.exr"
 echo "milliseconds per pass and reuse, frame by frame: out/demo/stats.jsonl; settings and medians: out/demo/run.json"
 [ -z "$features" ] ||
     echo "target/release/stereolux is headless: \`cargo build --release\` adds view, bench and --mirror"
