@@ -254,14 +254,13 @@ fn nothing_out_of_a_file_steers_the_terminal() {
         "{outcome:?}"
     );
     let lines: Vec<&str> = outcome.stderr.lines().collect();
+    // A hundred warnings of the file, how many more there are, and one each of light and size.
     assert!(
-        lines.len() <= 101 && lines.iter().all(|line| line.chars().count() < 320),
+        lines.len() <= 103 && lines.iter().all(|line| line.chars().count() < 320),
         "{lines:?}"
     );
     assert!(
-        lines
-            .last()
-            .is_some_and(|line| line.contains("more warnings")),
+        lines.iter().any(|line| line.contains("more warnings")),
         "{lines:?}"
     );
 

@@ -64,7 +64,10 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
         let common = ["--size", "40x32", "--photons", "1000", "--every", "5"];
         let space_setting = format!("openxr.space={space}");
         let mut args = vec!["run", "--session", "openxr", "--frames", "21"];
-        args.extend(["--set", &space_setting]);
+        let (p, q) = (start.position, start.orientation);
+        let numbers = [p.x, p.y, p.z, q.x, q.y, q.z, q.w].map(|number| number.to_string());
+        let starts_at = numbers.join(" ");
+        args.extend(["--set", &space_setting, "--pose", &starts_at]);
         args.extend([
             "--out",
             live.to_str().unwrap(),
