@@ -209,12 +209,6 @@ pub fn tone_map(image: &ImageRgb, exposure: f64) -> ImageRgb8 {
     to_bytes(image, |pixel| pixel.map(|c| aces_filmic(c * exposure)))
 }
 
-/// An image of display light, 0 to 1, as a screen takes it: sRGB, 8 bits.
-#[must_use]
-pub fn encode_display(image: &ImageRgb) -> ImageRgb8 {
-    to_bytes(image, |light| light.map(|c| c.clamp(0.0, 1.0)))
-}
-
 /// The image by what each pixel shows, sRGB, 8 bits.
 pub(crate) fn to_bytes(
     image: &ImageRgb,

@@ -536,11 +536,6 @@ impl SceneBuffers {
         self.table.moved()
     }
 
-    /// Instances that there are.
-    pub fn instance_count(&self) -> usize {
-        self.table.live_count()
-    }
-
     /// Everything that shaders read of the scene, by binding name.
     pub fn resources(&self) -> Resources<'_> {
         let mut resources = Resources::new();

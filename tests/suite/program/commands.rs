@@ -18,7 +18,11 @@ fn json(path: &Path) -> Value {
 }
 
 fn render(folder: &Folder, args: &[&str]) -> Output {
-    let out = folder.join("out");
+    render_into(&folder.join("out"), args)
+}
+
+/// A small picture by few photons, with its files in `out`.
+pub fn render_into(out: &Path, args: &[&str]) -> Output {
     let mut all = vec![
         "render",
         "--size",

@@ -9,6 +9,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::xr::trace::Trace;
 
+use super::commands::render_into;
 use crate::suite::support::{Folder, stereolux};
 
 /// A triangle facing +Z, `size` units wide, without light; a camera of 0.5 rad before it if `camera` says so.
@@ -41,17 +42,7 @@ fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
 }
 
 fn render(out: &Path, args: &[&str]) -> (Output, String) {
-    let mut all = vec![
-        "render",
-        "--size",
-        "16x12",
-        "--photons",
-        "500",
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    all.extend(args);
-    let output = stereolux(&all);
+    let output = render_into(out, args);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     (output, text)
 }
