@@ -98,7 +98,7 @@ pub enum Options {
     Info(Box<InfoOptions>),
     /// Open the desktop viewer
     View(Box<ViewOptions>),
-    /// Join the statistics of runs over ranges of one run's frames
+    /// Join the statistics of a run's ranges, or the reports of a suite's parts
     Merge(MergeOptions),
     /// List the settings for --set and --config, or those that a word is about
     Settings(SettingsOptions),
@@ -348,6 +348,9 @@ pub struct BenchOptions {
     /// Directory that caches references between runs [default: DIR/references, DIR from --out]
     #[arg(long, value_name = "DIR")]
     pub references: Option<PathBuf>,
+    /// Measure only part I of N, from 1, for a machine of its own; `merge` joins the parts' reports
+    #[arg(long, value_name = "I/N", value_parser = values::shard)]
+    pub shard: Option<[u32; 2]>,
     #[command(flatten)]
     pub(super) layers: LayerArgs<BENCH>,
 }
@@ -376,10 +379,10 @@ pub struct InfoOptions {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
 pub struct MergeOptions {
-    /// Folders that `run --range` has written; they keep their images
+    /// Folders that `run --range` has written, which keep their images, or all that `bench --shard` has
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
-    /// Folder for the joined stats.jsonl and run.json; made if missing
+    /// Folder for the joined stats.jsonl and run.json, or report and journal; made if missing
     #[arg(long, value_name = "DIR", default_value = "merged")]
     pub out: PathBuf,
 }

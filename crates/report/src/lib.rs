@@ -16,6 +16,7 @@ mod quantiles;
 pub mod records;
 pub mod rounds;
 pub mod samples;
+pub mod shards;
 pub mod statistics;
 
 use std::collections::BTreeMap;
@@ -25,6 +26,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use records::{Machine, Row, leaves};
+use shards::{FORMAT, Part, Saved};
 
 /// Why a journal or a report cannot be had. Each message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +45,14 @@ pub enum ReportError {
         /// Its file name without extension.
         stem: String,
         /// The plotting library's words.
+        reason: String,
+    },
+    /// A part of a suite that cannot be joined with others.
+    #[error("{}: {reason}", folder.display())]
+    Part {
+        /// Its folder.
+        folder: PathBuf,
+        /// What is wrong, and what to do.
         reason: String,
     },
     /// Rows that cannot be written in a format.
@@ -81,6 +91,8 @@ pub struct Report<'a> {
     pub samples_per_batch: u32,
     /// Where this ran.
     pub machine: &'a Machine,
+    /// Which part of the suite this is; `None`: all of it.
+    pub part: Option<&'a Part>,
     /// All rows, in the order in which they are shown.
     pub rows: &'a [Row],
 }
@@ -114,18 +126,11 @@ impl Report<'_> {
                 files.push(ReportFile { path, bytes });
             }
         }
-        let json = json!({
-            "format": "stereolux-bench",
-            "version": self.version,
-            "suite": self.suite,
-            "render_code": self.render_code,
-            "bench_code": self.bench_code,
-            "machine": self.machine,
-            "rows": self.rows,
-            "analysis": analysis,
-            "plots": stems,
-        });
         let format = |name, reason: String| ReportError::Format { name, reason };
+        let mut json = serde_json::to_value(self.saved())
+            .map_err(|error| format("report.json", error.to_string()))?;
+        json["analysis"] = json!(analysis);
+        json["plots"] = json!(stems);
         let json = serde_json::to_string_pretty(&json)
             .map_err(|error| format("report.json", error.to_string()))?;
         let rows = csv(self.rows).map_err(|error| format("rows.csv", error.to_string()))?;
@@ -142,6 +147,21 @@ impl Report<'_> {
             });
         }
         Ok(files)
+    }
+
+    fn saved(&self) -> Saved {
+        Saved {
+            format: FORMAT.to_owned(),
+            version: self.version.to_owned(),
+            suite: self.suite.to_owned(),
+            render_code: self.render_code.to_owned(),
+            bench_code: self.bench_code.to_owned(),
+            reference_samples: self.reference_samples,
+            samples_per_batch: self.samples_per_batch,
+            machine: self.machine.clone(),
+            part: self.part.cloned(),
+            rows: self.rows.to_vec(),
+        }
     }
 
     /// Rows with an error that its reference was not good enough for.
