@@ -50,7 +50,8 @@ A recording starts paused; play, step and scrub in the window. F1 lists keys and
 pub(super) const BENCH_EXAMPLES: &str = "\
 Every measured frame retraces its photons. Variants of a group take turns, frame by frame, and ratios are formed within
 a turn. Errors are those of the timed frames, against a path-traced reference.
-Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it.
+Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it. No images are
+written, so that output.* changes nothing.
 
 Writes to --out: report.md, report.json, rows.csv, plots/*.svg and *.png, journal.jsonl, traces/, references/.
 

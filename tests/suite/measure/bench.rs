@@ -1,7 +1,7 @@
 //! `bench` as a user meets it: killed, resumed, and a report whose files agree with each other.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -170,6 +170,48 @@ fn a_killed_suite_is_resumed_and_its_files_agree() {
         );
     }
     assert_eq!(lines(&journal), report.rows().len());
+    parts_make_the_whole(&folder, &out);
+}
+
+/// Three parts that find their rows in the journal, merged: the whole suite's report byte for byte.
+fn parts_make_the_whole(folder: &Folder, whole: &Path) {
+    let parts = ["part1", "part2", "part3"].map(|name| folder.join(name));
+    let mut rows = 0;
+    for (number, part) in (1..).zip(&parts) {
+        std::fs::create_dir_all(part).unwrap();
+        std::fs::copy(whole.join("journal.jsonl"), part.join("journal.jsonl")).unwrap();
+        let mut args = smoke(part);
+        args.extend(["--shard".to_owned(), format!("{number}/3")]);
+        let output = stereolux(&args);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let of_part = Report::read(part).rows().len();
+        assert!(
+            said.contains(&format!("{of_part} of them from an earlier run")),
+            "{said}"
+        );
+        rows += of_part;
+    }
+    assert_eq!(rows, Report::read(whole).rows().len());
+    let merged = folder.join("merged");
+    let merge = |parts: &[PathBuf]| {
+        let folders = parts.iter().map(|part| part.display().to_string());
+        let mut args = vec!["merge".to_owned()];
+        args.extend(folders);
+        args.extend(["--out".to_owned(), merged.display().to_string()]);
+        stereolux(&args)
+    };
+    let output = merge(&parts[..2]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("part 3 of 3 is in none"), "{said}");
+    assert!(!merged.exists());
+    assert!(merge(&parts).status.success());
+    for name in ["report.json", "report.md", "rows.csv"] {
+        let [one, other] = [whole, &merged].map(|folder| std::fs::read(folder.join(name)).unwrap());
+        assert!(one == other, "{name} differs");
+    }
+    assert_eq!(lines(&merged.join("journal.jsonl")), rows);
 }
 
 fn figure(value: &Value) -> f64 {
