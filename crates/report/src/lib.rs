@@ -3,12 +3,13 @@
 //! Variants are measured in turn ([`rounds`]). The figures of their rounds add up ([`samples`]) to one [`records::Row`]
 //! per variant, which the [`journal`] keeps under a [fingerprint](fingerprint::Fingerprint) of everything that it depends
 //! on, so that a suite that was killed goes on where it stopped. A [`Report`] fits and ranks the rows ([`analysis`]) and
-//! makes files of them: report.json, rows.csv, [plots](plot) and report.md.
+//! makes files of them: report.json, rows.csv, [plots](plot), report.html and report.md.
 
 pub mod analysis;
 mod cells;
 mod charts;
 pub mod fingerprint;
+mod html;
 pub mod journal;
 mod markdown;
 pub mod plot;
@@ -18,6 +19,7 @@ pub mod rounds;
 pub mod samples;
 pub mod shards;
 pub mod statistics;
+mod summary;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -107,7 +109,7 @@ pub struct ReportFile {
 }
 
 impl Report<'_> {
-    /// All files: those under plots/, then report.json, rows.csv and, last, report.md.
+    /// All files: those under plots/, then report.json, rows.csv, report.html and, last, report.md.
     ///
     /// # Errors
     /// [`ReportError::Plot`], [`ReportError::Format`].
@@ -116,12 +118,16 @@ impl Report<'_> {
         let charts = charts::charts(self.rows, &analysis, self.machine);
         let stems: Vec<&str> = charts.iter().map(|(stem, _)| stem.as_str()).collect();
         let mut files = Vec::new();
+        let mut drawings = BTreeMap::new();
         for (stem, chart) in &charts {
             let drawn = plot::draw(chart).map_err(|reason| ReportError::Plot {
                 stem: stem.clone(),
                 reason,
             })?;
             for (extension, bytes) in drawn {
+                if extension == "svg" {
+                    drawings.insert(stem.as_str(), String::from_utf8_lossy(&bytes).into_owned());
+                }
                 let path = PathBuf::from(format!("plots/{stem}.{extension}"));
                 files.push(ReportFile { path, bytes });
             }
@@ -134,10 +140,22 @@ impl Report<'_> {
         let json = serde_json::to_string_pretty(&json)
             .map_err(|error| format("report.json", error.to_string()))?;
         let rows = csv(self.rows).map_err(|error| format("rows.csv", error.to_string()))?;
-        let markdown = markdown::markdown(self, &analysis, &stems);
+        let linked = stems
+            .iter()
+            .map(|stem| format!("![{stem}](plots/{stem}.png) ([SVG](plots/{stem}.svg))"));
+        let markdown = markdown::markdown(self, &analysis, linked.collect());
+        let inline = stems.iter().map(|stem| format!("![{stem}]({stem})"));
+        let text = markdown::markdown(self, &analysis, inline.collect());
+        let drawings = drawings
+            .iter()
+            .map(|(stem, svg)| (*stem, svg.as_str()))
+            .collect();
+        let title = format!("stereolux bench {}", self.suite);
+        let html = html::page(&title, &text, &drawings);
         for (name, text) in [
             ("report.json", json),
             ("rows.csv", rows),
+            ("report.html", html),
             ("report.md", markdown),
         ] {
             let bytes = format!("{}\n", text.trim_end()).into_bytes();
