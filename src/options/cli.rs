@@ -53,7 +53,8 @@ a turn. Errors are those of the timed frames, against a path-traced reference.
 Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it. No images are
 written, so that output.* changes nothing.
 
-Writes to --out: report.md, report.html, report.json, rows.csv, plots/*.svg and *.png, journal.jsonl, traces/, references/.
+Writes to --out: report.md, report.html, report.json, rows.csv, columns.json (what each column of
+rows.csv holds), plots/*.svg and *.png, journal.jsonl, traces/, references/.
 
 Examples:
   stereolux bench smoke --out out/smoke

@@ -3,11 +3,13 @@
 //! Variants are measured in turn ([`rounds`]). The figures of their rounds add up ([`samples`]) to one [`records::Row`]
 //! per variant, which the [`journal`] keeps under a [fingerprint](fingerprint::Fingerprint) of everything that it depends
 //! on, so that a suite that was killed goes on where it stopped. A [`Report`] fits and ranks the rows ([`analysis`]) and
-//! makes files of them: report.json, rows.csv, [plots](plot), report.html and report.md.
+//! makes files of them: report.json, rows.csv, columns.json,
+//! [plots](plot), report.html and report.md.
 
 pub mod analysis;
 mod cells;
 mod charts;
+mod columns;
 pub mod fingerprint;
 mod html;
 pub mod journal;
@@ -109,7 +111,8 @@ pub struct ReportFile {
 }
 
 impl Report<'_> {
-    /// All files: those under plots/, then report.json, rows.csv, report.html and, last, report.md.
+    /// All files: those under plots/, then report.json, rows.csv, columns.json, report.html and, last,
+    /// report.md.
     ///
     /// # Errors
     /// [`ReportError::Plot`], [`ReportError::Format`].
@@ -140,6 +143,10 @@ impl Report<'_> {
         let json = serde_json::to_string_pretty(&json)
             .map_err(|error| format("report.json", error.to_string()))?;
         let rows = csv(self.rows).map_err(|error| format("rows.csv", error.to_string()))?;
+        // No name of a column has a comma or a quote in it.
+        let names = rows.lines().next().unwrap_or_default().split(',');
+        let columns = serde_json::to_string_pretty(&columns::explained(names))
+            .map_err(|error| format("columns.json", error.to_string()))?;
         let linked = stems
             .iter()
             .map(|stem| format!("![{stem}](plots/{stem}.png) ([SVG](plots/{stem}.svg))"));
@@ -155,6 +162,7 @@ impl Report<'_> {
         for (name, text) in [
             ("report.json", json),
             ("rows.csv", rows),
+            ("columns.json", columns),
             ("report.html", html),
             ("report.md", markdown),
         ] {

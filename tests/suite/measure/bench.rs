@@ -75,6 +75,8 @@ struct Report {
     header: Vec<String>,
     csv: Vec<Vec<String>>,
     markdown: String,
+    html: String,
+    columns: serde_json::Map<String, Value>,
 }
 
 impl Report {
@@ -87,6 +89,8 @@ impl Report {
             header: csv.next().unwrap(),
             csv: csv.collect(),
             markdown: text("report.md"),
+            html: text("report.html"),
+            columns: serde_json::from_str(&text("columns.json")).unwrap(),
         }
     }
 
@@ -226,6 +230,20 @@ fn files_agree(out: &Path, report: &Report) {
         .map(|row| row["key"].as_str().unwrap())
         .collect();
     assert_eq!(keys.len(), report.rows().len(), "keys are unique");
+    let explained: Vec<&str> = report.columns.keys().map(String::as_str).collect();
+    assert_eq!(explained, report.header);
+    for (column, holds) in &report.columns {
+        assert!(holds.is_string(), "columns.csv says nothing of {column}");
+    }
+    // The page needs no other file: all addresses in it are the name of SVG itself.
+    let addresses = report.html.matches("://").count();
+    assert_eq!(
+        addresses,
+        report.html.matches("http://www.w3.org/2000/svg").count()
+    );
+    for foreign in ["<img", "<link", "src=", "@import", "url("] {
+        assert!(!report.html.contains(foreign), "{foreign} in report.html");
+    }
     let machine = &report.json["machine"];
     for (index, row) in report.rows().iter().enumerate() {
         assert_eq!(report.csv[index].len(), report.header.len());
@@ -319,6 +337,10 @@ fn files_agree(out: &Path, report: &Report) {
             .filter(|pixel| pixel[0] + pixel[1] + pixel[2] < 1.0);
         assert!(dark.count() > 500, "{stem}.png is blank");
         assert!(report.markdown.contains(&format!("plots/{stem}.png")));
+        assert!(
+            report.html.contains(svg.trim()),
+            "{stem} is not in the page"
+        );
     }
     let drawn = std::fs::read_dir(out.join("plots")).unwrap().count();
     assert_eq!(
