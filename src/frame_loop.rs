@@ -78,8 +78,8 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
-    /// Waits for the device while the frame was rendered and handed over, besides that for the frame's own end. Reading
-    /// images that were asked for comes after, and is none of them.
+    /// Waits for the device while the frame was rendered and handed over; today at least one, for the frame's own end.
+    /// Reading images that were asked for comes after, and is none of them.
     pub host_waits: u64,
 }
 
