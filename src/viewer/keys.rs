@@ -25,7 +25,8 @@ impl App {
         }
         let command = Modifiers::COMMAND;
         let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
-        if context.input_mut(|input| input.consume_key(command, Key::Q)) {
+        // A key that is held repeats itself: it must not answer its own question.
+        if context.input_mut(|input| input.consume_key(command, Key::Q)) && !self.asks_to_quit {
             self.request_quit();
         }
         if context.input_mut(|input| input.consume_key(command, Key::O)) {

@@ -1,6 +1,6 @@
 //! The window that asks for a path: a field, and what lies in the folder that is written there.
 //!
-//! Ours, because native dialogs would bring 70 crates along (`rfd` 0.15 with its portal: `zbus`, an async executor, `url`).
+//! Ours, because native dialogs would bring 69 more crates along (`rfd` 0.15 with its portal: `zbus`, an async executor, `url`).
 
 use std::path::{Path, PathBuf};
 
