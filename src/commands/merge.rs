@@ -125,14 +125,17 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
 }
 
 /// Joins the reports of `bench --shard`.
+#[cfg(feature = "bench")]
 fn reports(options: &MergeOptions) -> Result<(), Failure> {
     let folders = options.folders.iter();
     let texts: Vec<(PathBuf, String)> = folders
         .map(|folder| Ok((folder.clone(), read(&folder.join("report.json"))?)))
         .collect::<Result<_, Failure>>()?;
-    #[cfg(feature = "bench")]
-    return super::bench::merge(&texts, &options.out);
-    #[cfg(not(feature = "bench"))]
+    super::bench::merge(&texts, &options.out)
+}
+
+#[cfg(not(feature = "bench"))]
+fn reports(_: &MergeOptions) -> Result<(), Failure> {
     Err(super::not_built("merge of reports", "bench"))
 }
 
