@@ -578,7 +578,7 @@ mod tests {
     struct Silent;
 
     impl BenchProgress for Silent {
-        fn planned(&mut self, _: &[GroupPlan]) {}
+        fn planned(&mut self, _: crate::options::Suite, _: &[GroupPlan]) {}
         fn began(&mut self, _: &GroupPlan) {}
         fn round(&mut self, _: &GroupPlan, _: Round) {}
         fn reference(&mut self, _: &GroupPlan, _: u32, _: u32) {}

@@ -21,6 +21,7 @@ use std::fmt;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use stereolux_report::journal::Journal;
 use stereolux_report::records::{Machine, Row};
@@ -37,7 +38,7 @@ use crate::gpu::context::AdapterSummary;
 use crate::gpu::{GpuContext, GpuError};
 use crate::images::{ImageError, write_atomically};
 use crate::metrics::MetricsError;
-use crate::options::BenchOptions;
+use crate::options::{BenchOptions, Suite};
 use crate::renderer::RenderError;
 use crate::scene::SceneError;
 use crate::settings::Choice as _;
@@ -47,6 +48,9 @@ use crate::xr::XrError;
 pub const RENDER_CODE: &str = env!("STEREOLUX_RENDER_CODE");
 /// [`RENDER_CODE`] and the code that measures.
 pub const BENCH_CODE: &str = env!("STEREOLUX_BENCH_CODE");
+
+/// Least time between two reports of a suite that is being measured; drawing one takes seconds.
+const BETWEEN_REPORTS: Duration = Duration::from_secs(60);
 
 /// Why a suite ends early; what was finished is in the journal.
 #[derive(Debug, thiserror::Error)]
@@ -107,8 +111,8 @@ impl From<GpuError> for BenchError {
 
 /// Who hears how far the suite is.
 pub trait BenchProgress {
-    /// The groups that will be measured or taken from the journal.
-    fn planned(&mut self, plans: &[GroupPlan]);
+    /// The groups of `suite` that will be measured or taken from the journal.
+    fn planned(&mut self, suite: Suite, plans: &[GroupPlan]);
     /// A group begins.
     fn began(&mut self, plan: &GroupPlan);
     /// A round of it is done.
@@ -175,29 +179,46 @@ pub fn run(
         library.clone(),
         machine.clone(),
     );
-    progress.planned(&plans);
+    progress.planned(options.suite, &plans);
     let mut lab = Lab::new(
         out, settings, machine, library, journal, references, progress,
     );
-    let mut rows: Vec<Row> = Vec::new();
-    for plan in &plans {
-        rows.extend(lab.measure(plan)?);
-    }
-    let resumed = lab.resumed();
     let machine = lab.machine.clone();
-    let report = Report {
+    let mut rows: Vec<Row> = Vec::new();
+    let mut written = Instant::now();
+    for (done, plan) in (1..).zip(&plans) {
+        rows.extend(lab.measure(plan)?);
+        if done < plans.len() && written.elapsed() >= BETWEEN_REPORTS {
+            let unfinished = Some([done, plans.len()]);
+            let so_far = report(options, &machine, part.as_ref(), unfinished, &rows);
+            write(out, &so_far)?;
+            written = Instant::now();
+        }
+    }
+    let report = report(options, &machine, part.as_ref(), None, &rows);
+    write(out, &report)?;
+    Ok(outcome(out, &report, lab.resumed()))
+}
+
+fn report<'a>(
+    options: &BenchOptions,
+    machine: &'a Machine,
+    part: Option<&'a Part>,
+    unfinished: Option<[usize; 2]>,
+    rows: &'a [Row],
+) -> Report<'a> {
+    Report {
         suite: options.suite.word(),
         version: env!("CARGO_PKG_VERSION"),
         render_code: RENDER_CODE,
         bench_code: BENCH_CODE,
         reference_samples: suites::reference_samples(options),
         samples_per_batch: BOX_SAMPLES,
-        machine: &machine,
-        part: part.as_ref(),
-        rows: &rows,
-    };
-    write(out, &report)?;
-    Ok(outcome(out, &report, resumed))
+        machine,
+        part,
+        unfinished,
+        rows,
+    }
 }
 
 /// Leaves the groups of one part of a suite.

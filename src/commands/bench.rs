@@ -1,7 +1,8 @@
 //! `bench`: a suite of speed against error.
 
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use stereolux_report::rounds::Round;
@@ -9,8 +10,9 @@ use stereolux_report::rounds::Round;
 use super::Failure;
 use crate::bench::measure::GroupPlan;
 use crate::bench::{self, BenchProgress, Outcome};
-use crate::options::BenchOptions;
+use crate::options::{BenchOptions, Suite};
 use crate::output::OutputFolder;
+use crate::settings::Choice as _;
 
 /// Runs the suite, writes the report, and says where it is.
 pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
@@ -48,9 +50,15 @@ fn tell(outcome: &Outcome) {
     );
 }
 
-/// Progress on stderr with the time left, if that is a terminal. It counts rounds; a reference holds it up.
+/// Progress on stderr: a bar on a terminal, else a line per group. It counts rounds; a reference holds it up.
 struct Bar {
     bar: ProgressBar,
+    is_terminal: bool,
+    began: Instant,
+    /// Groups that are dealt with, and all.
+    groups: [usize; 2],
+    /// Frames measured, and those that are to be.
+    frames: [u64; 2],
 }
 
 impl Bar {
@@ -62,7 +70,39 @@ impl Bar {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(250));
-        Self { bar }
+        Self {
+            bar,
+            is_terminal: std::io::stderr().is_terminal(),
+            began: Instant::now(),
+            groups: [0; 2],
+            frames: [0; 2],
+        }
+    }
+
+    /// A line where there is no bar.
+    fn line(&self, plan: &GroupPlan, what: &str) {
+        if self.is_terminal {
+            return;
+        }
+        let [done, all] = self.groups;
+        let left = left(self.frames, self.began.elapsed().as_secs_f64());
+        eprintln!(
+            "{done} of {all}: {}: {} {what}{left}",
+            plan.suite, plan.name
+        );
+    }
+}
+
+/// The time that the frames which are left will take if they are like those before, in words.
+fn left([done, all]: [u64; 2], elapsed_s: f64) -> String {
+    if done == 0 || done >= all {
+        return String::new();
+    }
+    let left_s = elapsed_s * (all - done) as f64 / done as f64;
+    match left_s {
+        ..100.0 => format!(", about {left_s:.0} s left"),
+        ..6000.0 => format!(", about {:.0} min left", left_s / 60.0),
+        _ => format!(", about {:.1} h left", left_s / 3600.0),
     }
 }
 
@@ -71,8 +111,20 @@ fn frames(plan: &GroupPlan) -> u64 {
 }
 
 impl BenchProgress for Bar {
-    fn planned(&mut self, plans: &[GroupPlan]) {
-        self.bar.set_length(plans.iter().map(frames).sum());
+    fn planned(&mut self, suite: Suite, plans: &[GroupPlan]) {
+        self.frames[1] = plans.iter().map(frames).sum();
+        self.groups[1] = plans.len();
+        self.bar.set_length(self.frames[1]);
+        let variants: usize = plans.iter().map(|plan| plan.candidates.len()).sum();
+        let [_, groups] = self.groups;
+        let [_, frames] = self.frames;
+        self.bar.suspend(|| {
+            eprintln!(
+                "bench {}: {groups} groups, {variants} variants, {frames} frames and their references; \
+                 stopped, it goes on with the same command",
+                suite.word()
+            );
+        });
     }
 
     fn began(&mut self, plan: &GroupPlan) {
@@ -94,13 +146,30 @@ impl BenchProgress for Bar {
     }
 
     fn finished(&mut self, plan: &GroupPlan) {
-        log::info!("{}: {} measured", plan.suite, plan.name);
+        self.groups[0] += 1;
+        self.frames[0] += frames(plan);
+        self.line(plan, "measured");
     }
 
     fn skipped(&mut self, plan: &GroupPlan) {
         // Work of an earlier run says nothing about the time that is left of this one.
-        let length = self.bar.length().unwrap_or(0);
-        self.bar.set_length(length.saturating_sub(frames(plan)));
-        log::info!("{}: {} taken from the journal", plan.suite, plan.name);
+        self.groups[0] += 1;
+        self.frames[1] -= frames(plan);
+        self.bar.set_length(self.frames[1]);
+        self.line(plan, "taken from the journal");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_goes_by_the_frames_measured() {
+        assert_eq!(left([0, 10], 5.0), "");
+        assert_eq!(left([10, 10], 5.0), "");
+        assert_eq!(left([5, 10], 30.0), ", about 30 s left");
+        assert_eq!(left([1, 10], 60.0), ", about 9 min left");
+        assert_eq!(left([1, 100], 360.0), ", about 9.9 h left");
     }
 }

@@ -97,6 +97,8 @@ pub struct Report<'a> {
     pub machine: &'a Machine,
     /// Which part of the suite this is; `None`: all of it.
     pub part: Option<&'a Part>,
+    /// Groups in the report and in the whole suite, or part of it, while it is not all there.
+    pub unfinished: Option<[usize; 2]>,
     /// All rows, in the order in which they are shown.
     pub rows: &'a [Row],
 }
@@ -186,6 +188,7 @@ impl Report<'_> {
             samples_per_batch: self.samples_per_batch,
             machine: self.machine.clone(),
             part: self.part.cloned(),
+            unfinished: self.unfinished,
             rows: self.rows.to_vec(),
         }
     }

@@ -57,6 +57,10 @@ pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: Vec<String>) ->
             ("rows", rows.len().to_string()),
         ],
     );
+    if let Some([done, all]) = report.unfinished {
+        let groups = [("done", done.to_string()), ("all", all.to_string())];
+        text += &fill("unfinished", &groups);
+    }
     if machine.software_adapter {
         text += &fill("software", &[]);
     }

@@ -49,6 +49,8 @@ pub(crate) struct Saved {
     pub(crate) machine: Machine,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) part: Option<Part>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) unfinished: Option<[usize; 2]>,
     pub(crate) rows: Vec<Row>,
 }
 
@@ -73,6 +75,7 @@ impl Joined {
             samples_per_batch: saved.samples_per_batch,
             machine: &saved.machine,
             part: None,
+            unfinished: None,
             rows: &saved.rows,
         }
     }
@@ -167,6 +170,10 @@ fn saved(folder: &Path, text: &str) -> Result<(Saved, Part), ReportError> {
     if saved.format != FORMAT {
         return Err(fault(folder, "report.json is not one of `bench`"));
     }
+    if let Some([done, all]) = saved.unfinished {
+        let reason = format!("has {done} of {all} groups; run its `bench` command again to go on");
+        return Err(fault(folder, &reason));
+    }
     match saved.part.clone() {
         Some(part) => Ok((saved, part)),
         None => Err(fault(
@@ -220,6 +227,7 @@ mod tests {
             samples_per_batch: 4,
             machine: &machine,
             part,
+            unfinished: None,
             rows,
         };
         report.files().unwrap()
@@ -263,6 +271,10 @@ mod tests {
     fn what_is_not_all_of_one_suite_is_refused() {
         let whole =
             String::from_utf8(files(&rows(), None, "1").swap_remove(0).bytes).unwrap_or_default();
+        let (folder, json) = part(1, "1");
+        let mut saved: serde_json::Value = serde_json::from_str(&json).unwrap();
+        saved["unfinished"] = json!([1, 3]);
+        let half_done = (folder.with_file_name("half"), saved.to_string());
         let message = |parts: &[(PathBuf, String)]| join(parts).unwrap_err().to_string();
         for (parts, words) in [
             (vec![part(1, "1")], "part 2 of 2 is in none"),
@@ -272,6 +284,7 @@ mod tests {
                 "version is \"1\" there and \"2\" here",
             ),
             (vec![("other".into(), whole)], "other: report.json"),
+            (vec![half_done], "half: has 1 of 3 groups"),
             (vec![], "nothing to join"),
         ] {
             let told = message(&parts);
