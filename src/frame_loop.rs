@@ -78,6 +78,9 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
+    /// Waits for the device while the frame was rendered and handed over, besides that for the frame's own end. Reading
+    /// images that were asked for comes after, and is none of them.
+    pub host_waits: u64,
 }
 
 /// Device milliseconds by part of the frame.
@@ -221,6 +224,8 @@ pub struct Rendered {
     pub cpu_ms: CpuMs,
     /// The host's stages, those of the renderer too.
     pub stages: Vec<HostSpan>,
+    /// As in [`FrameStats`].
+    pub host_waits: u64,
 }
 
 impl Rendered {
@@ -239,6 +244,7 @@ impl Rendered {
             result,
             mut cpu_ms,
             stages: _,
+            host_waits,
         } = self;
         cpu_ms.frame = milliseconds_since(began);
         let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
@@ -254,6 +260,7 @@ impl Rendered {
             stereo: result.stereo,
             non_finite_pixels,
             pose_repeated: located.repeated,
+            host_waits,
         }
     }
 }
@@ -272,6 +279,7 @@ pub fn step(
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
+    let waits_before = renderer.context().host_waits();
     let Some(state) = session.wait_frame()? else {
         return Ok(Step::Ended);
     };
@@ -324,6 +332,7 @@ pub fn step(
         result,
         cpu_ms,
         stages,
+        host_waits: renderer.context().host_waits() - waits_before,
     })))
 }
 

@@ -1,5 +1,6 @@
 //! Adapter choice and the headless device.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
@@ -182,6 +183,7 @@ pub struct GpuContext {
     opened: wgpu::Adapter,
     lost: Arc<Mutex<Option<String>>>,
     uncaptured: Arc<Mutex<Option<String>>>,
+    host_waits: Arc<AtomicU64>,
 }
 
 /// What instances are made with, unless the environment asks for other things (`WGPU_VALIDATION=1`: validation layers).
@@ -339,6 +341,7 @@ impl GpuContext {
             opened: adapter,
             lost,
             uncaptured,
+            host_waits: Arc::default(),
         }
     }
 
@@ -395,12 +398,18 @@ impl GpuContext {
     /// # Errors
     /// [`GpuError::Lost`] if the device went away, [`GpuError::Validation`] for an error outside every scope.
     pub fn wait(&self, pass: &str) -> Result<(), GpuError> {
+        self.host_waits.fetch_add(1, Ordering::Relaxed);
         let polled = finish(&self.device);
         self.check(pass)?;
         polled.map_err(|reason| GpuError::Lost {
             pass: pass.to_owned(),
             reason,
         })
+    }
+
+    /// How often the host has waited for the device so far.
+    pub(crate) fn host_waits(&self) -> u64 {
+        self.host_waits.load(Ordering::Relaxed)
     }
 
     fn check(&self, pass: &str) -> Result<(), GpuError> {
