@@ -148,6 +148,7 @@ pub mod renderer;
 mod scene;
 #[cfg(feature = "internals")]
 pub mod scene;
+mod scene_loading;
 #[cfg(not(feature = "internals"))]
 mod settings;
 #[cfg(feature = "internals")]

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use stereolux_report::journal::Journal;
 use stereolux_report::records::{Machine, Row};
 use stereolux_report::rounds::Round;
+use stereolux_report::shards::{Part, Shard, join};
 use stereolux_report::{Report, ReportError};
 
 use measure::{GroupPlan, Lab};
@@ -145,7 +146,8 @@ pub fn run(
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes)
         .map_err(|error| BenchError::Shaders(error.to_string()))?;
-    let plans = suites::plans(options)?;
+    let mut plans = suites::plans(options)?;
+    let part = options.shard.map(|shard| take_part(&mut plans, shard));
     let mut checked: Vec<&SceneSource> = Vec::new();
     for plan in &plans {
         // Scenes that cannot be read are refused before anything is written.
@@ -191,15 +193,48 @@ pub fn run(
         reference_samples: suites::reference_samples(options),
         samples_per_batch: BOX_SAMPLES,
         machine: &machine,
+        part: part.as_ref(),
         rows: &rows,
     };
     write(out, &report)?;
-    Ok(Outcome {
-        rows: rows.len(),
+    Ok(outcome(out, &report, resumed))
+}
+
+/// Leaves the groups of one part of a suite.
+fn take_part(plans: &mut Vec<GroupPlan>, [number, of]: [u32; 2]) -> Part {
+    let shard = Shard { number, of };
+    let groups = plans
+        .iter()
+        .map(|plan| [plan.suite.to_owned(), plan.name.clone()])
+        .collect();
+    let mut place = 0..;
+    plans.retain(|_| place.next().is_some_and(|place| shard.has(place)));
+    Part { shard, groups }
+}
+
+/// Joins the reports and journals of a suite's parts, so that the suite's own command finds all of it measured.
+///
+/// # Errors
+/// [`BenchError::Report`], [`BenchError::File`], [`BenchError::Out`].
+pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<Outcome, BenchError> {
+    let joined = join(reports)?;
+    fs::create_dir_all(out).map_err(|error| BenchError::Out {
+        path: out.to_owned(),
+        reason: error.to_string(),
+    })?;
+    let report = joined.report();
+    Journal::open(&out.join("journal.jsonl"))?.append(report.rows)?;
+    write(out, &report)?;
+    Ok(outcome(out, &report, 0))
+}
+
+fn outcome(out: &Path, report: &Report<'_>, resumed: usize) -> Outcome {
+    Outcome {
+        rows: report.rows.len(),
         resumed,
         report: out.join("report.md"),
         unsettled: report.unsettled(),
-    })
+    }
 }
 
 fn write(out: &Path, report: &Report<'_>) -> Result<(), BenchError> {

@@ -13,8 +13,8 @@ use super::BenchError;
 use crate::limits::LoadBudget;
 use crate::scene::{
     Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
-    load_environment_within,
 };
+use crate::scene_loading::Loaded;
 use crate::settings::Settings;
 
 /// A scene to measure.
@@ -101,21 +101,17 @@ impl SceneSource {
 }
 
 fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
-    let budget = LoadBudget::new(settings.limits.load());
-    let mut scene = match name.strip_prefix("builtin:") {
-        _ if name == INDIRECT_SCENE => indirect(),
-        Some(builtin) => Scene::builtin(builtin)?,
-        None => Scene::load_within(name, &budget)?,
+    let loaded = match name {
+        INDIRECT_SCENE => {
+            let budget = LoadBudget::new(settings.limits.load());
+            Loaded::of(indirect(), settings, &budget)?
+        }
+        _ => Loaded::open(&Settings {
+            scene: name.to_owned(),
+            ..settings.clone()
+        })?,
     };
-    if !settings.environment.path.is_empty() {
-        let (environment, _) = load_environment_within(
-            &settings.environment.path,
-            settings.environment.strength as f32,
-            &budget,
-        )?;
-        scene.environment = Some(environment);
-    }
-    Ok(scene)
+    Ok(loaded.scene)
 }
 
 /// Fingerprint of everything in a scene that can change a picture. The pattern names every field, so that a new one cannot

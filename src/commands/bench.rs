@@ -1,5 +1,6 @@
 //! `bench`: a suite of speed against error.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -7,7 +8,7 @@ use stereolux_report::rounds::Round;
 
 use super::Failure;
 use crate::bench::measure::GroupPlan;
-use crate::bench::{self, BenchProgress};
+use crate::bench::{self, BenchProgress, Outcome};
 use crate::options::BenchOptions;
 use crate::output::OutputFolder;
 
@@ -18,6 +19,18 @@ pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
     let outcome = bench::run(options, &mut bar);
     bar.bar.finish_and_clear();
     let outcome = outcome?;
+    tell(&outcome);
+    Ok(())
+}
+
+/// Joins the reports of a suite's parts.
+pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<(), Failure> {
+    tell(&bench::merge(reports, out)?);
+    Ok(())
+}
+
+/// Says on stderr where the report is.
+fn tell(outcome: &Outcome) {
     let resumed = match outcome.resumed {
         0 => String::new(),
         rows => format!(", {rows} of them from an earlier run"),
@@ -33,7 +46,6 @@ pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
         outcome.rows,
         outcome.report.display()
     );
-    Ok(())
 }
 
 /// Progress on stderr with the time left, if that is a terminal. It counts rounds; a reference holds it up.

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use std::fmt::Write as _;
 
-use super::{Failure, Loaded, load_scene, print_line};
+use super::{Failure, load_scene, print_line};
 use crate::frame::listing::list;
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::shader_library;
@@ -14,6 +14,7 @@ use crate::options::InfoOptions;
 use crate::printable;
 use crate::renderer::{automatic_radius_m, plan_of_scene, shader_features};
 use crate::scene::Needs;
+use crate::scene_loading::Loaded;
 use crate::settings::{Settings, registry};
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.

@@ -1,4 +1,4 @@
-//! `merge`: joins the statistics of runs that rendered ranges of one run's frames.
+//! `merge`: joins the statistics of runs that rendered ranges of one run's frames, or the reports of a suite's parts.
 
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ fn frames(folder: &Path) -> Result<Vec<Value>, Failure> {
 fn read(path: &Path) -> Result<String, Failure> {
     let fault = |reason: String| {
         Failure::unusable(format!(
-            "{}: {reason}; give folders that `run` has written",
+            "{}: {reason}; give folders that `run` or `bench` has written",
             path.display()
         ))
     };
@@ -65,6 +65,9 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
             "--out {} is one of the folders to merge; give another",
             options.out.display()
         )));
+    }
+    if options.folders[0].join("report.json").exists() {
+        return reports(options);
     }
     let mut runs = Vec::new();
     let mut all = Vec::new();
@@ -119,6 +122,18 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
         options.folders.len(),
         options.out.display()
     ))
+}
+
+/// Joins the reports of `bench --shard`.
+fn reports(options: &MergeOptions) -> Result<(), Failure> {
+    let folders = options.folders.iter();
+    let texts: Vec<(PathBuf, String)> = folders
+        .map(|folder| Ok((folder.clone(), read(&folder.join("report.json"))?)))
+        .collect::<Result<_, Failure>>()?;
+    #[cfg(feature = "bench")]
+    return super::bench::merge(&texts, &options.out);
+    #[cfg(not(feature = "bench"))]
+    Err(super::not_built("merge of reports", "bench"))
 }
 
 /// The first run's report with what all frames give; wall times add up.

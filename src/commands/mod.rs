@@ -18,16 +18,15 @@ use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
 use crate::images::ImageError;
-use crate::limits::LoadBudget;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
 use crate::options::{Options, parse};
 use crate::output::OutputError;
 use crate::printable::escaped;
 use crate::renderer::RenderError;
-use crate::scene::needs::LightCounts;
-use crate::scene::{Needs, Scene, SceneError, load_environment_within};
-use crate::settings::{Light, Settings};
+use crate::scene::SceneError;
+use crate::scene_loading::Loaded;
+use crate::settings::Settings;
 use crate::xr::XrError;
 
 /// The whole program: flags to checked options to a command; errors to an exit status.
@@ -196,11 +195,14 @@ impl From<LoopError> for Failure {
 impl From<crate::bench::BenchError> for Failure {
     fn from(error: crate::bench::BenchError) -> Self {
         use crate::bench::BenchError;
+        use stereolux_report::ReportError;
         match error {
             BenchError::Scene(error) => error.into(),
             BenchError::Xr(error) => error.into(),
             BenchError::Render(error) => error.into(),
-            BenchError::Shaders(_) | BenchError::Out { .. } => Self::unusable(error),
+            BenchError::Shaders(_)
+            | BenchError::Out { .. }
+            | BenchError::Report(ReportError::Part { .. }) => Self::unusable(error),
             BenchError::Metrics(_)
             | BenchError::Image(_)
             | BenchError::File { .. }
@@ -255,78 +257,13 @@ fn not_built(command: &str, feature: &str) -> Failure {
     ))
 }
 
-/// Prefix of scenes that are embedded in the program.
-const BUILTIN: &str = "builtin:";
-
-/// A scene as it is rendered.
-struct Loaded {
-    scene: Scene,
-    /// With the environment that `light` stands for.
-    settings: Settings,
-    /// What lights the scene beside its own lights, in words; `None`: nothing that was not asked for by its path.
-    light: Option<String>,
-}
-
-/// Loads a scene by `--scene`'s rules, with the environment that the settings name, or that `light` gives it.
+/// Loads the settings' scene and tells of its warnings.
 fn load_scene(settings: &Settings) -> Result<Loaded, Failure> {
-    let budget = LoadBudget::new(settings.limits.load());
-    let mut scene = match settings.scene.strip_prefix(BUILTIN) {
-        Some(name) => Scene::builtin(name)?,
-        None => Scene::load_within(&settings.scene, &budget)?,
-    };
-    scene.scale(settings.scene_scale);
-    let mut settings = settings.clone();
-    let light = light_scene(&mut settings, &scene);
-    if !settings.environment.path.is_empty() {
-        let (environment, warnings) = load_environment_within(
-            &settings.environment.path,
-            settings.environment.strength as f32,
-            &budget,
-        )?;
-        scene.environment = Some(environment);
-        scene.warnings.extend(warnings);
-    }
-    scene.clip(&settings.render.animation.clip)?;
-    scene.warnings.extend(unlit_or_odd(&scene, &settings));
-    for warning in &scene.warnings {
+    let loaded = Loaded::open(settings)?;
+    for warning in &loaded.scene.warnings {
         log::warn!("{warning}");
     }
-    Ok(Loaded {
-        scene,
-        settings,
-        light,
-    })
-}
-
-/// Puts the environment that `light` stands for into the settings; what was done, in words.
-fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
-    let is_bare = settings.environment.path.is_empty();
-    let (name, why) = match settings.light {
-        Light::Auto if is_bare && !is_lit(scene) => ("studio", "the scene has no light"),
-        Light::Studio => ("studio", "asked for"),
-        Light::Sky => ("sky", "asked for"),
-        Light::Auto | Light::None => return None,
-    };
-    settings.environment.path = format!("{BUILTIN}{name}");
-    Some(format!("{BUILTIN}{name} ({why})"))
-}
-
-fn is_lit(scene: &Scene) -> bool {
-    let needs = Needs::of(scene);
-    needs.lights != LightCounts::default() || needs.environment
-}
-
-/// Warnings that the scene will be black, or is of a size that two eyes cannot make much of.
-fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if scene.environment.is_none() && !is_lit(scene) {
-        warnings.push(format!(
-            "{} has no light and will be black: give --light auto, --light sky or environment.path",
-            settings.scene
-        ));
-    }
-    warnings.extend(scene.size_warning());
-    warnings
+    Ok(loaded)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Failure, Loaded, load_scene, report};
+use super::{Failure, load_scene, report};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress, Outcome, inspection};
 use crate::gpu::GpuContext;
@@ -17,6 +17,7 @@ use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
 use crate::output::{OutputFolder, Style};
 use crate::renderer::Renderer;
 use crate::scene::{Camera, Needs};
+use crate::scene_loading::Loaded;
 use crate::settings::{Aov, ExrPrecision, Eyes, OutputSettings, RenderSettings, Settings};
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{

@@ -1,7 +1,7 @@
 //! `view`: the desktop viewer.
 
+use super::Failure;
 use super::run::replay_options;
-use super::{Failure, light_scene};
 use crate::frame::user_passes::shader_library;
 use crate::interrupt;
 use crate::limits::LoadBudget;
@@ -9,6 +9,7 @@ use crate::options::ViewOptions;
 use crate::output::OutputFolder;
 use crate::scene::edit::Document;
 use crate::scene::load_environment_within;
+use crate::scene_loading::light_scene;
 use crate::viewer::session::Recording;
 use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};

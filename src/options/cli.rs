@@ -50,9 +50,11 @@ A recording starts paused; play, step and scrub in the window. F1 lists keys and
 pub(super) const BENCH_EXAMPLES: &str = "\
 Every measured frame retraces its photons. Variants of a group take turns, frame by frame, and ratios are formed within
 a turn. Errors are those of the timed frames, against a path-traced reference.
-Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it.
+Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it. No images are
+written, so that output.* changes nothing.
 
-Writes to --out: report.md, report.json, rows.csv, plots/*.svg and *.png, journal.jsonl, traces/, references/.
+Writes to --out: report.md, report.html, report.json, rows.csv, columns.json (what each column of
+rows.csv holds), plots/*.svg and *.png, journal.jsonl, traces/, references/.
 
 Examples:
   stereolux bench smoke --out out/smoke
@@ -98,7 +100,7 @@ pub enum Options {
     Info(Box<InfoOptions>),
     /// Open the desktop viewer
     View(Box<ViewOptions>),
-    /// Join the statistics of runs over ranges of one run's frames
+    /// Join the statistics of a run's ranges, or the reports of a suite's parts
     Merge(MergeOptions),
     /// List the settings for --set and --config, or those that a word is about
     Settings(SettingsOptions),
@@ -348,6 +350,9 @@ pub struct BenchOptions {
     /// Directory that caches references between runs [default: DIR/references, DIR from --out]
     #[arg(long, value_name = "DIR")]
     pub references: Option<PathBuf>,
+    /// Measure only part I of N, from 1, for a machine of its own; `merge` joins the parts' reports
+    #[arg(long, value_name = "I/N", value_parser = values::shard)]
+    pub shard: Option<[u32; 2]>,
     #[command(flatten)]
     pub(super) layers: LayerArgs<BENCH>,
 }
@@ -376,10 +381,10 @@ pub struct InfoOptions {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
 pub struct MergeOptions {
-    /// Folders that `run --range` has written; they keep their images
+    /// Folders that `run --range` has written, which keep their images, or all that `bench --shard` has
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
-    /// Folder for the joined stats.jsonl and run.json; made if missing
+    /// Folder for the joined stats.jsonl and run.json, or report and journal; made if missing
     #[arg(long, value_name = "DIR", default_value = "merged")]
     pub out: PathBuf,
 }

@@ -71,6 +71,17 @@ pub(super) fn frame_range(text: &str) -> Result<Range<u32>, String> {
     range().ok_or_else(|| "must be A..B with whole numbers, A below B, such as 100..200".to_owned())
 }
 
+/// Part I of N, from 1.
+pub(super) fn shard(text: &str) -> Result<[u32; 2], String> {
+    let shard = || {
+        let (number, of) = text.split_once('/')?;
+        let [number, of] = [number, of].map(|word| word.trim().parse::<u32>().ok());
+        let [number, of] = [number?, of?];
+        (1..=of).contains(&number).then_some([number, of])
+    };
+    shard().ok_or_else(|| "must be I/N with I from 1 to N, such as 2/4".to_owned())
+}
+
 /// The name of a scene.
 pub(super) fn scene(text: &str) -> Result<String, String> {
     match text {

@@ -314,8 +314,8 @@ settings! {
             taa: Switch = Switch::Auto;
             /// while nothing moves, fade to the mean of all still frames
             still: Switch = Switch::Auto;
-            /// passes of the a-trous wavelet filter; the last reaches 2^(passes + 1) pixels to each side
-            atrous_passes: u32 = 5, whole(0, 8);
+            /// passes of the a-trous wavelet filter; pass n reaches 2^(n - 1) pixels to each side
+            atrous_passes: u32 = 4, whole(0, 8);
             /// least weight of a new frame in the accumulated light
             color_alpha: f64 = 0.2, SHARE;
             /// least weight of a new frame in the luminance moments
@@ -579,17 +579,11 @@ impl ReconstructSettings {
 
 impl RenderSettings {
     /// Decides what reconstruction leaves to `auto`, for a sequence or for frames that stand alone. With several samples per
-    /// pixel it is off. Photons make little noise from pixel to pixel, which anti-aliasing averages away; SVGF costs more
-    /// there than it gains (docs/results.md).
+    /// pixel it is off.
     pub fn decide_reconstruction(&mut self, is_sequence: bool) {
         let auto = is_sequence && self.spp == 1;
         let own = &mut self.reconstruct;
-        let filters = auto && self.method == Method::Path;
-        for (switch, auto) in [
-            (&mut own.svgf, filters),
-            (&mut own.taa, auto),
-            (&mut own.still, auto),
-        ] {
+        for switch in [&mut own.svgf, &mut own.taa, &mut own.still] {
             if *switch == Switch::Auto {
                 *switch = auto.into();
             }

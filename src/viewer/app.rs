@@ -13,6 +13,7 @@ use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
+use super::panels::paths::{PathQuestion, Purpose};
 use super::session::{Player, Recording};
 use super::textures::Pictures;
 use super::window_state::WindowState;
@@ -98,6 +99,10 @@ pub struct App {
     pub(super) tab: Tab,
     pub(super) shows_help: bool,
     pub(super) asks_to_quit: bool,
+    /// The picture has the whole window.
+    pub(super) hides_panels: bool,
+    /// The path that is asked for.
+    pub(super) asks_path: Option<PathQuestion>,
     /// The scene that was refused for naming files outside its folder, while it is asked whether to read them.
     pub(super) asks_outside: Option<String>,
     pub(super) frame: Option<Box<FrameReport>>,
@@ -166,6 +171,8 @@ impl App {
             tab: Tab::default(),
             shows_help: false,
             asks_to_quit: false,
+            hides_panels: false,
+            asks_path: None,
             asks_outside: None,
             frame: None,
             pictures: Pictures::default(),
@@ -235,6 +242,27 @@ impl App {
     pub fn is_up_to_date(&self) -> bool {
         let frame = self.frame.as_deref();
         !self.is_busy() && frame.is_some_and(|frame| frame.is_full && frame.number == self.asked)
+    }
+
+    /// What is being waited for; `None` once everything is shown.
+    pub(super) fn awaited(&self) -> Option<String> {
+        if self.is_up_to_date() {
+            return None;
+        }
+        Some(match self.busy {
+            "" => format!("rendering {}", self.view_mode.name()),
+            busy => busy.to_owned(),
+        })
+    }
+
+    /// Title of the window: what is open, and whether it is saved.
+    pub fn title(&self) -> String {
+        let mark = if self.document.is_modified() {
+            " (not saved)"
+        } else {
+            ""
+        };
+        format!("stereolux: {}{mark}", self.document.scene().name)
     }
 
     /// What has been said and not been closed.
@@ -445,6 +473,23 @@ impl App {
         self.camera
             .focus(bounds.center(), radius_m, FOCUS_HALF_ANGLE_RAD);
         self.player = None;
+    }
+
+    /// Opens the window that asks for a path.
+    pub(super) fn ask_path(&mut self, purpose: Purpose) {
+        let text = match purpose {
+            // Beside what was opened last.
+            Purpose::Open => {
+                let last = self.window_state.recent.first();
+                let folder = last.and_then(|path| Path::new(path).parent());
+                folder.map_or_else(String::new, |folder| {
+                    folder.join("").to_string_lossy().into_owned()
+                })
+            }
+            Purpose::SaveScene => self.fields.scene_path.clone(),
+            Purpose::SaveSettings => self.fields.settings_path.clone(),
+        };
+        self.asks_path = Some(PathQuestion::new(purpose, text));
     }
 
     pub(super) fn request_quit(&mut self) {

@@ -12,8 +12,6 @@ pub struct Fields {
     pub search: String,
     /// Search of the settings.
     pub settings_search: String,
-    /// Path or name of a scene to open.
-    pub open_path: String,
     /// Where the edited scene is saved.
     pub scene_path: String,
     /// Where settings are saved.
@@ -34,6 +32,10 @@ pub struct Fields {
     pub pivot: Option<(usize, glam::DVec3)>,
     /// The picture that has the gizmo.
     pub gizmo_part: Option<Part>,
+    /// A field for text had the keyboard at the end of the last pass.
+    pub had_text: bool,
+    /// What a drag with the middle button goes around, and moves with: metres ahead of the head.
+    pub orbit_m: f64,
     /// The divider of the split view is held.
     pub drags_divider: bool,
 }

@@ -119,6 +119,31 @@ impl FlyCamera {
         self.position_in_world += ahead * (0.25 * self.speed * notches);
     }
 
+    /// Goes around the point `distance_m` ahead, by mouse travel in points: the picture follows the pointer.
+    pub fn orbit(&mut self, travel_points: [f64; 2], distance_m: f64) {
+        let center = self.position_in_world + self.ahead() * distance_m;
+        self.look(travel_points);
+        self.position_in_world = center - self.ahead() * distance_m;
+    }
+
+    /// Moves across the gaze, by mouse travel in points, so that what is `distance_m` away stays about under the pointer.
+    pub fn pan(&mut self, travel_points: [f64; 2], distance_m: f64) {
+        let across = DVec3::new(-travel_points[0], travel_points[1], 0.0);
+        self.position_in_world += self.orientation() * across * (LOOK_RAD_PER_POINT * distance_m);
+    }
+
+    /// Moves towards the point `distance_m` ahead, or away from it, by mouse travel in points: 200 upwards halve the
+    /// distance. Returns what is left of it.
+    pub fn approach(&mut self, travel_points: f64, distance_m: f64) -> f64 {
+        let left_m = distance_m * (travel_points / 200.0).exp2();
+        self.position_in_world += self.ahead() * (distance_m - left_m);
+        left_m
+    }
+
+    fn ahead(&self) -> DVec3 {
+        self.orientation() * DVec3::NEG_Z
+    }
+
     /// Looks at a sphere from where the gaze comes from, so that it fills half of a view of `half_angle_rad`.
     pub fn focus(&mut self, center_in_world: DVec3, radius_m: f64, half_angle_rad: f64) {
         let ahead = self.orientation() * DVec3::NEG_Z;
@@ -186,6 +211,26 @@ mod tests {
         camera.look([1.0, 0.0]);
         let up = camera.pose().orientation * DVec3::X;
         assert!(up.y.abs() < 1e-12, "the roll is gone");
+    }
+
+    #[test]
+    fn the_point_that_is_orbited_and_approached_stays_ahead() {
+        let mut camera = at_origin();
+        let center = DVec3::new(0.0, 0.0, -3.0);
+        camera.orbit([120.0, -45.0], 3.0);
+        let pose = camera.pose();
+        assert!((pose.position - center).length() - 3.0 < 1e-12);
+        assert!(pose.position.length() > 1.0, "it went around");
+        let ahead = pose.orientation * DVec3::NEG_Z;
+        assert!((pose.position + 3.0 * ahead - center).length() < 1e-12);
+        let left_m = camera.approach(-200.0, 3.0);
+        assert!((left_m - 1.5).abs() < 1e-12);
+        assert!((camera.pose().position + 1.5 * ahead - center).length() < 1e-12);
+        // Across the gaze alone.
+        let before = camera.pose().position;
+        camera.pan([10.0, 20.0], 1.5);
+        let way = camera.pose().position - before;
+        assert!(way.length() > 0.05 && way.dot(ahead).abs() < 1e-12);
     }
 
     #[test]

@@ -122,6 +122,8 @@ impl Seen {
 pub struct FrameReport {
     /// [`Wanted::number`] of what it shows.
     pub number: u64,
+    /// What it shows.
+    pub view_mode: ViewMode,
     /// Number of the frame.
     pub index: u32,
     /// Left and right eye.

@@ -1,10 +1,11 @@
 //! What keys do; [`super::panels::help`] lists them.
 
-use egui::{Context, Key, Modifiers};
+use egui::{Context, Key, Modifiers, Popup};
 
 use super::app::{App, WindowCommand, camera_of};
 use super::fly_camera::Thrust;
 use super::gizmo::KEYS;
+use super::panels::paths::Purpose;
 use crate::scene::edit::Edit;
 
 impl App {
@@ -22,10 +23,64 @@ impl App {
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F12)) {
             self.screenshot();
         }
-        // Letters belong to a text field that has the keyboard.
-        if context.text_edit_focused() {
+        let command = Modifiers::COMMAND;
+        let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
+        // A key that is held repeats itself: it must not answer its own question.
+        if context.input_mut(|input| input.consume_key(command, Key::Q)) && !self.asks_to_quit {
+            self.request_quit();
+        }
+        if context.input_mut(|input| input.consume_key(command, Key::O)) {
+            self.ask_path(Purpose::Open);
+        }
+        if context.input_mut(|input| input.consume_key(shifted, Key::S)) {
+            self.ask_path(Purpose::SaveScene);
+        } else if context.input_mut(|input| input.consume_key(command, Key::S)) {
+            self.save_scene(context);
+        }
+        self.answer_escape(context);
+        // What follows belongs to a widget that has the keyboard.
+        if self.scene_has_keys(context) {
+            self.answer_scene_keys(context);
+        }
+    }
+
+    /// Whether keys are meant for the scene: no widget has the keyboard, no menu is open, nothing is asked.
+    pub(super) fn scene_has_keys(&self, context: &Context) -> bool {
+        context.memory(|memory| memory.focused().is_none())
+            && !Popup::is_any_open(context)
+            && self.asks_path.is_none()
+            && !self.asks_to_quit
+            && self.asks_outside.is_none()
+    }
+
+    /// Esc closes what is on top, and never quits.
+    fn answer_escape(&mut self, context: &Context) {
+        // egui closes its menus itself.
+        if Popup::is_any_open(context)
+            || !context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape))
+        {
             return;
         }
+        let is_asked = self.asks_to_quit || self.asks_outside.is_some();
+        if is_asked {
+            self.asks_to_quit = false;
+            self.asks_outside = None;
+        } else if self.asks_path.take().is_some() {
+        } else if self.fields.had_text {
+            // The field has lost the keyboard by it.
+        } else if self.shows_help {
+            self.shows_help = false;
+        } else if self.loading.is_some() {
+            self.cancel_loading();
+            self.say(context, "reading was cancelled", false);
+        } else if self.hides_panels {
+            self.hides_panels = false;
+        } else {
+            self.selected = None;
+        }
+    }
+
+    fn answer_scene_keys(&mut self, context: &Context) {
         let command = Modifiers::COMMAND;
         let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
         if context.input_mut(|input| {
@@ -34,24 +89,6 @@ impl App {
             self.redo(context);
         } else if context.input_mut(|input| input.consume_key(command, Key::Z)) {
             self.undo(context);
-        }
-        if context.input_mut(|input| input.consume_key(command, Key::S)) {
-            self.save_scene(context);
-        }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
-            if self.shows_help {
-                self.shows_help = false;
-            } else if self.asks_to_quit {
-                self.asks_to_quit = false;
-            } else if self.asks_outside.take().is_some() {
-            } else if self.loading.is_some() {
-                self.cancel_loading();
-                self.say(context, "reading was cancelled", false);
-            } else if self.selected.is_some() {
-                self.selected = None;
-            } else {
-                self.request_quit();
-            }
         }
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::T)) {
             self.screenshot();
@@ -62,6 +99,9 @@ impl App {
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Home)) {
             self.camera = camera_of(&self.document);
             self.player = None;
+        }
+        if context.input_mut(|input| input.consume_key(command, Key::Space)) {
+            self.hides_panels = !self.hides_panels;
         }
         for (key, mode) in KEYS {
             if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {

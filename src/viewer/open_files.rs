@@ -47,16 +47,19 @@ impl App {
                 self.set_settings(context, settings);
                 self.environment = self.settings.environment.clone();
                 self.restart_scene();
+                self.window_state.remember_file(&name);
                 self.say(context, format!("{name} opened"), false);
             }
             Ok(Loaded::Environment(environment, settings)) => {
                 self.document.set_environment(Some(*environment));
                 self.environment = settings;
                 self.restart_scene();
+                self.window_state.remember_file(&name);
                 self.say(context, format!("{name} lights the scene"), false);
             }
             Ok(Loaded::Trace(recording)) => {
                 self.player = Some(Player::new(*recording));
+                self.window_state.remember_file(&name);
                 self.say(context, format!("{name}: play with Space"), false);
             }
         }

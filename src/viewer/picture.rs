@@ -1,7 +1,8 @@
 //! The picture area: the eyes in their layout, what is selected, and what the pointer does there.
 
 use egui::{
-    Align2, Color32, Context, FontId, Painter, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2,
+    Align2, Color32, Context, FontId, Painter, PointerButton, Pos2, Rect, Response, Sense, Stroke,
+    Ui, pos2, vec2,
 };
 use glam::{DAffine3, DVec3};
 
@@ -56,13 +57,20 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if layout == Layout::Split {
             divider(app, ui, first);
         }
-        if let Some(legend) = &frame.legend {
+        let is_other = frame.view_mode != app.view_mode;
+        if is_other {
+            // Never one view's picture under another's name.
+            ui.painter()
+                .rect_filled(area, 0.0, Color32::from_black_alpha(200));
+            let awaited = app.awaited().unwrap_or_default();
+            note(ui.painter(), area, &awaited);
+        } else if let Some(legend) = &frame.legend {
             show_legend(ui.painter(), area, legend);
         }
         let notes = parts
             .iter()
             .filter_map(|part| frame.notes[part.eye()].as_ref());
-        if let Some(text) = notes.into_iter().next() {
+        if let (Some(text), false) = (notes.into_iter().next(), is_other) {
             note(ui.painter(), area, text);
         }
         app.frame = Some(frame);
@@ -235,7 +243,34 @@ fn pointer(
         app.fields.scroll_to_selected = true;
     }
     let is_free = !is_handled && !app.gizmo.is_dragging() && !app.fields.drags_divider;
-    if response.dragged() && is_free {
+    if response.drag_started_by(PointerButton::Middle)
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        let seen = &frame.seen[part.eye()];
+        let distance_m = seen
+            .pixel_at(place_in(rect, at))
+            .map(|pixel| seen.distances_m[pixel]);
+        // Where there is only sky, what is a room away.
+        let hit = distance_m.filter(|distance_m| *distance_m > 0.0);
+        app.fields.orbit_m = hit.map_or(2.0 * app.camera.speed, f64::from);
+    }
+    if response.dragged_by(PointerButton::Middle) {
+        let travel = response.drag_delta();
+        let travel = [f64::from(travel.x), f64::from(travel.y)];
+        if travel != [0.0; 2] {
+            app.player = None;
+            let modifiers = context.input(|input| input.modifiers);
+            let orbit_m = &mut app.fields.orbit_m;
+            if modifiers.shift {
+                app.camera.pan(travel, *orbit_m);
+            } else if modifiers.command {
+                *orbit_m = app.camera.approach(travel[1], *orbit_m);
+            } else {
+                app.camera.orbit(travel, *orbit_m);
+            }
+        }
+    }
+    if response.dragged_by(PointerButton::Primary) && is_free {
         let travel = response.drag_delta();
         if travel != egui::Vec2::ZERO {
             app.player = None;

@@ -386,6 +386,7 @@ impl RenderEngine {
         }
         Ok(FrameReport {
             number: wanted.number,
+            view_mode: wanted.view_mode,
             index: stats.frame,
             eyes: [Arc::clone(&eyes[0]), Arc::clone(&eyes[1])],
             other: None,

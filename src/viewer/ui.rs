@@ -18,25 +18,29 @@ impl App {
         self.take_dropped(&context);
         self.follow_environment(&context);
         self.answer_keys(&context);
-        panels::menu::show(self, ui);
-        panels::statistics::show(self, ui);
-        panels::hierarchy::show(self, ui);
-        panels::right(self, ui);
+        if !self.hides_panels {
+            panels::menu::show(self, ui);
+            panels::statistics::show(self, ui);
+            panels::hierarchy::show(self, ui);
+            panels::right(self, ui);
+        }
         picture::show(self, ui);
+        panels::paths::show(self, &context);
         panels::help::show(self, &context);
         self.show_messages(&context);
         self.advance(&context);
         self.send();
+        self.fields.had_text = context.text_edit_focused();
     }
 
     /// Lets time pass: keys that are held move the head, clocks run.
     fn advance(&mut self, context: &Context) {
         // A window that slept does not make up for it.
         let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
-        let mut thrust = if context.text_edit_focused() {
-            Thrust::default()
-        } else {
+        let mut thrust = if self.scene_has_keys(context) {
             keys::held(context)
+        } else {
+            Thrust::default()
         };
         let (stick, look) = self.gamepad.poll();
         thrust.right += stick.right;

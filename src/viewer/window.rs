@@ -18,6 +18,9 @@ use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
 use crate::windowing::{Acquired, WindowSurface, event_loop, plain, present};
 
+/// How often the loop looks whether a signal asked the program to end.
+const SIGNAL_POLL: Duration = Duration::from_millis(250);
+
 /// Why there is no window; one line each.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
@@ -107,7 +110,9 @@ impl ApplicationHandler<()> for State {
     }
 
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open)
+            && open.repaint_at.is_some_and(|at| at <= Instant::now())
+        {
             open.window.request_redraw();
         }
     }
@@ -135,10 +140,10 @@ impl ApplicationHandler<()> for State {
             event_loop.exit();
         }
         if let Some(open) = &self.open {
-            event_loop.set_control_flow(match open.repaint_at {
-                Some(at) => ControlFlow::WaitUntil(at),
-                None => ControlFlow::Wait,
-            });
+            // A signal does not wake the loop: it is looked for.
+            let look = Instant::now() + SIGNAL_POLL;
+            let until = open.repaint_at.map_or(look, |at| at.min(look));
+            event_loop.set_control_flow(ControlFlow::WaitUntil(until));
         }
     }
 }
@@ -152,6 +157,7 @@ struct Open {
     egui: Context,
     gpu: GpuContext,
     window: Arc<Window>,
+    title: String,
     repaint_at: Option<Instant>,
     /// When the oldest input came that no frame has answered yet.
     unanswered: Option<Instant>,
@@ -166,7 +172,7 @@ impl Open {
     ) -> Result<Self, ViewError> {
         let [width, height] = start.window_state.size;
         let attributes = Window::default_attributes()
-            .with_title(format!("stereolux: {}", start.document.scene().name))
+            .with_title("stereolux")
             .with_inner_size(LogicalSize::new(width, height));
         let window = caught(|| {
             event_loop
@@ -213,6 +219,7 @@ impl Open {
             egui,
             gpu,
             window,
+            title: String::new(),
             repaint_at: None,
             unanswered: None,
         })
@@ -295,6 +302,11 @@ impl Open {
         let input = self.input.take_egui_input(&self.window);
         let app = &mut self.app;
         let output = self.egui.run_ui(input, |ui| app.ui(ui));
+        let title = app.title();
+        if self.title != title {
+            self.window.set_title(&title);
+            self.title = title;
+        }
         self.input.handle_platform_output_with_event_loop(
             &self.window,
             event_loop,

@@ -11,6 +11,8 @@ use crate::images::write_atomically;
 
 /// What is read of the file at most, bytes: it has a few lines.
 const MAX_BYTES: u64 = 1 << 16;
+/// Files that it remembers.
+const MOST_RECENT: usize = 10;
 
 /// Size, layout and open panels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +30,8 @@ pub struct WindowState {
     pub side: bool,
     /// Times and counts are shown.
     pub statistics: bool,
+    /// Files that were opened, the last first.
+    pub recent: Vec<String>,
 }
 
 impl Default for WindowState {
@@ -39,6 +43,7 @@ impl Default for WindowState {
             hierarchy: true,
             side: true,
             statistics: true,
+            recent: Vec::new(),
         }
     }
 }
@@ -93,6 +98,21 @@ impl WindowState {
         }
     }
 
+    /// Puts a file first among those that were opened. Embedded scenes have a menu of their own.
+    pub fn remember_file(&mut self, path: &str) {
+        if path.starts_with("builtin:") {
+            return;
+        }
+        // Found again from wherever the next start is.
+        let path = std::path::absolute(path).map_or_else(
+            |_| path.to_owned(),
+            |path| path.to_string_lossy().into_owned(),
+        );
+        self.recent.retain(|other| *other != path);
+        self.recent.insert(0, path);
+        self.recent.truncate(MOST_RECENT);
+    }
+
     /// Writes it, beside and renamed.
     ///
     /// # Errors
@@ -122,6 +142,7 @@ mod tests {
             layout: Layout::Anaglyph,
             divider: 0.25,
             statistics: false,
+            recent: vec!["/scenes/room.glb".to_owned()],
             ..WindowState::default()
         };
         state.save(&path).unwrap();

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::frames::{FrameReport, ViewMode, Wanted};
 use super::reference::Reference;
@@ -32,6 +32,8 @@ const PREVIEW_BUDGET_MS: f64 = 100.0;
 const COARSEST: u32 = 8;
 /// Frames that are averaged of a view that stands still; after them the thread sleeps.
 const MOST_FRAMES: u32 = 1024;
+/// What the frame in hand may still take after a signal asked the program to end.
+const LAST_FRAME: Duration = Duration::from_millis(300);
 /// Nice level of the render thread; at +10 the UI thread gets about ten times its CPU share.
 #[cfg(target_os = "linux")]
 const NICE: i32 = 10;
@@ -140,9 +142,36 @@ impl Worker {
     }
 }
 
+impl Worker {
+    /// Ends the process if the frame in hand takes longer than [`LAST_FRAME`]. Returning from `main` beside a driver that
+    /// computes would end in the driver; files are whole, for they are written beside and renamed.
+    fn end_at_once(&self) {
+        let asked = Instant::now();
+        let computes = || {
+            self.thread
+                .as_ref()
+                .is_some_and(|thread| !thread.is_finished())
+        };
+        while computes() && asked.elapsed() < LAST_FRAME {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        #[cfg(target_os = "linux")]
+        if computes() {
+            log::warn!("asked to end while a frame was computed: it is given up");
+            let own = rustix::process::getpid();
+            if let Err(error) = rustix::process::kill_process(own, rustix::process::Signal::KILL) {
+                log::debug!("waits for the frame: {error}");
+            }
+        }
+    }
+}
+
 impl Drop for Worker {
     fn drop(&mut self) {
         self.ask(Request::Quit);
+        if crate::interrupt::requested() {
+            self.end_at_once();
+        }
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
@@ -167,6 +196,7 @@ struct Shown {
     views: [View; 2],
     scene_time_ns: Option<i64>,
     size: [u32; 2],
+    view_mode: ViewMode,
 }
 
 /// The thread's end.
@@ -336,6 +366,7 @@ impl Inner {
             views: wanted.views,
             scene_time_ns: wanted.scene_time_ns,
             size: wanted.size,
+            view_mode: wanted.view_mode,
         };
         if self.shown.as_ref() != Some(&now) {
             self.divisor = self.preview_divisor(wanted.size);

@@ -3,12 +3,15 @@
 //! Variants are measured in turn ([`rounds`]). The figures of their rounds add up ([`samples`]) to one [`records::Row`]
 //! per variant, which the [`journal`] keeps under a [fingerprint](fingerprint::Fingerprint) of everything that it depends
 //! on, so that a suite that was killed goes on where it stopped. A [`Report`] fits and ranks the rows ([`analysis`]) and
-//! makes files of them: report.json, rows.csv, [plots](plot) and report.md.
+//! makes files of them: report.json, rows.csv, columns.json,
+//! [plots](plot), report.html and report.md.
 
 pub mod analysis;
 mod cells;
 mod charts;
+mod columns;
 pub mod fingerprint;
+mod html;
 pub mod journal;
 mod markdown;
 pub mod plot;
@@ -16,7 +19,9 @@ mod quantiles;
 pub mod records;
 pub mod rounds;
 pub mod samples;
+pub mod shards;
 pub mod statistics;
+mod summary;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,6 +30,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use records::{Machine, Row, leaves};
+use shards::{FORMAT, Part, Saved};
 
 /// Why a journal or a report cannot be had. Each message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +49,14 @@ pub enum ReportError {
         /// Its file name without extension.
         stem: String,
         /// The plotting library's words.
+        reason: String,
+    },
+    /// A part of a suite that cannot be joined with others.
+    #[error("{}: {reason}", folder.display())]
+    Part {
+        /// Its folder.
+        folder: PathBuf,
+        /// What is wrong, and what to do.
         reason: String,
     },
     /// Rows that cannot be written in a format.
@@ -81,6 +95,8 @@ pub struct Report<'a> {
     pub samples_per_batch: u32,
     /// Where this ran.
     pub machine: &'a Machine,
+    /// Which part of the suite this is; `None`: all of it.
+    pub part: Option<&'a Part>,
     /// All rows, in the order in which they are shown.
     pub rows: &'a [Row],
 }
@@ -95,7 +111,8 @@ pub struct ReportFile {
 }
 
 impl Report<'_> {
-    /// All files: those under plots/, then report.json, rows.csv and, last, report.md.
+    /// All files: those under plots/, then report.json, rows.csv, columns.json, report.html and, last,
+    /// report.md.
     ///
     /// # Errors
     /// [`ReportError::Plot`], [`ReportError::Format`].
@@ -104,35 +121,49 @@ impl Report<'_> {
         let charts = charts::charts(self.rows, &analysis, self.machine);
         let stems: Vec<&str> = charts.iter().map(|(stem, _)| stem.as_str()).collect();
         let mut files = Vec::new();
+        let mut drawings = BTreeMap::new();
         for (stem, chart) in &charts {
             let drawn = plot::draw(chart).map_err(|reason| ReportError::Plot {
                 stem: stem.clone(),
                 reason,
             })?;
             for (extension, bytes) in drawn {
+                if extension == "svg" {
+                    drawings.insert(stem.as_str(), String::from_utf8_lossy(&bytes).into_owned());
+                }
                 let path = PathBuf::from(format!("plots/{stem}.{extension}"));
                 files.push(ReportFile { path, bytes });
             }
         }
-        let json = json!({
-            "format": "stereolux-bench",
-            "version": self.version,
-            "suite": self.suite,
-            "render_code": self.render_code,
-            "bench_code": self.bench_code,
-            "machine": self.machine,
-            "rows": self.rows,
-            "analysis": analysis,
-            "plots": stems,
-        });
         let format = |name, reason: String| ReportError::Format { name, reason };
+        let mut json = serde_json::to_value(self.saved())
+            .map_err(|error| format("report.json", error.to_string()))?;
+        json["analysis"] = json!(analysis);
+        json["plots"] = json!(stems);
         let json = serde_json::to_string_pretty(&json)
             .map_err(|error| format("report.json", error.to_string()))?;
         let rows = csv(self.rows).map_err(|error| format("rows.csv", error.to_string()))?;
-        let markdown = markdown::markdown(self, &analysis, &stems);
+        // No name of a column has a comma or a quote in it.
+        let names = rows.lines().next().unwrap_or_default().split(',');
+        let columns = serde_json::to_string_pretty(&columns::explained(names))
+            .map_err(|error| format("columns.json", error.to_string()))?;
+        let linked = stems
+            .iter()
+            .map(|stem| format!("![{stem}](plots/{stem}.png) ([SVG](plots/{stem}.svg))"));
+        let markdown = markdown::markdown(self, &analysis, linked.collect());
+        let inline = stems.iter().map(|stem| format!("![{stem}]({stem})"));
+        let text = markdown::markdown(self, &analysis, inline.collect());
+        let drawings = drawings
+            .iter()
+            .map(|(stem, svg)| (*stem, svg.as_str()))
+            .collect();
+        let title = format!("stereolux bench {}", self.suite);
+        let html = html::page(&title, &text, &drawings);
         for (name, text) in [
             ("report.json", json),
             ("rows.csv", rows),
+            ("columns.json", columns),
+            ("report.html", html),
             ("report.md", markdown),
         ] {
             let bytes = format!("{}\n", text.trim_end()).into_bytes();
@@ -142,6 +173,21 @@ impl Report<'_> {
             });
         }
         Ok(files)
+    }
+
+    fn saved(&self) -> Saved {
+        Saved {
+            format: FORMAT.to_owned(),
+            version: self.version.to_owned(),
+            suite: self.suite.to_owned(),
+            render_code: self.render_code.to_owned(),
+            bench_code: self.bench_code.to_owned(),
+            reference_samples: self.reference_samples,
+            samples_per_batch: self.samples_per_batch,
+            machine: self.machine.clone(),
+            part: self.part.cloned(),
+            rows: self.rows.to_vec(),
+        }
     }
 
     /// Rows with an error that its reference was not good enough for.

@@ -12,6 +12,7 @@ use crate::cells::{
 };
 use crate::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, REBUILT, RegionErrors, Row};
 use crate::statistics::{LineFit, PowerFit};
+use crate::summary::summary;
 
 /// Blocks of text, each under a line `%% name`; `{key}` stands for a value.
 const TEMPLATE: &str = include_str!("report.md");
@@ -40,8 +41,8 @@ fn fill(block: &str, values: &[(&str, String)]) -> String {
     filled + rest
 }
 
-/// The report. `plots` are the plots' file stems.
-pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: &[&str]) -> String {
+/// The report: what was asked and what came out, plots, and then everything. `plots` are the lines that show them.
+pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: Vec<String>) -> String {
     let (machine, rows) = (report.machine, report.rows);
     let mut text = fill(
         "head",
@@ -58,6 +59,10 @@ pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: &[&str]) -> Str
     );
     if machine.software_adapter {
         text += &fill("software", &[]);
+    }
+    text += &fill("summary", &[("summary", summary(rows, analysis))]);
+    if !plots.is_empty() {
+        text += &fill("plots", &[("plots", plots.join("\n\n"))]);
     }
     text += &fill("how", &[]);
     if rows.iter().any(|row| row.timing.clock == "host") {
@@ -77,15 +82,7 @@ pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: &[&str]) -> Str
             text += &section(report, &members, analysis);
         }
     }
-    text += &references(report);
-    if !plots.is_empty() {
-        let lines = plots
-            .iter()
-            .map(|stem| format!("![{stem}](plots/{stem}.png) ([SVG](plots/{stem}.svg))"));
-        let lines: Vec<String> = lines.collect();
-        text += &fill("plots", &[("plots", lines.join("\n\n"))]);
-    }
-    text
+    text + &references(report)
 }
 
 /// A table of the suite `tables` that compares ways to gather.

@@ -15,7 +15,12 @@ pub const KEYS: &[(&str, &str)] = &[
     ("1 2 3", "handles: move, turn, scale (Ctrl snaps)"),
     ("Delete, Ctrl+D", "delete, duplicate the selected object"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
-    ("Ctrl+S", "save the scene as glTF"),
+    ("middle drag", "go around what is under the pointer"),
+    ("Shift, Ctrl + middle drag", "shift the view; near and far"),
+    ("Ctrl+O", "open a file"),
+    ("Ctrl+S, Ctrl+Shift+S", "save the scene as glTF; as another"),
+    ("Ctrl+Space", "hide all panels"),
+    ("Ctrl+Q", "quit"),
     (
         "Space",
         "play or pause a recording or the scene's animation",
@@ -26,7 +31,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("F1", "this help"),
     ("F5", "read the shaders again"),
     ("F11", "full screen"),
-    ("Esc", "close, cancel, deselect, quit"),
+    ("Esc", "close, cancel, deselect"),
     ("drop a file", "open .glb, .gltf, .hdr, .exr or a recording"),
 ];
 

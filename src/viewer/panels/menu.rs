@@ -1,12 +1,13 @@
 //! The menu bar, with what is shown and how, and what plays.
 
-use egui::{Button, ComboBox, MenuBar, Panel, Slider, TextEdit, Ui};
+use egui::{Button, ComboBox, MenuBar, Panel, Slider, Ui};
 
 use crate::scene::builtin;
 use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::ViewMode;
 use crate::viewer::gizmo::Mode;
 use crate::viewer::layout::Layout;
+use crate::viewer::panels::paths::Purpose;
 use crate::viewer::session::{Player, Recording};
 use crate::xr::{Motion, SimulatedSession};
 
@@ -61,58 +62,53 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 
 fn file(app: &mut App, ui: &mut Ui) {
     let context = ui.ctx().clone();
-    ui.label("Open a path, or drop a file onto the window");
-    let field = ui.add(TextEdit::singleline(&mut app.fields.open_path).hint_text("scene.glb"));
-    let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-    let has_path = !app.fields.open_path.trim().is_empty();
-    if (ui.add_enabled(has_path, Button::new("Open")).clicked() || entered) && has_path {
-        let path = app.fields.open_path.trim().to_owned();
-        app.open(&context, path);
-        ui.close();
+    let entry = |ui: &mut Ui, text: &str, keys: &str| {
+        let chosen = ui.add(Button::new(text).shortcut_text(keys)).clicked();
+        if chosen {
+            ui.close();
+        }
+        chosen
+    };
+    if entry(ui, "Open\u{2026}", "Ctrl+O") {
+        app.ask_path(Purpose::Open);
     }
+    let recent = app.window_state.recent.clone();
+    ui.add_enabled_ui(!recent.is_empty(), |ui| {
+        ui.menu_button("Open recent", |ui| {
+            for path in recent {
+                if entry(ui, &path, "") {
+                    app.open(&context, path);
+                }
+            }
+        });
+    });
     ui.menu_button("Embedded scenes", |ui| {
         for &name in builtin::NAMES {
-            if ui.button(name).clicked() {
+            if entry(ui, name, "") {
                 app.open(&context, format!("builtin:{name}"));
-                ui.close();
             }
         }
     });
     ui.separator();
-    ui.label("Scene as glTF");
-    ui.text_edit_singleline(&mut app.fields.scene_path);
-    if ui
-        .add(Button::new("Save scene").shortcut_text("Ctrl+S"))
-        .clicked()
-    {
+    if entry(ui, "Save scene", "Ctrl+S") {
         app.save_scene(&context);
-        ui.close();
     }
-    ui.label("Settings as TOML");
-    ui.text_edit_singleline(&mut app.fields.settings_path);
-    if ui.button("Save settings").clicked() {
-        app.save_settings(&context);
-        ui.close();
+    if entry(ui, "Save scene as\u{2026}", "Ctrl+Shift+S") {
+        app.ask_path(Purpose::SaveScene);
+    }
+    if entry(ui, "Save settings as\u{2026}", "") {
+        app.ask_path(Purpose::SaveSettings);
     }
     ui.separator();
-    if ui
-        .add(Button::new("Screenshot").shortcut_text("T"))
-        .clicked()
-    {
+    if entry(ui, "Screenshot", "T") {
         app.screenshot();
-        ui.close();
     }
-    if ui
-        .add(Button::new("Reload shaders").shortcut_text("F5"))
-        .clicked()
-    {
+    if entry(ui, "Reload shaders", "F5") {
         app.reload_shaders();
-        ui.close();
     }
     ui.separator();
-    if ui.button("Quit").clicked() {
+    if entry(ui, "Quit", "Ctrl+Q") {
         app.request_quit();
-        ui.close();
     }
 }
 
@@ -157,6 +153,13 @@ fn window(app: &mut App, ui: &mut Ui) {
     ui.checkbox(&mut app.window_state.hierarchy, "Hierarchy");
     ui.checkbox(&mut app.window_state.side, "Inspector and settings");
     ui.checkbox(&mut app.window_state.statistics, "Statistics");
+    let mut are_hidden = app.hides_panels;
+    let hide = Button::selectable(are_hidden, "Hide all").shortcut_text("Ctrl+Space");
+    if ui.add(hide).clicked() {
+        are_hidden = !are_hidden;
+        ui.close();
+    }
+    app.hides_panels = are_hidden;
     ui.separator();
     if ui
         .add(Button::new("Full screen").shortcut_text("F11"))

@@ -4,6 +4,7 @@ pub mod help;
 pub mod hierarchy;
 pub mod inspector;
 pub mod menu;
+pub mod paths;
 pub mod settings;
 pub mod statistics;
 

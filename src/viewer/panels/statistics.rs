@@ -55,7 +55,8 @@ fn status(app: &App, ui: &mut Ui) {
     ui.horizontal(|ui| {
         ui.label(format!("{width} x {height} per eye{kind}"));
         ui.separator();
-        ui.label(format!("{} frames averaged", frame.frames));
+        let plural = if frame.frames == 1 { "" } else { "s" };
+        ui.label(format!("{} frame{plural} averaged", frame.frames));
         ui.separator();
         ui.label(format!("{:.1} ms of passes", times.total));
         ui.separator();
@@ -63,6 +64,10 @@ fn status(app: &App, ui: &mut Ui) {
         let scene = app.document.scene();
         ui.separator();
         ui.label(format!("{} triangles", scene.triangle_count()));
+        if let Some(awaited) = app.awaited() {
+            ui.separator();
+            ui.strong(awaited);
+        }
     });
 }
 

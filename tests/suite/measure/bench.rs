@@ -1,7 +1,7 @@
 //! `bench` as a user meets it: killed, resumed, and a report whose files agree with each other.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -75,6 +75,8 @@ struct Report {
     header: Vec<String>,
     csv: Vec<Vec<String>>,
     markdown: String,
+    html: String,
+    columns: serde_json::Map<String, Value>,
 }
 
 impl Report {
@@ -87,6 +89,8 @@ impl Report {
             header: csv.next().unwrap(),
             csv: csv.collect(),
             markdown: text("report.md"),
+            html: text("report.html"),
+            columns: serde_json::from_str(&text("columns.json")).unwrap(),
         }
     }
 
@@ -170,6 +174,48 @@ fn a_killed_suite_is_resumed_and_its_files_agree() {
         );
     }
     assert_eq!(lines(&journal), report.rows().len());
+    parts_make_the_whole(&folder, &out);
+}
+
+/// Three parts that find their rows in the journal, merged: the whole suite's report byte for byte.
+fn parts_make_the_whole(folder: &Folder, whole: &Path) {
+    let parts = ["part1", "part2", "part3"].map(|name| folder.join(name));
+    let mut rows = 0;
+    for (number, part) in (1..).zip(&parts) {
+        std::fs::create_dir_all(part).unwrap();
+        std::fs::copy(whole.join("journal.jsonl"), part.join("journal.jsonl")).unwrap();
+        let mut args = smoke(part);
+        args.extend(["--shard".to_owned(), format!("{number}/3")]);
+        let output = stereolux(&args);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let of_part = Report::read(part).rows().len();
+        assert!(
+            said.contains(&format!("{of_part} of them from an earlier run")),
+            "{said}"
+        );
+        rows += of_part;
+    }
+    assert_eq!(rows, Report::read(whole).rows().len());
+    let merged = folder.join("merged");
+    let merge = |parts: &[PathBuf]| {
+        let folders = parts.iter().map(|part| part.display().to_string());
+        let mut args = vec!["merge".to_owned()];
+        args.extend(folders);
+        args.extend(["--out".to_owned(), merged.display().to_string()]);
+        stereolux(&args)
+    };
+    let output = merge(&parts[..2]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("part 3 of 3 is in none"), "{said}");
+    assert!(!merged.exists());
+    assert!(merge(&parts).status.success());
+    for name in ["report.json", "report.md", "rows.csv"] {
+        let [one, other] = [whole, &merged].map(|folder| std::fs::read(folder.join(name)).unwrap());
+        assert!(one == other, "{name} differs");
+    }
+    assert_eq!(lines(&merged.join("journal.jsonl")), rows);
 }
 
 fn figure(value: &Value) -> f64 {
@@ -184,6 +230,20 @@ fn files_agree(out: &Path, report: &Report) {
         .map(|row| row["key"].as_str().unwrap())
         .collect();
     assert_eq!(keys.len(), report.rows().len(), "keys are unique");
+    let explained: Vec<&str> = report.columns.keys().map(String::as_str).collect();
+    assert_eq!(explained, report.header);
+    for (column, holds) in &report.columns {
+        assert!(holds.is_string(), "columns.csv says nothing of {column}");
+    }
+    // The page needs no other file: all addresses in it are the name of SVG itself.
+    let addresses = report.html.matches("://").count();
+    assert_eq!(
+        addresses,
+        report.html.matches("http://www.w3.org/2000/svg").count()
+    );
+    for foreign in ["<img", "<link", "src=", "@import", "url("] {
+        assert!(!report.html.contains(foreign), "{foreign} in report.html");
+    }
     let machine = &report.json["machine"];
     for (index, row) in report.rows().iter().enumerate() {
         assert_eq!(report.csv[index].len(), report.header.len());
@@ -277,6 +337,10 @@ fn files_agree(out: &Path, report: &Report) {
             .filter(|pixel| pixel[0] + pixel[1] + pixel[2] < 1.0);
         assert!(dark.count() > 500, "{stem}.png is blank");
         assert!(report.markdown.contains(&format!("plots/{stem}.png")));
+        assert!(
+            report.html.contains(svg.trim()),
+            "{stem} is not in the page"
+        );
     }
     let drawn = std::fs::read_dir(out.join("plots")).unwrap().count();
     assert_eq!(

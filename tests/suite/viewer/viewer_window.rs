@@ -240,6 +240,8 @@ mod keysym {
     pub const ESCAPE: u32 = 0xff1b;
     pub const F1: u32 = 0xffbe;
     pub const F12: u32 = 0xffc9;
+    pub const RETURN: u32 = 0xff0d;
+    pub const Q: u32 = 0x71;
     pub const W: u32 = 0x77;
     pub const D: u32 = 0x64;
     pub const A: u32 = 0x61;
@@ -330,6 +332,44 @@ fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
     let memory = read(&folder.join("config").join("stereolux").join("viewer.toml"));
     assert!(memory.contains("size = [1280.0, "), "{memory}");
     assert!(memory.contains("layout = \"side-by-side\""), "{memory}");
+}
+
+#[test]
+fn a_path_is_typed_into_its_window_escape_closes_menus_and_ctrl_q_quits() {
+    let folder = Folder::new("viewer-path");
+    let xvfb = Xvfb::start(&folder);
+    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
+    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let pause = || std::thread::sleep(Duration::from_millis(500));
+    // File, and its first entry.
+    desk.click(22, 12);
+    pause();
+    desk.click(40, 36);
+    pause();
+    // Of these, `t` alone takes a screenshot, and `e` and `s` walk.
+    for letter in "test.glb".bytes() {
+        desk.press(u32::from(letter));
+    }
+    desk.press(keysym::RETURN);
+    desk.until("an error", |desk| read(&desk.log).contains("test.glb"));
+    assert!(!folder.join("out").join("view_0000.png").exists());
+    // Esc closes the menu, and then nothing is left that it could close.
+    desk.click(22, 12);
+    for _ in 0..3 {
+        pause();
+        desk.press(keysym::ESCAPE);
+    }
+    pause();
+    assert!(desk.child.try_wait().unwrap().is_none(), "Esc has quit");
+    desk.key(keysym::CONTROL, true);
+    desk.press(keysym::Q);
+    desk.key(keysym::CONTROL, false);
+    let began = Instant::now();
+    while desk.child.try_wait().unwrap().is_none() {
+        assert!(began.elapsed() < PATIENCE, "{}", read(&desk.log));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert_eq!(desk.child.wait().unwrap().code(), Some(0));
 }
 
 #[test]

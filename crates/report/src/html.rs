@@ -1,0 +1,63 @@
+//! report.html: report.md as one file that needs no other, its plots inline and its tables sorted by a click.
+
+use std::collections::BTreeMap;
+
+use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html::push_html};
+
+/// The page around the text: `{title}` and `{text}` stand for the report's.
+const PAGE: &str = include_str!("report.html");
+
+/// The page of a report. Images in `markdown` whose address is a key of `svgs` become those drawings.
+pub fn page(title: &str, markdown: &str, svgs: &BTreeMap<&str, &str>) -> String {
+    let mut within_image = false;
+    let events =
+        Parser::new_ext(markdown, Options::ENABLE_TABLES).filter_map(|event| match event {
+            Event::Start(Tag::Image { ref dest_url, .. }) => match svgs.get(&**dest_url) {
+                Some(svg) => {
+                    within_image = true;
+                    Some(Event::InlineHtml((*svg).to_owned().into()))
+                }
+                None => Some(event),
+            },
+            Event::End(TagEnd::Image) if within_image => {
+                within_image = false;
+                None
+            }
+            // The text that stands for an image.
+            Event::Text(_) if within_image => None,
+            // Names of scenes and adapters come from outside: what looks like HTML in them is text.
+            Event::Html(text) | Event::InlineHtml(text) => Some(Event::Text(text)),
+            event => Some(event),
+        });
+    let mut text = String::new();
+    push_html(&mut text, events);
+    let title = title.replace('&', "&amp;").replace('<', "&lt;");
+    // The text last: what is in it is not looked through.
+    PAGE.replacen("{title}", &title, 1)
+        .replacen("{text}", &text, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_are_drawn_in_place_and_foreign_markup_is_text() {
+        let svgs = BTreeMap::from([("a", "<svg>drawn</svg>")]);
+        let markdown =
+            "# <b>x</b>\n\n![a](a)\n\n![b](b)\n\n| ms |\n|---|\n| <script>no()</script> 1 |\n";
+        let page = page("t <i>", markdown, &svgs);
+        assert!(page.contains("<title>t &lt;i></title>"), "{page}");
+        assert!(page.contains("<p><svg>drawn</svg></p>"), "{page}");
+        assert!(page.contains("&lt;b&gt;x"), "{page}");
+        assert!(
+            page.contains("<td>&lt;script&gt;no()&lt;/script&gt; 1</td>"),
+            "{page}"
+        );
+        assert!(
+            page.contains("<img src=\"b\""),
+            "only what is known is drawn"
+        );
+        assert_eq!(page.matches("<script>").count(), 1);
+    }
+}

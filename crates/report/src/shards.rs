@@ -1,0 +1,290 @@
+//! A suite in parts: each of several machines measures some of its groups, and [`join`] makes one report of theirs.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::records::{Machine, Row};
+use crate::{Report, ReportError};
+
+/// Which part of a suite one machine measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// From 1.
+    pub number: u32,
+    /// All parts.
+    pub of: u32,
+}
+
+impl Shard {
+    /// Whether a group is in this part, by its place in the suite from 0. Groups are dealt out in turn, so that parts take
+    /// about as long. Variants of a group are measured against each other and stay together.
+    #[must_use]
+    pub fn has(self, group: usize) -> bool {
+        group % self.of as usize + 1 == self.number as usize
+    }
+}
+
+/// What a report says of the suite that it is a part of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Part {
+    /// Which part.
+    #[serde(flatten)]
+    pub shard: Shard,
+    /// All groups of the suite in their order: suite, name.
+    pub groups: Vec<[String; 2]>,
+}
+
+/// What report.json says of a report, besides what is computed from it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Saved {
+    pub(crate) format: String,
+    pub(crate) version: String,
+    pub(crate) suite: String,
+    pub(crate) render_code: String,
+    pub(crate) bench_code: String,
+    pub(crate) reference_samples: u32,
+    pub(crate) samples_per_batch: u32,
+    pub(crate) machine: Machine,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) part: Option<Part>,
+    pub(crate) rows: Vec<Row>,
+}
+
+/// The `format` of report.json.
+pub(crate) const FORMAT: &str = "stereolux-bench";
+
+/// A report whose parts were measured apart.
+#[derive(Debug)]
+pub struct Joined(Saved);
+
+impl Joined {
+    /// The report, of all parts.
+    #[must_use]
+    pub fn report(&self) -> Report<'_> {
+        let saved = &self.0;
+        Report {
+            suite: &saved.suite,
+            version: &saved.version,
+            render_code: &saved.render_code,
+            bench_code: &saved.bench_code,
+            reference_samples: saved.reference_samples,
+            samples_per_batch: saved.samples_per_batch,
+            machine: &saved.machine,
+            part: None,
+            rows: &saved.rows,
+        }
+    }
+}
+
+/// Joins the parts of a suite: the texts of their report.json, by folder. Rows come in the suite's order.
+///
+/// # Errors
+/// [`ReportError::Part`]: what is no part of a suite, or not of the same one, or is there twice, or is missing.
+pub fn join(texts: &[(PathBuf, String)]) -> Result<Joined, ReportError> {
+    let mut parts = Vec::new();
+    for (folder, text) in texts {
+        parts.push((folder.as_path(), saved(folder, text)?));
+    }
+    let Some((first_folder, (first, first_part))) = parts.first().cloned() else {
+        return Err(fault(Path::new("."), "there is nothing to join"));
+    };
+    let mut found: HashMap<u32, &Path> = HashMap::new();
+    for (folder, (saved, part)) in &parts {
+        let of_suite = |saved: &Saved, part: &Part| {
+            let own = Saved {
+                part: Some(Part {
+                    shard: Shard {
+                        number: 0,
+                        ..part.shard
+                    },
+                    ..part.clone()
+                }),
+                rows: Vec::new(),
+                ..saved.clone()
+            };
+            serde_json::to_value(own).unwrap_or_default()
+        };
+        let [one, other] = [(&first, &first_part), (saved, part)].map(|(s, p)| of_suite(s, p));
+        if let Some(key) = differing(&one, &other) {
+            let reason = format!(
+                "is not of the suite that {} is of: {key} is {} there and {} here",
+                first_folder.display(),
+                one[&key],
+                other[&key]
+            );
+            return Err(fault(folder, &reason));
+        }
+        if let Some(before) = found.insert(part.shard.number, folder) {
+            let reason = format!(
+                "part {} is in {} too; leave one out",
+                part.shard.number,
+                before.display()
+            );
+            return Err(fault(folder, &reason));
+        }
+    }
+    if let Some(missing) = (1..=first_part.shard.of).find(|number| !found.contains_key(number)) {
+        let reason = format!(
+            "part {missing} of {} is in none of the folders; measure it with --shard {missing}/{0}",
+            first_part.shard.of
+        );
+        return Err(fault(first_folder, &reason));
+    }
+    let places: HashMap<[&str; 2], usize> = (0..)
+        .zip(&first_part.groups)
+        .map(|(place, [suite, group])| ([suite.as_str(), group.as_str()], place))
+        .collect();
+    let place = |row: &Row| {
+        places
+            .get(&[row.suite.as_str(), row.group.as_str()])
+            .copied()
+    };
+    let mut rows: Vec<Row> = parts
+        .iter()
+        .flat_map(|(_, (saved, _))| saved.rows.clone())
+        .collect();
+    // Stable: a group's variants keep their order.
+    rows.sort_by_key(|row| place(row).unwrap_or(usize::MAX));
+    Ok(Joined(Saved {
+        part: None,
+        rows,
+        ..first
+    }))
+}
+
+fn fault(folder: &Path, reason: &str) -> ReportError {
+    ReportError::Part {
+        folder: folder.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
+fn saved(folder: &Path, text: &str) -> Result<(Saved, Part), ReportError> {
+    let saved: Saved = serde_json::from_str(text)
+        .map_err(|error| fault(folder, &format!("report.json: {error}; give folders that `bench --shard` of this version has written")))?;
+    if saved.format != FORMAT {
+        return Err(fault(folder, "report.json is not one of `bench`"));
+    }
+    match saved.part.clone() {
+        Some(part) => Ok((saved, part)),
+        None => Err(fault(
+            folder,
+            "holds a whole suite; give folders that `bench --shard I/N` has written",
+        )),
+    }
+}
+
+/// The first key under which two objects differ.
+fn differing(one: &serde_json::Value, other: &serde_json::Value) -> Option<String> {
+    let keys = one.as_object()?.keys();
+    keys.into_iter()
+        .find(|key| one[*key] != other[*key])
+        .cloned()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::analysis::tests::row;
+
+    /// Rows of three groups, the middle one of two variants.
+    fn rows() -> Vec<Row> {
+        let mut rows = [("a", "x"), ("b", "x"), ("b", "y"), ("c", "x")].map(|(group, variant)| {
+            let mut row = row("pareto", variant, json!({"spp": 1}), 2.5, 0.25);
+            row.group = group.to_owned();
+            row.key = format!("{group} {variant}");
+            row
+        });
+        rows[3].timing.rounds = 7;
+        rows.to_vec()
+    }
+
+    fn groups() -> Vec<[String; 2]> {
+        ["a", "b", "c"]
+            .map(|group| ["pareto".to_owned(), group.to_owned()])
+            .to_vec()
+    }
+
+    fn files(rows: &[Row], part: Option<&Part>, version: &str) -> Vec<crate::ReportFile> {
+        let machine = Machine::default();
+        let report = Report {
+            suite: "pareto",
+            version,
+            render_code: "r",
+            bench_code: "b",
+            reference_samples: 16,
+            samples_per_batch: 4,
+            machine: &machine,
+            part,
+            rows,
+        };
+        report.files().unwrap()
+    }
+
+    /// The report.json of part `number` of two.
+    fn part(number: u32, version: &str) -> (PathBuf, String) {
+        let shard = Shard { number, of: 2 };
+        let groups = groups();
+        let own: Vec<Row> = rows()
+            .into_iter()
+            .filter(|row| {
+                shard.has(
+                    groups
+                        .iter()
+                        .position(|[_, group]| *group == row.group)
+                        .unwrap(),
+                )
+            })
+            .collect();
+        let files = files(&own, Some(&Part { shard, groups }), version);
+        let json = files
+            .into_iter()
+            .find(|file| file.path == Path::new("report.json"));
+        (
+            PathBuf::from(format!("part{number}")),
+            String::from_utf8(json.unwrap().bytes).unwrap(),
+        )
+    }
+
+    #[test]
+    fn two_halves_make_the_report_of_one_run_byte_by_byte() {
+        let whole = files(&rows(), None, "1");
+        for order in [[1, 2], [2, 1]] {
+            let joined = join(&order.map(|number| part(number, "1"))).unwrap();
+            assert_eq!(joined.report().files().unwrap(), whole);
+        }
+    }
+
+    #[test]
+    fn what_is_not_all_of_one_suite_is_refused() {
+        let whole =
+            String::from_utf8(files(&rows(), None, "1").swap_remove(0).bytes).unwrap_or_default();
+        let message = |parts: &[(PathBuf, String)]| join(parts).unwrap_err().to_string();
+        for (parts, words) in [
+            (vec![part(1, "1")], "part 2 of 2 is in none"),
+            (vec![part(1, "1"), part(1, "1")], "part 1 is in part1 too"),
+            (
+                vec![part(1, "1"), part(2, "2")],
+                "version is \"1\" there and \"2\" here",
+            ),
+            (vec![("other".into(), whole)], "other: report.json"),
+            (vec![], "nothing to join"),
+        ] {
+            let told = message(&parts);
+            assert!(told.contains(words), "{told}");
+            assert_eq!(told.lines().count(), 1);
+        }
+    }
+
+    #[test]
+    fn every_group_is_in_one_part() {
+        for group in 0..9 {
+            let holders = (1..=4).filter(|&number| Shard { number, of: 4 }.has(group));
+            assert_eq!(holders.count(), 1);
+        }
+    }
+}

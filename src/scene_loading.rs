@@ -1,0 +1,95 @@
+//! A scene as the settings ask for it: loaded, scaled, lit.
+
+use crate::limits::LoadBudget;
+use crate::scene::needs::LightCounts;
+use crate::scene::{Needs, Scene, SceneError, load_environment_within};
+use crate::settings::{Light, Settings};
+
+/// Prefix of scenes that are embedded in the program.
+const BUILTIN: &str = "builtin:";
+
+/// A scene as it is rendered.
+pub struct Loaded {
+    /// The scene, scaled, with its environment.
+    pub scene: Scene,
+    /// With the environment that `light` stands for.
+    pub settings: Settings,
+    /// What lights the scene beside its own lights, in words; `None`: nothing that was not asked for by its path.
+    pub light: Option<String>,
+}
+
+impl Loaded {
+    /// Loads the settings' scene by `--scene`'s rules.
+    ///
+    /// # Errors
+    /// [`SceneError`]: the scene, its environment or its clip.
+    pub fn open(settings: &Settings) -> Result<Self, SceneError> {
+        let budget = LoadBudget::new(settings.limits.load());
+        let scene = match settings.scene.strip_prefix(BUILTIN) {
+            Some(name) => Scene::builtin(name)?,
+            None => Scene::load_within(&settings.scene, &budget)?,
+        };
+        Self::of(scene, settings, &budget)
+    }
+
+    /// Scales and lights a scene as the settings say.
+    ///
+    /// # Errors
+    /// [`SceneError`]: the environment or the clip.
+    pub fn of(
+        mut scene: Scene,
+        settings: &Settings,
+        budget: &LoadBudget,
+    ) -> Result<Self, SceneError> {
+        scene.scale(settings.scene_scale);
+        let mut settings = settings.clone();
+        let light = light_scene(&mut settings, &scene);
+        if !settings.environment.path.is_empty() {
+            let (environment, warnings) = load_environment_within(
+                &settings.environment.path,
+                settings.environment.strength as f32,
+                budget,
+            )?;
+            scene.environment = Some(environment);
+            scene.warnings.extend(warnings);
+        }
+        scene.clip(&settings.render.animation.clip)?;
+        scene.warnings.extend(unlit_or_odd(&scene, &settings));
+        Ok(Self {
+            scene,
+            settings,
+            light,
+        })
+    }
+}
+
+/// Puts the environment that `light` stands for into the settings; what was done, in words.
+pub fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
+    let is_bare = settings.environment.path.is_empty();
+    let (name, why) = match settings.light {
+        Light::Auto if is_bare && !is_lit(scene) => ("studio", "the scene has no light"),
+        Light::Studio => ("studio", "asked for"),
+        Light::Sky => ("sky", "asked for"),
+        Light::Auto | Light::None => return None,
+    };
+    settings.environment.path = format!("{BUILTIN}{name}");
+    Some(format!("{BUILTIN}{name} ({why})"))
+}
+
+fn is_lit(scene: &Scene) -> bool {
+    let needs = Needs::of(scene);
+    needs.lights != LightCounts::default() || needs.environment
+}
+
+/// Warnings that the scene will be black, or is of a size that two eyes cannot make much of.
+fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if scene.environment.is_none() && !is_lit(scene) {
+        warnings.push(format!(
+            "{} has no light and will be black: give --light auto, --light sky or environment.path",
+            settings.scene
+        ));
+    }
+    warnings.extend(scene.size_warning());
+    warnings
+}
