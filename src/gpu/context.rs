@@ -427,12 +427,13 @@ impl GpuContext {
         })
     }
 
-    pub(super) fn count_wait(&self) {
+    /// Counts a wait within a frame.
+    pub(crate) fn count_wait(&self) {
         self.host_waits.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How often the host has waited for the device so far.
-    pub(crate) fn host_waits(&self) -> u64 {
+    /// How often the host has waited for the device so far, but for ends of frames.
+    pub fn host_waits(&self) -> u64 {
         self.host_waits.load(Ordering::Relaxed)
     }
 
