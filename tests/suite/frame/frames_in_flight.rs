@@ -9,7 +9,9 @@ use stereolux::scene::Scene;
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
-use super::support::{builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose};
+use super::support::{
+    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
 
 /// Frames of each run.
 const FRAMES: u32 = 14;
@@ -95,7 +97,9 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
     for shares in [1, 4] {
         let settings = moving(shares);
         let one = run(&scene, &settings, 1, move_things);
-        let overflowed = one.iter().position(|(_, photons, _)| photons.map.dropped > 0);
+        let overflowed = one
+            .iter()
+            .position(|(_, photons, _)| photons.map.dropped > 0);
         let first = overflowed.expect("no list overflowed");
         assert!(first >= CLOSED as usize, "frame {first} overflowed");
         let capacity = |frame: usize| one[frame].1.map.capacity;
@@ -107,7 +111,10 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
             for (frame, (a, b)) in one.iter().zip(&more).enumerate() {
                 assert_eq!(a.1, b.1, "{most} in flight, frame {frame}");
                 assert_eq!(a.2, b.2, "{most} in flight, frame {frame}");
-                assert!(a.0 == b.0, "{most} in flight, {shares} shares: frame {frame} differs");
+                assert!(
+                    a.0 == b.0,
+                    "{most} in flight, {shares} shares: frame {frame} differs"
+                );
             }
         }
     }
@@ -124,7 +131,10 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
             if flights.len() == 2 {
                 let oldest = flights.pop_front().unwrap();
                 let result = renderer.retire(oldest).unwrap();
-                assert!(result.photons.traced && result.photons.map.dropped == 0, "{name}");
+                assert!(
+                    result.photons.traced && result.photons.map.dropped == 0,
+                    "{name}"
+                );
             }
             if name == "cornell" {
                 let beside = DVec3::X * (0.01 * f64::from(frame));
@@ -137,7 +147,13 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
             flights.push_back(renderer.send_frame(&views, frame, |_| {}).unwrap());
             waits.push(renderer.context().host_waits() - before);
         }
-        assert!(waits[0] > 0, "{name}: the first map's counts are waited for");
-        assert!(waits[1..].iter().all(|waits| *waits == 0), "{name}: {waits:?}");
+        assert!(
+            waits[0] > 0,
+            "{name}: the first map's counts are waited for"
+        );
+        assert!(
+            waits[1..].iter().all(|waits| *waits == 0),
+            "{name}: {waits:?}"
+        );
     }
 }
