@@ -79,8 +79,8 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
-    /// Waits for the device while the frame was rendered and handed over, besides that for the frame's own end. Reading
-    /// images that were asked for comes after, and is none of them.
+    /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
+    /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
     pub host_waits: u64,
 }
 

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::frames_in_flight::Flight;
-use super::photon_map::{Due, PhotonMap};
+use super::photon_map::Due;
 use super::{RenderError, Renderer, Stage, adapter_limits};
 use crate::frame::{Only, Play};
 use crate::gpu::FrameRecorder;

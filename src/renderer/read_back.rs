@@ -160,16 +160,6 @@ impl Renderer {
         Ok(complements.map(|values| values.iter().map(|value| !value).collect()))
     }
 
-    /// What the stereo passes counted over all samples of the frame; zero without reuse.
-    pub(super) fn read_stereo(&self) -> Result<StereoStats, RenderError> {
-        if !self.reuses() {
-            return Ok(StereoStats::default());
-        }
-        let counters = self.read((Whose::Frame, "stereo_counters"), 1)?;
-        let counters = counters.and_then(|counters| counters.first().copied());
-        Ok(StereoStats::from_counters(&counters.unwrap_or_default()))
-    }
-
     /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`
     /// without filtering. `eye` names the buffers.
     ///

@@ -14,7 +14,7 @@ use super::support::{
 };
 
 /// Frames of each run.
-const FRAMES: u32 = 14;
+const FRAMES: u32 = 60;
 /// The frame from which the room is closed, so that photons stay in it.
 const CLOSED: u32 = 4;
 
