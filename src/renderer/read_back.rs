@@ -1,7 +1,6 @@
 //! Images and lists read back from the device. Each waits for it.
 
 use super::records::photon::{Photon, PhotonGrid};
-use super::stats::StereoStats;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose};
