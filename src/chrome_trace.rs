@@ -17,6 +17,8 @@ use crate::gpu::{HostSpan, Submission};
 /// Threads of the trace.
 const HOST: u32 = 1;
 const DEVICE: u32 = 2;
+/// The first of those of frames in flight.
+const SLOTS: u32 = 3;
 /// How fast two clocks may drift apart: crystal oscillators keep 100 ppm each over temperature and age.
 const DRIFT: f64 = 200e-6;
 
@@ -82,6 +84,8 @@ impl DeviceClock {
 pub struct ChromeTrace {
     file: Beside,
     clock: DeviceClock,
+    /// Slots of frames in flight that have a name.
+    named_slots: u32,
 }
 
 impl ChromeTrace {
@@ -98,18 +102,24 @@ impl ChromeTrace {
         let mut trace = Self {
             file: Beside::create(path)?,
             clock,
+            named_slots: 0,
         };
         let bounds = trace.clock.bounds;
         let uncertain_us = bounds.map(|([low, high], _)| microseconds((high - low) / 2.0));
-        let named = |what: &str, thread: u32, name: Value| json!({"ph": "M", "name": what, "pid": 1, "tid": thread, "args": {"name": name}});
         let process = json!({
             "ph": "M", "name": "process_name", "pid": 1,
             "args": {"name": "stereolux", "clock_uncertainty_us": uncertain_us},
         });
         write!(trace.file.out, "[\n{process}")?;
-        trace.write(&named("thread_name", HOST, "host".into()))?;
-        trace.write(&named("thread_name", DEVICE, device.into()))?;
+        trace.name_thread(HOST, "host")?;
+        trace.name_thread(DEVICE, device)?;
         Ok(trace)
+    }
+
+    fn name_thread(&mut self, thread: u32, name: &str) -> io::Result<()> {
+        self.write(&json!({
+            "ph": "M", "name": "thread_name", "pid": 1, "tid": thread, "args": {"name": name},
+        }))
     }
 
     fn write(&mut self, event: &Value) -> io::Result<()> {
@@ -124,7 +134,7 @@ impl ChromeTrace {
         duration_ns: f64,
         frame: u32,
     ) -> io::Result<()> {
-        let category = if thread == HOST { "host" } else { "device" };
+        let category = if thread == DEVICE { "device" } else { "host" };
         self.write(&json!({
             "ph": "X", "name": name, "cat": category, "pid": 1, "tid": thread,
             "ts": microseconds(begin_ns), "dur": microseconds(duration_ns),
@@ -132,28 +142,42 @@ impl ChromeTrace {
         }))
     }
 
-    fn host_span(&mut self, name: &str, span: &HostSpan, frame: u32) -> io::Result<()> {
+    fn host_span(
+        &mut self,
+        thread: u32,
+        name: &str,
+        span: &HostSpan,
+        frame: u32,
+    ) -> io::Result<()> {
         let begin_ns = self.clock.host_ns(span.began);
         let duration_ns = self.clock.host_ns(span.ended) - begin_ns;
-        self.span(HOST, name, begin_ns, duration_ns, frame)
+        self.span(thread, name, begin_ns, duration_ns, frame)
     }
 
-    /// Adds a frame: its host stages, an outer one before those in it, and its submissions.
+    /// Adds a frame: its host stages, an outer one before those in it, and its submissions. Where frames overlap, `slot`
+    /// tells those on their way at once apart, and the submissions of each are on a thread of their own.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn add_frame(
         &mut self,
         frame: u32,
+        slot: Option<u32>,
         stages: &[HostSpan],
         submissions: &[Submission],
     ) -> io::Result<()> {
         for stage in stages {
-            self.host_span(stage.stage, stage, frame)?;
+            self.host_span(HOST, stage.stage, stage, frame)?;
+        }
+        let thread = slot.map_or(HOST, |slot| SLOTS + slot);
+        while slot.is_some_and(|slot| slot >= self.named_slots) {
+            let slot = self.named_slots;
+            self.name_thread(SLOTS + slot, &format!("frames in flight {slot}"))?;
+            self.named_slots += 1;
         }
         for submission in submissions {
             let name = format!("submission: {}", submission.host.stage);
-            self.host_span(&name, &submission.host, frame)?;
+            self.host_span(thread, &name, &submission.host, frame)?;
             let Some(host_less_device_ns) = self.clock.note(submission) else {
                 continue;
             };

@@ -14,8 +14,9 @@ use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
 use crate::output::{FrameFacts, FrameImages, OutputError, OutputFolder};
+use crate::renderer::frames_in_flight::MOST;
 use crate::renderer::{
-    CpuTimes, Eye, FrameResult, Inspected, Inspection, PhotonStats, RenderError, Renderer,
+    CpuTimes, Eye, Flight, FrameResult, Inspected, Inspection, PhotonStats, RenderError, Renderer,
     StereoStats,
 };
 use crate::scene::Scene;
@@ -78,8 +79,8 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
-    /// Waits for the device while the frame was rendered and handed over; today at least one, for the frame's own end.
-    /// Reading images that were asked for comes after, and is none of them.
+    /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
+    /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
     pub host_waits: u64,
 }
 
@@ -154,6 +155,8 @@ pub struct LoopOptions<'a> {
     pub aovs: &'a [Aov],
     /// Image size per eye.
     pub size: [u32; 2],
+    /// Frames on their way to the device at once, 1 to 3.
+    pub in_flight: usize,
 }
 
 /// What becomes of a frame of the session.
@@ -212,13 +215,14 @@ pub enum Step {
     Rendered(Box<Rendered>),
 }
 
-/// A submitted frame.
+/// A submitted frame. It may be on its way still ([`Rendered::retire`]).
 pub struct Rendered {
+    flight: Option<Flight>,
     /// Display time, nanoseconds.
     pub display_time_ns: i64,
     /// Views it was rendered with.
     pub located: LocatedViews,
-    /// The renderer's result.
+    /// The renderer's result, once the frame is retired.
     pub result: FrameResult,
     /// Host times up to submission.
     pub cpu_ms: CpuMs,
@@ -229,6 +233,19 @@ pub struct Rendered {
 }
 
 impl Rendered {
+    /// Waits for the frame's end, unless that is known already, and takes over what the renderer reports of it.
+    ///
+    /// # Errors
+    /// As [`Renderer::retire`].
+    pub fn retire(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
+        if let Some(flight) = self.flight.take() {
+            self.result = renderer.retire(flight)?;
+            self.stages.append(&mut self.result.stages);
+            self.cpu_ms.renderer = self.result.cpu_ms;
+        }
+        Ok(())
+    }
+
     /// Notes a stage that ends now; milliseconds.
     pub fn note(&mut self, stage: &'static str, began: Instant) -> f64 {
         let span = HostSpan::since(stage, began);
@@ -236,9 +253,11 @@ impl Rendered {
         span.ms()
     }
 
-    /// The frame's statistics; call it last, so that `cpu_ms.write` and `cpu_ms.mirror` are filled in.
-    pub fn into_stats(self, frame: u32, non_finite_pixels: usize, began: Instant) -> FrameStats {
+    /// The frame's statistics, `frame_ms` being the host's time for it; call it last, so that `cpu_ms.write` and
+    /// `cpu_ms.mirror` are filled in, of a retired frame.
+    pub fn into_stats(self, frame: u32, non_finite_pixels: usize, frame_ms: f64) -> FrameStats {
         let Self {
+            flight: _,
             display_time_ns,
             located,
             result,
@@ -246,7 +265,7 @@ impl Rendered {
             stages: _,
             host_waits,
         } = self;
-        cpu_ms.frame = milliseconds_since(began);
+        cpu_ms.frame = frame_ms;
         let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
         let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
         cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
@@ -266,7 +285,8 @@ impl Rendered {
 }
 
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
-/// it is in that frame; `sample` is told how many of the frame's samples are done.
+/// it is in that frame; `sample` is told how many of the frame's samples are done. With more than one frame `in_flight`, 2
+/// or 3, the frame is on its way then, and as many less one may be before it.
 ///
 /// # Errors
 /// [`LoopError::Session`], [`LoopError::Render`].
@@ -275,6 +295,7 @@ pub fn step(
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     index: u32,
+    in_flight: usize,
     update: impl FnOnce(&mut Renderer, &FrameState),
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
@@ -301,7 +322,12 @@ pub fn step(
     let targets = session.acquire_targets()?;
     stages.push(HostSpan::since("session", called));
     update(renderer, &state);
-    let mut result = renderer.render_frame(&located.views, index, sample)?;
+    let (mut result, flight) = if in_flight > 1 {
+        let flight = renderer.send_frame(&located.views, index, sample)?;
+        (FrameResult::default(), Some(flight))
+    } else {
+        (renderer.render_frame(&located.views, index, sample)?, None)
+    };
     stages.append(&mut result.stages);
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
@@ -327,6 +353,7 @@ pub fn step(
         ..CpuMs::default()
     };
     Ok(Step::Rendered(Box::new(Rendered {
+        flight,
         display_time_ns: state.predicted_display_time_ns,
         located,
         result,
@@ -394,6 +421,7 @@ impl<S: XrSession> FrameLoop<S> {
                 &mut self.renderer,
                 &self.library,
                 index,
+                1,
                 |renderer, state| {
                     play(renderer, state);
                     if let Some(update) = update.take() {
@@ -407,7 +435,8 @@ impl<S: XrSession> FrameLoop<S> {
                 Step::Hidden => {}
                 Step::Rendered(rendered) => {
                     self.next_frame += 1;
-                    return Ok(Some(rendered.into_stats(index, 0, began)));
+                    let frame_ms = milliseconds_since(began);
+                    return Ok(Some(rendered.into_stats(index, 0, frame_ms)));
                 }
             }
         }
@@ -440,13 +469,109 @@ pub fn run(
     output: &mut OutputFolder,
     options: LoopOptions<'_>,
     progress: &mut dyn LoopProgress,
-    mut mirror: Option<&mut Mirror>,
+    mirror: Option<&mut Mirror>,
     outcome: &mut Outcome,
+) -> Result<(), LoopError> {
+    let mut way = OnTheirWay {
+        in_flight: options.in_flight,
+        turns: VecDeque::new(),
+        retired_ms: 0.0,
+        output,
+        outcome,
+    };
+    let ended = run_frames(
+        session, renderer, library, &mut way, options, progress, mirror,
+    );
+    // Frames before an error have statistics too.
+    let retired = way.retire(renderer, 0, progress);
+    ended.and(retired)
+}
+
+/// A frame that was sent.
+struct Turn {
+    index: u32,
+    is_written: bool,
+    frame: Box<Rendered>,
+    non_finite_pixels: usize,
+    /// Host milliseconds without retiring frames.
+    own_ms: f64,
+}
+
+/// Frames on their way, the oldest first, and where their statistics go.
+struct OnTheirWay<'a> {
+    in_flight: usize,
+    turns: VecDeque<Turn>,
+    /// Milliseconds that retiring frames has taken since the present one began.
+    retired_ms: f64,
+    output: &'a mut OutputFolder,
+    outcome: &'a mut Outcome,
+}
+
+impl OnTheirWay<'_> {
+    /// Retires the oldest until `left` are on their way.
+    fn retire(
+        &mut self,
+        renderer: &mut Renderer,
+        left: usize,
+        progress: &mut dyn LoopProgress,
+    ) -> Result<(), LoopError> {
+        let began = Instant::now();
+        while self.turns.len() > left {
+            if let Some(turn) = self.turns.pop_front() {
+                self.finish(turn, renderer, progress)?;
+            }
+        }
+        self.retired_ms += milliseconds_since(began);
+        Ok(())
+    }
+
+    /// Writes a frame's statistics, when it is done.
+    fn finish(
+        &mut self,
+        turn: Turn,
+        renderer: &mut Renderer,
+        progress: &mut dyn LoopProgress,
+    ) -> Result<(), LoopError> {
+        let began = Instant::now();
+        let mut frame = turn.frame;
+        frame.retire(renderer)?;
+        let frame_ms = turn.own_ms + milliseconds_since(began);
+        if !turn.is_written {
+            return Ok(());
+        }
+        let index = turn.index;
+        let submissions = frame.result.times.submissions.take().unwrap_or_default();
+        let stages = std::mem::take(&mut frame.stages);
+        let slot = (self.in_flight > 1).then_some(index % MOST as u32);
+        self.output
+            .trace_frame(index, slot, &stages, &submissions)?;
+        let stats = frame.into_stats(index, turn.non_finite_pixels, frame_ms);
+        self.output.append_stats(&stats)?;
+        progress.frame(&stats);
+        if self.outcome.last.len() == KEPT_FRAMES {
+            self.outcome.last.pop_front();
+        }
+        self.outcome.last.push_back(stats);
+        self.outcome.frames += 1;
+        Ok(())
+    }
+}
+
+/// The loop of [`run`]; frames are left on their way at its end.
+fn run_frames(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    library: &ShaderLibrary,
+    way: &mut OnTheirWay<'_>,
+    options: LoopOptions<'_>,
+    progress: &mut dyn LoopProgress,
+    mut mirror: Option<&mut Mirror>,
 ) -> Result<(), LoopError> {
     let refresh_hz = session.info().refresh_hz;
     let mut index = 0;
     loop {
         let began = Instant::now();
+        way.retired_ms = 0.0;
         if crate::interrupt::requested() {
             return Ok(());
         }
@@ -466,48 +591,53 @@ pub fn run(
             },
             Role::WarmUp | Role::Written => {}
         }
+        way.retire(renderer, options.in_flight - 1, progress)?;
         let told = |done| progress.sample(index, done);
-        let mut frame = match step(session, renderer, library, index, play, told)? {
+        let in_flight = options.in_flight;
+        let mut frame = match step(session, renderer, library, index, in_flight, play, told)? {
             Step::Ended => return Ok(()),
             Step::Hidden => continue,
             Step::Rendered(frame) => frame,
         };
-        if matches!(role, Role::WarmUp) {
-            index += 1;
-            continue;
-        }
-        // After the runtime has got its frame: the window must not delay it.
-        if let Some(mirror) = &mut mirror {
-            let shown = Instant::now();
-            mirror.show(renderer, library)?;
-            frame.cpu_ms.mirror = frame.note("mirror", shown);
-        }
-        let written = Instant::now();
         let mut non_finite_pixels = 0;
-        if options.images && index % options.every.max(1) == 0 {
-            let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
-            images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
-            let facts = FrameFacts {
-                frame: index,
-                display_time_ns: frame.display_time_ns,
-                refresh_hz,
-                views: &frame.located.views,
-            };
-            output.write_frame(&facts, &images)?;
+        let is_written = matches!(role, Role::Written);
+        if is_written {
+            // After the runtime has got its frame: the window must not delay it.
+            if let Some(mirror) = &mut mirror {
+                let shown = Instant::now();
+                mirror.show(renderer, library)?;
+                frame.cpu_ms.mirror = frame.note("mirror", shown);
+            }
+            if options.images && index % options.every.max(1) == 0 {
+                // Reading images waits for the device anyway, and views of the photons know their number then.
+                way.retire(renderer, 0, progress)?;
+                frame.retire(renderer)?;
+            }
+            let written = Instant::now();
+            if options.images && index % options.every.max(1) == 0 {
+                let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
+                images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
+                let facts = FrameFacts {
+                    frame: index,
+                    display_time_ns: frame.display_time_ns,
+                    refresh_hz,
+                    views: &frame.located.views,
+                };
+                way.output.write_frame(&facts, &images)?;
+            }
+            frame.cpu_ms.write = frame.note("write", written);
         }
-        frame.cpu_ms.write = frame.note("write", written);
-        let submissions = frame.result.times.submissions.take().unwrap_or_default();
-        let mut stages = std::mem::take(&mut frame.stages);
-        stages.insert(0, HostSpan::since("frame", began));
-        output.trace_frame(index, &stages, &submissions)?;
-        let stats = frame.into_stats(index, non_finite_pixels, began);
-        output.append_stats(&stats)?;
-        progress.frame(&stats);
-        if outcome.last.len() == KEPT_FRAMES {
-            outcome.last.pop_front();
+        frame.stages.insert(0, HostSpan::since("frame", began));
+        way.turns.push_back(Turn {
+            index,
+            is_written,
+            frame,
+            non_finite_pixels,
+            own_ms: milliseconds_since(began) - way.retired_ms,
+        });
+        if in_flight == 1 {
+            way.retire(renderer, 0, progress)?;
         }
-        outcome.last.push_back(stats);
-        outcome.frames += 1;
         index += 1;
     }
 }

@@ -215,20 +215,21 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Adds a frame to `trace.json`, if there is one.
+    /// Adds a frame to `trace.json`, if there is one; `slot`: as [`ChromeTrace::add_frame`].
     ///
     /// # Errors
     /// [`OutputError::File`].
     pub fn trace_frame(
         &mut self,
         index: u32,
+        slot: Option<u32>,
         stages: &[HostSpan],
         submissions: &[Submission],
     ) -> Result<(), OutputError> {
         let Some(trace) = &mut self.trace else {
             return Ok(());
         };
-        let written = trace.add_frame(index, stages, submissions);
+        let written = trace.add_frame(index, slot, stages, submissions);
         written.map_err(|error| self.trace_failed(&error))
     }
 

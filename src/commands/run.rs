@@ -18,7 +18,9 @@ use crate::output::{OutputFolder, Style};
 use crate::renderer::Renderer;
 use crate::scene::{Camera, Needs};
 use crate::scene_loading::Loaded;
-use crate::settings::{Aov, ExrPrecision, Eyes, OutputSettings, RenderSettings, Settings};
+use crate::settings::{
+    Aov, ExrPrecision, Eyes, FramesInFlight, OutputSettings, RenderSettings, Settings,
+};
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
     Fov, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
@@ -55,6 +57,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
         .transpose()?;
     let source = source(options, &headset, start)?;
     interrupt::catch();
+    let hurries = options.session.realtime || source.context.is_some();
     render_session(
         source,
         &Job {
@@ -69,6 +72,7 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
             frames: options.session.frames,
             out: &options.shared.out,
             record: options.session.record.as_deref(),
+            hurries,
         },
         window,
     )
@@ -144,9 +148,20 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             frames: Some(1),
             out: &options.shared.out,
             record: None,
+            hurries: false,
         },
         None,
     )
+}
+
+/// How many frames are on their way to the device at once. `hurries`: a headset or a clock waits for them.
+fn in_flight(settings: &Settings, hurries: bool) -> usize {
+    match settings.gpu.frames_in_flight {
+        FramesInFlight::Auto if hurries && !settings.output.images => 2,
+        FramesInFlight::Auto | FramesInFlight::One => 1,
+        FramesInFlight::Two => 2,
+        FramesInFlight::Three => 3,
+    }
 }
 
 /// What both commands ask of the frame loop.
@@ -158,6 +173,8 @@ struct Job<'a> {
     frames: Option<u32>,
     out: &'a Path,
     record: Option<&'a Path>,
+    /// Whether a headset or a clock waits for frames.
+    hurries: bool,
 }
 
 fn headset(settings: &Settings) -> Result<Headset, Failure> {
@@ -368,6 +385,7 @@ fn render_session(
             images: settings.output.images,
             aovs: &aovs,
             size,
+            in_flight: in_flight(settings, job.hurries),
         },
         &mut bar,
         mirror.as_mut(),

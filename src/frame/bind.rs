@@ -241,6 +241,12 @@ impl Buffers {
         read_buffer(context, &name.replace('_', " "), buffer, count).map(Some)
     }
 
+    /// A buffer that takes no turns; `None` if no pass writes it.
+    pub fn written(&self, place: Place) -> Option<&wgpu::Buffer> {
+        let held = self.held.get(&place).filter(|held| !held.is_token);
+        held.and_then(|held| held.turns.first())
+    }
+
     /// Writes to the start of a buffer, if a pass uses it.
     pub fn write(&self, context: &GpuContext, place: Place, data: &[u8]) {
         if let Some(held) = self.held.get(&place) {

@@ -1,5 +1,8 @@
 //! Labelled buffers and read-back.
 
+use std::sync::mpsc::Receiver;
+use std::sync::{MutexGuard, PoisonError};
+
 use bytemuck::{NoUninit, Pod};
 use wgpu::util::DeviceExt as _;
 
@@ -111,39 +114,80 @@ pub fn read_buffer<T: Pod>(
         context.queue.submit([encoder.finish()]);
         Ok(staging)
     })?;
-    map_and_copy(context, what, &staging, bytes)
+    let mapping = Mapping::new(staging, bytes);
+    context.wait(what)?;
+    Ok(bytemuck::pod_collect_to_vec(&mapping.arrive(what)?))
 }
 
-/// Maps a staging buffer and copies its first `bytes` bytes out as elements.
-pub(super) fn map_and_copy<T: Pod>(
-    context: &GpuContext,
-    what: &str,
-    staging: &wgpu::Buffer,
+/// A staging buffer that is mapped as soon as the device is done with it.
+pub(super) struct Mapping {
+    pub(super) buffer: wgpu::Buffer,
     bytes: u64,
-) -> Result<Vec<T>, GpuError> {
-    let fail = |reason: String| GpuError::Validation {
-        pass: what.to_owned(),
-        reason,
-    };
-    let (sender, receiver) = std::sync::mpsc::channel();
-    staging.map_async(wgpu::MapMode::Read, .., move |result| {
-        // The receiver outlives this call unless the wait below failed, and then nobody listens.
-        let _ = sender.send(result);
-    });
-    context.wait(what)?;
-    receiver
-        .recv()
-        .map_err(|error| fail(error.to_string()))?
-        .map_err(|error| fail(error.to_string()))?;
-    let elements = {
-        let view = staging
-            .slice(..)
-            .get_mapped_range()
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+impl Mapping {
+    /// Asks for the first `bytes` bytes.
+    pub(super) fn new(buffer: wgpu::Buffer, bytes: u64) -> Self {
+        let (sender, mapped) = std::sync::mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            // Nobody listens any more where a wait failed.
+            let _ = sender.send(result);
+        });
+        Self {
+            buffer,
+            bytes,
+            mapped,
+        }
+    }
+
+    /// The bytes; the device must have finished.
+    pub(super) fn arrive(self, what: &str) -> Result<Vec<u8>, GpuError> {
+        let fail = |reason: String| GpuError::Validation {
+            pass: what.to_owned(),
+            reason,
+        };
+        self.mapped
+            .recv()
+            .map_err(|error| fail(error.to_string()))?
             .map_err(|error| fail(error.to_string()))?;
-        bytemuck::pod_collect_to_vec::<u8, T>(&view[..bytes as usize])
-    };
-    staging.unmap();
-    Ok(elements)
+        let bytes = {
+            let view = self
+                .buffer
+                .slice(..)
+                .get_mapped_range()
+                .map_err(|error| fail(error.to_string()))?;
+            view[..self.bytes as usize].to_vec()
+        };
+        self.buffer.unmap();
+        Ok(bytes)
+    }
+}
+
+impl GpuContext {
+    /// A read-back buffer of at least `bytes` bytes that no submission uses.
+    pub(super) fn staging(&self, bytes: u64) -> wgpu::Buffer {
+        let mut free = self.free_staging();
+        if let Some(at) = free.iter().position(|buffer| buffer.size() >= bytes) {
+            return free.swap_remove(at);
+        }
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("counters read-back"),
+            size: bytes.next_power_of_two().max(4096),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Keeps a buffer of [`GpuContext::staging`] for later submissions.
+    pub(super) fn give_staging_back(&self, buffer: wgpu::Buffer) {
+        self.free_staging().push(buffer);
+    }
+
+    fn free_staging(&self) -> MutexGuard<'_, Vec<wgpu::Buffer>> {
+        let free = self.free_staging.lock();
+        free.unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// A storage buffer that is made anew, larger, when an upload no longer fits.

@@ -184,6 +184,8 @@ pub struct GpuContext {
     lost: Arc<Mutex<Option<String>>>,
     uncaptured: Arc<Mutex<Option<String>>>,
     host_waits: Arc<AtomicU64>,
+    /// Read-back buffers that no submission uses now.
+    pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
 }
 
 /// What instances are made with, unless the environment asks for other things (`WGPU_VALIDATION=1`: validation layers).
@@ -342,6 +344,7 @@ impl GpuContext {
             lost,
             uncaptured,
             host_waits: Arc::default(),
+            free_staging: Arc::default(),
         }
     }
 
@@ -398,8 +401,25 @@ impl GpuContext {
     /// # Errors
     /// [`GpuError::Lost`] if the device went away, [`GpuError::Validation`] for an error outside every scope.
     pub fn wait(&self, pass: &str) -> Result<(), GpuError> {
-        self.host_waits.fetch_add(1, Ordering::Relaxed);
-        let polled = finish(&self.device);
+        self.count_wait();
+        self.poll(pass, wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits for one submission and those before it. For the end of a frame in flight, which counts as no wait of the
+    /// frame that is made meanwhile.
+    ///
+    /// # Errors
+    /// As [`GpuContext::wait`].
+    pub(super) fn retire(&self, pass: &str, index: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        let until = wgpu::PollType::Wait {
+            submission_index: Some(index),
+            timeout: None,
+        };
+        self.poll(pass, until)
+    }
+
+    fn poll(&self, pass: &str, until: wgpu::PollType) -> Result<(), GpuError> {
+        let polled = polled(&self.device, until);
         self.check(pass)?;
         polled.map_err(|reason| GpuError::Lost {
             pass: pass.to_owned(),
@@ -407,8 +427,13 @@ impl GpuContext {
         })
     }
 
-    /// How often the host has waited for the device so far.
-    pub(crate) fn host_waits(&self) -> u64 {
+    /// Counts a wait within a frame.
+    pub(crate) fn count_wait(&self) {
+        self.host_waits.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often the host has waited for the device so far, but for ends of frames.
+    pub fn host_waits(&self) -> u64 {
         self.host_waits.load(Ordering::Relaxed)
     }
 
@@ -436,7 +461,11 @@ impl GpuContext {
 /// # Errors
 /// One line.
 pub(crate) fn finish(device: &wgpu::Device) -> Result<(), String> {
-    match caught(|| device.poll(wgpu::PollType::wait_indefinitely())) {
+    polled(device, wgpu::PollType::wait_indefinitely())
+}
+
+fn polled(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), String> {
+    match caught(|| device.poll(until)) {
         Ok(Ok(_)) => Ok(()),
         Ok(Err(error)) => Err(error.to_string()),
         Err(panicked) => Err(panicked),

@@ -27,4 +27,4 @@ pub use context::{GpuContext, GpuError};
 pub use features::ShaderFeatures;
 pub use kernel::{Kernel, Resources};
 pub use shaders::{CompiledShader, ShaderLibrary};
-pub use timing::{FrameRecorder, HostSpan, PassTimes, Submission};
+pub use timing::{FrameRecorder, HostSpan, PassTimes, Submission, Ticket};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::buffers::map_and_copy;
+use super::buffers::Mapping;
 use super::context::{GpuContext, GpuError};
 use super::kernel::{Bound, Kernel};
 use super::texels::TexelCopy;
@@ -83,7 +83,6 @@ impl PassTimes {
 pub struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
-    staging: wgpu::Buffer,
 }
 
 impl Timer {
@@ -103,12 +102,6 @@ impl Timer {
                     usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                     mapped_at_creation: false,
                 }),
-                staging: context.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some("pass timestamps read-back"),
-                    size: bytes,
-                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                    mapped_at_creation: false,
-                }),
             }
         })
     }
@@ -121,6 +114,7 @@ pub struct FrameRecorder<'a> {
     encoder: wgpu::CommandEncoder,
     timed: Vec<String>,
     dispatched: Vec<String>,
+    reads: Vec<Vec<(wgpu::Buffer, u64, u64)>>,
 }
 
 impl<'a> FrameRecorder<'a> {
@@ -134,6 +128,7 @@ impl<'a> FrameRecorder<'a> {
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
             timed: Vec::new(),
             dispatched: Vec::new(),
+            reads: Vec::new(),
         }
     }
 
@@ -221,63 +216,134 @@ impl<'a> FrameRecorder<'a> {
         Some((timer, slot))
     }
 
-    /// Submits, waits, and adds the device times to `times`.
+    /// Asks for `ranges` (buffer, first byte, bytes; multiples of 4) as they are after the passes recorded so far: together
+    /// they are one of the ticket's values.
+    pub fn read(&mut self, ranges: &[(&wgpu::Buffer, u64, u64)]) {
+        let owned = ranges
+            .iter()
+            .map(|(buffer, first, bytes)| ((*buffer).clone(), *first, *bytes));
+        self.reads.push(owned.collect());
+    }
+
+    /// Submits, waits, and adds the device times to `times`. The wait is counted.
+    ///
+    /// # Errors
+    /// As [`FrameRecorder::send`].
+    pub fn submit(self, stage: &'static str, times: &mut PassTimes) -> Result<(), GpuError> {
+        let context = self.context;
+        let ticket = self.send(stage)?;
+        context.count_wait();
+        ticket.arrive(context, times).map(drop)
+    }
+
+    /// Submits without waiting.
     ///
     /// # Errors
     /// [`GpuError::Validation`] or [`GpuError::Lost`], naming `stage` (wgpu's own words name the pass by its label).
-    pub fn submit(self, stage: &'static str, times: &mut PassTimes) -> Result<(), GpuError> {
+    pub fn send(self, stage: &'static str) -> Result<Ticket, GpuError> {
         let Self {
             context,
             timer,
             mut encoder,
             timed,
             dispatched,
+            reads,
         } = self;
-        times.dispatched.extend(dispatched);
-        let count = 2 * timed.len() as u32;
-        let timer = timer.filter(|_| count > 0);
+        let tick_bytes = 16 * timed.len() as u64;
+        let read_bytes = reads
+            .iter()
+            .map(|value| value.iter().map(|(_, _, bytes)| bytes).sum());
+        let read_bytes: Vec<u64> = read_bytes.collect();
+        let bytes = tick_bytes + read_bytes.iter().sum::<u64>();
         let began = Instant::now();
-        context.guarded(stage, || {
-            if let Some(timer) = timer {
-                encoder.resolve_query_set(&timer.queries, 0..count, &timer.resolved, 0);
-                encoder.copy_buffer_to_buffer(
-                    &timer.resolved,
-                    0,
-                    &timer.staging,
-                    0,
-                    u64::from(count) * 8,
-                );
+        let (index, staging) = context.guarded(stage, || {
+            let staging = (bytes > 0).then(|| context.staging(bytes));
+            if let Some(staging) = &staging {
+                if let Some(timer) = timer.filter(|_| tick_bytes > 0) {
+                    let queries = 0..2 * timed.len() as u32;
+                    encoder.resolve_query_set(&timer.queries, queries, &timer.resolved, 0);
+                    encoder.copy_buffer_to_buffer(&timer.resolved, 0, staging, 0, tick_bytes);
+                }
+                let mut at = tick_bytes;
+                for (buffer, first, bytes) in reads.iter().flatten() {
+                    encoder.copy_buffer_to_buffer(buffer, *first, staging, at, *bytes);
+                    at += bytes;
+                }
             }
-            context.queue.submit([encoder.finish()]);
-            Ok(())
+            Ok((context.queue.submit([encoder.finish()]), staging))
         })?;
-        let Some(timer) = timer else {
-            return context.wait(stage);
+        Ok(Ticket {
+            stage,
+            index,
+            began,
+            timed,
+            dispatched,
+            read_bytes,
+            staging: staging.map(|staging| Mapping::new(staging, bytes)),
+        })
+    }
+
+    /// A pass that does nothing, for its ticks alone.
+    pub fn nothing(&mut self, label: &str) {
+        self.begin(label);
+    }
+}
+
+/// A submission on its way.
+pub struct Ticket {
+    stage: &'static str,
+    index: wgpu::SubmissionIndex,
+    began: Instant,
+    timed: Vec<String>,
+    dispatched: Vec<String>,
+    read_bytes: Vec<u64>,
+    staging: Option<Mapping>,
+}
+
+impl Ticket {
+    /// Waits until the device has finished it, adds its times to `times` and returns what [`FrameRecorder::read`] asked
+    /// for, in that order. The wait is the frame's end, and is not counted.
+    ///
+    /// # Errors
+    /// As [`FrameRecorder::send`].
+    pub fn arrive(
+        self,
+        context: &GpuContext,
+        times: &mut PassTimes,
+    ) -> Result<Vec<Vec<u8>>, GpuError> {
+        context.retire(self.stage, self.index)?;
+        times.dispatched.extend(self.dispatched);
+        let Some(staging) = self.staging else {
+            return Ok(Vec::new());
         };
-        let ticks: Vec<u64> = map_and_copy(context, stage, &timer.staging, u64::from(count) * 8)?;
-        let host = HostSpan::since(stage, began);
+        let buffer = staging.buffer.clone();
+        let bytes = staging.arrive(self.stage)?;
+        context.give_staging_back(buffer);
+        let host = HostSpan::since(self.stage, self.began);
         let ns_per_tick = f64::from(context.queue.get_timestamp_period());
+        let (ticks, mut values) = bytes.split_at(16 * self.timed.len());
+        let ticks: Vec<[u64; 2]> = bytemuck::pod_collect_to_vec(ticks);
         let mut passes = Vec::new();
-        for (name, pair) in timed.into_iter().zip(ticks.chunks_exact(2)) {
+        for (name, [first, last]) in self.timed.into_iter().zip(ticks) {
             // A device may reset its clock between two queries; such a pair says nothing.
-            let ticks = pair[1].saturating_sub(pair[0]);
+            let ticks = last.saturating_sub(first);
             times.add(&name, ticks as f64 * (ns_per_tick * 1e-6));
             if times.submissions.is_some() {
-                passes.push((name, [pair[0], pair[0] + ticks]));
+                passes.push((name, [first, first + ticks]));
             }
         }
-        if let Some(submissions) = &mut times.submissions {
+        if let Some(submissions) = times.submissions.as_mut().filter(|_| !passes.is_empty()) {
             submissions.push(Submission {
                 host,
                 ns_per_tick,
                 passes,
             });
         }
-        Ok(())
-    }
-
-    /// A pass that does nothing, for its ticks alone.
-    pub fn nothing(&mut self, label: &str) {
-        self.begin(label);
+        let mut take = |bytes: u64| {
+            let (value, rest) = values.split_at(bytes as usize);
+            values = rest;
+            value.to_vec()
+        };
+        Ok(self.read_bytes.into_iter().map(&mut take).collect())
     }
 }

@@ -15,8 +15,9 @@ use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::refit::Rebuilt;
 use crate::bvh::{Bounds32, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::frame::ShapeCounts;
-use crate::gpu::buffers::read_buffer;
-use crate::gpu::{GpuContext, GpuError, Resources, storage_buffer, storage_buffer_with_data};
+use crate::gpu::{FrameRecorder, GpuContext, Resources, storage_buffer, storage_buffer_with_data};
+#[cfg(feature = "internals")]
+use crate::gpu::{GpuError, PassTimes};
 use crate::renderer::records::deform::{DeformMesh, RestVertex};
 use crate::renderer::records::material::Vertex;
 use crate::scene::{Bounds, Deformation, Mesh, Scene, ScenePose};
@@ -91,7 +92,6 @@ struct Buffers {
     triangles: wgpu::Buffer,
     nodes: wgpu::Buffer,
     costs: wgpu::Buffer,
-    root_costs: wgpu::Buffer,
 }
 
 /// A new placement and new bounds.
@@ -184,7 +184,6 @@ impl Deformer {
             previous_positions: data("previous positions", vertex_count * 16)?,
             triangles: storage_buffer_with_data(context, "deformed triangles", &triangles)?,
             nodes: data("refitted nodes", refitted as u64 * 4)?,
-            root_costs: data("refitted costs of roots", shapes.len() as u64 * 8)?,
             costs: data("refitted costs", node_count * 8)?,
         };
         let mut deformer = Self {
@@ -396,61 +395,58 @@ impl Deformer {
         self.was_new
     }
 
-    /// Reads what the refitted hierarchies cost, once in [`COST_CHECK_FRAMES`] frames in a new pose; those that have
-    /// drifted too far are built anew with the next one.
-    ///
-    /// # Errors
-    /// As [`read_buffer`].
-    pub fn check_cost(
-        &mut self,
-        context: &GpuContext,
+    /// Asks what the refitted hierarchies cost, once in [`COST_CHECK_FRAMES`] frames in a new pose. Returns what they cost
+    /// when they were built.
+    pub fn ask_costs(
+        &self,
+        recorder: &mut FrameRecorder<'_>,
         hierarchies: &MeshHierarchies,
-    ) -> Result<(), GpuError> {
+    ) -> Option<Vec<f64>> {
         if self.unchecked < COST_CHECK_FRAMES {
-            return Ok(());
+            return None;
         }
-        self.unchecked = 0;
-        let ratios = self.cost_ratios(context, hierarchies)?;
-        for (shape, ratio) in self.shapes.iter_mut().zip(ratios) {
-            // NaN, from shapes without area, is none.
-            shape.is_due = ratio > REBUILD_COST_RATIO;
-        }
-        Ok(())
+        recorder.read(&self.root_costs(hierarchies));
+        Some(self.shapes.iter().map(|shape| shape.built_cost).collect())
     }
 
-    /// For each mesh what a ray through its box costs over what it cost when its hierarchy was built.
+    /// The frame's last submission has gone, with what [`Deformer::ask_costs`] asked.
+    pub fn note_asked(&mut self) {
+        self.unchecked %= COST_CHECK_FRAMES;
+    }
+
+    /// Hierarchies that cost too much by `ratios`, what a ray through each mesh's box costs over what it cost when its
+    /// hierarchy was built, are built anew with the next pose.
+    pub fn note_costs(&mut self, ratios: &[f64]) {
+        for (shape, ratio) in self.shapes.iter_mut().zip(ratios) {
+            // NaN, from shapes without area, is none.
+            shape.is_due = *ratio > REBUILD_COST_RATIO;
+        }
+    }
+
+    /// Where the costs of the meshes' roots lie.
+    fn root_costs(&self, hierarchies: &MeshHierarchies) -> Vec<(&wgpu::Buffer, u64, u64)> {
+        let root = |shape: &Shape| u64::from(hierarchies.meshes[shape.mesh].root);
+        let costs = &self.buffers.costs;
+        let shapes = self.shapes.iter();
+        shapes.map(|shape| (costs, root(shape) * 8, 8)).collect()
+    }
+
+    /// For each mesh what a ray through its box costs over what it cost when its hierarchy was built. Waits for the device.
     ///
     /// # Errors
-    /// As [`read_buffer`].
+    /// [`GpuError::Lost`] or [`GpuError::Validation`].
+    #[cfg(feature = "internals")]
     pub fn cost_ratios(
         &self,
         context: &GpuContext,
         hierarchies: &MeshHierarchies,
     ) -> Result<Vec<f64>, GpuError> {
-        let roots = &self.buffers.root_costs;
-        context.guarded("refitted costs", || {
-            let mut encoder =
-                context
-                    .device
-                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some("refitted costs"),
-                    });
-            for (at, shape) in self.shapes.iter().enumerate() {
-                let root = u64::from(hierarchies.meshes[shape.mesh].root);
-                let costs = &self.buffers.costs;
-                encoder.copy_buffer_to_buffer(costs, root * 8, roots, at as u64 * 8, 8);
-            }
-            context.queue.submit([encoder.finish()]);
-            Ok(())
-        })?;
-        let count = self.shapes.len();
-        let costs: Vec<[f32; 2]> = read_buffer(context, "refitted costs", roots, count)?;
-        Ok(self
-            .shapes
-            .iter()
-            .zip(costs)
-            .map(|(shape, [sum, area])| f64::from(sum) / f64::from(area) / shape.built_cost)
-            .collect())
+        let mut recorder = FrameRecorder::new(context, None, "refitted costs");
+        recorder.read(&self.root_costs(hierarchies));
+        let ticket = recorder.send("refitted costs")?;
+        let values = ticket.arrive(context, &mut PassTimes::default())?;
+        let built = self.shapes.iter().map(|shape| shape.built_cost);
+        Ok(ratios(&values.concat(), built))
     }
 
     /// Hierarchies built anew so far.
@@ -463,6 +459,13 @@ impl Deformer {
         let shape = self.shapes.iter().find(|shape| shape.node == node)?;
         Some(&shape.now)
     }
+}
+
+/// Costs of roots, as the device wrote them (a sum and an area each), over those when the hierarchies were `built`.
+pub(super) fn ratios(costs: &[u8], built: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let costs: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(costs);
+    let ratio = |([sum, area], built): ([f32; 2], f64)| f64::from(sum) / f64::from(area) / built;
+    costs.into_iter().zip(built).map(ratio).collect()
 }
 
 const NO_BOUNDS: Bounds = Bounds {

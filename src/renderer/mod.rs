@@ -9,6 +9,7 @@ pub mod driver_limits;
 mod editing;
 pub mod features;
 mod frame_spec;
+pub mod frames_in_flight;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;
@@ -25,6 +26,7 @@ mod session;
 pub mod stats;
 pub mod submit;
 
+use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
@@ -73,6 +75,8 @@ pub use stats::{
 };
 pub use submit::Submitter;
 
+pub use frames_in_flight::Flight;
+
 use frame_spec::{adapter_limits, frame_features, photon_maps};
 
 /// Stride of photon keys between frames; progressive mode numbers its samples in between.
@@ -108,6 +112,10 @@ pub struct Renderer {
     /// The current sample; in progressive mode its radii shrink.
     progressive_sample: u32,
     refresh: photons_over_time::Refresh,
+    /// Frames begun so far: what counts of earlier ones apply to is by this number.
+    frames_begun: u64,
+    /// What retired frames counted, with their numbers, until it steers later ones.
+    steers: VecDeque<(u64, frames_in_flight::Steers)>,
     scene: SceneBuffers,
     frame: FrameRun,
     /// Current reuse mode.
@@ -190,6 +198,8 @@ impl Renderer {
             caustic_radius_m,
             progressive_sample: 0,
             refresh: photons_over_time::Refresh::default(),
+            frames_begun: 0,
+            steers: VecDeque::new(),
             frame: FrameRun::new(features),
             reuse,
             samples_per_dispatch: if settings.method == Method::Photon || reuse != Reuse::Off {
@@ -232,12 +242,13 @@ impl Renderer {
         self.context
             .queue
             .write_buffer(&self.frame_buffer, 0, &[0; size_of::<Frame>()]);
-        let mut times = PassTimes::default();
-        self.pose(&mut times)?;
+        let mut flight = Flight::new(0, false);
+        self.pose(&mut flight)?;
+        flight.land(&self.context)?;
         self.scene.forget_previous();
         let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
         self.frame.warm_up(&mut recorder)?;
-        Ok(recorder.submit("warm-up", &mut times)?)
+        Ok(recorder.submit("warm-up", &mut PassTimes::default())?)
     }
 
     /// The current plan: the frame's stages in order.
@@ -350,7 +361,7 @@ impl Renderer {
         self.origin_in_world
     }
 
-    /// Renders one frame. `progress` receives the number of finished samples.
+    /// Renders one frame and waits for it. `progress` receives the number of finished samples.
     ///
     /// # Errors
     /// [`RenderError::Gpu`] naming the pass.
@@ -358,11 +369,39 @@ impl Renderer {
         &mut self,
         views: &[View; 2],
         frame_index: u32,
-        mut progress: impl FnMut(u32),
+        progress: impl FnMut(u32),
     ) -> Result<FrameResult, RenderError> {
-        let mut result = FrameResult::default();
-        result.times.submissions = self.settings.output.chrome_trace.then(Vec::new);
+        let flight = self.send(views, frame_index, true, progress)?;
+        self.retire(flight)
+    }
+
+    /// Hands one frame's work to the device and waits for it only where photons are all traced anew: the map was just made,
+    /// it has grown, an edit asks for it, or it is progressive. [`Renderer::retire`] frames in their order; before
+    /// another is sent, at most two may be on their way.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] naming the pass.
+    pub fn send_frame(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        self.send(views, frame_index, false, progress)
+    }
+
+    /// As [`Renderer::send_frame`]; `lands`: waits for the frame's end, as a part of rendering it.
+    fn send(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        lands: bool,
+        mut progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        self.frames_begun += 1;
+        let mut flight = Flight::new(self.frames_begun, self.settings.output.chrome_trace);
         let began = Instant::now();
+        self.settle();
         self.origin_in_world = View::midpoint_in_world(views);
         self.update_hidden(views);
         let replaced = self
@@ -371,10 +410,10 @@ impl Renderer {
         if replaced || !self.is_bound {
             self.bind()?;
         }
-        result.cpu_ms.update = result.note("update", began);
+        flight.result.cpu_ms.update = flight.result.note("update", began);
 
         let began = Instant::now();
-        self.pose(&mut result.times)?;
+        self.pose(&mut flight)?;
         let samples = self.settings.spp;
         // Progressive mode traces photons anew for every sample, with a smaller radius each time.
         let progressive = !self.maps.is_empty() && self.settings.photon.progressive;
@@ -392,23 +431,21 @@ impl Renderer {
                     .wrapping_mul(PHOTON_KEY_STRIDE)
                     .wrapping_add(first);
                 let anew = std::mem::take(&mut self.edit_base.outdates_photons) || progressive;
-                self.trace_photons(views, frame_index, photon_key, anew, &mut result)?;
+                self.trace_photons(views, frame_index, photon_key, anew, &mut flight)?;
                 self.slice_gathers()?;
             }
             let photons = self.photon_map().and_then(PhotonMap::traced_at);
             let frame = self.frame_uniform(views, frame_index, first, photons);
             self.write_frame_uniform(&frame);
-            self.render_samples(views, &frame, [first, count], &mut result.times)?;
+            self.render_samples(views, &frame, [first, count], &mut flight)?;
             first += count;
             progress(first);
         }
-        result.cpu_ms.render = result.note("render", began);
-
-        let began = Instant::now();
-        result.stereo = self.read_stereo()?;
-        self.scene.check_cost(&self.context)?;
-        result.cpu_ms.read_back = result.note("read_back", began);
-        Ok(result)
+        if lands {
+            flight.land(&self.context)?;
+        }
+        flight.result.cpu_ms.render = flight.result.note("render", began);
+        Ok(flight)
     }
 
     /// Times passes that do nothing, each in a submission of its own: what the device's clock says while the host's is
@@ -432,7 +469,7 @@ impl Renderer {
     }
 
     /// Deforms skinned and morphed meshes for the frame.
-    fn pose(&mut self, times: &mut PassTimes) -> Result<(), RenderError> {
+    fn pose(&mut self, flight: &mut Flight) -> Result<(), RenderError> {
         let Some(is_new) = self.scene.pose_due() else {
             return Ok(());
         };
@@ -442,7 +479,7 @@ impl Renderer {
             ..Play::default()
         };
         self.frame.play(&mut recorder, Stage::Pose, &how)?;
-        recorder.submit("pose", times)?;
+        flight.tickets.push(recorder.send("pose")?);
         self.scene.note_posed(&self.context)
     }
 
@@ -452,7 +489,7 @@ impl Renderer {
         views: &[View; 2],
         frame: &Frame,
         [first, count]: [u32; 2],
-        times: &mut PassTimes,
+        flight: &mut Flight,
     ) -> Result<(), RenderError> {
         let right = if views[0] == views[1] && self.frame.has(Stage::RightEqual) {
             Stage::RightEqual
@@ -482,7 +519,7 @@ impl Renderer {
         while how.sample < count {
             if recorder.room() < longest {
                 let full = std::mem::replace(&mut recorder, new_recorder());
-                full.submit("frame", times)?;
+                flight.tickets.push(full.send("frame")?);
             }
             let left = (count - how.sample).clamp(1, self.samples_per_dispatch);
             how.run = 1 << left.ilog2();
@@ -493,8 +530,12 @@ impl Renderer {
         if is_last {
             self.frame.play(&mut recorder, Stage::Reconstruct, &how)?;
         }
-        recorder.submit("frame", times)?;
         if is_last {
+            self.ask_counters(&mut recorder, flight);
+        }
+        flight.tickets.push(recorder.send("frame")?);
+        if is_last {
+            self.scene.note_asked();
             self.inspector.note(frame);
         }
         Ok(())
@@ -502,7 +543,7 @@ impl Renderer {
 
     /// Sets the gather's slices by what the maps hold.
     fn slice_gathers(&mut self) -> Result<(), GpuError> {
-        let of = |kind| self.map(kind).map_or(1, PhotonMap::gather_slices);
+        let of = |kind| self.map(kind).map_or(1, PhotonMap::steered_slices);
         let [photons, caustics] = MapKind::ALL.map(of);
         let photon = &self.settings.photon;
         let slices = if photon.search == Search::Grid && photon.loads == Loads::Direct {

@@ -2,9 +2,8 @@
 
 use glam::DVec3;
 
-use crate::frame::bind::{Buffers, Whose};
 use crate::frame::{AdapterLimits, MapKind, MapLayout};
-use crate::gpu::{GpuContext, GpuError};
+use crate::gpu::GpuError;
 use crate::settings::Loads;
 
 pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid};
@@ -27,22 +26,36 @@ pub enum Due {
     Share(u32),
 }
 
+/// What was counted in a photon map at the end of a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Counted {
+    /// The frame, by [`Renderer::frames_begun`](super::Renderer::frames_begun).
+    pub(super) serial: u64,
+    pub(super) counters: PhotonCounters,
+    pub(super) longest_cell: u32,
+}
+
 /// A photon map.
 pub struct PhotonMap {
     pub(super) layout: MapLayout,
-    longest_cell: u32,
     /// Render-space origin (world, metres) and frame number of the last trace.
     traced_at: Option<(DVec3, u32)>,
-    last: PhotonCounters,
+    /// The frame of the last trace, as [`Counted::serial`].
+    traced_in: u64,
+    /// What steers frames: from a fixed number of frames ago, or from a trace that was waited for.
+    steering: Counted,
+    /// What arrived last.
+    last: Counted,
 }
 
 impl PhotonMap {
     pub(super) fn new(layout: MapLayout) -> Self {
         Self {
             layout,
-            longest_cell: 0,
             traced_at: None,
-            last: PhotonCounters::default(),
+            traced_in: 0,
+            steering: Counted::default(),
+            last: Counted::default(),
         }
     }
 
@@ -56,9 +69,14 @@ impl PhotonMap {
         self.layout.capacity
     }
 
-    /// Counters of the last trace.
+    /// Counters of the map in the last frame that has arrived.
     pub fn counters(&self) -> PhotonCounters {
-        self.last
+        self.last.counters
+    }
+
+    /// Counters that steer the next frame.
+    pub(super) fn steering(&self) -> PhotonCounters {
+        self.steering.counters
     }
 
     /// Where (world, metres) and in which frame the photons were traced last.
@@ -82,52 +100,70 @@ impl PhotonMap {
         traced.map(|(_, (_, paths))| paths).sum()
     }
 
-    /// Takes over what the trace that was just submitted counted. The photons' space is the render space of a head at
-    /// `origin_in_world`.
-    ///
-    /// # Errors
-    /// As [`crate::gpu::buffers::read_buffer`].
-    pub(super) fn note_trace(
-        &mut self,
-        context: &GpuContext,
-        buffers: &Buffers,
-        origin_in_world: DVec3,
-        frame_index: u32,
-    ) -> Result<PhotonCounters, GpuError> {
-        let whose = Whose::Map(self.kind());
-        let counters = buffers.read(context, (whose, "photon_counters"), 0, 1)?;
-        self.last = first(counters);
-        self.longest_cell = first(buffers.read(context, (whose, "longest_cell"), 0, 1)?);
+    /// Notes a trace for frame `serial`. The photons' space is the render space of a head at `origin_in_world`.
+    pub(super) fn note_trace(&mut self, serial: u64, origin_in_world: DVec3, frame_index: u32) {
+        self.traced_in = serial;
         self.traced_at = Some((origin_in_world, frame_index));
-        Ok(self.last)
     }
 
-    /// Makes room for all that the last trace demanded; true if the list grew (bind and trace again then). A fixed
+    /// Takes over what has arrived.
+    pub(super) fn note_counted(&mut self, counted: Counted) {
+        if counted.serial >= self.last.serial {
+            self.last = counted;
+        }
+    }
+
+    /// Lets counts steer the frames to come, unless those of a later frame do already: a trace that was waited for makes
+    /// counts of earlier frames void.
+    pub(super) fn steer(&mut self, counted: Counted) {
+        if counted.serial >= self.steering.serial {
+            self.steering = counted;
+        }
+    }
+
+    /// Makes room for all that the trace demanded whose counts steer; true if the list grew (bind and trace again then). A fixed
     /// capacity stays, so that an overflow can be provoked and seen.
     ///
     /// # Errors
     /// As [`MapLayout::with_capacity`].
     pub(super) fn grow(&mut self, limits: &AdapterLimits) -> Result<bool, GpuError> {
         let config = &self.layout.config;
-        if self.last.dropped == 0 || config.capacity != 0 {
+        let counters = self.steering.counters;
+        if counters.dropped == 0 || config.capacity != 0 {
             return Ok(false);
         }
         let largest = u64::from(config.largest_capacity(limits));
-        let wanted = (u64::from(self.last.demanded) * 5 / 4).min(largest) as u32;
+        let wanted = (u64::from(counters.demanded) * 5 / 4).min(largest) as u32;
         if wanted <= self.layout.capacity {
             return Ok(false);
         }
         self.layout = self.layout.with_capacity(wanted)?;
         self.traced_at = None;
-        self.longest_cell = 0;
         Ok(true)
     }
 
-    /// Slices that the gather needs so that no thread walks too many photons. In a grid: by the bound of 27 cells as full
-    /// as the fullest, or all photons; where workgroups load them, or in a kd-tree, by all photons, as gathers there go
-    /// on where the slice before stopped and end at once if there is nothing left.
+    /// Slices that the gather needs for the photons that arrived last ([`PhotonMap::slices_for`]).
     pub fn gather_slices(&self) -> u32 {
-        let stored = u64::from(self.last.stored);
+        self.slices_for(self.last, [1, 1])
+    }
+
+    /// Slices for the next frame: exactly those of the map if its counts are known, else by the counts that steer and a
+    /// quarter more, as a map changes little within a few frames.
+    pub(super) fn steered_slices(&self) -> u32 {
+        let margin = match self.steering.serial >= self.traced_in {
+            true => [1, 1],
+            false => [5, 4],
+        };
+        self.slices_for(self.steering, margin)
+    }
+
+    /// Slices that the gather needs so that no thread walks too many photons, if there are `margin` (a fraction) times as
+    /// many as were counted. In a grid: by the bound of 27 cells as full as the fullest, or all photons; where workgroups
+    /// load them, or in a kd-tree, by all photons, as gathers there go on where the slice before stopped and end at once
+    /// if there is nothing left.
+    pub(super) fn slices_for(&self, counted: Counted, margin: [u64; 2]) -> u32 {
+        let more = |count: u32| (u64::from(count) * margin[0]).div_ceil(margin[1]);
+        let stored = more(counted.counters.stored).min(u64::from(self.layout.capacity));
         let (walked, per_slice) = if self.layout.is_tree() {
             // Every edge is crossed twice at most.
             (2 * stored, KD_TURNS_PER_SLICE)
@@ -135,15 +171,9 @@ impl PhotonMap {
             // The last batch may begin at the list's end.
             (stored + 1, SHARED_BATCH * SHARED_BATCHES_PER_SLICE)
         } else {
-            let most = (27 * u64::from(self.longest_cell)).min(stored);
+            let most = (27 * more(counted.longest_cell)).min(stored);
             (most, PHOTONS_PER_SLICE)
         };
         walked.div_ceil(per_slice).max(1) as u32
     }
-}
-
-fn first<T: Copy + Default>(values: Option<Vec<T>>) -> T {
-    values
-        .and_then(|values| values.first().copied())
-        .unwrap_or_default()
 }

@@ -7,11 +7,11 @@
 
 use glam::DVec3;
 
-use super::photon_map::{Due, PhotonMap};
-use super::{MapStats, RenderError, Renderer, Stage, adapter_limits};
+use super::frames_in_flight::Flight;
+use super::photon_map::Due;
+use super::{RenderError, Renderer, Stage, adapter_limits};
 use crate::frame::{Only, Play};
 use crate::gpu::FrameRecorder;
-use crate::renderer::FrameResult;
 use crate::xr::View;
 
 /// Share of the gather radius by which f32 may misplace photons that were traced around another place than the eyes.
@@ -29,7 +29,8 @@ pub(super) struct Refresh {
 }
 
 impl Renderer {
-    /// Traces what is due of the photons. `anew`: all of them, whatever moved.
+    /// Traces what is due of the photons. `anew`: all of them, whatever moved. Waits for what was counted where the map was
+    /// just made, has just grown or is traced `anew`: counts of earlier frames say nothing of such a map.
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
@@ -39,52 +40,30 @@ impl Renderer {
         frame_index: u32,
         photon_key: u32,
         anew: bool,
-        result: &mut FrameResult,
+        flight: &mut Flight,
     ) -> Result<(), RenderError> {
         self.grow_maps()?;
+        let waits = anew || self.maps.iter().any(|map| map.traced_at().is_none());
         if let Some((due, origin)) = self.photons_due(anew) {
             // The map that is about to be traced, not the one before it.
             let photons = Some((origin, photon_key));
             self.write_frame_uniform(&self.frame_uniform(views, frame_index, 0, photons));
             for index in 0..self.maps.len() {
-                result.photons.retraced += self.trace_map(index, due, result)?;
-                let (context, buffers) = (&self.context, &self.frame.buffers);
-                let map = &mut self.maps[index];
-                let counters = map.note_trace(context, buffers, origin, photon_key)?;
-                if counters.dropped > 0 {
-                    log::warn!(
-                        "the photon buffer is full: {} of {} photons dropped; {} of {} paths count",
-                        counters.dropped,
-                        counters.demanded,
-                        counters.paths_kept,
-                        counters.paths_traced
-                    );
-                }
+                flight.result.photons.retraced += self.trace_map(index, due, waits, flight)?;
+                self.maps[index].note_trace(flight.serial, origin, photon_key);
             }
         }
-        result.photons.traced = result.photons.retraced > 0;
-        result.photons.outdated_shares = self.refresh.outdated;
-        let stats = |map: &PhotonMap| {
-            let counters = map.counters();
-            MapStats {
-                emitted: counters.paths_traced,
-                stored: counters.stored,
-                dropped: counters.dropped,
-                paths_kept: counters.paths_kept,
-                capacity: map.capacity(),
-            }
-        };
-        result.photons.map = self.photon_map().map(stats).unwrap_or_default();
-        result.photons.caustics = self.caustic_map().map(stats);
+        flight.result.photons.traced = flight.result.photons.retraced > 0;
+        flight.result.photons.outdated_shares = self.refresh.outdated;
         Ok(())
     }
 
-    /// Makes room for all photons that the last traces demanded.
+    /// Makes room for all photons that were demanded by the traces whose counts steer.
     fn grow_maps(&mut self) -> Result<(), RenderError> {
         let limits = adapter_limits(&self.context);
         let mut grew = false;
         for map in &mut self.maps {
-            let dropped = map.counters().dropped;
+            let dropped = map.steering().dropped;
             if map.grow(&limits)? {
                 log::info!(
                     "the photon list overflowed by {dropped} photons and now holds {}",
@@ -99,12 +78,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Traces what is due of a map, and sorts it. Returns the number of paths traced.
+    /// Traces what is due of a map, and sorts it; `waits` for its counts, which then steer at once. Returns the number of
+    /// paths traced.
     fn trace_map(
-        &self,
+        &mut self,
         index: usize,
         due: Due,
-        result: &mut FrameResult,
+        waits: bool,
+        flight: &mut Flight,
     ) -> Result<u32, RenderError> {
         let map = &self.maps[index];
         let mut recorder = FrameRecorder::new(&self.context, self.timer.as_ref(), "photon map");
@@ -117,8 +98,19 @@ impl Renderer {
         };
         self.frame
             .play(&mut recorder, Stage::Photons(map.kind()), &how)?;
-        recorder.submit("photon map", &mut result.times)?;
-        Ok(map.paths_due(due))
+        let paths = map.paths_due(due);
+        if waits {
+            self.read_counts(&mut recorder, index);
+        }
+        flight.tickets.push(recorder.send("photon map")?);
+        if waits {
+            self.context.count_wait();
+            let counted = flight.counts_now(&self.context)?;
+            let map = &mut self.maps[index];
+            map.note_counted(counted);
+            map.steer(counted);
+        }
+        Ok(paths)
     }
 
     /// What is to be traced for this frame, and the origin of the photons' space (world, metres).

@@ -1,7 +1,6 @@
 //! Images and lists read back from the device. Each waits for it.
 
 use super::records::photon::{Photon, PhotonGrid};
-use super::stats::StereoStats;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose};
@@ -158,16 +157,6 @@ impl Renderer {
         }
         let complements = self.read_pixels::<u32>((Whose::Frame, "scatter_winners"))?;
         Ok(complements.map(|values| values.iter().map(|value| !value).collect()))
-    }
-
-    /// What the stereo passes counted over all samples of the frame; zero without reuse.
-    pub(super) fn read_stereo(&self) -> Result<StereoStats, RenderError> {
-        if !self.reuses() {
-            return Ok(StereoStats::default());
-        }
-        let counters = self.read((Whose::Frame, "stereo_counters"), 1)?;
-        let counters = counters.and_then(|counters| counters.first().copied());
-        Ok(StereoStats::from_counters(&counters.unwrap_or_default()))
     }
 
     /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`

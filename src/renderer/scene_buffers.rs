@@ -13,7 +13,7 @@ use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{
-    GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures, storage_buffer,
+    FrameRecorder, GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures, storage_buffer,
     storage_buffer_with_data,
 };
 use crate::renderer::packing::{
@@ -475,14 +475,23 @@ impl SceneBuffers {
         self.table.keeps_previous()
     }
 
-    /// Looks, once in a while, at what refitted hierarchies cost by now.
-    ///
-    /// # Errors
-    /// As [`crate::gpu::buffers::read_buffer`].
-    pub fn check_cost(&mut self, context: &GpuContext) -> Result<(), GpuError> {
-        match &mut self.deformer {
-            Some(deformer) => deformer.check_cost(context, &self.hierarchies),
-            None => Ok(()),
+    /// As [`Deformer::ask_costs`].
+    pub(super) fn ask_costs(&self, recorder: &mut FrameRecorder<'_>) -> Option<Vec<f64>> {
+        let deformer = self.deformer.as_ref()?;
+        deformer.ask_costs(recorder, &self.hierarchies)
+    }
+
+    /// As [`Deformer::note_asked`].
+    pub(super) fn note_asked(&mut self) {
+        if let Some(deformer) = &mut self.deformer {
+            deformer.note_asked();
+        }
+    }
+
+    /// As [`Deformer::note_costs`].
+    pub(super) fn note_costs(&mut self, ratios: &[f64]) {
+        if let Some(deformer) = &mut self.deformer {
+            deformer.note_costs(ratios);
         }
     }
 

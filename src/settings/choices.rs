@@ -142,6 +142,18 @@ choices! {
         Cooperative = "cooperative",
     }
 
+    /// Frames on their way to the device at once (`gpu.frames_in_flight`).
+    pub enum FramesInFlight {
+        /// 2 in a headset or in real time, 1 where images are written or nothing hurries
+        Auto = "auto",
+        /// Each is waited for
+        One = "1",
+        /// The host prepares one while the device computes another
+        Two = "2",
+        /// As 2, with one more frame of latency
+        Three = "3",
+    }
+
     /// Motion of the simulated headset (`simulated.motion`).
     pub enum Motion {
         /// The head does not move

@@ -120,7 +120,10 @@ impl Kind {
                     let on = value.as_bool().filter(|_| words.contains(&"on"))?;
                     Some(if on { "on" } else { "off" })
                 })
-                .filter(|word| words.contains(word))
+                .map(str::to_owned)
+                // A word may be a number, which files give without quotes.
+                .or_else(|| value.as_u64().map(|number| number.to_string()))
+                .filter(|word| words.contains(&word.as_str()))
                 .map(Value::from),
             Self::Text { empty } => value
                 .as_str()

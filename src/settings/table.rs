@@ -6,9 +6,9 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::choices::{
-    Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, ImageFormat, Kernel, Light,
-    Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search, Space, Switch,
-    Technique, Tone,
+    Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight, ImageFormat,
+    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
+    Space, Switch, Technique, Tone,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -431,11 +431,13 @@ settings! {
         }
     }
 
-    /// Which shaders are compiled (of `gpu.*`).
+    /// Which shaders are compiled, and how many frames the device is given at once (of `gpu.*`).
     struct GpuSettings at (gpu) "gpu." {
         rows SHADERS {
             /// folder laid out like shaders/ whose .wesl files replace the embedded ones; for work on shaders
             shader_folder: String = String::new(), TEXT;
+            /// frames on their way to the device at once; images are the same bit for bit
+            frames_in_flight: FramesInFlight = FramesInFlight::Auto;
         }
     }
 

@@ -68,6 +68,7 @@ impl Reference {
             &mut self.renderer,
             &self.library,
             index,
+            1,
             |renderer, _| {
                 if let Some(time_ns) = scene_time_ns {
                     renderer.animate(time_ns);

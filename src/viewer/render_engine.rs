@@ -273,12 +273,13 @@ impl RenderEngine {
                 renderer.animate(time_ns);
             }
         };
-        let step = frame_loop::step(session, renderer, library, index, update, |_| {})?;
+        let step = frame_loop::step(session, renderer, library, index, 1, update, |_| {})?;
         let Step::Rendered(rendered) = step else {
             return Ok(None);
         };
         let non_finite = self.accumulate()?;
-        Ok(Some(rendered.into_stats(index, non_finite, began)))
+        let frame_ms = crate::gpu::timing::milliseconds_since(began);
+        Ok(Some(rendered.into_stats(index, non_finite, frame_ms)))
     }
 
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.

@@ -10,6 +10,7 @@ pub mod deforming_motion;
 pub mod determinism;
 pub mod forced_features;
 pub mod frame_plan;
+pub mod frames_in_flight;
 pub mod layout;
 pub mod outliers;
 pub mod reconstruction;

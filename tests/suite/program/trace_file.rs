@@ -14,6 +14,9 @@ struct Event {
     end_us: f64,
 }
 
+/// The device's thread.
+const DEVICE: u64 = 2;
+
 /// Two times of one clock are alike within rounding to f64 of microseconds since the beginning, under an hour: 2^-20 us.
 const ROUNDING_US: f64 = 1e-6;
 
@@ -37,6 +40,82 @@ impl Event {
 
     fn is_apart_from(&self, other: &Self) -> bool {
         self.end_us <= other.begin_us + ROUNDING_US || other.end_us <= self.begin_us + ROUNDING_US
+    }
+}
+
+/// On each thread two events are apart, or one holds the other.
+fn assert_nested(spans: &[Event]) {
+    for (at, one) in spans.iter().enumerate() {
+        for other in spans[..at]
+            .iter()
+            .filter(|other| other.thread == one.thread)
+        {
+            assert!(
+                one.is_apart_from(other) || one.holds(other) || other.holds(one),
+                "{} and {} overlap",
+                one.name,
+                other.name
+            );
+        }
+    }
+}
+
+#[test]
+fn frames_in_flight_overlap_on_threads_of_their_own() {
+    let folder = Folder::new("chrome-trace-in-flight");
+    let out = folder.join("out");
+    let output = stereolux(&[
+        "run",
+        "--session",
+        "simulated",
+        "--frames",
+        "8",
+        "--size",
+        "48x48",
+        "--photons",
+        "5000",
+        "--set",
+        "photon.every_frame=true",
+        "--set",
+        "output.images=false",
+        "--set",
+        "output.chrome_trace=true",
+        "--set",
+        "gpu.frames_in_flight=2",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{output:?}");
+    let text = std::fs::read_to_string(out.join("trace.json")).unwrap();
+    let events: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let spans = events.iter().filter(|event| event["ph"] == "X");
+    let spans: Vec<Event> = spans.map(Event::of).collect();
+    assert_nested(&spans);
+    // The host begins a frame while the device still computes the one before; where each is waited for it never does.
+    let overlaps = |frame: u64| {
+        let turn = spans
+            .iter()
+            .find(|event| event.name == "frame" && event.frame == frame)
+            .unwrap();
+        let passes = spans.iter().filter(|event| event.thread == DEVICE);
+        let before = passes.filter(|event| event.frame == frame - 1);
+        before
+            .map(|event| event.end_us)
+            .any(|ended_us| turn.begin_us < ended_us)
+    };
+    assert!((1..8).any(overlaps), "no frame overlapped");
+    let stats = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
+    let stats: Vec<Value> = stats
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(stats.len(), 8);
+    for (index, line) in stats.iter().enumerate() {
+        assert_eq!(line["frame"].as_u64(), Some(index as u64));
+        assert_eq!(line["photons"]["traced"], true);
+        if index > 0 {
+            assert_eq!(line["host_waits"], 0, "frame {index}");
+        }
     }
 }
 
@@ -76,20 +155,7 @@ fn a_trace_holds_stages_and_passes_on_one_clock() {
     );
     let spans: Vec<Event> = spans.into_iter().map(Event::of).collect();
 
-    // On each thread two events are apart, or one holds the other.
-    for (at, one) in spans.iter().enumerate() {
-        for other in spans[..at]
-            .iter()
-            .filter(|other| other.thread == one.thread)
-        {
-            assert!(
-                one.is_apart_from(other) || one.holds(other) || other.holds(one),
-                "{} and {} overlap",
-                one.name,
-                other.name
-            );
-        }
-    }
+    assert_nested(&spans);
     let stats = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
     assert_eq!(stats.lines().count(), 3);
     for line in stats.lines() {

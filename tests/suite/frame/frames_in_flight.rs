@@ -1,0 +1,159 @@
+//! Frames that are sent before earlier ones are done: the same images, statistics and choices, without waiting.
+
+use std::collections::VecDeque;
+
+use glam::{DAffine3, DVec3};
+use stereolux::renderer::frames_in_flight::MOST;
+use stereolux::renderer::{Eye, FrameResult, InstanceId, PhotonStats, Renderer, StereoStats};
+use stereolux::scene::Scene;
+use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::xr::{Pose, View};
+
+use super::support::{
+    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+/// Frames of each run.
+const FRAMES: u32 = 60;
+/// The frame from which the room is closed, so that photons stay in it.
+const CLOSED: u32 = 4;
+
+/// A head that sways.
+fn views(scene: &Scene, frame: u32) -> [View; 2] {
+    let start = start_pose(scene);
+    let time = f64::from(frame);
+    let sway = DVec3::new(0.01 * (0.7 * time).sin(), 0.004 * (1.1 * time).cos(), 0.0);
+    let head = Pose::new(start.position + sway, start.orientation);
+    parallel_views(head, 0.063, square_fov(21.0))
+}
+
+/// A Cornell box of white walls: closed, it keeps more photons than the first guess of two per path.
+fn white_box() -> Scene {
+    let mut scene = builtin("cornell");
+    for material in &mut scene.materials {
+        material.base_color = [0.97, 0.97, 0.97, 1.0];
+    }
+    scene
+}
+
+/// Opens the box until the frame [`CLOSED`], and moves a block in every frame.
+fn move_things(renderer: &mut Renderer, frame: u32) {
+    for wall in 0..5 {
+        let away = if frame < CLOSED { 100.0 } else { 0.0 };
+        let offset = DVec3::Y * (away * f64::from(wall + 1));
+        renderer.set_instance_transform(InstanceId(wall), DAffine3::from_translation(offset));
+    }
+    let beside = DVec3::X * (0.01 * f64::from(frame));
+    renderer.set_instance_transform(InstanceId(6), DAffine3::from_translation(beside));
+}
+
+fn moving(shares: u32) -> RenderSettings {
+    settings(|s| {
+        s.method = Method::Photon;
+        s.reuse = Reuse::Scatter;
+        s.photon.shares = shares;
+        s.photon.max_depth = 32;
+    })
+}
+
+/// What is compared of a frame.
+type Seen = ([Vec<[f32; 3]>; 2], PhotonStats, StereoStats);
+
+/// Images and statistics of all frames, with `most` of them on their way at once.
+fn run(
+    scene: &Scene,
+    settings: &RenderSettings,
+    most: usize,
+    mut change: impl FnMut(&mut Renderer, u32),
+) -> Vec<Seen> {
+    let mut renderer = renderer(scene, settings, [16, 16]);
+    let mut images = Vec::new();
+    let mut results: Vec<FrameResult> = Vec::new();
+    let mut flights = VecDeque::new();
+    for frame in 0..FRAMES {
+        if flights.len() == most {
+            let oldest = flights.pop_front().unwrap();
+            results.push(renderer.retire(oldest).unwrap());
+        }
+        change(&mut renderer, frame);
+        let views = views(scene, frame);
+        flights.push_back(renderer.send_frame(&views, frame, |_| {}).unwrap());
+        images.push([Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye)));
+    }
+    for flight in flights {
+        results.push(renderer.retire(flight).unwrap());
+    }
+    let results = results.into_iter();
+    images
+        .into_iter()
+        .zip(results)
+        .map(|(images, result)| (images, result.photons, result.stereo))
+        .collect()
+}
+
+#[test]
+fn images_and_statistics_are_the_same_whatever_is_in_flight() {
+    let scene = white_box();
+    for shares in [1, 4] {
+        let settings = moving(shares);
+        let one = run(&scene, &settings, 1, move_things);
+        let overflowed = one
+            .iter()
+            .position(|(_, photons, _)| photons.map.dropped > 0);
+        let first = overflowed.expect("no list overflowed");
+        assert!(first >= CLOSED as usize, "frame {first} overflowed");
+        let capacity = |frame: usize| one[frame].1.map.capacity;
+        let grown = first + MOST as usize;
+        assert_eq!(capacity(grown - 1), capacity(first));
+        assert!(capacity(grown) > capacity(first), "nothing grew");
+        for most in [2, 3] {
+            let more = run(&scene, &settings, most, move_things);
+            for (frame, (a, b)) in one.iter().zip(&more).enumerate() {
+                assert_eq!(a.1, b.1, "{most} in flight, frame {frame}");
+                assert_eq!(a.2, b.2, "{most} in flight, frame {frame}");
+                assert!(
+                    a.0 == b.0,
+                    "{most} in flight, {shares} shares: frame {frame} differs"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_waits_while_things_move_deform_and_trace_photons() {
+    for (name, shares) in [("cornell", 1), ("cornell", 4), ("parade", 1)] {
+        let scene = builtin(name);
+        let mut renderer = renderer(&scene, &moving(shares), [16, 16]);
+        let mut flights = VecDeque::new();
+        let mut waits = Vec::new();
+        for frame in 0..FRAMES {
+            if flights.len() == 2 {
+                let oldest = flights.pop_front().unwrap();
+                let result = renderer.retire(oldest).unwrap();
+                assert!(
+                    result.photons.traced && result.photons.map.dropped == 0,
+                    "{name}"
+                );
+            }
+            if name == "cornell" {
+                let beside = DVec3::X * (0.01 * f64::from(frame));
+                renderer.set_instance_transform(InstanceId(6), DAffine3::from_translation(beside));
+            } else {
+                renderer.animate(i64::from(frame) * 50_000_000);
+            }
+            let before = renderer.context().host_waits();
+            let views = views(&scene, frame);
+            flights.push_back(renderer.send_frame(&views, frame, |_| {}).unwrap());
+            waits.push(renderer.context().host_waits() - before);
+        }
+        assert!(
+            waits[0] > 0,
+            "{name}: the first map's counts are waited for"
+        );
+        assert!(
+            waits[1..].iter().all(|waits| *waits == 0),
+            "{name}: {waits:?}"
+        );
+    }
+}
