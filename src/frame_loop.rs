@@ -608,13 +608,14 @@ fn run_frames(
                 mirror.show(renderer, library)?;
                 frame.cpu_ms.mirror = frame.note("mirror", shown);
             }
-            if options.images && index % options.every.max(1) == 0 {
+            let has_images = options.images && index % options.every.max(1) == 0;
+            if has_images {
                 // Reading images waits for the device anyway, and views of the photons know their number then.
                 way.retire(renderer, 0, progress)?;
                 frame.retire(renderer)?;
             }
             let written = Instant::now();
-            if options.images && index % options.every.max(1) == 0 {
+            if has_images {
                 let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
                 images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
                 let facts = FrameFacts {

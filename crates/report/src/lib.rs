@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use records::{Machine, Row, leaves};
-use shards::{FORMAT, Part, Saved};
+use shards::{FORMAT, Head, Part};
 
 /// Why a journal or a report cannot be had. Each message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -138,8 +138,15 @@ impl Report<'_> {
             }
         }
         let format = |name, reason: String| ReportError::Format { name, reason };
-        let mut json = serde_json::to_value(self.saved())
+        let mut json = serde_json::to_value(self.head())
             .map_err(|error| format("report.json", error.to_string()))?;
+        if let Some(part) = self.part {
+            json["part"] = json!(part);
+        }
+        if let Some(unfinished) = self.unfinished {
+            json["unfinished"] = json!(unfinished);
+        }
+        json["rows"] = json!(self.rows);
         json["analysis"] = json!(analysis);
         json["plots"] = json!(stems);
         let json = serde_json::to_string_pretty(&json)
@@ -177,8 +184,8 @@ impl Report<'_> {
         Ok(files)
     }
 
-    fn saved(&self) -> Saved {
-        Saved {
+    fn head(&self) -> Head {
+        Head {
             format: FORMAT.to_owned(),
             version: self.version.to_owned(),
             suite: self.suite.to_owned(),
@@ -187,9 +194,6 @@ impl Report<'_> {
             reference_samples: self.reference_samples,
             samples_per_batch: self.samples_per_batch,
             machine: self.machine.clone(),
-            part: self.part.cloned(),
-            unfinished: self.unfinished,
-            rows: self.rows.to_vec(),
         }
     }
 

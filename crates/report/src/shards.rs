@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use crate::records::{Machine, Row};
 use crate::{Report, ReportError};
@@ -36,9 +37,9 @@ pub struct Part {
     pub groups: Vec<[String; 2]>,
 }
 
-/// What report.json says of a report, besides what is computed from it.
+/// What report.json says of the suite, the same in all its parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Saved {
+pub(crate) struct Head {
     pub(crate) format: String,
     pub(crate) version: String,
     pub(crate) suite: String,
@@ -47,11 +48,16 @@ pub(crate) struct Saved {
     pub(crate) reference_samples: u32,
     pub(crate) samples_per_batch: u32,
     pub(crate) machine: Machine,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) part: Option<Part>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) unfinished: Option<[usize; 2]>,
-    pub(crate) rows: Vec<Row>,
+}
+
+/// report.json as it is read, without what is computed from it.
+#[derive(Deserialize)]
+struct Saved {
+    #[serde(flatten)]
+    head: Head,
+    part: Option<Part>,
+    unfinished: Option<[usize; 2]>,
+    rows: Vec<Row>,
 }
 
 /// The `format` of report.json.
@@ -59,24 +65,27 @@ pub(crate) const FORMAT: &str = "stereolux-bench";
 
 /// A report whose parts were measured apart.
 #[derive(Debug)]
-pub struct Joined(Saved);
+pub struct Joined {
+    head: Head,
+    rows: Vec<Row>,
+}
 
 impl Joined {
     /// The report, of all parts.
     #[must_use]
     pub fn report(&self) -> Report<'_> {
-        let saved = &self.0;
+        let head = &self.head;
         Report {
-            suite: &saved.suite,
-            version: &saved.version,
-            render_code: &saved.render_code,
-            bench_code: &saved.bench_code,
-            reference_samples: saved.reference_samples,
-            samples_per_batch: saved.samples_per_batch,
-            machine: &saved.machine,
+            suite: &head.suite,
+            version: &head.version,
+            render_code: &head.render_code,
+            bench_code: &head.bench_code,
+            reference_samples: head.reference_samples,
+            samples_per_batch: head.samples_per_batch,
+            machine: &head.machine,
             part: None,
             unfinished: None,
-            rows: &saved.rows,
+            rows: &self.rows,
         }
     }
 }
@@ -88,34 +97,27 @@ impl Joined {
 pub fn join(texts: &[(PathBuf, String)]) -> Result<Joined, ReportError> {
     let mut parts = Vec::new();
     for (folder, text) in texts {
-        parts.push((folder.as_path(), saved(folder, text)?));
+        let (saved, part) = saved(folder, text)?;
+        let same = json!({"head": saved.head, "parts": part.shard.of, "groups": part.groups});
+        parts.push((folder.as_path(), saved, part, same));
     }
-    let Some((first_folder, (first, first_part))) = parts.first().cloned() else {
+    let Some((first_folder, first, first_part, first_same)) = parts.first() else {
         return Err(fault(Path::new("."), "there is nothing to join"));
     };
     let mut found: HashMap<u32, &Path> = HashMap::new();
-    for (folder, (saved, part)) in &parts {
-        let of_suite = |saved: &Saved, part: &Part| {
-            let own = Saved {
-                part: Some(Part {
-                    shard: Shard {
-                        number: 0,
-                        ..part.shard
-                    },
-                    ..part.clone()
-                }),
-                rows: Vec::new(),
-                ..saved.clone()
-            };
-            serde_json::to_value(own).unwrap_or_default()
-        };
-        let [one, other] = [(&first, &first_part), (saved, part)].map(|(s, p)| of_suite(s, p));
-        if let Some(key) = differing(&one, &other) {
+    for (folder, _, part, same) in &parts {
+        let pairs = [[&first_same["head"], &same["head"]], [first_same, same]];
+        let differing = pairs.into_iter().find_map(|[one, other]| {
+            let key = differing(one, other)?;
+            Some(format!(
+                "{key} is {} there and {} here",
+                one[&key], other[&key]
+            ))
+        });
+        if let Some(differing) = differing {
             let reason = format!(
-                "is not of the suite that {} is of: {key} is {} there and {} here",
-                first_folder.display(),
-                one[&key],
-                other[&key]
+                "is not of the suite that {} is of: {differing}",
+                first_folder.display()
             );
             return Err(fault(folder, &reason));
         }
@@ -146,15 +148,14 @@ pub fn join(texts: &[(PathBuf, String)]) -> Result<Joined, ReportError> {
     };
     let mut rows: Vec<Row> = parts
         .iter()
-        .flat_map(|(_, (saved, _))| saved.rows.clone())
+        .flat_map(|(_, saved, ..)| saved.rows.clone())
         .collect();
     // Stable: a group's variants keep their order.
     rows.sort_by_key(|row| place(row).unwrap_or(usize::MAX));
-    Ok(Joined(Saved {
-        part: None,
+    Ok(Joined {
+        head: first.head.clone(),
         rows,
-        ..first
-    }))
+    })
 }
 
 fn fault(folder: &Path, reason: &str) -> ReportError {
@@ -167,7 +168,7 @@ fn fault(folder: &Path, reason: &str) -> ReportError {
 fn saved(folder: &Path, text: &str) -> Result<(Saved, Part), ReportError> {
     let saved: Saved = serde_json::from_str(text)
         .map_err(|error| fault(folder, &format!("report.json: {error}; give folders that `bench --shard` of this version has written")))?;
-    if saved.format != FORMAT {
+    if saved.head.format != FORMAT {
         return Err(fault(folder, "report.json is not one of `bench`"));
     }
     if let Some([done, all]) = saved.unfinished {
@@ -193,8 +194,6 @@ fn differing(one: &serde_json::Value, other: &serde_json::Value) -> Option<Strin
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
     use crate::analysis::tests::row;
 
