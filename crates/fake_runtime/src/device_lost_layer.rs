@@ -222,6 +222,12 @@ unsafe extern "system" fn queue_submit(
         .ok()
         .and_then(|text| text.parse().ok());
     if after.is_some_and(|after| SUBMISSIONS.fetch_add(1, Ordering::SeqCst) >= after) {
+        // A wait that answers `VK_ERROR_DEVICE_LOST` says that nothing is in use any more, as success would (Vulkan 1.3,
+        // "Lost Device"); the driver below would go on with earlier submissions.
+        if !IS_LOST.load(Ordering::SeqCst) {
+            let device = next().device_handle;
+            device_wait_idle(device);
+        }
         IS_LOST.store(true, Ordering::SeqCst);
     }
     unless_lost!(
