@@ -208,8 +208,8 @@ fn placed_meshes_are_met_where_they_are() {
                 "{found:?} {first:?} {bound}"
             );
             // Weights and normal say the same point and plane.
-            let corners = meshes[sources[instance as usize].mesh as usize].corners();
-            let corners = corners.skip(triangle as usize).next().unwrap();
+            let mut corners = meshes[sources[instance as usize].mesh as usize].corners();
+            let corners = corners.nth(triangle as usize).unwrap();
             let [a, b, c] =
                 corners.map(|corner| exact[instance as usize].0.transform_point3(corner));
             let [u, v, w] = found.hit.weights;
