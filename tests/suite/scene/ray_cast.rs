@@ -25,7 +25,7 @@ fn other_pixels(scene: &Scene, renderer: &mut Renderer) -> (usize, usize) {
     let seen = renderer
         .inspect_surfaces(&ShaderLibrary::embedded(), Eye::Left)
         .unwrap();
-    let (mut others, mut surfaces) = (0, 0);
+    let (mut others, mut surfaces, mut renamed) = (0, 0, 0);
     for (pixel, seen) in seen.iter().enumerate() {
         let (x, y) = (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
         let at = [x, y].map(|i| f64::from(i) + 0.5);
@@ -40,18 +40,17 @@ fn other_pixels(scene: &Scene, renderer: &mut Renderer) -> (usize, usize) {
         let normal: DVec3 = glam::Vec3::from(seen.geometric_normal_in_world).as_dvec3();
         let is_same = hit.instance == instance
             && hit.node == seen.node.map(|node| node as usize)
-            && hit.triangle == triangles[seen.triangle as usize][3]
             && hit.is_front == seen.is_front
             // The device's normal is packed; its distance has some tens of roundings of f32.
             && hit.normal_in_world.distance(normal) < 1e-3
             && (hit.distance_m / f64::from(seen.distance_m) - 1.0).abs() < 1e-4;
         // On a border f32 and f64 may each choose a side.
         let least = hit.barycentrics.iter().copied().fold(1.0, f64::min);
-        if !is_same && least > 1e-3 {
-            eprintln!("{hit:?} {seen:?}");
-        }
         others += usize::from(!is_same && least > 1e-3);
+        renamed += usize::from(hit.triangle != triangles[seen.triangle as usize][3]);
     }
+    // Borders, and where a mesh's triangles overlap in one plane.
+    assert!(renamed * 50 < surfaces, "{renamed} other triangles");
     (others, surfaces)
 }
 
@@ -110,15 +109,21 @@ fn what_bends_is_met_as_it_is_bent_now() {
     let scene = builtin("parade");
     let mut renderer = small(&scene);
     let clip = scene.clip("parade").unwrap().unwrap();
-    let bounds = scene.bounds_in_world().unwrap();
+    let bent: Vec<_> = scene
+        .instances()
+        .into_iter()
+        .filter(|i| scene.deforms(i.node))
+        .collect();
     let mut random = Random(5);
     let (mut met, mut stale) = (0, 0);
     for step in 0..4 {
         let pose = scene.pose_at(clip, 0.4 + 0.63 * f64::from(step));
         renderer.set_pose(&pose);
         for _ in 0..150 {
-            let origin = bounds.center() + 1.5 * bounds.size().max_element() * random.direction();
-            let target = bounds.center() + 0.4 * bounds.size() * random.vector();
+            let at = bent[random.below(bent.len())];
+            let positions = scene.positions_in_world(at.node, &scene.meshes[at.mesh], &pose);
+            let target = positions[random.below(positions.len())] + 0.02 * random.vector();
+            let origin = target + 3.0 * random.direction();
             let direction = (target - origin).normalize();
             let hit = renderer.cast_ray(origin, direction, 1e3);
             let wanted = searched(&scene, &pose, origin, direction);
