@@ -211,7 +211,7 @@ pub use output::OutputError;
 pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
     Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
-    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RenderError,
+    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RayHit, RenderError,
     Renderer, SeenSurface, StereoStats,
 };
 
