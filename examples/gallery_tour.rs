@@ -6,7 +6,7 @@
 
 use std::process::ExitCode;
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
 
 /// Scene and settings, unless the command line has others.
@@ -19,8 +19,8 @@ pub const DEFAULTS: &[&str] = &[
 
 /// What may be taken.
 const THINGS: [&str; 3] = ["vase", "mirror sphere", "glass sphere"];
-/// How far the aim may pass by a thing's middle, metres.
-const MISS_M: f64 = 0.3;
+/// How far the hand reaches, metres.
+const REACH_M: f64 = 6.0;
 /// Windows and skylights at night, as a share of the day.
 const MOONLIGHT: f32 = 0.02;
 /// By how much the stick changes the spots in a second.
@@ -43,26 +43,6 @@ fn affine(pose: &Pose) -> DAffine3 {
 }
 
 impl Tour {
-    /// The nearest thing along a ray.
-    fn aimed_at(
-        &self,
-        world: &World,
-        origin: DVec3,
-        direction: DVec3,
-    ) -> Result<Option<usize>, AppError> {
-        let mut nearest = None;
-        for thing in &self.things {
-            let to_middle = world.center_in_world(*thing)? - origin;
-            let along_m = to_middle.dot(direction);
-            let is_near = (to_middle - direction * along_m).length() < MISS_M;
-            let is_nearest = nearest.is_none_or(|(nearest_m, _)| along_m < nearest_m);
-            if along_m > 0.0 && is_near && is_nearest {
-                nearest = Some((along_m, *thing));
-            }
-        }
-        Ok(nearest.map(|(_, thing)| thing))
-    }
-
     /// Takes what the right hand points at, carries it, lets it go.
     fn carry(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
         let (Some(grip), Some((origin, direction))) =
@@ -72,7 +52,8 @@ impl Tour {
         };
         let world_from_grip = affine(&grip.pose);
         if frame.pressed(Side::Right, Button::Trigger)
-            && let Some(thing) = self.aimed_at(world, origin, direction)?
+            && let Some(hit) = world.cast_ray(origin, direction, REACH_M)
+            && let Some(thing) = hit.node.filter(|node| self.things.contains(node))
         {
             let grip_from_thing = world_from_grip.inverse() * world.world_from_node(thing)?;
             self.held = Some((thing, grip_from_thing));

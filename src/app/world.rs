@@ -76,7 +76,12 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn material(&self, name: &str) -> Result<usize, WorldError> {
-        let names = self.kept.scene.materials.iter().map(|material| &*material.name);
+        let names = self
+            .kept
+            .scene
+            .materials
+            .iter()
+            .map(|material| &*material.name);
         numbered("material", name, names)
     }
 
@@ -85,7 +90,12 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn light(&self, name: &str) -> Result<usize, WorldError> {
-        let names = self.kept.scene.lights.iter().map(|light| light.name.as_str());
+        let names = self
+            .kept
+            .scene
+            .lights
+            .iter()
+            .map(|light| light.name.as_str());
         numbered("light", name, names)
     }
 

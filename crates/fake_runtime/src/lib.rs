@@ -517,9 +517,22 @@ unsafe extern "system" fn locate_space(
 ) -> R {
     let is_wild = asked_for("wild_hands");
     let flags = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
-    (*out).location_flags = if is_wild { flags } else { xr::SpaceLocationFlags::EMPTY };
-    (*out).pose.position = xr::Vector3f { x: f32::NAN, y: f32::INFINITY, z: 0.0 };
-    (*out).pose.orientation = xr::Quaternionf { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
+    (*out).location_flags = if is_wild {
+        flags
+    } else {
+        xr::SpaceLocationFlags::EMPTY
+    };
+    (*out).pose.position = xr::Vector3f {
+        x: f32::NAN,
+        y: f32::INFINITY,
+        z: 0.0,
+    };
+    (*out).pose.orientation = xr::Quaternionf {
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+        w: 0.0,
+    };
     if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
         velocity.velocity_flags = xr::SpaceVelocityFlags::EMPTY;
     }

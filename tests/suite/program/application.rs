@@ -207,6 +207,8 @@ const STILL: &[&str] = &[
     "--set=reconstruct.taa=false",
     "--set=reconstruct.svgf=false",
     "--set=reconstruct.still=false",
+    // Photons of a frame are the same whenever the renderer was made.
+    "--set=photon.every_frame=true",
 ];
 
 /// Glass is not compiled in for the box: the change shows one frame later, as the renderer's that knew it from the start.

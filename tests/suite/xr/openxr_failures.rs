@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::json;
-use stereolux::xr::trace::Trace;
+use stereolux::xr::Input;
+use stereolux::xr::trace::{Trace, TraceFrame};
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
 use crate::suite::support::Folder;
