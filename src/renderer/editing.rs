@@ -51,7 +51,7 @@ pub struct InPlace {
 }
 
 /// What a renderer remembers of the scene that it shows.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct EditBase {
     pub(super) statistics: SceneStatistics,
     materials: Vec<Material>,
@@ -79,6 +79,20 @@ impl EditBase {
         base.most_user_bsdf = numbers.max().unwrap_or_default();
         base.note(scene);
         base
+    }
+
+    /// The next scene to be shown has other lists, and it is known how they differ.
+    pub(super) fn expect(&mut self, scene: &Scene) {
+        self.counts = counts(scene);
+        let meshes = scene.meshes.iter().skip(self.repainted.len());
+        self.repainted
+            .extend(meshes.map(|mesh| mesh.repainted.clone()));
+        self.repainted.truncate(scene.meshes.len());
+        for (known, mesh) in self.repainted.iter_mut().zip(&scene.meshes) {
+            if mesh.triangles.is_empty() {
+                known.clone_from(&mesh.repainted);
+            }
+        }
     }
 
     fn note(&mut self, scene: &Scene) {

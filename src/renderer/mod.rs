@@ -15,6 +15,7 @@ pub mod inspection;
 pub mod instance_table;
 pub mod mirror;
 pub mod packing;
+mod parts;
 pub mod photon_map;
 mod photons_over_time;
 mod radii;
@@ -71,7 +72,7 @@ pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};
 pub use reconstruction::Reconstruction;
 use reconstruction::pixel_offset;
-pub use scene_buffers::SceneBuffers;
+pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
 };

@@ -200,7 +200,8 @@ impl Scene {
             });
         }
         let below = self.subtree(root);
-        let within = |number: Option<usize>, own: &Range<usize>| number.is_some_and(|n| own.contains(&n));
+        let within =
+            |number: Option<usize>, own: &Range<usize>| number.is_some_and(|n| own.contains(&n));
         let uses = |node: &Node| {
             within(node.mesh, &part.meshes)
                 || within(node.light, &part.lights)
@@ -211,7 +212,10 @@ impl Scene {
             if !below[index] && uses(node) && self.reaches(index) {
                 return Err(EditError::Value {
                     name: node.name.clone(),
-                    reason: format!("shows what belongs to '{}'; delete it first", self.nodes[root].name),
+                    reason: format!(
+                        "shows what belongs to '{}'; delete it first",
+                        self.nodes[root].name
+                    ),
                 });
             }
         }

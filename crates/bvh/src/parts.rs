@@ -127,6 +127,18 @@ impl Room {
             triangles: Places::new(hierarchies.triangles.len()),
         }
     }
+
+    /// Those of the nodes.
+    #[must_use]
+    pub fn nodes(&self) -> &Places {
+        &self.nodes
+    }
+
+    /// Those of the triangles, and of their vertices.
+    #[must_use]
+    pub fn triangles(&self) -> &Places {
+        &self.triangles
+    }
 }
 
 impl MeshHierarchies {
