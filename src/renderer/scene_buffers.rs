@@ -11,7 +11,7 @@ use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
 use crate::bvh::cast::{InstanceHit, Ray};
-use crate::bvh::records::{BvhNode, Triangle};
+
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{
@@ -594,11 +594,7 @@ impl SceneBuffers {
 
     /// Inner nodes on the longest path through both levels, the upper one's estimated: it is rebuilt as the head moves.
     pub fn hierarchy_depth(&self) -> u32 {
-        self.hierarchy_depth_of(self.table.sources().len())
-    }
-
-    /// As [`SceneBuffers::hierarchy_depth`], with another number of instances.
-    pub(super) fn hierarchy_depth_of(&self, instances: usize) -> u32 {
+        let instances = self.table.sources().len();
         let instances = instances.max(1).ilog2();
         self.hierarchies.max_depth + instances + instances / 2
     }
