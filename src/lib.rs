@@ -207,7 +207,7 @@ pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
     Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
     Inspection, InstanceId, MapStats, PartPreparation, PhotonStats, PreparedPart, Provenance,
-    RadianceParts, RayHit, RenderError, Renderer, SeenSurface, StereoStats,
+    RadianceParts, RayHit, Rebuild, RenderError, Renderer, SeenSurface, StereoStats,
 };
 
 // Sessions and their frames.

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Applied, Eye, Renderer};
 use stereolux::scene::edit::{Edit, Placement};
 use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
@@ -372,6 +373,40 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
     assert!(live.shown() == empty);
 }
 
+/// What needs other shaders: a renderer made on another thread takes over at the frame that the application chooses.
+#[test]
+fn a_renderer_made_on_a_thread_takes_over() {
+    let shiny = || {
+        let mut shiny = ball(8, 0.0);
+        shiny.materials[0].specular = 1.0;
+        shiny.materials[0].roughness = 0.2;
+        shiny
+    };
+    for settings in [settings(|s| s.spp = 2), path()] {
+        let mut live = Live::new(builtin("cornell"), settings);
+        let front = middle(&live.scene);
+        let (part, applied) = live.add(shiny(), front, 0.2);
+        assert!(!is_in_place(&applied));
+        let (rebuild, scene) = (live.renderer.rebuild(), live.scene.clone());
+        let made = std::thread::spawn(move || rebuild.build(&ShaderLibrary::embedded(), &scene));
+        // Frames go on, one of them is still on its way when the other takes over.
+        let empty = live.shown();
+        let flight = live.renderer.send_frame(&live.views, 0, |_| {}).unwrap();
+        let made = made.join().unwrap().unwrap();
+        live.renderer.succeed_by(made).unwrap();
+        live.renderer.retire(flight).unwrap();
+        assert!(live.check("a shiny ball") != empty);
+        // It takes parts of its own, and none that it was made with.
+        let more = live.added(ball(5, 0.0), front + DVec3::X * 0.3, 0.1);
+        live.check("and another");
+        live.remove(&more);
+        live.scene.remove_part(&part).unwrap();
+        assert!(!is_in_place(
+            &live.renderer.remove_part(&live.scene, &part).unwrap()
+        ));
+    }
+}
+
 /// kB of the process that lie in memory.
 fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
@@ -382,6 +417,21 @@ fn resident_kb() -> u64 {
 
 #[test]
 fn a_hundred_additions_leave_no_memory_behind() {
+    // Memory is the process's, so it has one of its own.
+    const ALONE: &str = "STEREOLUX_TEST_ALONE";
+    if std::env::var_os(ALONE).is_none() {
+        let name = "suite::scene::parts::a_hundred_additions_leave_no_memory_behind";
+        let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
+        let alone = alone.args(["--exact", name, "--nocapture"]).env(ALONE, "1");
+        let output = alone.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.success() && said.contains("1 passed"),
+            "{said}{errors}"
+        );
+        return;
+    }
     let scene = builtin("cornell");
     let mut live = Live::new(scene.clone(), path());
     let empty = live.shown();
