@@ -136,10 +136,9 @@ impl SceneBuffers {
         self.packed_textures.add_part(&prepared.textures, firsts);
         self.packed_lights.set_mesh_count(scene.meshes.len());
         self.places.parts.push(own);
-        let replaced = self.fit(context).and_then(|replaced| {
-            let copied = self.write_part(context, prepared)?;
-            Ok(replaced | copied)
-        });
+        let replaced = self
+            .fit(context)
+            .and_then(|fitted| self.write_part(context, prepared, fitted));
         match replaced {
             Ok(replaced) => {
                 for mesh in part.meshes.clone() {
@@ -167,7 +166,9 @@ impl SceneBuffers {
     ) -> Result<bool, RenderError> {
         self.forget_part(part);
         self.shorten(meshes);
-        self.fit(context)
+        let fitted = self.fit(context)?;
+        let copied = self.copy_to_texels(context, |name| fitted.whole(name))?;
+        Ok(copied | fitted.any)
     }
 
     fn shorten(&mut self, meshes: usize) {
@@ -201,7 +202,7 @@ impl SceneBuffers {
     }
 
     /// Gives the arrays' buffers the size that they need.
-    fn fit(&mut self, context: &GpuContext) -> Result<bool, RenderError> {
+    fn fit(&mut self, context: &GpuContext) -> Result<Fitted, RenderError> {
         let places = &self.places;
         let (nodes, triangles) = (places.room.nodes().len(), places.room.triangles().len());
         let mut wanted = vec![
@@ -222,14 +223,14 @@ impl SceneBuffers {
             replaced.push(buffer.fit(context, bytes as u64)?);
         }
         let names = ["mesh_nodes", "triangles", "triangle_vertices", "vertices"];
-        let is_new = |name: &str| {
-            names
-                .iter()
-                .zip(&replaced)
-                .any(|(known, is)| *known == name && *is)
-        };
-        let copied = self.copy_to_texels(context, |name| is_new(name).then_some(super::WHOLE))?;
-        Ok(copied | replaced.contains(&true))
+        let arrays = names.into_iter().zip(&replaced);
+        Ok(Fitted {
+            any: replaced.contains(&true),
+            names: arrays
+                .filter(|(_, is)| **is)
+                .map(|(name, _)| name)
+                .collect(),
+        })
     }
 
     /// Writes the part that was added last.
@@ -237,9 +238,10 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         prepared: &PreparedPart,
+        fitted: Fitted,
     ) -> Result<bool, RenderError> {
         let Some(own) = self.places.parts.last() else {
-            return Ok(false);
+            return Ok(fitted.any);
         };
         let trees = &self.hierarchies;
         let (nodes, triangles) = (own.grafted.nodes.clone(), own.grafted.triangles.clone());
@@ -279,9 +281,24 @@ impl SceneBuffers {
             let data = bytemuck::cast_slice(&prepared.textures.texels);
             write_at(texels, data, own.texels.start, 4);
         }
-        self.copy_to_texels(context, |name| {
+        let copied = self.copy_to_texels(context, |name| {
             let found = written.iter().find(|(known, _)| *known == name)?;
-            Some(found.1.clone())
-        })
+            fitted.whole(name).or(Some(found.1.clone()))
+        })?;
+        Ok(copied | fitted.any)
+    }
+}
+
+/// Buffers that are others now.
+struct Fitted {
+    any: bool,
+    /// Those among the arrays that are copied into textures.
+    names: Vec<&'static str>,
+}
+
+impl Fitted {
+    /// All of an array, if its buffer is another one.
+    fn whole(&self, name: &str) -> Option<Range<u64>> {
+        self.names.contains(&name).then_some(super::WHOLE)
     }
 }
