@@ -218,7 +218,7 @@ pub use renderer::{
 // Applications. `glam` as in the interfaces here.
 pub use glam;
 
-pub use app::{App, AppError, FrameInput, World, WorldError, run_app, run_app_with};
+pub use app::{App, AppError, FrameInput, PartLoading, World, WorldError, run_app, run_app_with};
 
 // Sessions and their frames.
 pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};

@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use glam::{DAffine3, DVec3};
 use stereolux::images::read_image;
-use stereolux::{App, AppError, Edit, FrameInput, NewContent, Side, World, run_app_with};
+use stereolux::{
+    App, AppError, Edit, FrameInput, NewContent, PartLoading, ScenePart, Side, World, run_app_with,
+};
 use stereolux::{Fov, Headset, ImageRgb8, Motion, RenderSettings, Scene, SimulatedSession};
 
 use super::gallery_tour_example::{self as gallery_tour, Tour};
@@ -291,6 +293,55 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
     );
     let flag = run(&mut Lacks, STILL, folder.path(), &["--speed=3"]);
     assert_eq!(flag, ExitCode::from(2));
+}
+
+/// A file is loaded in frame 0, shown in frame 1 and taken out in frame 3: frame 1 has it, and frame 3 is the untouched one.
+#[test]
+fn a_file_is_loaded_on_a_thread_and_comes_and_goes() {
+    #[derive(Default)]
+    struct Comes {
+        loading: Option<PartLoading>,
+        part: Option<ScenePart>,
+    }
+    impl App for Comes {
+        fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+            let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/template/scene.gltf");
+            match frame.frame {
+                0 => {
+                    self.loading = Some(world.load_part(scene));
+                    let missing = world.load_part("no such file.gltf");
+                    let at = DAffine3::IDENTITY;
+                    let error = world.add_part(missing, "missing", at).unwrap_err();
+                    assert_eq!(error.to_string().lines().count(), 1);
+                }
+                1 => {
+                    let at = DAffine3::from_scale(DVec3::splat(0.2));
+                    let loading = self.loading.take().unwrap();
+                    let part = world.add_part(loading, "guest", at)?;
+                    assert_eq!(world.node("guest")?, part.root());
+                    self.part = Some(part);
+                }
+                3 => {
+                    let part = self.part.take().unwrap();
+                    world.remove_part(&part)?;
+                    assert!(world.remove_part(&part).is_err());
+                    assert!(world.node("guest").is_err());
+                }
+                _ => {}
+            }
+            Ok(())
+        }
+    }
+    let folder = support::Folder::new("part_application");
+    let [with, without] = ["with", "without"].map(|name| folder.join(name));
+    let mut nothing = Changes(|_, _| Ok(()));
+    assert_eq!(
+        run(&mut Comes::default(), STILL, &with, &[]),
+        ExitCode::SUCCESS
+    );
+    assert_eq!(run(&mut nothing, STILL, &without, &[]), ExitCode::SUCCESS);
+    let shows_change = |frame| left(&with, frame) != left(&without, frame);
+    assert_eq!([0, 1, 2, 3].map(shows_change), [false, true, true, false]);
 }
 
 /// Instances that come and go, nodes that are hidden, edits that cannot be.
