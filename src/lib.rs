@@ -215,7 +215,9 @@ pub use renderer::{
     RadianceParts, RayHit, Rebuild, RenderError, Renderer, SeenSurface, StereoStats,
 };
 
-// Applications.
+// Applications. `glam` as in the interfaces here.
+pub use glam;
+
 pub use app::{App, AppError, FrameInput, World, WorldError, run_app, run_app_with};
 
 // Sessions and their frames.
