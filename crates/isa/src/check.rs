@@ -365,7 +365,8 @@ mod tests {
     #[test]
     fn a_kernel_over_a_limit_is_a_fault_unless_it_is_excused() {
         assert_eq!(judge(&[row()], &[]), (Vec::new(), Vec::new()));
-        let breaks: [(Limit, fn(&mut Row)); 5] = [
+        type Break = fn(&mut Row);
+        let breaks: [(Limit, Break); 5] = [
             (Limit::Spills, |row| row.spilled_sgprs = 1),
             (Limit::Spills, |row| row.spilled_vgprs = 1),
             (Limit::Scratch, |row| row.scratch_bytes += 16),
