@@ -1,92 +1,66 @@
-//! A whole application: the tall block of the Cornell box turns while a head looks around.
+//! A whole application: the short block of the Cornell box is picked up with the right hand.
 //!
-//! `cargo run --release --example minimal` renders ten frames for a simulated headset and writes the last one to
-//! out/minimal.png; `cargo run --release --example minimal -- openxr` runs on a headset until it is taken off.
+//! `cargo run --release --example minimal` plays what simulated hands do and writes its images to out/. The flags are those
+//! of `stereolux run`: `--session openxr` for a headset, `--record FILE` to keep what the wearer did, `--trace FILE` to see
+//! it again, pixel by pixel.
 
-use std::error::Error;
-use std::path::Path;
+use std::process::ExitCode;
 
-use glam::{DAffine3, DQuat, DVec3};
-use stereolux::{
-    Eye, FrameLoop, FrameState, GpuContext, Headset, Image, ImageRgb8, Motion, Pose,
-    RenderSettings, Renderer, Scene, ShaderLibrary, SimulatedSession, XrSession,
-    disable_device_select_layer, tone_map, write_png,
-};
+use glam::DAffine3;
+use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
 
-/// How fast the block turns.
-const TURNS_PER_S: f64 = 0.25;
+/// Scene and settings, unless the command line has others.
+pub const DEFAULTS: &[&str] = &[
+    "--scene=builtin:cornell",
+    "--motion=still",
+    "--frames=12",
+    "--set=simulated.hands=examples/minimal_hands.toml",
+];
 
-/// Runs until the session ends and returns what was seen last, left and right.
-pub fn run<S: XrSession>(
-    gpu: GpuContext,
-    session: S,
-    settings: &RenderSettings,
-    size: [u32; 2],
-) -> Result<ImageRgb8, Box<dyn Error>> {
-    let scene = Scene::builtin("cornell")?;
-    let block = scene
-        .nodes
-        .iter()
-        .position(|node| node.name == "tall block");
-    let block = block.ok_or("the scene has no tall block")?;
-    let middle = DVec3::new(-0.368, 0.0, -0.351);
+/// How near the hand must be to the block's middle to take it, metres.
+const REACH_M: f64 = 0.15;
 
-    let shaders = ShaderLibrary::embedded();
-    let mut frames = FrameLoop::new(gpu, shaders, session, &scene, settings, size)?;
-    let turn = |renderer: &mut Renderer, state: &FrameState| {
-        let turns = TURNS_PER_S * state.predicted_display_time_ns as f64 * 1e-9;
-        let rotation = DAffine3::from_quat(DQuat::from_rotation_y(turns * std::f64::consts::TAU));
-        let world_from_block =
-            DAffine3::from_translation(middle) * rotation * DAffine3::from_translation(-middle);
-        if let Some(instance) = renderer.instance_of_node(block) {
-            renderer.set_instance_transform(instance, world_from_block);
-        }
-    };
-    while let Some(frame) = frames.next_frame(turn)? {
-        println!(
-            "frame {}: {:.1} ms, {:.0} % of the right eye reused",
-            frame.frame,
-            frame.cpu_ms.frame,
-            100.0 * frame.stereo.reuse_fraction
-        );
+/// The application's state.
+#[derive(Default)]
+pub struct PickUp {
+    block: usize,
+    /// Where the block is in the hand, while it is held.
+    grip_from_block: Option<DAffine3>,
+}
+
+fn affine(pose: &Pose) -> DAffine3 {
+    DAffine3::from_rotation_translation(pose.orientation, pose.position)
+}
+
+impl App for PickUp {
+    fn start(&mut self, world: &mut World) -> Result<(), AppError> {
+        self.block = world.node("short block")?;
+        Ok(())
     }
-    let eye = |eye| -> Result<ImageRgb8, Box<dyn Error>> {
-        let pixels = frames.renderer().read_radiance(eye)?.ok_or("no image")?;
-        Ok(tone_map(&Image::new(size[0], size[1], pixels)?, 1.0))
-    };
-    Ok(Image::side_by_side(&eye(Eye::Left)?, &eye(Eye::Right)?)?)
-}
 
-/// On the headset of the OpenXR runtime.
-#[cfg(not(target_vendor = "apple"))]
-fn on_headset(settings: &RenderSettings, start: Pose) -> Result<ImageRgb8, Box<dyn Error>> {
-    use stereolux::{OpenXrOptions, OpenXrRuntime, OpenXrSession, OpenXrSettings, Validated};
-    let runtime = OpenXrRuntime::find()?;
-    let (size, gpu) = (runtime.recommended_size(), runtime.open_device(None)?);
-    let options = OpenXrOptions {
-        size,
-        start,
-        frame_limit: None,
-        settings: OpenXrSettings::default(),
-    };
-    let session = OpenXrSession::create(runtime, &gpu, options)?;
-    run(gpu, Validated::new(session), settings, size)
-}
-
-fn main() -> Result<(), Box<dyn Error>> {
-    disable_device_select_layer();
-    let settings = RenderSettings::default();
-    let start = Scene::builtin("cornell")?.start_pose();
-    let picture = match std::env::args().nth(1).as_deref() {
-        #[cfg(not(target_vendor = "apple"))]
-        Some("openxr") => on_headset(&settings, start)?,
-        _ => {
-            let headset = Headset::load("quest3")?;
-            let session = SimulatedSession::new(headset, Motion::Yaw, start, Some(10));
-            run(GpuContext::open(None)?, session, &settings, [512, 512])?
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let Some(grip) = frame.hand(Side::Right).grip else {
+            return Ok(());
+        };
+        let world_from_grip = affine(&grip.pose);
+        if frame.pressed(Side::Right, Button::Squeeze) {
+            let middle = world.center_in_world(self.block)?;
+            if middle.distance(grip.pose.position) < REACH_M {
+                let world_from_block = world.world_from_node(self.block)?;
+                self.grip_from_block = Some(world_from_grip.inverse() * world_from_block);
+                world.vibrate(Side::Right, 0.05, 0.5);
+            }
         }
-    };
-    std::fs::create_dir_all("out")?;
-    write_png(Path::new("out/minimal.png"), &picture)?;
-    Ok(())
+        if frame.released(Side::Right, Button::Squeeze) {
+            self.grip_from_block = None;
+        }
+        if let Some(grip_from_block) = self.grip_from_block {
+            world.place(self.block, world_from_grip * grip_from_block)?;
+        }
+        Ok(())
+    }
+}
+
+fn main() -> ExitCode {
+    run_app(&mut PickUp::default(), DEFAULTS)
 }

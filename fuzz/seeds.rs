@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 
+use glam::DVec3;
 use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
 use stereolux::options::Extent;
@@ -9,7 +10,7 @@ use stereolux::scene::builtin;
 use stereolux::settings::Settings;
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::trace;
-use stereolux::xr::{Headset, Motion, Pose, SimulatedSession, XrSession as _};
+use stereolux::xr::{HandScript, Headset, Motion, Pose, SimulatedSession, XrSession as _};
 
 /// Pictures of one kind.
 pub fn pictures(format: ImageFormat) -> Vec<Vec<u8>> {
@@ -179,8 +180,13 @@ pub fn traces() -> Vec<Vec<u8>> {
             refresh_hz: 90.0,
             hidden: None,
         };
-        native.push_str(&trace::header_line(&header).unwrap_or_default());
-        let mut session = SimulatedSession::new(headset, Motion::Walk, Pose::IDENTITY, Some(6));
+        native.push_str(&trace::header_line(&header, 2).unwrap_or_default());
+        let hands =
+            "[[right]]\nat_s = 0.02\nreach = 'a'\npress = ['squeeze']\nstick = [0.5, -1.0]\n";
+        let place_of = |_: &str| Ok(DVec3::ONE);
+        let hands = HandScript::parse("hands", hands, &Pose::IDENTITY, &place_of);
+        let mut session = SimulatedSession::new(headset, Motion::Walk, Pose::IDENTITY, Some(6))
+            .with_hands(hands.unwrap_or_default());
         while let Ok(Some(state)) = session.wait_frame() {
             let time = state.predicted_display_time_ns;
             let _ = session.begin_frame();
@@ -189,6 +195,7 @@ pub fn traces() -> Vec<Vec<u8>> {
                     t_ns: time,
                     views,
                     switch_reuse: false,
+                    input: session.locate_input(time).unwrap_or_default(),
                 };
                 native.push_str(&trace::frame_line(&frame).unwrap_or_default());
             }

@@ -1,7 +1,8 @@
 //! The frame loop: renders a session's views to images, statistics and files.
 //!
 //! The loop knows the session only through [`XrSession`]: it cannot tell a simulated headset from a replay or a
-//! runtime. An application runs a [`FrameLoop`]; [`run`] is that of the program, with files and a mirror.
+//! runtime. [`run`] is that of the program and of applications, with files and a mirror; who wants the renderer to
+//! himself runs a [`FrameLoop`].
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -9,11 +10,13 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::app::{AppError, Application, FrameInput};
 use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
 use crate::mirror::Mirror;
 use crate::output::{FrameFacts, FrameImages, OutputError, OutputFolder};
+use crate::printable::line;
 use crate::renderer::frames_in_flight::MOST;
 use crate::renderer::{
     CpuTimes, Eye, Flight, FrameResult, Inspected, Inspection, PhotonStats, RenderError, Renderer,
@@ -21,7 +24,7 @@ use crate::renderer::{
 };
 use crate::scene::Scene;
 use crate::settings::{Aov, Eyes, RenderSettings};
-use crate::xr::{FrameState, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
+use crate::xr::{Buttons, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -49,6 +52,9 @@ pub enum LoopError {
     /// A file.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The application.
+    #[error("application: {}", line(&.0.to_string()))]
+    App(AppError),
 }
 
 impl From<ImageError> for LoopError {
@@ -184,8 +190,13 @@ impl LoopOptions<'_> {
     }
 }
 
-/// Lets a frame of the session pass.
-fn skip(session: &mut dyn XrSession, renderer: &mut Renderer) -> Result<Option<()>, LoopError> {
+/// Lets a frame of the session pass; the application sees it.
+fn skip(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    index: u32,
+    application: &mut Application<'_>,
+) -> Result<Option<()>, LoopError> {
     let Some(state) = session.wait_frame()? else {
         return Ok(None);
     };
@@ -193,7 +204,13 @@ fn skip(session: &mut dyn XrSession, renderer: &mut Renderer) -> Result<Option<(
         renderer.switch_reuse();
     }
     session.begin_frame()?;
-    session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
+    let time_ns = state.predicted_display_time_ns;
+    if let Some(located) = session.locate_views(time_ns)? {
+        let input = session.locate_input(time_ns)?;
+        // Also where nothing is shown: rays are cast at what stands there.
+        application.update(renderer, FrameInput::new(index, &state, &located, input))?;
+    }
+    session.end_frame(FrameSubmission::new(time_ns, None))?;
     Ok(Some(()))
 }
 
@@ -289,14 +306,14 @@ impl Rendered {
 /// or 3, the frame is on its way then, and as many less one may be before it.
 ///
 /// # Errors
-/// [`LoopError::Session`], [`LoopError::Render`].
+/// [`LoopError::Session`], [`LoopError::Render`], and those of `update`.
 pub fn step(
     session: &mut dyn XrSession,
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     index: u32,
     in_flight: usize,
-    update: impl FnOnce(&mut Renderer, &FrameState),
+    update: impl FnOnce(&mut Renderer, FrameInput) -> Result<(), LoopError>,
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
@@ -319,9 +336,10 @@ pub fn step(
         session.end_frame(FrameSubmission::new(state.predicted_display_time_ns, None))?;
         return Ok(Step::Hidden);
     };
+    let input = session.locate_input(state.predicted_display_time_ns)?;
     let targets = session.acquire_targets()?;
     stages.push(HostSpan::since("session", called));
-    update(renderer, &state);
+    update(renderer, FrameInput::new(index, &state, &located, input))?;
     let (mut result, flight) = if in_flight > 1 {
         let flight = renderer.send_frame(&located.views, index, sample)?;
         (FrameResult::default(), Some(flight))
@@ -363,17 +381,13 @@ pub fn step(
     })))
 }
 
-/// The scene's own animation, where it stands when the frame is seen.
-fn play(renderer: &mut Renderer, state: &FrameState) {
-    renderer.animate(state.predicted_display_time_ns);
-}
-
-/// An application's frames: a session and the renderer of a scene, frame by frame.
+/// Frames of a loop of one's own: a session and the renderer of a scene, frame by frame.
 pub struct FrameLoop<S> {
     session: S,
     renderer: Renderer,
     library: ShaderLibrary,
     next_frame: u32,
+    held: [Buttons; 2],
 }
 
 impl<S: XrSession> FrameLoop<S> {
@@ -399,34 +413,37 @@ impl<S: XrSession> FrameLoop<S> {
             renderer,
             library,
             next_frame: 0,
+            held: Default::default(),
         })
     }
 
     /// Waits for the session's next frame, lets `update` change what is shown in it, renders it and hands it over. The
-    /// scene's own animation has gone on when `update` is called; [`FrameState::predicted_display_time_ns`] is the time
+    /// scene's own animation has gone on when `update` is called; [`FrameInput::display_time_ns`] is the time
     /// to move things by. `None`: the session has ended.
     ///
     /// # Errors
     /// [`LoopError::Session`], [`LoopError::Render`].
     pub fn next_frame(
         &mut self,
-        update: impl FnOnce(&mut Renderer, &FrameState),
+        update: impl FnOnce(&mut Renderer, &FrameInput),
     ) -> Result<Option<FrameStats>, LoopError> {
         let mut update = Some(update);
         loop {
             let began = Instant::now();
             let index = self.next_frame;
+            let held = &mut self.held;
             let turn = step(
                 &mut self.session,
                 &mut self.renderer,
                 &self.library,
                 index,
                 1,
-                |renderer, state| {
-                    play(renderer, state);
+                |renderer, frame| {
+                    renderer.animate(frame.display_time_ns);
                     if let Some(update) = update.take() {
-                        update(renderer, state);
+                        update(renderer, &frame.after(held));
                     }
+                    Ok(())
                 },
                 |_| {},
             )?;
@@ -470,6 +487,7 @@ pub fn run(
     options: LoopOptions<'_>,
     progress: &mut dyn LoopProgress,
     mirror: Option<&mut Mirror>,
+    application: &mut Application<'_>,
     outcome: &mut Outcome,
 ) -> Result<(), LoopError> {
     let mut way = OnTheirWay {
@@ -480,8 +498,16 @@ pub fn run(
         outcome,
     };
     let ended = run_frames(
-        session, renderer, library, &mut way, options, progress, mirror,
+        session,
+        renderer,
+        library,
+        &mut way,
+        options,
+        progress,
+        mirror,
+        application,
     );
+    application.end();
     // Frames before an error have statistics too.
     let retired = way.retire(renderer, 0, progress);
     ended.and(retired)
@@ -558,6 +584,7 @@ impl OnTheirWay<'_> {
 }
 
 /// The loop of [`run`]; frames are left on their way at its end.
+#[expect(clippy::too_many_arguments, reason = "those of `run`")]
 fn run_frames(
     session: &mut dyn XrSession,
     renderer: &mut Renderer,
@@ -566,6 +593,7 @@ fn run_frames(
     options: LoopOptions<'_>,
     progress: &mut dyn LoopProgress,
     mut mirror: Option<&mut Mirror>,
+    application: &mut Application<'_>,
 ) -> Result<(), LoopError> {
     let refresh_hz = session.info().refresh_hz;
     let mut index = 0;
@@ -579,10 +607,16 @@ fn run_frames(
             // Also while the session shows nothing.
             mirror.serve();
         }
+        if application.kept().needs_rebuild() {
+            // What is on its way counts for the old renderer.
+            way.retire(renderer, 0, progress)?;
+            let hidden = session.info().hidden.as_ref();
+            application.kept_mut().rebuild(renderer, library, hidden)?;
+        }
         let role = options.role(index);
         match role {
             Role::Last => return Ok(()),
-            Role::Skipped => match skip(session, renderer)? {
+            Role::Skipped => match skip(session, renderer, index, application)? {
                 Some(()) => {
                     index += 1;
                     continue;
@@ -594,7 +628,12 @@ fn run_frames(
         way.retire(renderer, options.in_flight - 1, progress)?;
         let told = |done| progress.sample(index, done);
         let in_flight = options.in_flight;
-        let mut frame = match step(session, renderer, library, index, in_flight, play, told)? {
+        let update = |renderer: &mut Renderer, frame| application.update(renderer, frame);
+        let turn = step(session, renderer, library, index, in_flight, update, told)?;
+        for pulse in application.take_pulses() {
+            session.vibrate(&pulse)?;
+        }
+        let mut frame = match turn {
             Step::Ended => return Ok(()),
             Step::Hidden => continue,
             Step::Rendered(frame) => frame,
@@ -638,6 +677,9 @@ fn run_frames(
         });
         if in_flight == 1 {
             way.retire(renderer, 0, progress)?;
+        }
+        if application.kept().is_over() {
+            return Ok(());
         }
         index += 1;
     }

@@ -34,8 +34,8 @@
 //! # }
 //! ```
 //!
-//! An application that goes on frame by frame makes a [`FrameLoop`] of a session and a scene: `examples/minimal.rs` is
-//! one. The session is a [`SimulatedSession`], the replay of a recording ([`ReplaySession`]) or a headset
+//! An application implements [`App`] and is run by [`run_app`], with the flags of `stereolux run`: `examples/minimal.rs` is
+//! one. Who wants the renderer to himself makes a [`FrameLoop`] of a session and a scene. The session is a [`SimulatedSession`], the replay of a recording ([`ReplaySession`]) or a headset
 //! ([`OpenXrSession`]), and the loop cannot tell which.
 //!
 //! # One frame
@@ -53,6 +53,7 @@
 //! Private, unless the feature `internals` is on, which promises nothing:
 //!
 //! - `commands`, `options`, `settings`: the program's commands, their checked options, every setting;
+//! - `app`: an application's trait, its input, its world;
 //! - `frame_loop`, `xr`, `output`, `mirror`, `interrupt`: frames from a session to files, a headset, a window;
 //! - `viewer`: the same loop in a window in which a scene is walked through and edited;
 //! - `renderer`, `frame`, `gpu`: images from views;
@@ -73,6 +74,10 @@
     )
 )]
 
+#[cfg(not(feature = "internals"))]
+mod app;
+#[cfg(feature = "internals")]
+pub mod app;
 #[cfg(all(feature = "bench", not(feature = "internals")))]
 mod bench;
 #[cfg(all(feature = "bench", feature = "internals"))]
@@ -206,9 +211,12 @@ pub use output::OutputError;
 pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
     Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
-    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RenderError,
+    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RayHit, RenderError,
     Renderer, SeenSurface, StereoStats,
 };
+
+// Applications.
+pub use app::{App, AppError, FrameInput, World, WorldError, run_app, run_app_with};
 
 // Sessions and their frames.
 pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};
@@ -220,10 +228,11 @@ pub use xr::openxr::{
 };
 pub use xr::validation::Fault;
 pub use xr::{
-    ArgumentError, Fov, FrameState, FrameSubmission, Headset, HiddenArea, InputError, LocatedViews,
-    Pacing, Pose, RayInWorld, Recorder, RenderTargets, ReplayOptions, ReplaySession,
-    RuntimeTargets, SessionInfo, SimulatedSession, Tangents, TraceBody, TraceUp, Validated, View,
-    ViewFlags, XrError, XrSession,
+    ArgumentError, Button, Buttons, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset,
+    HiddenArea, Input, InputError, Joint, LocatedViews, Pacing, Pose, Pulse, RayInWorld, Recorder,
+    RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo, Side,
+    SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags, XrError,
+    XrSession,
 };
 
 #[doc(hidden)]

@@ -19,6 +19,16 @@ mod suite {
     #[path = "../../examples/minimal.rs"]
     pub mod minimal_example;
 
+    /// A loop with the renderer in hand.
+    #[allow(dead_code)]
+    #[path = "../../examples/own_loop.rs"]
+    pub mod own_loop_example;
+
+    /// The tour of the gallery.
+    #[allow(dead_code)]
+    #[path = "../../examples/gallery_tour.rs"]
+    pub mod gallery_tour_example;
+
     /// The example's measure, for its test.
     #[allow(dead_code)]
     #[path = "../../examples/reconstruction/paired_references.rs"]

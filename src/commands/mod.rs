@@ -11,16 +11,18 @@ mod settings;
 #[cfg(feature = "viewer")]
 mod view;
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 
+use crate::app::{App, SceneAlone};
 use crate::frame_loop::LoopError;
 use crate::gpu::GpuError;
 use crate::gpu::vulkan_interop::{disable_device_select_layer, quiet_openxr_loader};
 use crate::images::ImageError;
 use crate::metrics::CompareError;
 use crate::mirror::MirrorError;
-use crate::options::{Options, parse};
+use crate::options::{EarlyExit, Options, parse, parse_run};
 use crate::output::OutputError;
 use crate::printable::escaped;
 use crate::renderer::RenderError;
@@ -31,10 +33,34 @@ use crate::xr::XrError;
 
 /// The whole program: flags to checked options to a command; errors to an exit status.
 pub fn main() -> ExitCode {
+    start_with(parse(std::env::args_os()), execute)
+}
+
+/// Runs an application with the flags of `stereolux run`: `defaults` as they stand on a command line, and over them those
+/// that the program was started with. Sessions, recordings, files and exit status are as of `stereolux run`.
+pub fn run_app(app: &mut dyn App, defaults: &[&str]) -> ExitCode {
+    run_app_with(app, defaults, std::env::args_os())
+}
+
+/// As [`run_app`], with other arguments than the program's own; the first is its name.
+pub fn run_app_with(
+    app: &mut dyn App,
+    defaults: &[&str],
+    args: impl IntoIterator<Item = OsString>,
+) -> ExitCode {
+    let options = parse_run(defaults, args);
+    start_with(options, |options| run::run(&options, app).map(|()| 0))
+}
+
+/// Carries out what the command line asks for; errors become an exit status.
+fn start_with<T>(
+    options: Result<T, EarlyExit>,
+    execute: impl FnOnce(T) -> Result<u8, Failure>,
+) -> ExitCode {
     disable_device_select_layer();
     quiet_openxr_loader();
     start_log();
-    let options = match parse(std::env::args_os()) {
+    let options = match options {
         Ok(options) => options,
         Err(exit) => {
             if exit.status == 0 {
@@ -187,6 +213,7 @@ impl From<LoopError> for Failure {
             LoopError::Render(error) => error.into(),
             // The folder was writable when the run began.
             LoopError::Output(error) => Self::failed(error),
+            LoopError::App(_) => Self::failed(error),
         }
     }
 }
@@ -213,7 +240,8 @@ impl From<crate::bench::BenchError> for Failure {
 
 /// Sends what is logged to stderr. Names out of files may be in it, so control characters are escaped.
 pub fn start_log() {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
+    // An application may have a log of its own.
+    let started = env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(
         // wgpu reports each adapter quirk as a warning; what matters to a user comes back as an error.
         "warn,wgpu=error,wgpu_core=error,wgpu_hal=error,naga=error",
     ))
@@ -223,7 +251,10 @@ pub fn start_log() {
         let lines: Vec<String> = text.lines().map(escaped).collect();
         writeln!(out, "[{style}{level:<5}{style:#}] {}", lines.join("\n"))
     })
-    .init();
+    .try_init();
+    if started.is_err() {
+        log::debug!("the log was started before");
+    }
 }
 
 /// Carries out a command; the exit status of success is 0, unless `compare` finds too large an error.
@@ -232,7 +263,7 @@ pub fn start_log() {
 /// [`Failure`].
 pub fn execute(options: Options) -> Result<u8, Failure> {
     match options {
-        Options::Run(options) => run::run(&options).map(|()| 0),
+        Options::Run(options) => run::run(&options, &mut SceneAlone).map(|()| 0),
         Options::Render(options) => run::render(&options).map(|()| 0),
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),

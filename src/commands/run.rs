@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Failure, load_scene, report};
+use crate::app::{App, Application, SceneAlone};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress, Outcome, inspection};
 use crate::gpu::GpuContext;
@@ -15,16 +16,17 @@ use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
 use crate::output::{OutputFolder, Style};
+use crate::printable::did_you_mean;
 use crate::renderer::Renderer;
-use crate::scene::{Camera, Needs};
+use crate::scene::{Camera, Needs, Scene};
 use crate::scene_loading::Loaded;
 use crate::settings::{
     Aov, ExrPrecision, Eyes, FramesInFlight, OutputSettings, RenderSettings, Settings,
 };
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
-    Fov, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession,
-    Validated, XrSession,
+    Fov, HandScript, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession,
+    SimulatedSession, Validated, XrSession,
 };
 
 /// Frames of a simulated run without `--frames`.
@@ -41,8 +43,8 @@ struct Source {
     size: [u32; 2],
 }
 
-/// The stereo frame loop.
-pub fn run(options: &RunOptions) -> Result<(), Failure> {
+/// The stereo frame loop, with an application on it.
+pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     let headset = headset(&options.settings)?;
     let mut loaded = load_scene(&options.settings)?;
     loaded.settings.render.decide_reconstruction(true);
@@ -55,13 +57,15 @@ pub fn run(options: &RunOptions) -> Result<(), Failure> {
         .mirror
         .then(MirrorWindow::open)
         .transpose()?;
-    let source = source(options, &headset, start)?;
+    let hands = hand_script(&options.settings, &loaded.scene, &start)?;
+    let source = source(options, &headset, start, hands)?;
     interrupt::catch();
     let hurries = options.session.realtime || source.context.is_some();
     render_session(
         source,
+        loaded,
+        app,
         &Job {
-            loaded: &loaded,
             eyes: Eyes::Both,
             range: options
                 .session
@@ -140,8 +144,9 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             announcement,
             size,
         },
+        loaded,
+        &mut SceneAlone,
         &Job {
-            loaded: &loaded,
             eyes: options.view.eyes,
             range: None,
             every: 1,
@@ -166,7 +171,6 @@ fn in_flight(settings: &Settings, hurries: bool) -> usize {
 
 /// What both commands ask of the frame loop.
 struct Job<'a> {
-    loaded: &'a Loaded,
     eyes: Eyes,
     range: Option<(&'a Range<u32>, u32)>,
     every: u32,
@@ -181,8 +185,30 @@ fn headset(settings: &Settings) -> Result<Headset, Failure> {
     Ok(Headset::load(&settings.headset)?)
 }
 
+/// What the simulated hands do.
+fn hand_script(settings: &Settings, scene: &Scene, start: &Pose) -> Result<HandScript, Failure> {
+    if settings.simulated.hands.is_empty() {
+        return Ok(HandScript::default());
+    }
+    let names = || scene.nodes.iter().map(|node| node.name.as_str());
+    let place_of = |name: &str| match names().position(|known| known == name) {
+        Some(node) => {
+            let world_from_node = scene.rest_pose().world_from_node[node];
+            Ok(scene.center_of_node(node, &world_from_node))
+        }
+        None => Err(did_you_mean(name, names())),
+    };
+    let path = Path::new(&settings.simulated.hands);
+    HandScript::load(path, start, &place_of).map_err(Failure::unusable)
+}
+
 /// Opens the session that the options ask for.
-fn source(options: &RunOptions, headset: &Headset, start: Pose) -> Result<Source, Failure> {
+fn source(
+    options: &RunOptions,
+    headset: &Headset,
+    start: Pose,
+    hands: HandScript,
+) -> Result<Source, Failure> {
     let unavailable = match options.session.choice {
         SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start) {
             Ok(mut source) => {
@@ -196,7 +222,7 @@ fn source(options: &RunOptions, headset: &Headset, start: Pose) -> Result<Source
         },
         SessionChoice::Simulated | SessionChoice::Replay => None,
     };
-    let (session, name) = session(options, headset, start)?;
+    let (session, name) = session(options, headset, start, hands)?;
     let size = options
         .settings
         .size
@@ -257,6 +283,7 @@ fn session(
     options: &RunOptions,
     headset: &Headset,
     start: Pose,
+    hands: HandScript,
 ) -> Result<(Box<dyn XrSession>, String), Failure> {
     let pacing = if options.session.realtime {
         Pacing::RealTime
@@ -282,6 +309,7 @@ fn session(
             let motion = settings.simulated.motion;
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
                 .with_seed(u64::from(settings.render.seed))
+                .with_hands(hands)
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -301,6 +329,8 @@ pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose
 
 fn render_session(
     source: Source,
+    loaded: Loaded,
+    app: &mut dyn App,
     job: &Job<'_>,
     window: Option<MirrorWindow>,
 ) -> Result<(), Failure> {
@@ -308,7 +338,8 @@ fn render_session(
         scene,
         settings,
         light,
-    } = job.loaded;
+    } = loaded;
+    let settings = &settings;
     let Source {
         session,
         context,
@@ -332,6 +363,8 @@ fn render_session(
     }
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
+    let mut application = Application::start(app, scene).map_err(Failure::unusable)?;
+    let scene = application.kept().scene();
     let needs = Needs::of(scene);
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;
     let mut render = settings.render.clone();
@@ -366,7 +399,7 @@ fn render_session(
         let clocks = renderer.compare_clocks()?;
         output.begin_trace(&renderer.context().adapter.name, &clocks)?;
     }
-    if let Some(light) = light {
+    if let Some(light) = &light {
         bar.print(&format!("light: {light}"));
     }
     if let Some(line) = &announcement {
@@ -389,6 +422,7 @@ fn render_session(
         },
         &mut bar,
         mirror.as_mut(),
+        &mut application,
         &mut outcome,
     );
     outcome.wall_s = began.elapsed().as_secs_f64();
@@ -411,8 +445,8 @@ fn render_session(
     let run = report::RunReport::new(
         settings,
         &renderer,
-        scene,
-        light.clone(),
+        application.kept().scene(),
+        light,
         &needs,
         &name,
         session.info(),

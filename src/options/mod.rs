@@ -18,7 +18,7 @@ pub use cli::{
     RunOptions, SessionChoice, SessionOptions, SettingsOptions, SharedOptions, Suite, TraceOptions,
     ViewOptions,
 };
-pub use parse::{EarlyExit, parse};
+pub use parse::{EarlyExit, parse, parse_run};
 pub use save::{Extent, example_toml};
 
 /// Unusable flags or settings; each message is one line. Exit status 2.

@@ -7,7 +7,8 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, CommandFactory, FromArgMatches};
 
 use super::cli::{
-    BENCH_EXAMPLES, Cli, Options, RENDER_EXAMPLES, RUN_EXAMPLES, STATUS_HELP, VIEW_EXAMPLES,
+    BENCH_EXAMPLES, Cli, Options, RENDER_EXAMPLES, RUN_EXAMPLES, RunOptions, STATUS_HELP,
+    VIEW_EXAMPLES,
 };
 use super::{OptionsError, quoted};
 
@@ -59,14 +60,41 @@ fn command() -> clap::Command {
 /// [`EarlyExit`] with status 0 for `--help` and `--version`, and with status 2 and one line of text for anything
 /// that is not a usable command line.
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Options, EarlyExit> {
-    let args: Vec<OsString> = args.into_iter().collect();
+    parse_with(command(), args.into_iter().collect())
+}
+
+fn parse_with(command: clap::Command, args: Vec<OsString>) -> Result<Options, EarlyExit> {
     refuse_flags_as_values(&args)?;
-    let Cli { mut options } = command()
+    let Cli { mut options } = command
         .try_get_matches_from(&args)
         .and_then(|matches| Cli::from_arg_matches(&matches))
         .map_err(|error| early_exit(&error, subcommand_of(&args).as_deref()))?;
     options.check()?;
     Ok(options)
+}
+
+/// The options of `stereolux run` for an application: `defaults`, and over them `args`, the program's name first.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_run(
+    defaults: &[&str],
+    args: impl IntoIterator<Item = OsString>,
+) -> Result<RunOptions, EarlyExit> {
+    let mut given = args.into_iter();
+    let program = given.next().unwrap_or_else(|| "stereolux".into());
+    let mut all = vec![program, "run".into()];
+    all.extend(defaults.iter().map(OsString::from));
+    all.extend(given);
+    // The last one counts.
+    let command = command().mut_subcommand("run", |run| run.args_override_self(true));
+    match parse_with(command, all)? {
+        Options::Run(options) => Ok(*options),
+        _ => Err(EarlyExit {
+            text: "error: an application takes the flags of `stereolux run` and no command".into(),
+            status: 2,
+        }),
+    }
 }
 
 impl From<OptionsError> for EarlyExit {

@@ -342,6 +342,17 @@ impl Deformer {
         Some(shape.mesh)
     }
 
+    /// The triangles of a mesh as the last pose has them, by number, in its deformed space; `None` for one that keeps its
+    /// shape. Work in proportion to its vertices.
+    pub fn triangles_now(&self, mesh: usize) -> Option<Vec<[DVec3; 3]>> {
+        let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;
+        let mesh = &self.skeleton.meshes[mesh];
+        let positions = shape.now.positions(mesh);
+        let corners = |vertex: u32| positions[vertex as usize];
+        let triangles = mesh.triangles.iter();
+        Some(triangles.map(|t| t.vertices.map(corners)).collect())
+    }
+
     /// Other marks of materials, for hierarchies that are built anew.
     pub fn set_marks(&mut self, marks: Vec<MaterialMarks>) {
         self.marks = marks;

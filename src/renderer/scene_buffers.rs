@@ -9,6 +9,7 @@ mod edits;
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
+use crate::bvh::cast::{InstanceHit, Ray};
 use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::texels::TexelCopy;
@@ -341,6 +342,13 @@ impl SceneBuffers {
             }
         }
         removed
+    }
+
+    /// What a ray meets first of the instances where they stand by now.
+    pub(super) fn cast_ray(&self, ray: &Ray) -> Option<InstanceHit> {
+        self.hierarchies.cast_at(self.table.sources(), ray, |mesh| {
+            self.deformer.as_ref()?.triangles_now(mesh)
+        })
     }
 
     /// Where an instance stands; `None` if there is none of that number.

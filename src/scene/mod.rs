@@ -400,6 +400,31 @@ impl Scene {
         Bounds::of_points(corners.flat_map(|bounds| [bounds.min, bounds.max]))
     }
 
+    /// Middle of the box around the triangles that hang on a node and below it, in their rest pose; the node's origin if
+    /// there are none. Metres in the world, in which `world_from_node` places the node.
+    pub fn center_of_node(&self, node: usize, world_from_node: &DAffine3) -> DVec3 {
+        let mut boxes = Vec::new();
+        let mut pending = vec![(node, *world_from_node)];
+        while let Some((index, world_from_node)) = pending.pop() {
+            let Some(node) = self.nodes.get(index) else {
+                continue;
+            };
+            if let Some(mesh) = node.mesh.and_then(|mesh| self.meshes.get(mesh)) {
+                let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
+                boxes.extend(Bounds::of_points(
+                    positions.map(|position| world_from_node.transform_point3(position)),
+                ));
+            }
+            let children = node.children.iter();
+            pending.extend(children.map(|child| {
+                let parent_from_child = self.nodes[*child].parent_from_node;
+                (*child, world_from_node * parent_from_child)
+            }));
+        }
+        let all = Bounds::of_points(boxes.iter().flat_map(|bounds| [bounds.min, bounds.max]));
+        all.map_or(world_from_node.translation, |bounds| bounds.center())
+    }
+
     /// Area of all triangles in the world, m^2, front sides only.
     pub fn surface_area_m2(&self) -> f64 {
         let rest = self.rest_pose();

@@ -400,6 +400,8 @@ settings! {
         rows SIMULATED {
             /// motion of the simulated headset
             motion: Motion = Motion::Sway;
+            /// TOML file of what the simulated hands do (docs/recordings.md); empty: there are none
+            hands: String = String::new(), TEXT;
         }
     }
 
@@ -416,6 +418,8 @@ settings! {
             visibility_mask: bool = true;
             /// refresh rate to ask the runtime for; 0 leaves it to the runtime
             refresh_hz: f64 = 0.0, real(0.0, 1000.0), "Hz";
+            /// the left stick walks and the right one turns; off leaves both to an application
+            locomotion: bool = true;
             /// walking speed at full deflection of the stick
             move_m_per_s: f64 = 1.5, real(0.0, 100.0), "m/s";
             /// angle of one snap turn

@@ -73,6 +73,7 @@ impl Reference {
                 if let Some(time_ns) = scene_time_ns {
                     renderer.animate(time_ns);
                 }
+                Ok(())
             },
             |_| {},
         )?;

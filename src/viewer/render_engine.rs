@@ -9,6 +9,7 @@ use egui::{Color32, ColorImage};
 use super::accumulate::Accumulator;
 use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::session::DesktopSession;
+use crate::app::FrameInput;
 use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
@@ -268,10 +269,11 @@ impl RenderEngine {
     ) -> Result<Option<FrameStats>, EngineError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
-        let update = |renderer: &mut Renderer, _: &_| {
+        let update = |renderer: &mut Renderer, _: FrameInput| {
             if let Some(time_ns) = scene_time_ns {
                 renderer.animate(time_ns);
             }
+            Ok(())
         };
         let step = frame_loop::step(session, renderer, library, index, 1, update, |_| {})?;
         let Step::Rendered(rendered) = step else {

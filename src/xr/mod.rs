@@ -9,6 +9,7 @@
 //! while let Some(frame) = session.wait_frame()? {          // blocks; None = no more frames
 //!     session.begin_frame()?;
 //!     let views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
+//!     let input = session.locate_input(frame.predicted_display_time_ns)?; // hands, buttons, gaze
 //!     match &views {
 //!         Some(views) => { let targets = session.acquire_targets()?; /* render both eyes, hand them over */ }
 //!         None => {}                                       // nothing to draw, or no pose yet
@@ -22,7 +23,7 @@
 //! subtracted its origin ([`LocatedViews::midpoint_in_world`]).
 //!
 //! Modules: [`view`] (poses, fields of view, projection), [`headset`] (profiles), [`simulated`],
-//! [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
+//! [`input`] (hands, buttons, gaze), [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
 //! motion), [`replay`], [`openxr`], [`hidden_area`], [`validation`].
 
 mod all_frames;
@@ -30,11 +31,13 @@ mod error;
 mod frame_clock;
 pub mod headset;
 pub mod hidden_area;
+pub mod input;
 #[cfg(not(target_vendor = "apple"))]
 pub mod openxr;
 pub mod recorder;
 pub mod replay;
 pub mod simulated;
+pub mod simulated_hands;
 mod text_lines;
 pub mod trace;
 pub mod trajectory;
@@ -46,9 +49,11 @@ pub use error::{ArgumentError, InputError, XrError};
 pub use frame_clock::Pacing;
 pub use headset::Headset;
 pub use hidden_area::HiddenArea;
+pub use input::{Button, Buttons, Hand, Input, Joint, Side, Tracked};
 pub use recorder::Recorder;
 pub use replay::{ReplayOptions, ReplaySession};
 pub use simulated::SimulatedSession;
+pub use simulated_hands::HandScript;
 pub use trajectory::{TraceBody, TraceUp};
 pub use validation::Validated;
 pub use view::{Fov, Pose, RayInWorld, Tangents, View};
@@ -84,6 +89,16 @@ pub trait XrSession {
     /// The runtime is lost, the call is out of order, or a replay is asked for a time it does not hold.
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError>;
 
+    /// Hands, buttons and gaze as they will be at `display_time_ns`; at rest from a source that has none. Called once a
+    /// frame, between begin and end.
+    ///
+    /// # Errors
+    /// As [`XrSession::locate_views`].
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        let _ = display_time_ns;
+        Ok(Input::default())
+    }
+
     /// Where to render this frame. Called after begin and before end, only for a frame that will carry a
     /// layer: a runtime acquires its swapchain images here and releases them in
     /// [`XrSession::end_frame`].
@@ -97,6 +112,26 @@ pub trait XrSession {
     /// # Errors
     /// The runtime is lost, the call is out of order, or a recording cannot be written.
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError>;
+
+    /// Lets a controller vibrate; does nothing where there is none that can.
+    ///
+    /// # Errors
+    /// The runtime is lost.
+    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
+        let _ = pulse;
+        Ok(())
+    }
+}
+
+/// A vibration of one controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Whose.
+    pub side: Side,
+    /// How long, seconds; 0: the shortest that the controller can do.
+    pub duration_s: f64,
+    /// How strong, 0 to 1.
+    pub amplitude: f64,
 }
 
 impl<S: XrSession + ?Sized> XrSession for Box<S> {
@@ -116,8 +151,16 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
         (**self).locate_views(display_time_ns)
     }
 
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        (**self).locate_input(display_time_ns)
+    }
+
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
         (**self).acquire_targets()
+    }
+
+    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
+        (**self).vibrate(pulse)
     }
 
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {

@@ -1,12 +1,13 @@
 //! Records the views that were really used, around any session.
 
 use super::trace::{self, TraceFrame, TraceHeader};
-use super::validation;
+use super::validation::{self, Fault};
 use super::{
-    FrameState, FrameSubmission, LocatedViews, RenderTargets, SessionInfo, XrError, XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, SessionInfo, XrError,
+    XrSession,
 };
 use std::fs::File;
-use std::io::{Error, ErrorKind, Write};
+use std::io::{Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Any session, with each frame's views written to a native trace (`trace`) as the frame ends. A
@@ -20,6 +21,10 @@ pub struct Recorder<S> {
     frames: u64,
     /// Reuse was switched since the last line.
     switch_reuse: bool,
+    /// What the wearer does in the frame under way.
+    input: Input,
+    /// The version that the header states.
+    version: u64,
 }
 
 impl<S: XrSession> Recorder<S> {
@@ -34,8 +39,9 @@ impl<S: XrSession> Recorder<S> {
             refresh_hz: inner.info().refresh_hz,
             hidden: inner.info().hidden.clone(),
         };
+        let version = header.version();
         let written = File::create(path).and_then(|mut file| {
-            file.write_all(trace::header_line(&header)?.as_bytes())?;
+            file.write_all(trace::header_line(&header, version)?.as_bytes())?;
             Ok(file)
         });
         match written {
@@ -45,6 +51,8 @@ impl<S: XrSession> Recorder<S> {
                 file,
                 frames: 0,
                 switch_reuse: false,
+                input: Input::default(),
+                version,
             }),
             Err(cause) => Err(XrError::RecordCreate {
                 path: path.to_owned(),
@@ -63,15 +71,30 @@ impl<S: XrSession> Recorder<S> {
         self.inner
     }
 
+    /// States a later version in the header, in place: the number has one digit, whatever it is. Before the first line
+    /// that needs it, so that a killed run leaves a file that is what it says.
+    fn raise_version(&mut self, version: u64) -> std::io::Result<()> {
+        self.file.seek(SeekFrom::Start(trace::VERSION_AT as u64))?;
+        self.file.write_all(version.to_string().as_bytes())?;
+        self.file.seek(SeekFrom::End(0))?;
+        self.version = version;
+        Ok(())
+    }
+
     /// Writes only what [`trace::Trace::read`] will take back.
     fn write(&mut self, t_ns: i64, views: &LocatedViews) -> std::io::Result<()> {
-        validation::check_views(views)
-            .map_err(|fault| Error::new(ErrorKind::InvalidData, fault.to_string()))?;
+        let invalid = |fault: Fault| Error::new(ErrorKind::InvalidData, fault.to_string());
+        validation::check_views(views).map_err(invalid)?;
+        self.input.checked().map_err(invalid)?;
         let frame = TraceFrame {
             t_ns,
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
+            input: std::mem::take(&mut self.input),
         };
+        if frame.version() > self.version {
+            self.raise_version(frame.version())?;
+        }
         self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
         self.frames += 1;
         Ok(())
@@ -85,6 +108,7 @@ impl<S: XrSession> XrSession for Recorder<S> {
 
     fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
         let frame = self.inner.wait_frame()?;
+        self.input = Input::default();
         // A frame that renders nothing has no line; the switch then shows in the next. Twice is not at all.
         self.switch_reuse ^= frame.is_some_and(|frame| frame.switch_reuse);
         Ok(frame)
@@ -96,6 +120,15 @@ impl<S: XrSession> XrSession for Recorder<S> {
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
         self.inner.locate_views(display_time_ns)
+    }
+
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        self.input = self.inner.locate_input(display_time_ns)?;
+        Ok(self.input.clone())
+    }
+
+    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
+        self.inner.vibrate(pulse)
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

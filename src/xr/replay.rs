@@ -6,8 +6,8 @@ use super::trace::Trace;
 use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
 use super::view::Pose;
 use super::{
-    ArgumentError, FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo,
-    XrError, XrSession,
+    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, RenderTargets,
+    SessionInfo, XrError, XrSession,
 };
 use std::path::Path;
 
@@ -262,6 +262,21 @@ impl XrSession for ReplaySession {
                 Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
             }
         }
+    }
+
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        self.order.may_locate()?;
+        // Head trajectories have no hands, and a frame at another time is refused by `locate_views`.
+        let Recording::Native(trace) = &self.recording else {
+            return Ok(Input::default());
+        };
+        let frame = trace
+            .frames
+            .binary_search_by_key(&display_time_ns, |frame| frame.t_ns);
+        Ok(frame.map_or_else(
+            |_| Input::default(),
+            |index| trace.frames[index].input.clone(),
+        ))
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

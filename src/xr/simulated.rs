@@ -8,8 +8,8 @@
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::view::Pose;
 use super::{
-    FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo, XrError,
-    XrSession,
+    FrameState, FrameSubmission, HandScript, Headset, Input, LocatedViews, RenderTargets,
+    SessionInfo, XrError, XrSession,
 };
 use crate::settings::Motion;
 use glam::{DQuat, DVec3};
@@ -122,6 +122,7 @@ pub struct SimulatedSession {
     start: Pose,
     /// x, y, z, yaw, pitch, roll; only sway uses them.
     noise: [Noise; 6],
+    hands: HandScript,
     frame_limit: Option<u64>,
     next_frame: u64,
     order: FrameOrder,
@@ -145,6 +146,7 @@ impl SimulatedSession {
             motion,
             start,
             noise: sway_noise(0),
+            hands: HandScript::default(),
             frame_limit,
             next_frame: 0,
             order: FrameOrder::default(),
@@ -157,6 +159,13 @@ impl SimulatedSession {
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.noise = sway_noise(seed);
         self.info.source = source(self.motion, seed);
+        self
+    }
+
+    /// Hands that do what a script says; without one there are none.
+    #[must_use]
+    pub fn with_hands(mut self, hands: HandScript) -> Self {
+        self.hands = hands;
         self
     }
 
@@ -250,6 +259,11 @@ impl XrSession for SimulatedSession {
         Ok(Some(LocatedViews::valid(
             self.headset.views_from_head(&head),
         )))
+    }
+
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        self.order.may_locate()?;
+        Ok(self.hands.at(display_time_ns))
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

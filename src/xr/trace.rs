@@ -7,12 +7,13 @@
 //!
 //! Positions are metres in the world, orientations world from eye, angles radians. Numbers are written in
 //! the shortest decimal form that reads back as the same f64, so what is read and written again gives the
-//! same bytes. A recording from a runtime may hold two keys more, without which its images could not be made again:
-//! `hidden` in the header, the area that each eye's lens hides as triangles of tangents (x right, y up), and
-//! `"switch_reuse":true` in a frame from which on stereo reuse was switched. Unknown keys are errors: version 1 has no others. A last line that was cut short (the
+//! same bytes. Version 2 adds what else a frame depended on: `hidden` in the header, the area that each eye's lens hides
+//! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched, and
+//! `input`, what the wearer did (`docs/recordings.md` has its keys). Unknown keys are errors. A last line that was cut short (the
 //! run that wrote it was killed) is dropped with a warning.
 
 use super::hidden_area::HiddenArea;
+use super::input::{Input, InputJson};
 use super::text_lines::{self, Line, TextLines};
 use super::validation::{self, Fault};
 use super::view::{Fov, View};
@@ -25,8 +26,11 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The header's `version`.
-pub const VERSION: u64 = 1;
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, and is what a file with `hidden` or
+/// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
+pub const VERSIONS: [u64; 2] = [1, 2];
+/// Where the header's version stands in a file that [`header_line`] began, bytes.
+pub(super) const VERSION_AT: usize = r#"{"format":"stereolux-trace","version":"#.len();
 
 /// First line of a native trace.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +44,7 @@ pub struct TraceHeader {
 }
 
 /// One frame of a native trace.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TraceFrame {
     /// Display time, nanoseconds; strictly increasing through a trace.
     pub t_ns: i64,
@@ -48,6 +52,24 @@ pub struct TraceFrame {
     pub views: LocatedViews,
     /// Stereo reuse is switched from this frame on.
     pub switch_reuse: bool,
+    /// What the wearer did.
+    pub input: Input,
+}
+
+impl TraceHeader {
+    /// The lowest version that can hold it.
+    #[must_use]
+    pub fn version(&self) -> u64 {
+        VERSIONS[usize::from(self.hidden.is_some())]
+    }
+}
+
+impl TraceFrame {
+    /// The lowest version that can hold it.
+    #[must_use]
+    pub fn version(&self) -> u64 {
+        VERSIONS[usize::from(self.switch_reuse || self.input != Input::default())]
+    }
 }
 
 /// A native trace, read and checked in full; at least one frame.
@@ -86,7 +108,7 @@ impl Trace {
                 "is empty; a trace begins with its header line",
             ));
         };
-        let header = object(&file, &first)
+        let (header, version) = object(&file, &first)
             .map_err(|broken| broken.error)
             .and_then(|header| at(&file, first.number, read_header(&header)))?;
         let mut frames: Vec<TraceFrame> = Vec::new();
@@ -105,7 +127,7 @@ impl Trace {
                     return Err(broken.error);
                 }
             };
-            let frame = at(&file, line.number, read_frame(&value))?;
+            let frame = at(&file, line.number, read_frame(&value, version))?;
             if let Some(last) = frames.last()
                 && frame.t_ns <= last.t_ns
             {
@@ -162,7 +184,7 @@ fn object(file: &str, line: &Line) -> Result<Map<String, Value>, Broken> {
 }
 
 /// One JSON object and the path that leads to it, for messages.
-struct Fields<'a> {
+pub(super) struct Fields<'a> {
     path: &'a str,
     map: &'a Map<String, Value>,
 }
@@ -180,7 +202,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn of(path: &'a str, value: &'a Value, known: &[&str]) -> Result<Self, Fault> {
+    pub(super) fn of(path: &'a str, value: &'a Value, known: &[&str]) -> Result<Self, Fault> {
         match value {
             Value::Object(map) => Self::new(path, map, known),
             other => Err(wrong_kind(path, other, "an object")),
@@ -206,11 +228,11 @@ impl<'a> Fields<'a> {
         self.map.get(key).ok_or_else(|| self.fault(key, "missing"))
     }
 
-    fn number(&self, key: &str) -> Result<f64, Fault> {
+    pub(super) fn number(&self, key: &str) -> Result<f64, Fault> {
         number(&self.name(key), self.value(key)?)
     }
 
-    fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], Fault> {
+    pub(super) fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], Fault> {
         let value = self.value(key)?;
         let Value::Array(items) = value else {
             return Err(wrong_kind(&self.name(key), value, "an array of numbers"));
@@ -223,6 +245,16 @@ impl<'a> Fields<'a> {
             *slot = number(&format!("{}[{index}]", self.name(key)), item)?;
         }
         Ok(numbers)
+    }
+
+    /// What `read` makes of a field, with the path that leads to it; `None` if it is not there.
+    pub(super) fn optional<T>(
+        &self,
+        key: &str,
+        read: impl FnOnce(&str, &'a Value) -> Result<T, Fault>,
+    ) -> Result<Option<T>, Fault> {
+        let value = self.map.get(key);
+        value.map(|value| read(&self.name(key), value)).transpose()
     }
 
     fn boolean(&self, key: &str) -> Result<bool, Fault> {
@@ -253,7 +285,7 @@ fn wrong_kind(field: &str, found: &Value, wanted: &str) -> Fault {
     }
 }
 
-fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
+fn read_header(map: &Map<String, Value>) -> Result<(TraceHeader, u64), Fault> {
     if map.get("format").and_then(Value::as_str) != Some(FORMAT) {
         return Err(Fault {
             field: "format".into(),
@@ -266,10 +298,13 @@ fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
         &["format", "version", "headset", "refresh_hz", "hidden"],
     )?;
     let version = fields.value("version")?;
-    if version.as_u64() != Some(VERSION) {
-        let what = format!("{version} is not {VERSION}, the version that this program reads");
+    let Some(version) = version.as_u64().filter(|number| VERSIONS.contains(number)) else {
+        let [first, second] = VERSIONS;
+        let what = format!(
+            "{version} is neither {first} nor {second}, the versions that this program reads"
+        );
         return Err(fields.fault("version", what));
-    }
+    };
     let headset = match fields.value("headset")? {
         Value::String(name) => name.clone(),
         other => return Err(wrong_kind("headset", other, "a string")),
@@ -289,11 +324,14 @@ fn read_header(map: &Map<String, Value>) -> Result<TraceHeader, Fault> {
             return Err(wrong_kind("hidden", other, "an array for two eyes"));
         }
     };
-    Ok(TraceHeader {
-        headset,
-        refresh_hz,
-        hidden,
-    })
+    Ok((
+        TraceHeader {
+            headset,
+            refresh_hz,
+            hidden,
+        },
+        version,
+    ))
 }
 
 fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
@@ -316,8 +354,11 @@ fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
         .map(HiddenArea::from_triangles)
 }
 
-fn read_frame(map: &Map<String, Value>) -> Result<TraceFrame, Fault> {
-    let fields = Fields::new("", map, &["t_ns", "views", "flags", "switch_reuse"])?;
+fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Fault> {
+    let known = ["t_ns", "views", "flags", "switch_reuse", "input"];
+    // `input` came with version 2.
+    let known = if version == 1 { &known[..4] } else { &known };
+    let fields = Fields::new("", map, known)?;
     let t_ns = fields.value("t_ns")?;
     let Some(t_ns) = t_ns.as_i64() else {
         return Err(wrong_kind("t_ns", t_ns, "a whole number of nanoseconds"));
@@ -347,6 +388,9 @@ fn read_frame(map: &Map<String, Value>) -> Result<TraceFrame, Fault> {
         t_ns,
         views: validation::check_views(&located)?,
         switch_reuse: map.contains_key("switch_reuse") && fields.boolean("switch_reuse")?,
+        input: fields
+            .optional("input", |_, value| Input::read(value))?
+            .unwrap_or_default(),
     })
 }
 
@@ -388,6 +432,8 @@ struct FrameJson {
     flags: FlagsJson,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     switch_reuse: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    input: Option<InputJson>,
 }
 
 #[derive(Serialize)]
@@ -411,14 +457,15 @@ struct FlagsJson {
     orientation_valid: bool,
 }
 
-/// The header's line, with its line feed.
+/// The header's line, with its line feed. `version`: one that can hold it and all frames ([`TraceHeader::version`],
+/// [`TraceFrame::version`]).
 ///
 /// # Errors
 /// None that is known: serde_json's own.
-pub fn header_line(header: &TraceHeader) -> Result<String, serde_json::Error> {
+pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_json::Error> {
     let line = serde_json::to_string(&HeaderJson {
         format: FORMAT,
-        version: VERSION,
+        version,
         headset: &header.headset,
         refresh_hz: header.refresh_hz,
         hidden: header
@@ -429,7 +476,8 @@ pub fn header_line(header: &TraceHeader) -> Result<String, serde_json::Error> {
     Ok(line + "\n")
 }
 
-/// A frame's line, with its line feed. The views must have passed [`validation::check_views`].
+/// A frame's line, with its line feed. The views must have passed [`validation::check_views`], the input
+/// [`Input::checked`].
 ///
 /// # Errors
 /// None that is known: serde_json's own.
@@ -452,6 +500,7 @@ pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
             orientation_valid: frame.views.flags.orientation_valid,
         },
         switch_reuse: frame.switch_reuse,
+        input: frame.input.json(),
     })?;
     Ok(line + "\n")
 }

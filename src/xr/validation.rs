@@ -7,7 +7,8 @@
 
 use super::view::{Fov, View};
 use super::{
-    FrameState, FrameSubmission, LocatedViews, RenderTargets, SessionInfo, XrError, XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, SessionInfo, XrError,
+    XrSession,
 };
 use glam::{DQuat, DVec3};
 use std::fmt;
@@ -34,7 +35,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    fn new(field: impl Into<String>, what: impl Into<String>) -> Self {
+    pub(super) fn new(field: impl Into<String>, what: impl Into<String>) -> Self {
         Self {
             field: field.into(),
             what: what.into(),
@@ -122,7 +123,7 @@ pub fn check_fov(fov: &Fov) -> Result<(), Fault> {
     order(edges[3], edges[2])
 }
 
-fn check_position(position: DVec3) -> Result<(), Fault> {
+pub(super) fn check_position(position: DVec3) -> Result<(), Fault> {
     if position.is_finite() {
         return Ok(());
     }
@@ -167,7 +168,7 @@ pub fn check_views(located: &LocatedViews) -> Result<LocatedViews, Fault> {
 }
 
 /// Any session, with its poses checked: an invalid pose becomes the last good one again, marked as
-/// `repeated` and counted; before the first good one there are no views. A [`super::Recorder`] belongs outside of this,
+/// `repeated` and counted; before the first good one there are no views. Invalid input counts as none. A [`super::Recorder`] belongs outside of this,
 /// so that it writes what was really used.
 #[derive(Debug)]
 pub struct Validated<S> {
@@ -175,6 +176,7 @@ pub struct Validated<S> {
     last_good: Option<LocatedViews>,
     invalid_poses: u64,
     last_fault: Option<Fault>,
+    last_input_fault: Option<Fault>,
 }
 
 impl<S: XrSession> Validated<S> {
@@ -185,6 +187,7 @@ impl<S: XrSession> Validated<S> {
             last_good: None,
             invalid_poses: 0,
             last_fault: None,
+            last_input_fault: None,
         }
     }
 
@@ -238,12 +241,30 @@ impl<S: XrSession> XrSession for Validated<S> {
         }
     }
 
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        match self.inner.locate_input(display_time_ns)?.checked() {
+            Ok(input) => Ok(input),
+            Err(fault) => {
+                // A hand that is nowhere does nothing. Once per spell, as above.
+                if self.last_input_fault.as_ref() != Some(&fault) {
+                    log::warn!("invalid input from {}: {fault}", self.inner.info().source);
+                }
+                self.last_input_fault = Some(fault);
+                Ok(Input::default())
+            }
+        }
+    }
+
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
         self.inner.acquire_targets()
     }
 
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
         self.inner.end_frame(submission)
+    }
+
+    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
+        self.inner.vibrate(pulse)
     }
 }
 

@@ -4,6 +4,7 @@
 //! - [`mesh`]: one hierarchy per mesh in its object space, built once with SAH quality;
 //! - [`top`]: a hierarchy over the placed meshes, rebuilt each frame relative to the head;
 //! - [`refit`]: hierarchies of meshes that change their shape;
+//! - [`cast`]: rays on the host;
 //! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth.
 //!
 //! Neither scene nor device is known here: a mesh is what implements [`MeshSource`].
@@ -13,6 +14,7 @@
 //! nodes on the longest path from its root) is within its share cannot overflow it. The builders guarantee that.
 
 pub mod bounds;
+pub mod cast;
 pub mod mesh;
 pub mod records;
 pub mod refit;

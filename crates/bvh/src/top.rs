@@ -255,6 +255,19 @@ fn absolute(matrix: &DMat3) -> DMat3 {
     )
 }
 
+/// The inverse of a placement and its [`Placement::condition`]; `None` if it has none that is of use.
+pub(crate) fn inverse(outer_from_object: &DAffine3) -> Option<(DAffine3, f64)> {
+    let determinant = outer_from_object.matrix3.determinant();
+    if !(determinant.is_finite() && determinant != 0.0) {
+        return None;
+    }
+    let object_from_outer = outer_from_object.inverse();
+    let product = absolute(&outer_from_object.matrix3) * absolute(&object_from_outer.matrix3);
+    let condition = (product * DVec3::ONE).max_element();
+    // A NaN fails.
+    (condition <= MAX_CONDITION).then_some((object_from_outer, condition))
+}
+
 fn place(
     origin_in_world: DVec3,
     source: &InstanceSource,
@@ -264,13 +277,7 @@ fn place(
         matrix3: source.world_from_object.matrix3,
         translation: source.world_from_object.translation - origin_in_world,
     };
-    let determinant = render_from_object.matrix3.determinant();
-    if !(determinant.is_finite() && determinant != 0.0) {
-        return None;
-    }
-    let object_from_render = render_from_object.inverse();
-    let product = absolute(&render_from_object.matrix3) * absolute(&object_from_render.matrix3);
-    let condition = (product * DVec3::ONE).max_element();
+    let (object_from_render, condition) = inverse(&render_from_object)?;
     let forward = rows(&render_from_object);
     let backward = rows(&object_from_render);
     let usable = forward
@@ -278,10 +285,11 @@ fn place(
         .chain(&backward)
         .flatten()
         .all(|x| x.abs() < 1e15);
-    // A NaN fails both comparisons.
-    if !(usable && condition <= MAX_CONDITION) {
+    // A NaN fails too.
+    if !usable {
         return None;
     }
+    let determinant = render_from_object.matrix3.determinant();
     let instance = Instance {
         render_from_object_0: forward[0],
         render_from_object_1: forward[1],

@@ -17,6 +17,7 @@
 //!
 //! | value | in a session |
 //! |---|---|
+//! | `wild_hands` | hands that are tracked at no place, triggers pulled by NaN |
 //! | `wild_rates` | refresh rates that are no numbers, negative, infinite, and 75 Hz |
 //! | `no_rates` | no refresh rate that makes sense |
 //! | `wild_mask` | a visibility mask of 100,000 triangles, with indices and corners that make no sense |
@@ -198,6 +199,10 @@ unsafe extern "system" fn get_instance_proc_addr(
         EndSession = end_session,
         RequestExitSession = request_exit,
         CreateReferenceSpace = create_space,
+        CreateActionSpace = create_action_space,
+        LocateSpace = locate_space,
+        GetActionStateFloat = float_state,
+        ApplyHapticFeedback = apply_haptics,
         WaitFrame = wait_frame,
         BeginFrame = begin_frame,
         EndFrame = end_frame,
@@ -491,6 +496,67 @@ unsafe extern "system" fn create_space(
     out: *mut xr::Space,
 ) -> R {
     out.write(xr::Space::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_action_space(
+    _: xr::Session,
+    _: *const xr::ActionSpaceCreateInfo,
+    out: *mut xr::Space,
+) -> R {
+    out.write(xr::Space::from_raw(state().handle()));
+    R::SUCCESS
+}
+
+/// Hands that nobody tracks, or that are no place at all.
+unsafe extern "system" fn locate_space(
+    _: xr::Space,
+    _: xr::Space,
+    _: xr::Time,
+    out: *mut xr::SpaceLocation,
+) -> R {
+    let is_wild = asked_for("wild_hands");
+    let flags = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
+    (*out).location_flags = if is_wild {
+        flags
+    } else {
+        xr::SpaceLocationFlags::EMPTY
+    };
+    (*out).pose.position = xr::Vector3f {
+        x: f32::NAN,
+        y: f32::INFINITY,
+        z: 0.0,
+    };
+    (*out).pose.orientation = xr::Quaternionf {
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+        w: 0.0,
+    };
+    if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
+        velocity.velocity_flags = xr::SpaceVelocityFlags::EMPTY;
+    }
+    R::SUCCESS
+}
+
+unsafe extern "system" fn apply_haptics(
+    _: xr::Session,
+    _: *const xr::HapticActionInfo,
+    _: *const xr::HapticBaseHeader,
+) -> R {
+    R::SUCCESS
+}
+
+unsafe extern "system" fn float_state(
+    _: xr::Session,
+    _: *const xr::ActionStateGetInfo,
+    out: *mut xr::ActionStateFloat,
+) -> R {
+    let is_wild = asked_for("wild_hands");
+    (*out).current_state = f32::NAN;
+    (*out).changed_since_last_sync = xr::FALSE;
+    (*out).last_change_time = xr::Time::from_nanos(0);
+    (*out).is_active = is_wild.into();
     R::SUCCESS
 }
 

@@ -1,11 +1,13 @@
-//! The action set: move, turn, switch reuse, quit.
+//! The program's own action set: move, turn, switch reuse, quit. It is attached with that of the hands.
 
 use glam::DVec2;
 use openxr as xr;
 
+use super::hands::Hands;
+
 /// What the wearer does in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Input {
+pub(super) struct Wishes {
     /// Right and forward, -1 to 1.
     pub(super) walk: DVec2,
     /// Right, -1 to 1.
@@ -79,6 +81,10 @@ const BINDINGS: &[(&str, &[(Drives, &str)])] = &[
 
 /// The actions, attached to a session.
 pub(super) struct Controls {
+    /// What an application sees.
+    pub(super) hands: Hands,
+    /// Whether walking and turning are on.
+    moves: bool,
     set: xr::ActionSet,
     walk: xr::Action<xr::Vector2f>,
     turn: xr::Action<xr::Vector2f>,
@@ -89,10 +95,17 @@ pub(super) struct Controls {
 }
 
 impl Controls {
-    /// Makes the actions, suggests bindings for the profiles that the runtime knows, and attaches them.
-    pub(super) fn new<G>(instance: &xr::Instance, session: &xr::Session<G>) -> xr::Result<Self> {
+    /// Makes the actions, suggests bindings for the profiles that the runtime knows, and attaches them. Without `moves` the
+    /// wearer neither walks nor turns: an application has the sticks for itself.
+    pub(super) fn new<G>(
+        instance: &xr::Instance,
+        session: &xr::Session<G>,
+        moves: bool,
+    ) -> xr::Result<Self> {
         let set = instance.create_action_set("stereolux", "stereolux", 0)?;
-        let controls = Self {
+        let mut controls = Self {
+            hands: Hands::new(instance)?,
+            moves,
             walk: set.create_action("walk", "Walk", &[])?,
             turn: set.create_action("turn", "Turn", &[])?,
             advance: set.create_action("advance", "Walk ahead", &[])?,
@@ -102,7 +115,7 @@ impl Controls {
             set,
         };
         for (profile, sources) in BINDINGS {
-            let mut bindings = Vec::with_capacity(sources.len());
+            let mut bindings = controls.hands.bindings(instance, profile)?;
             for (drives, source) in *sources {
                 let path = instance.string_to_path(source)?;
                 bindings.push(match drives {
@@ -122,13 +135,17 @@ impl Controls {
                 log::debug!("{profile}: {error}");
             }
         }
-        session.attach_action_sets(&[&controls.set])?;
+        session.attach_action_sets(&[&controls.set, &controls.hands.set])?;
+        controls.hands.attached(session)?;
         Ok(controls)
     }
 
     /// Reads the actions. Without focus the runtime reports rest.
-    pub(super) fn read<G>(&self, session: &xr::Session<G>) -> xr::Result<Input> {
-        session.sync_actions(&[xr::ActiveActionSet::new(&self.set)])?;
+    pub(super) fn read<G>(&self, session: &xr::Session<G>) -> xr::Result<Wishes> {
+        session.sync_actions(&[
+            xr::ActiveActionSet::new(&self.set),
+            xr::ActiveActionSet::new(&self.hands.set),
+        ])?;
         let stick = |action: &xr::Action<xr::Vector2f>| {
             action.state(session, xr::Path::NULL).map(|state| {
                 if state.is_active {
@@ -149,9 +166,17 @@ impl Controls {
                 state.is_active && state.current_state && state.changed_since_last_sync
             })
         };
-        Ok(Input {
-            walk: stick(&self.walk)? + DVec2::Y * held(&self.advance)?,
-            turn: stick(&self.turn)?.x + held(&self.turn_right)?,
+        let [walk, turn] = if self.moves {
+            [
+                stick(&self.walk)? + DVec2::Y * held(&self.advance)?,
+                stick(&self.turn)? + DVec2::X * held(&self.turn_right)?,
+            ]
+        } else {
+            [DVec2::ZERO; 2]
+        };
+        Ok(Wishes {
+            walk,
+            turn: turn.x,
             switch_reuse: pressed(&self.switch_reuse)?,
             quit: pressed(&self.quit)?,
         })

@@ -8,6 +8,7 @@
 //! [`crate::gpu::vulkan_interop::openxr`].
 
 mod controls;
+mod hands;
 mod lifecycle;
 mod locomotion;
 mod runtime;
@@ -29,8 +30,8 @@ use super::frame_clock::FrameOrder;
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
 use super::{
-    FrameState, FrameSubmission, LocatedViews, RenderTargets, RuntimeTargets, SessionInfo,
-    ViewFlags, XrError, XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, RuntimeTargets,
+    SessionInfo, ViewFlags, XrError, XrSession,
 };
 use crate::gpu::GpuContext;
 use crate::gpu::vulkan_interop::openxr::{self as interop, LayerView};
@@ -111,7 +112,8 @@ impl OpenXrSession {
             .map_err(failed("xrCreateReferenceSpace"))?;
         let refresh_hz = refresh_rate(&runtime, &session, options.settings.refresh_hz);
         let hidden = hidden_areas(&runtime, &session, &options.settings);
-        let controls = Controls::new(&runtime.instance, &session).map_err(failed("action set"))?;
+        let controls = Controls::new(&runtime.instance, &session, options.settings.locomotion)
+            .map_err(failed("action set"))?;
         let with_depth = options.settings.depth_layer && runtime.offered.depth_layer;
         let eyes = EyeSwapchains::pair(
             &session,
@@ -384,6 +386,29 @@ impl XrSession for OpenXrSession {
             ));
         }
         Ok(Some(located))
+    }
+
+    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
+        self.order.may_locate()?;
+        let read = self.controls.hands.read(
+            &self.session,
+            &self.space,
+            &self.locomotion.world_from_space(),
+            xr::Time::from_nanos(display_time_ns),
+        );
+        read.map_err(|error| self.lost("reading the hands", error))
+    }
+
+    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
+        let nanoseconds = (pulse.duration_s * 1e9).min(1e18) as i64;
+        let duration = match nanoseconds {
+            0 => xr::Duration::MIN_HAPTIC,
+            more => xr::Duration::from_nanos(more),
+        };
+        let hands = &self.controls.hands;
+        let amplitude = pulse.amplitude as f32;
+        let sent = hands.vibrate(&self.session, pulse.side, duration, amplitude);
+        sent.map_err(|error| self.lost("xrApplyHapticFeedback", error))
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

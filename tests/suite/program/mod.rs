@@ -1,7 +1,9 @@
 //! The program from outside: commands, options, settings, and the list of checks.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::bvh_probe, minimal_example, support};
+use crate::suite::{
+    bvh::bvh_probe, gallery_tour_example, minimal_example, own_loop_example, support,
+};
 
 pub mod application;
 pub mod checks;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::json;
-use stereolux::xr::trace::Trace;
+use stereolux::xr::Input;
+use stereolux::xr::trace::{Trace, TraceFrame};
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
 use crate::suite::support::Folder;
@@ -337,6 +338,8 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         ("wild_rates", 75.0),
         ("no_rates", 90.0),
         ("wild_mask", 90.0),
+        // Hands that are nowhere do nothing, and nothing of them is recorded.
+        ("wild_hands", 90.0),
     ] {
         let (out, trace) = (
             folder.join(behaviour),
@@ -349,6 +352,8 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         let trace = Trace::read(&trace).unwrap();
         assert_eq!(trace.header.refresh_hz, refresh_hz, "{behaviour}");
         assert_eq!(trace.header.hidden.is_some(), behaviour == "wild_mask");
+        let at_rest = |frame: &TraceFrame| frame.input == Input::default();
+        assert!(trace.frames.iter().all(at_rest), "{behaviour}");
         if let Some(hidden) = trace.header.hidden {
             assert!(
                 hidden

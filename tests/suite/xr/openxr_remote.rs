@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
 use serde_json::Value;
-use stereolux::xr::Pose;
 use stereolux::xr::trace::Trace;
+use stereolux::xr::{Button, Pose, Side};
 
 use super::openxr_support::{
     Remote, RemoteEye, assert_same_images, assert_status, drive, remote_port, stats,
@@ -109,6 +109,21 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
                 assert_eq!(angles, scripted(0).eyes[eye].fov.map(f64::from));
             }
             // Positions under 2 m in f32 through a few products: 4 roundings of 1.2e-7.
+            for hand in &frame.input.hands {
+                // Where `Remote::packet` has both, unturned; each of grip and aim is that pose itself.
+                let sent = world_from_floor.then(&pose([0.0, 0.0, 0.0, 1.0], [0.0, 1.2, -0.3]));
+                for tracked in [hand.grip, hand.aim] {
+                    let seen = tracked.expect("a tracked controller").pose;
+                    assert!(
+                        (seen.position - sent.position).length() < 1e-6,
+                        "{space}: {seen:?}, not {sent:?}"
+                    );
+                    assert!(
+                        seen.orientation.dot(sent.orientation).abs() > 1.0 - 1e-12,
+                        "{seen:?}"
+                    );
+                }
+            }
             let found = expected.iter().position(|eyes| {
                 eyes.iter().zip(&frame.views.views).all(|(eye, view)| {
                     (eye.position - view.position_in_world).length() < 1e-6
@@ -175,6 +190,17 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     let trace = Trace::read(&trace_path).unwrap();
     let frames = stats(&live);
     assert!(frames.len() > 80 && frames.len() < 2000, "{}", frames.len());
+    let left = |index: usize| trace.frames[index].input.hand(Side::Left);
+    let presses = (1..trace.frames.len()).filter(|at| {
+        let held = |at: usize| left(at).pressed.has(Button::Primary);
+        held(*at) && !held(at - 1)
+    });
+    assert_eq!(presses.count(), 1, "the left A button went down once");
+    assert!(!left(10).pressed.has(Button::Primary) && left(10).stick.y == 0.0);
+    assert!(
+        (20..45).any(|at| left(at).stick.y == 1.0),
+        "the stick that walks is the application's too"
+    );
     let first = &trace.frames[10].views;
     let walked = &trace.frames[43].views;
     let turned = &trace.frames[58].views;

@@ -6,10 +6,12 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::path::Path;
+use stereolux::xr::input::JOINTS;
 use stereolux::xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux::xr::{
-    Fov, FrameSubmission, Headset, HiddenArea, InputError, LocatedViews, Motion, Pose, Recorder,
-    ReplayOptions, ReplaySession, SimulatedSession, View, XrError, XrSession,
+    Button, Buttons, Fov, FrameSubmission, Hand, HandScript, Headset, HiddenArea, Input,
+    InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions, ReplaySession, Side,
+    SimulatedSession, Tracked, View, XrError, XrSession,
 };
 
 use super::support::TemporaryFile;
@@ -27,7 +29,9 @@ fn frame_at(t_ns: i64) -> String {
 }
 
 fn write(trace: &Trace) -> String {
-    let mut text = header_line(&trace.header).unwrap();
+    let frames = trace.frames.iter().map(TraceFrame::version);
+    let version = frames.fold(trace.header.version(), u64::max);
+    let mut text = header_line(&trace.header, version).unwrap();
     for frame in &trace.frames {
         text += &frame_line(frame).unwrap();
     }
@@ -123,7 +127,7 @@ fn header_faults() {
     };
     assert_eq!(field("stereolux-trace", "other"), "format");
     assert_eq!(field("\"format\":\"stereolux-trace\",", ""), "format");
-    assert_eq!(field("\"version\":1", "\"version\":2"), "version");
+    assert_eq!(field("\"version\":1", "\"version\":3"), "version");
     assert_eq!(field("\"version\":1,", ""), "version");
     assert_eq!(field("\"quest3\"", "3"), "headset");
     assert_eq!(field("90.0", "0.0"), "refresh_hz");
@@ -275,6 +279,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
         session.begin_frame().unwrap();
         let t_ns = frame.predicted_display_time_ns;
         let views = session.locate_views(t_ns).unwrap().unwrap();
+        let input = session.locate_input(t_ns).unwrap();
         session
             .end_frame(FrameSubmission::new(t_ns, Some(&views)))
             .unwrap();
@@ -282,6 +287,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
             t_ns,
             views,
             switch_reuse: frame.switch_reuse,
+            input,
         });
     }
     frames
@@ -438,6 +444,147 @@ prop_compose! {
     }
 }
 
+fn any_pose() -> impl Strategy<Value = Pose> {
+    any_view().prop_map(|view| Pose::new(view.position_in_world, view.orientation))
+}
+
+fn any_vector() -> impl Strategy<Value = DVec3> {
+    [prop::num::f64::NORMAL | prop::num::f64::ZERO; 3].prop_map(DVec3::from_array)
+}
+
+prop_compose! {
+    fn any_tracked()(pose in any_pose(), linear_velocity in any_vector(), angular_velocity in any_vector()) -> Tracked {
+        Tracked { pose, linear_velocity, angular_velocity }
+    }
+}
+
+fn any_buttons() -> impl Strategy<Value = Buttons> {
+    any::<[bool; 6]>().prop_map(|held| {
+        let all = Button::ALL.into_iter().zip(held);
+        all.fold(Buttons::default(), |set, (button, is_in)| {
+            set.with(button, is_in)
+        })
+    })
+}
+
+prop_compose! {
+    fn any_hand()(
+        grip in prop::option::of(any_tracked()), aim in prop::option::of(any_tracked()),
+        pulls in [0.0..=1.0_f64, 0.0..=1.0_f64], stick in [-1.0..=1.0_f64, -1.0..=1.0_f64],
+        pressed in any_buttons(), touched in any_buttons(),
+        joints in prop::option::weighted(0.2, prop::collection::vec((any_pose(), 0.0..=1.0_f64), JOINTS)),
+    ) -> Hand {
+        let joint = |(pose, radius_m): (Pose, f64)| Joint { pose, radius_m };
+        let joints = joints.map(|joints| joints.into_iter().map(joint).collect::<Vec<_>>());
+        Hand {
+            grip, aim, trigger: pulls[0], squeeze: pulls[1], stick: stick.into(), pressed, touched,
+            joints: joints.map(|joints| joints.try_into().unwrap()),
+        }
+    }
+}
+
+prop_compose! {
+    fn any_input()(
+        hands in [prop::option::of(any_hand()), prop::option::of(any_hand())], gaze in prop::option::of(any_pose()),
+    ) -> Input {
+        Input { hands: hands.map(Option::unwrap_or_default), gaze }
+    }
+}
+
+#[test]
+fn a_file_states_the_lowest_version_that_can_hold_it() {
+    let plain = |switch_reuse, input| TraceFrame {
+        t_ns: 0,
+        views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
+        switch_reuse,
+        input,
+    };
+    let gaze = Input {
+        gaze: Some(Pose::IDENTITY),
+        ..Input::default()
+    };
+    assert_eq!(plain(false, Input::default()).version(), 1);
+    assert_eq!(plain(true, Input::default()).version(), 2);
+    assert_eq!(plain(false, gaze.clone()).version(), 2);
+    // A reader of version 1 knows no input, and one of version 2 both.
+    let line = frame_line(&plain(false, gaze)).unwrap();
+    let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
+    assert_eq!(refused.field.as_deref(), Some("input"), "{refused}");
+    let second = HEADER.replace("\"version\":1", "\"version\":2");
+    assert!(read(&format!("{second}\n{line}")).is_ok());
+    assert!(read(&format!("{second}\n{FRAME}\n")).is_ok());
+}
+
+#[test]
+fn malformed_input_is_named_by_file_line_and_field() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let field_of = |input: &str| {
+        let frame = FRAME.replacen('{', &format!("{{\"input\":{input},"), 1);
+        let error = read(&format!("{header}\n{frame}\n")).unwrap_err();
+        assert_eq!(error.line, Some(2), "{error}");
+        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+        error.field.unwrap_or_default()
+    };
+    let grip = r#""grip":{"position":[0,0,0],"orientation":[0,0,0,2]}"#;
+    assert_eq!(field_of("3"), "input");
+    assert_eq!(field_of(r#"{"middle":{}}"#), "input.middle");
+    assert_eq!(
+        field_of(r#"{"left":{"trigger":1.5}}"#),
+        "input.left.trigger"
+    );
+    assert_eq!(
+        field_of(r#"{"left":{"squeeze":"a"}}"#),
+        "input.left.squeeze"
+    );
+    assert_eq!(
+        field_of(r#"{"right":{"stick":[0,-2]}}"#),
+        "input.right.stick[1]"
+    );
+    assert_eq!(field_of(r#"{"right":{"stick":[0]}}"#), "input.right.stick");
+    assert_eq!(
+        field_of(r#"{"right":{"pressed":["trigga"]}}"#),
+        "input.right.pressed"
+    );
+    assert_eq!(
+        field_of(r#"{"right":{"pressed":[1]}}"#),
+        "input.right.pressed"
+    );
+    assert_eq!(field_of(r#"{"right":{"joints":[]}}"#), "input.right.joints");
+    assert_eq!(
+        field_of(&format!("{{\"left\":{{{grip}}}}}")),
+        "input.left.grip.orientation"
+    );
+    assert_eq!(
+        field_of(r#"{"gaze":{"position":[0,0,0]}}"#),
+        "input.gaze.orientation"
+    );
+}
+
+#[test]
+fn what_simulated_hands_do_is_recorded_and_replayed() {
+    let script = "[[left]]\nat_s = 0.01\nposition_m = [1, 2, 3]\n[[left]]\nat_s = 0.03\npress = ['menu']\n\
+                  point_at = 'a'\n[[right]]\nat_s = 0.02\nstick = [0.5, -1]\nwave = true\n";
+    let place_of = |_: &str| Ok(DVec3::new(0.3, 0.2, 0.1));
+    let hands = HandScript::parse("hands.toml", script, &Pose::IDENTITY, &place_of).unwrap();
+    let file = TemporaryFile::new("hands.jsonl");
+    let recorded = play(&mut Recorder::create(&file.0, simulated(5).with_hands(hands)).unwrap());
+    assert!(recorded[4].input.hand(Side::Left).pressed.has(Button::Menu));
+    assert_eq!(recorded[4].input.hand(Side::Right).stick.y, -1.0);
+    assert!(
+        file.text()
+            .starts_with("{\"format\":\"stereolux-trace\",\"version\":2,")
+    );
+    let options = ReplayOptions::new(Headset::load("index").unwrap(), Pose::IDENTITY);
+    let mut replay = ReplaySession::open(&file.0, options).unwrap();
+    assert_eq!(play(&mut replay), recorded);
+    // Without hands it is a file of version 1.
+    play(&mut Recorder::create(&file.0, simulated(5)).unwrap());
+    assert!(
+        file.text()
+            .starts_with(HEADER.split("\"headset").next().unwrap())
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, rng_seed: RngSeed::Fixed(1),
         failure_persistence: None, ..ProptestConfig::default() })]
@@ -449,6 +596,7 @@ proptest! {
         headset in "\\PC{0,12}",
         refresh_hz in 1.0..1000.0_f64,
         triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
+        inputs in prop::collection::vec(any_input(), 1..4),
     ) {
         let hidden = (!triangles.is_empty()).then(|| {
             let eye = |scale: f64| HiddenArea::from_triangles(
@@ -460,6 +608,7 @@ proptest! {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
             switch_reuse: k % 3 == 1,
+            input: inputs[k % inputs.len()].clone(),
         });
         let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
         let text = write(&trace);

@@ -1,0 +1,117 @@
+//! A tour of the embedded gallery: the right hand's trigger takes what it points at of the vase and the two spheres, the
+//! left stick dims and brightens the spots, the left hand's primary button (X, or A) switches day and night.
+//!
+//! `cargo run --release --example gallery_tour` plays what simulated hands do. The flags are those of `stereolux run`:
+//! `--session openxr` for a headset, `--record FILE`, `--trace FILE`.
+
+use std::process::ExitCode;
+
+use glam::DAffine3;
+use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
+
+/// Scene and settings, unless the command line has others.
+pub const DEFAULTS: &[&str] = &[
+    "--scene=builtin:gallery",
+    "--motion=still",
+    "--frames=24",
+    "--set=simulated.hands=examples/gallery_tour_hands.toml",
+];
+
+/// What may be taken.
+const THINGS: [&str; 3] = ["vase", "mirror sphere", "glass sphere"];
+/// How far the hand reaches, metres.
+const REACH_M: f64 = 6.0;
+/// Windows and skylights at night, as a share of the day.
+const MOONLIGHT: f32 = 0.02;
+/// By how much the stick changes the spots in a second.
+const DIM_PER_S: f64 = 4.0;
+
+/// The application's state.
+#[derive(Default)]
+pub struct Tour {
+    things: Vec<usize>,
+    /// Materials that shine by day, and how.
+    sky: Vec<(usize, [f32; 3])>,
+    spots: Vec<usize>,
+    is_night: bool,
+    /// What is held, and where it is in the hand.
+    held: Option<(usize, DAffine3)>,
+}
+
+fn affine(pose: &Pose) -> DAffine3 {
+    DAffine3::from_rotation_translation(pose.orientation, pose.position)
+}
+
+impl Tour {
+    /// Takes what the right hand points at, carries it, lets it go.
+    fn carry(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let (Some(grip), Some((origin, direction))) =
+            (frame.hand(Side::Right).grip, frame.aim(Side::Right))
+        else {
+            return Ok(());
+        };
+        let world_from_grip = affine(&grip.pose);
+        if frame.pressed(Side::Right, Button::Trigger)
+            && let Some(hit) = world.cast_ray(origin, direction, REACH_M)
+            && let Some(thing) = hit.node.filter(|node| self.things.contains(node))
+        {
+            let grip_from_thing = world_from_grip.inverse() * world.world_from_node(thing)?;
+            self.held = Some((thing, grip_from_thing));
+            world.vibrate(Side::Right, 0.05, 0.5);
+        }
+        if frame.released(Side::Right, Button::Trigger) {
+            self.held = None;
+        }
+        if let Some((thing, grip_from_thing)) = self.held {
+            world.place(thing, world_from_grip * grip_from_thing)?;
+        }
+        Ok(())
+    }
+}
+
+impl App for Tour {
+    fn start(&mut self, world: &mut World) -> Result<(), AppError> {
+        for name in THINGS {
+            self.things.push(world.node(name)?);
+        }
+        for name in ["window light", "skylight"] {
+            let material = world.material(name)?;
+            let emission = world.scene().materials[material].emission;
+            self.sky.push((material, emission));
+        }
+        for name in [
+            "spot on the glass",
+            "spot on the mirror",
+            "spot on the vase",
+        ] {
+            self.spots.push(world.light(name)?);
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        self.carry(frame, world)?;
+        if frame.pressed(Side::Left, Button::Primary) {
+            self.is_night = !self.is_night;
+            let share = if self.is_night { MOONLIGHT } else { 1.0 };
+            for (material, day) in &self.sky {
+                world.change_material(*material, |sky| sky.emission = day.map(|c| c * share))?;
+            }
+        }
+        let stick = frame.hand(Side::Left).stick.y;
+        if stick.abs() > 0.2 {
+            let seconds = frame.period_ns as f64 * 1e-9;
+            let factor = (DIM_PER_S * stick * seconds).exp() as f32;
+            for spot in &self.spots {
+                world.change_light(*spot, |light| {
+                    light.intensity = light.intensity.map(|c| c * factor);
+                })?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn main() -> ExitCode {
+    run_app(&mut Tour::default(), DEFAULTS)
+}

@@ -1,0 +1,354 @@
+//! What an application can change: the scene, by name.
+
+use glam::{DAffine3, DVec3};
+use thiserror::Error;
+
+use crate::gpu::ShaderLibrary;
+use crate::printable::{did_you_mean, line};
+use crate::renderer::{Applied, RayHit, RenderError, Renderer};
+use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
+use crate::scene::{Material, PunctualLight, Scene};
+use crate::settings::Eyes;
+use crate::xr::{HiddenArea, Pulse, Side};
+
+/// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
+/// ([`World::scene`]) and keep them for good.
+///
+/// What is changed shows in the frame under way. Only what needs other shaders or textures than those in use (the scene's
+/// first glass, say) is compiled first: it shows one frame later, and that frame takes as long as compiling does.
+pub struct World<'a> {
+    kept: &'a mut Kept,
+    renderer: Option<&'a Renderer>,
+}
+
+/// What of a world outlives a call of the application.
+pub(crate) struct Kept {
+    scene: Scene,
+    /// The scene differs from what the renderer shows.
+    is_changed: bool,
+    /// Why the renderer cannot show it.
+    needs_rebuild: Option<String>,
+    pulses: Vec<Pulse>,
+    is_over: bool,
+}
+
+/// What an application asked for and cannot have; one line.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum WorldError {
+    /// No node, material or light of that name.
+    #[error("{}", line(&format!("the scene has no {what} '{name}'{hint}")))]
+    Unknown {
+        /// `node`, `material`, `light`.
+        what: &'static str,
+        /// What was asked for.
+        name: String,
+        /// The nearest name that there is, in words; may be empty.
+        hint: String,
+    },
+    /// A number that is none of the scene's, or a value that no scene can have.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+}
+
+impl<'a> World<'a> {
+    /// `renderer`: who shows it, once there is one.
+    pub(crate) fn new(kept: &'a mut Kept, renderer: Option<&'a Renderer>) -> Self {
+        Self { kept, renderer }
+    }
+
+    /// The scene as it is now.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.kept.scene
+    }
+
+    /// The first node of that name.
+    ///
+    /// # Errors
+    /// [`WorldError::Unknown`].
+    pub fn node(&self, name: &str) -> Result<usize, WorldError> {
+        let names = self.kept.scene.nodes.iter().map(|node| node.name.as_str());
+        numbered("node", name, names)
+    }
+
+    /// The first material of that name.
+    ///
+    /// # Errors
+    /// [`WorldError::Unknown`].
+    pub fn material(&self, name: &str) -> Result<usize, WorldError> {
+        let names = self
+            .kept
+            .scene
+            .materials
+            .iter()
+            .map(|material| &*material.name);
+        numbered("material", name, names)
+    }
+
+    /// The first punctual light of that name.
+    ///
+    /// # Errors
+    /// [`WorldError::Unknown`].
+    pub fn light(&self, name: &str) -> Result<usize, WorldError> {
+        let names = self
+            .kept
+            .scene
+            .lights
+            .iter()
+            .map(|light| light.name.as_str());
+        numbered("light", name, names)
+    }
+
+    /// Where a node stands, the scene's own animation left aside.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such node.
+    pub fn world_from_node(&self, node: usize) -> Result<DAffine3, WorldError> {
+        let mut world_from_node = DAffine3::IDENTITY;
+        let mut at = Some(node);
+        while let Some(index) = at {
+            let node = self.known(index)?;
+            world_from_node = node.parent_from_node * world_from_node;
+            at = node.parent;
+        }
+        Ok(world_from_node)
+    }
+
+    /// The middle of what hangs on a node, in the world: of its triangles and those below it; its origin if there are none.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such node.
+    pub fn center_in_world(&self, node: usize) -> Result<DVec3, WorldError> {
+        let world_from_node = self.world_from_node(node)?;
+        Ok(self.kept.scene.center_of_node(node, &world_from_node))
+    }
+
+    fn known(&self, node: usize) -> Result<&crate::scene::Node, WorldError> {
+        let missing = EditError::Missing {
+            what: "node",
+            index: node,
+            count: self.kept.scene.nodes.len(),
+        };
+        Ok(self.kept.scene.nodes.get(node).ok_or(missing)?)
+    }
+
+    /// Puts a node, with everything below it, where `world_from_node` says.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such node, or a transform that is not finite.
+    pub fn place(&mut self, node: usize, world_from_node: DAffine3) -> Result<(), WorldError> {
+        let world_from_parent = match self.known(node)?.parent {
+            Some(parent) => self.world_from_node(parent)?,
+            None => DAffine3::IDENTITY,
+        };
+        let parent_from_node = world_from_parent.inverse() * world_from_node;
+        self.edit(Edit::place(node, parent_from_node))
+    }
+
+    /// Shows or hides a node with everything below it.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such node.
+    pub fn set_visible(&mut self, node: usize, is_visible: bool) -> Result<(), WorldError> {
+        self.edit(Edit::Visibility {
+            node,
+            is_hidden: !is_visible,
+        })
+    }
+
+    /// Adds an empty node, a light or another instance of a mesh at a place in the world; returns the node's number.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such mesh, or a value that no scene can have.
+    pub fn add(
+        &mut self,
+        name: &str,
+        world_from_node: DAffine3,
+        content: NewContent,
+    ) -> Result<usize, WorldError> {
+        let node = NewNode {
+            name: name.to_owned(),
+            to: Placement::of(world_from_node),
+            content,
+        };
+        self.edit(Edit::Add { parent: None, node })?;
+        Ok(self.kept.scene.nodes.len() - 1)
+    }
+
+    /// Takes a node out of the scene with everything below it. Its number is not given away again.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such node, or one that was removed before.
+    pub fn remove(&mut self, node: usize) -> Result<(), WorldError> {
+        self.edit(Edit::Delete { node })
+    }
+
+    /// Changes a material wherever it is used.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such material, or a value that no material can have.
+    pub fn change_material(
+        &mut self,
+        material: usize,
+        change: impl FnOnce(&mut Material),
+    ) -> Result<(), WorldError> {
+        let known = self.kept.scene.materials.get(material);
+        let mut to = known.cloned().ok_or(EditError::Missing {
+            what: "material",
+            index: material,
+            count: self.kept.scene.materials.len(),
+        })?;
+        change(&mut to);
+        let to = Box::new(to);
+        self.edit(Edit::Material { material, to })
+    }
+
+    /// Changes a light at all nodes that have it.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: no such light, or a value that no light can have.
+    pub fn change_light(
+        &mut self,
+        light: usize,
+        change: impl FnOnce(&mut PunctualLight),
+    ) -> Result<(), WorldError> {
+        let known = self.kept.scene.lights.get(light);
+        let mut to = known.cloned().ok_or(EditError::Missing {
+            what: "light",
+            index: light,
+            count: self.kept.scene.lights.len(),
+        })?;
+        change(&mut to);
+        self.edit(Edit::Light { light, to })
+    }
+
+    /// Any other edit, of those that [`Edit`] lists.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]; the scene is then as it was.
+    pub fn edit(&mut self, edit: Edit) -> Result<(), WorldError> {
+        edit.apply(&mut self.kept.scene)?;
+        self.kept.is_changed = true;
+        Ok(())
+    }
+
+    /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The
+    /// scene's animation is that of the frame under way, what the application changed in this frame does not count yet.
+    /// Nothing is met in [`super::App::start`]. As [`Renderer::cast_ray`].
+    #[must_use]
+    pub fn cast_ray(
+        &self,
+        origin_in_world: DVec3,
+        direction: DVec3,
+        max_distance_m: f64,
+    ) -> Option<RayHit> {
+        self.renderer?
+            .cast_ray(origin_in_world, direction, max_distance_m)
+    }
+
+    /// Lets a controller vibrate for a while, `amplitude` 0 to 1; nothing happens where there is none that can.
+    pub fn vibrate(&mut self, side: Side, duration_s: f64, amplitude: f64) {
+        self.kept.pulses.push(Pulse {
+            side,
+            duration_s: duration_s.max(0.0),
+            amplitude: amplitude.clamp(0.0, 1.0),
+        });
+    }
+
+    /// Ends the run after the frame under way.
+    pub fn quit(&mut self) {
+        self.kept.is_over = true;
+    }
+}
+
+impl Kept {
+    pub(crate) fn new(scene: Scene) -> Self {
+        Self {
+            scene,
+            is_changed: false,
+            needs_rebuild: None,
+            pulses: Vec::new(),
+            is_over: false,
+        }
+    }
+
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
+        std::mem::take(&mut self.pulses)
+    }
+
+    /// The renderer to come is made from the scene as it is.
+    pub(crate) fn settled(&mut self) {
+        self.is_changed = false;
+        self.needs_rebuild = None;
+    }
+
+    /// Shows what was changed, as far as the renderer can.
+    ///
+    /// # Errors
+    /// As [`Renderer::apply_scene`].
+    pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
+        if std::mem::take(&mut self.is_changed) {
+            self.needs_rebuild = match renderer.apply_scene(&self.scene)? {
+                Applied::InPlace(_) => None,
+                Applied::NeedsRebuild { why } => Some(why),
+            };
+        }
+        Ok(())
+    }
+
+    /// Whether [`Kept::rebuild`] has something to do. No frame may be on its way when it does.
+    pub(crate) fn needs_rebuild(&self) -> bool {
+        self.needs_rebuild.is_some()
+    }
+
+    /// Makes the renderer anew where the last frame's changes asked for it.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn rebuild(
+        &mut self,
+        renderer: &mut Renderer,
+        library: &ShaderLibrary,
+        hidden: Option<&[HiddenArea; 2]>,
+    ) -> Result<(), RenderError> {
+        if let Some(why) = self.needs_rebuild.take() {
+            log::info!("the renderer is made anew: {why}");
+            let context = renderer.context().clone();
+            let settings = renderer.settings().clone();
+            let size = renderer.size();
+            *renderer = Renderer::with_hidden_area(
+                context,
+                library,
+                &self.scene,
+                &settings,
+                Eyes::Both,
+                size,
+                hidden,
+            )?;
+            self.is_changed = false;
+        }
+        Ok(())
+    }
+}
+
+/// The number of the first of `names` that is `name`.
+fn numbered<'a>(
+    what: &'static str,
+    name: &str,
+    names: impl Iterator<Item = &'a str> + Clone,
+) -> Result<usize, WorldError> {
+    let found = names.clone().position(|known| known == name);
+    found.ok_or_else(|| WorldError::Unknown {
+        what,
+        name: name.to_owned(),
+        hint: did_you_mean(name, names),
+    })
+}
