@@ -42,6 +42,12 @@ ensure_vulkan() {
     apt_install libvulkan1 mesa-vulkan-drivers
 }
 
+# Mesa's driver for AMD's cards, which compiles for them without one.
+ensure_radv() {
+    has_vulkan && { [ -n "${VK_DRIVER_FILES:-}" ] || [ -e /usr/share/vulkan/icd.d/radeon_icd.x86_64.json ]; } && return 0
+    apt_install libvulkan1 mesa-vulkan-drivers
+}
+
 ensure_build_tools() {
     if ! command -v cargo >/dev/null; then
         [ -f "${HOME:-/root}/.cargo/env" ] && . "${HOME:-/root}/.cargo/env"

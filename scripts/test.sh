@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what the tests need and runs all of them: formatting, lints, documentation, shader validation, tests, doc tests.
+# Installs what the tests need and runs all of them: formatting, lints, documentation, shader validation, limits on what
+# passes become on a GPU, tests, doc tests.
 # Prints the ten slowest tests and the total, also when some fail.
 # On a software adapter unless STEREOLUX_TEST_ADAPTER names another (a part of its name, or `any`).
 set -euo pipefail
@@ -8,6 +9,7 @@ cd "$(dirname "$0")/.."
 
 ensure_build_tools
 ensure_vulkan
+ensure_radv
 # The OpenXR tests run against Monado, fetched once into a cache folder, and read its picture off a virtual screen.
 command -v Xvfb >/dev/null || apt_install xvfb
 # What windows of the desktop mirror are opened with.
@@ -15,7 +17,7 @@ has_libraries libX11.so.6 libX11-xcb.so.1 libxcb.so.1 libXcursor.so.1 libXi.so.6
     apt_install libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0
 scripts/monado.sh --fetch
 # The fake runtime has no tests of its own.
-packages=(-p stereolux -p stereolux-bvh -p stereolux-report)
+packages=(-p stereolux -p stereolux-bvh -p stereolux-report -p stereolux-isa)
 cargo fmt --all --check
 # One profile throughout, so that dependencies are compiled once.
 cargo clippy --release --locked "${packages[@]}" --all-targets -- -D warnings
@@ -24,7 +26,9 @@ cargo clippy --release --locked --bin stereolux -- -D warnings
 # What scripts/demo.sh builds.
 cargo clippy --release --locked --bin stereolux --no-default-features -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps "${packages[@]}"
-cargo build --release --locked --examples
+cargo build --release --locked -p stereolux -p stereolux-isa --bins --examples
+# What the passes become on a GPU.
+"${CARGO_TARGET_DIR:-target}/release/stereolux-isa" --check >/dev/null
 
 # Runs tests, their output shown as it comes and kept in $log.
 log=$(mktemp)

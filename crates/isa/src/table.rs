@@ -1,0 +1,126 @@
+//! The figures of a kernel, and how they are written.
+
+use anyhow::{Context as _, Result};
+use serde::Serialize;
+
+use crate::card::{Card, Family, Statistics};
+use crate::kernels::Kernel;
+
+/// What a kernel became on a card.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    pub card: Family,
+    pub scene: String,
+    /// `photon`, `path`: a kernel of `run`'s frame by that method; `other`.
+    pub frame: &'static str,
+    pub pass: String,
+    pub code_bytes: u32,
+    pub instructions: u32,
+    pub vgprs: u32,
+    pub sgprs: u32,
+    pub spilled_vgprs: u32,
+    pub spilled_sgprs: u32,
+    /// Lanes of a wave.
+    pub lanes: u32,
+    /// Bytes per lane.
+    pub scratch_bytes: u32,
+    /// Bytes per lane of the arrays that the shader declares in its threads' own memory.
+    pub declared_bytes: u32,
+    /// Bytes per workgroup.
+    pub lds_bytes: u32,
+    /// Waves of 64 lanes for which a SIMD unit has registers, 16 at most. Computed: Mesa 22 and 25 count in different units.
+    pub waves: u32,
+    /// The driver's estimate of a wave's time, cycles.
+    pub latency_cycles: u32,
+    /// The driver's estimate of cycles per wave with all units busy.
+    pub inverse_throughput_cycles: u32,
+}
+
+impl Row {
+    pub fn measure(card: &Card, kernel: &Kernel) -> Result<Self> {
+        let (words, bindings) = kernel.spirv()?;
+        let found = card
+            .compile(&words, &bindings)
+            .with_context(|| kernel.name())?;
+        Self::of(card, kernel, &found).with_context(|| kernel.name())
+    }
+
+    fn of(card: &Card, kernel: &Kernel, found: &Statistics) -> Result<Self> {
+        let whole = |name: &str| match found.get(name) {
+            Some(value) => Ok(*value as u32),
+            None => {
+                let names: Vec<&str> = found.keys().map(String::as_str).collect();
+                anyhow::bail!("the driver does not say {name:?}, only {names:?}")
+            }
+        };
+        Ok(Self {
+            card: card.family,
+            scene: kernel.scene.clone(),
+            frame: kernel.frame.name(),
+            pass: kernel.pass.clone(),
+            code_bytes: whole("Code size")?,
+            instructions: whole("Instructions")?,
+            vgprs: whole("VGPRs")?,
+            sgprs: whole("SGPRs")?,
+            spilled_vgprs: whole("Spilled VGPRs")?,
+            spilled_sgprs: whole("Spilled SGPRs")?,
+            lanes: whole("subgroup")?,
+            // The driver counts a wave's.
+            scratch_bytes: whole("Scratch size")? / whole("subgroup")?.max(1),
+            declared_bytes: kernel.declared_bytes(),
+            lds_bytes: whole("LDS size")?,
+            waves: card.family.waves(whole("VGPRs")?),
+            latency_cycles: whole("Latency")?,
+            inverse_throughput_cycles: whole("Inverse Throughput")?,
+        })
+    }
+
+    /// Names the kernel on its card.
+    pub fn name(&self) -> String {
+        format!(
+            "{} {} {} ({})",
+            self.card.name(),
+            self.scene,
+            self.pass,
+            self.frame
+        )
+    }
+}
+
+/// A Markdown table per card.
+pub fn print(cards: &[Card], rows: &[Row]) {
+    for card in cards {
+        println!("\n{}, {}\n", card.family.name(), card.driver);
+        println!(
+            "| scene | frame | pass | code, KiB | instructions | VGPRs | SGPRs | spilled V/S | scratch, B/lane | LDS, B | waves | latency | inverse throughput |"
+        );
+        println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+        for row in rows.iter().filter(|row| row.card == card.family) {
+            println!(
+                "| {} | {} | {} | {:.1} | {} | {} | {} | {}/{} | {} | {} | {} | {} | {} |",
+                row.scene,
+                row.frame,
+                row.pass,
+                f64::from(row.code_bytes) / 1024.0,
+                row.instructions,
+                row.vgprs,
+                row.sgprs,
+                row.spilled_vgprs,
+                row.spilled_sgprs,
+                row.scratch_bytes,
+                row.lds_bytes,
+                row.waves,
+                row.latency_cycles,
+                row.inverse_throughput_cycles,
+            );
+        }
+    }
+}
+
+pub fn write_csv(to: impl std::io::Write, rows: &[Row]) -> Result<()> {
+    let mut csv = csv::Writer::from_writer(to);
+    for row in rows {
+        csv.serialize(row)?;
+    }
+    Ok(csv.flush()?)
+}
