@@ -298,7 +298,7 @@ impl<'a> World<'a> {
         Ok(part)
     }
 
-    /// Takes a part out again and gives its memory back.
+    /// Takes a part out again and gives its memory back; numbers of its nodes, materials and lights may be given out again.
     ///
     /// # Errors
     /// [`WorldError::Edit`]: it was taken out before, or something else still shows a mesh or a light of it.

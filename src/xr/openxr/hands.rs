@@ -242,9 +242,8 @@ impl Hands {
     ) -> xr::Result<()> {
         let pull = |action: &xr::Action<f32>| {
             let state = action.state(session, path)?;
-            // A runtime's NaN is no pull.
             let pull = if state.is_active {
-                state.current_state.max(0.0).min(1.0)
+                within(state.current_state, 0.0)
             } else {
                 0.0
             };
@@ -254,7 +253,7 @@ impl Hands {
         let stick = self.stick.state(session, path)?;
         if stick.is_active {
             let xr::Vector2f { x, y } = stick.current_state;
-            let axis = |value: f32| f64::from(value.max(-1.0).min(1.0));
+            let axis = |value: f32| f64::from(within(value, -1.0));
             hand.stick = DVec2::new(axis(x), axis(y));
         }
         let held = |actions: &[(Button, xr::Action<bool>)]| {
@@ -288,6 +287,15 @@ impl Hands {
             .amplitude(amplitude);
         self.haptic
             .apply_feedback(session, self.paths[side as usize], &event)
+    }
+}
+
+/// A runtime's value between `low` and 1; 0 for NaN.
+fn within(value: f32, low: f32) -> f32 {
+    if value.is_nan() {
+        0.0
+    } else {
+        value.clamp(low, 1.0)
     }
 }
 

@@ -194,7 +194,7 @@ fn what_a_simulated_hand_grabs_goes_where_the_hand_goes() {
         let is_alone = (hand_moved - moved).length() > 1e-3;
         assert_eq!(
             is_alone,
-            frame < 2 || frame > 8,
+            !(2..=8).contains(&frame),
             "frame {frame}: {hand_moved}, {moved}"
         );
     }
