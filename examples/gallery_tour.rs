@@ -1,7 +1,8 @@
 //! A tour of the embedded gallery: the right hand's trigger takes what it points at of the vase and the two spheres, the
 //! left stick dims and brightens the spots, the left hand's primary button (X, or A) switches day and night.
 //!
-//! `cargo run --release --example gallery_tour` plays what simulated hands do. The flags are those of `stereolux run`:
+//! `cargo run --release --example gallery_tour -- --frames 24 --size 256x256` plays what simulated hands do and writes its
+//! images to out/. The flags are those of `stereolux run`:
 //! `--session openxr` for a headset, `--record FILE`, `--trace FILE`.
 
 use std::process::ExitCode;
@@ -12,8 +13,7 @@ use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
     "--scene=builtin:gallery",
-    "--motion=still",
-    "--frames=24",
+    "--set=simulated.motion=still",
     "--set=simulated.hands=examples/gallery_tour_hands.toml",
 ];
 

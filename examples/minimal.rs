@@ -1,7 +1,7 @@
 //! A whole application: the short block of the Cornell box is picked up with the right hand.
 //!
-//! `cargo run --release --example minimal` plays what simulated hands do and writes its images to out/. The flags are those
-//! of `stereolux run`: `--session openxr` for a headset, `--record FILE` to keep what the wearer did, `--trace FILE` to see
+//! `cargo run --release --example minimal -- --frames 12 --size 256x256` plays what simulated hands do and writes its images
+//! to out/. The flags are those of `stereolux run`: `--session openxr` for a headset, `--record FILE` to keep what the wearer did, `--trace FILE` to see
 //! it again, pixel by pixel.
 
 use std::process::ExitCode;
@@ -12,8 +12,7 @@ use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
     "--scene=builtin:cornell",
-    "--motion=still",
-    "--frames=12",
+    "--set=simulated.motion=still",
     "--set=simulated.hands=examples/minimal_hands.toml",
 ];
 

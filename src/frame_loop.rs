@@ -607,12 +607,7 @@ fn run_frames(
             // Also while the session shows nothing.
             mirror.serve();
         }
-        if application.kept().needs_rebuild() {
-            // What is on its way counts for the old renderer.
-            way.retire(renderer, 0, progress)?;
-            let hidden = session.info().hidden.as_ref();
-            application.kept_mut().rebuild(renderer, library, hidden)?;
-        }
+        application.kept_mut().rebuild(renderer, library)?;
         let role = options.role(index);
         match role {
             Role::Last => return Ok(()),

@@ -188,8 +188,8 @@ pub use scene::edit::{
 pub use scene::{
     AlphaMode, Animation, Bounds, Camera, Deformation, Environment, Filter, Image as TextureImage,
     Instance, LeftOut, LightInstance, LightKind, Material, Mesh, MeshTriangle, MorphTarget,
-    Motion as SceneMotion, Node, PunctualLight, Scene, SceneError, ScenePose, Skin, SourceFacts,
-    Texture, TextureRef, Trs, VertexJoints, Wrap, load_environment,
+    Motion as SceneMotion, Node, PunctualLight, Scene, SceneError, ScenePart, ScenePose, Skin,
+    SourceFacts, Texture, TextureRef, Trs, VertexJoints, Wrap, load_environment,
 };
 
 // Settings.
@@ -211,12 +211,14 @@ pub use output::OutputError;
 pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
     Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
-    Inspection, InstanceId, MapStats, PhotonStats, Provenance, RadianceParts, RayHit, RenderError,
-    Renderer, SeenSurface, StereoStats,
+    Inspection, InstanceId, MapStats, PartPreparation, PhotonStats, PreparedPart, Provenance,
+    RadianceParts, RayHit, Rebuild, RenderError, Renderer, SeenSurface, StereoStats,
 };
 
-// Applications.
-pub use app::{App, AppError, FrameInput, World, WorldError, run_app, run_app_with};
+// Applications. `glam` as in the interfaces here.
+pub use glam;
+
+pub use app::{App, AppError, FrameInput, PartLoading, World, WorldError, run_app, run_app_with};
 
 // Sessions and their frames.
 pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};

@@ -24,6 +24,11 @@ mod suite {
     #[path = "../../examples/own_loop.rs"]
     pub mod own_loop_example;
 
+    /// What `stereolux new` writes.
+    #[allow(dead_code)]
+    #[path = "../../assets/template/src/main.rs"]
+    pub mod template;
+
     /// The tour of the gallery.
     #[allow(dead_code)]
     #[path = "../../examples/gallery_tour.rs"]

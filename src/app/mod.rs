@@ -20,7 +20,7 @@ use crate::xr::{FrameState, LocatedViews, Pulse, View};
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use world::Kept;
-pub use world::{World, WorldError};
+pub use world::{PartLoading, World, WorldError};
 
 /// Why an application gives up; its text is one line.
 pub type AppError = Box<dyn Error + Send + Sync>;

@@ -1,15 +1,18 @@
 //! What an application can change: the scene, by name.
 
+use std::path::PathBuf;
+use std::thread::JoinHandle;
+
 use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
+use super::AppError;
 use crate::gpu::ShaderLibrary;
 use crate::printable::{did_you_mean, line};
-use crate::renderer::{Applied, RayHit, RenderError, Renderer};
+use crate::renderer::{Applied, PreparedPart, RayHit, RenderError, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
-use crate::scene::{Material, PunctualLight, Scene};
-use crate::settings::Eyes;
-use crate::xr::{HiddenArea, Pulse, Side};
+use crate::scene::{Material, PunctualLight, Scene, ScenePart};
+use crate::xr::{Pulse, Side};
 
 /// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
 /// ([`World::scene`]) and keep them for good.
@@ -21,11 +24,30 @@ pub struct World<'a> {
     renderer: Option<&'a Renderer>,
 }
 
+/// A glTF file that is being loaded ([`World::load_part`]).
+pub struct PartLoading(JoinHandle<Result<(Scene, Option<PreparedPart>), AppError>>);
+
+impl PartLoading {
+    /// Whether [`World::add_part`] would wait. A replay may find another answer: do not decide by it what is shown when.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.0.is_finished()
+    }
+}
+
+/// A part of the scene that comes or goes.
+enum PartChange {
+    Added(ScenePart, Box<PreparedPart>),
+    Removed(ScenePart),
+}
+
 /// What of a world outlives a call of the application.
 pub(crate) struct Kept {
     scene: Scene,
     /// The scene differs from what the renderer shows.
     is_changed: bool,
+    /// The scene part that came or went in this frame.
+    part: Option<PartChange>,
     /// Why the renderer cannot show it.
     needs_rebuild: Option<String>,
     pulses: Vec<Pulse>,
@@ -45,6 +67,9 @@ pub enum WorldError {
         /// The nearest name that there is, in words; may be empty.
         hint: String,
     },
+    /// A part that cannot be loaded or prepared.
+    #[error("{}", line(.0))]
+    Part(String),
     /// A number that is none of the scene's, or a value that no scene can have.
     #[error(transparent)]
     Edit(#[from] EditError),
@@ -232,6 +257,57 @@ impl<'a> World<'a> {
         Ok(())
     }
 
+    /// Begins to load a glTF file on another thread, which also prepares it for the renderer.
+    #[must_use]
+    pub fn load_part(&self, path: impl Into<PathBuf>) -> PartLoading {
+        let path = path.into();
+        let preparation = self.renderer.map(Renderer::part_preparation);
+        PartLoading(std::thread::spawn(move || {
+            let scene = Scene::load(&path)?;
+            let prepared = preparation.map(|preparation| preparation.prepare(&scene));
+            Ok((scene, prepared.transpose()?))
+        }))
+    }
+
+    /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
+    /// has had the time. Which frame calls this is the application's to say, and not how fast a disk was, so that a replay
+    /// has the same frames. [`ScenePart::root`] is the new node.
+    ///
+    /// # Errors
+    /// [`WorldError::Part`]: a file that cannot be used; [`WorldError::Edit`].
+    pub fn add_part(
+        &mut self,
+        loading: PartLoading,
+        name: &str,
+        world_from_part: DAffine3,
+    ) -> Result<ScenePart, WorldError> {
+        let loaded = loading.0.join();
+        let loaded =
+            loaded.map_err(|_| WorldError::Part("the thread that loads it ended".into()))?;
+        let in_words = |error: AppError| WorldError::Part(error.to_string());
+        let (scene, mut prepared) = loaded.map_err(in_words)?;
+        if let (None, Some(renderer)) = (&prepared, self.renderer) {
+            // It was loaded before there was a renderer.
+            let now = renderer.part_preparation().prepare(&scene);
+            prepared = Some(now.map_err(|error| in_words(error.into()))?);
+        }
+        let at = Placement::of(world_from_part);
+        let part = self.kept.scene.add_part(scene, name, None, at)?;
+        let change = prepared.map(|prepared| PartChange::Added(part.clone(), Box::new(prepared)));
+        self.kept.note(change);
+        Ok(part)
+    }
+
+    /// Takes a part out again and gives its memory back.
+    ///
+    /// # Errors
+    /// [`WorldError::Edit`]: it was taken out before, or something else still shows a mesh or a light of it.
+    pub fn remove_part(&mut self, part: &ScenePart) -> Result<(), WorldError> {
+        self.kept.scene.remove_part(part)?;
+        self.kept.note(Some(PartChange::Removed(part.clone())));
+        Ok(())
+    }
+
     /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The
     /// scene's animation is that of the frame under way, what the application changed in this frame does not count yet.
     /// Nothing is met in [`super::App::start`]. As [`Renderer::cast_ray`].
@@ -266,6 +342,7 @@ impl Kept {
         Self {
             scene,
             is_changed: false,
+            part: None,
             needs_rebuild: None,
             pulses: Vec::new(),
             is_over: false,
@@ -284,9 +361,19 @@ impl Kept {
         std::mem::take(&mut self.pulses)
     }
 
+    /// Notes a part that came or went; the second in a frame is one too many to be shown in place.
+    fn note(&mut self, change: Option<PartChange>) {
+        self.is_changed = true;
+        if self.part.is_some() {
+            self.needs_rebuild = Some("several parts came or went in one frame".to_owned());
+        }
+        self.part = change;
+    }
+
     /// The renderer to come is made from the scene as it is.
     pub(crate) fn settled(&mut self) {
         self.is_changed = false;
+        self.part = None;
         self.needs_rebuild = None;
     }
 
@@ -295,18 +382,22 @@ impl Kept {
     /// # Errors
     /// As [`Renderer::apply_scene`].
     pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
-        if std::mem::take(&mut self.is_changed) {
-            self.needs_rebuild = match renderer.apply_scene(&self.scene)? {
-                Applied::InPlace(_) => None,
-                Applied::NeedsRebuild { why } => Some(why),
+        let part = self.part.take();
+        // What waits for another renderer is all in the scene.
+        if std::mem::take(&mut self.is_changed) && self.needs_rebuild.is_none() {
+            let scene = &self.scene;
+            let applied = match part {
+                None => renderer.apply_scene(scene)?,
+                Some(PartChange::Added(part, prepared)) => {
+                    renderer.add_part(scene, &part, &prepared)?
+                }
+                Some(PartChange::Removed(part)) => renderer.remove_part(scene, &part)?,
             };
+            if let Applied::NeedsRebuild { why } = applied {
+                self.needs_rebuild = Some(why);
+            }
         }
         Ok(())
-    }
-
-    /// Whether [`Kept::rebuild`] has something to do. No frame may be on its way when it does.
-    pub(crate) fn needs_rebuild(&self) -> bool {
-        self.needs_rebuild.is_some()
     }
 
     /// Makes the renderer anew where the last frame's changes asked for it.
@@ -317,22 +408,11 @@ impl Kept {
         &mut self,
         renderer: &mut Renderer,
         library: &ShaderLibrary,
-        hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<(), RenderError> {
         if let Some(why) = self.needs_rebuild.take() {
             log::info!("the renderer is made anew: {why}");
-            let context = renderer.context().clone();
-            let settings = renderer.settings().clone();
-            let size = renderer.size();
-            *renderer = Renderer::with_hidden_area(
-                context,
-                library,
-                &self.scene,
-                &settings,
-                Eyes::Both,
-                size,
-                hidden,
-            )?;
+            let successor = renderer.rebuild().build(library, &self.scene)?;
+            renderer.succeed_by(successor)?;
             self.is_changed = false;
         }
         Ok(())

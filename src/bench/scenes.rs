@@ -134,6 +134,7 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
         environment,
         warnings: _,
         source: _,
+        vacant: _,
     } = scene;
     // The graph counts by what it places.
     let mut hash = Fingerprint::default()

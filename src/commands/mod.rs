@@ -5,6 +5,7 @@ mod bench;
 mod compare;
 mod info;
 mod merge;
+mod new;
 mod report;
 mod run;
 mod settings;
@@ -268,6 +269,7 @@ pub fn execute(options: Options) -> Result<u8, Failure> {
         Options::Compare(options) => compare::compare(&options),
         Options::Info(options) => info::info(&options).map(|()| 0),
         Options::Merge(options) => merge::merge(&options).map(|()| 0),
+        Options::New(options) => new::new(&options).map(|()| 0),
         Options::Settings(options) => settings::settings(&options).map(|()| 0),
         #[cfg(feature = "bench")]
         Options::Bench(options) => bench::bench(&options).map(|()| 0),

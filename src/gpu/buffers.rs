@@ -269,3 +269,75 @@ impl GrowingBuffer {
         self.buffer.as_ref()
     }
 }
+
+/// A storage buffer that keeps what it holds when it grows or shrinks.
+pub struct ArrayBuffer {
+    label: &'static str,
+    buffer: wgpu::Buffer,
+}
+
+impl ArrayBuffer {
+    /// As [`storage_buffer_with_data`].
+    ///
+    /// # Errors
+    /// As [`storage_buffer_with_data`].
+    pub fn with_data<T: NoUninit>(
+        context: &GpuContext,
+        label: &'static str,
+        data: &[T],
+    ) -> Result<Self, GpuError> {
+        let buffer = storage_buffer_with_data(context, label, data)?;
+        Ok(Self { label, buffer })
+    }
+
+    /// Makes room for `bytes` bytes: with a quarter to spare where it has too few or more than double. The device copies what
+    /// there is. True if the buffer is another one now, so that it must be bound again.
+    ///
+    /// # Errors
+    /// As [`storage_buffer`].
+    pub fn fit(&mut self, context: &GpuContext, bytes: u64) -> Result<bool, GpuError> {
+        /// What an empty array has.
+        const LEAST: u64 = 1024;
+        let bytes = bytes.max(LEAST);
+        let size = self.buffer.size();
+        if bytes <= size && size <= 2 * bytes {
+            return Ok(false);
+        }
+        let roomy = (bytes + bytes / 4).min(context.max_binding_bytes);
+        let buffer = storage_buffer(context, self.label, roomy.max(bytes))?;
+        context.guarded(self.label, || {
+            let mut encoder =
+                context
+                    .device
+                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                        label: Some(self.label),
+                    });
+            let kept = size.min(buffer.size());
+            encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, kept);
+            context.queue.submit([encoder.finish()]);
+            Ok(())
+        })?;
+        self.buffer = buffer;
+        Ok(true)
+    }
+
+    /// Writes `data`'s elements of `range` to where they lie in it.
+    pub fn write<T: NoUninit>(
+        &self,
+        context: &GpuContext,
+        data: &[T],
+        range: std::ops::Range<usize>,
+    ) -> std::ops::Range<u64> {
+        let first = (range.start * size_of::<T>()) as u64;
+        let bytes: &[u8] = bytemuck::cast_slice(&data[range]);
+        if !bytes.is_empty() {
+            context.queue.write_buffer(&self.buffer, first, bytes);
+        }
+        first..first + bytes.len() as u64
+    }
+
+    /// The buffer.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        &self.buffer
+    }
+}

@@ -22,7 +22,9 @@ pub mod texels;
 pub mod timing;
 pub mod vulkan_interop;
 
-pub use buffers::{GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer};
+pub use buffers::{
+    ArrayBuffer, GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer,
+};
 pub use context::{GpuContext, GpuError};
 pub use features::ShaderFeatures;
 pub use kernel::{Kernel, Resources};

@@ -34,7 +34,7 @@ impl TexelCopy {
     /// # Errors
     /// [`GpuError::Validation`], where the texture does not fit.
     pub fn fit(&mut self, context: &GpuContext, bytes: u64) -> Result<bool, GpuError> {
-        let rows = bytes.div_ceil(ROW_BYTES).max(1) as u32;
+        let rows = rows_for(bytes, context.device.limits().max_texture_dimension_2d);
         let fits = |(texture, _): &(wgpu::Texture, _)| texture.height() == rows;
         if self.texture.as_ref().is_some_and(fits) {
             return Ok(false);
@@ -124,10 +124,37 @@ impl TexelCopy {
     }
 }
 
+/// Rows of a texture for `bytes` bytes. No power of two, as far as there is room: llvmpipe compiles a shader for textures of
+/// such sizes and another one for all others, so that an array that grows from one to the other would make frames wait for
+/// seconds.
+fn rows_for(bytes: u64, most: u32) -> u32 {
+    let rows = bytes.div_ceil(ROW_BYTES).max(1) as u32;
+    let odd = rows.max(3);
+    let odd = odd + u32::from(odd.is_power_of_two());
+    if odd <= most { odd } else { rows }
+}
+
 fn extent(width: u32, height: u32) -> wgpu::Extent3d {
     wgpu::Extent3d {
         width,
         height,
         depth_or_array_layers: 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_hold_the_bytes_and_are_no_power_of_two() {
+        for rows in 0..300_u64 {
+            let made = rows_for(rows * ROW_BYTES, 8192);
+            assert!(u64::from(made) >= rows && !made.is_power_of_two());
+            assert!(u64::from(made) <= rows.max(2) + 1);
+        }
+        // Where there is no room for more, as many as are needed; too many stay too many, for the driver to refuse.
+        assert_eq!(rows_for(8192 * ROW_BYTES, 8192), 8192);
+        assert_eq!(rows_for(9000 * ROW_BYTES, 8192), 9000);
     }
 }

@@ -24,7 +24,7 @@ impl Options {
             Self::Compare(options) => options.limits = options.layers.read()?.finish()?.limits,
             Self::Bench(options) => options.check()?,
             Self::Info(options) => options.check()?,
-            Self::Settings(_) | Self::Merge(_) => {}
+            Self::Settings(_) | Self::Merge(_) | Self::New(_) => {}
             Self::View(options) => {
                 let layers = options.shared.layers.read()?;
                 let lights = layers.is_set("light");

@@ -102,6 +102,8 @@ pub enum Options {
     View(Box<ViewOptions>),
     /// Join the statistics of a run's ranges, or the reports of a suite's parts
     Merge(MergeOptions),
+    /// Write a crate for an application of your own: code, scene, recording, test
+    New(NewOptions),
     /// List the settings for --set and --config, or those that a word is about
     Settings(SettingsOptions),
 }
@@ -387,6 +389,18 @@ pub struct MergeOptions {
     /// Folder for the joined stats.jsonl and run.json, or report and journal; made if missing
     #[arg(long, value_name = "DIR", default_value = "merged")]
     pub out: PathBuf,
+}
+
+/// Options of `new`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = STATUS_HELP)]
+pub struct NewOptions {
+    /// Folder of the crate, which is named like it; must be new
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Sources of stereolux that the crate builds against; without it the published crate of this program's version
+    #[arg(long, value_name = "CHECKOUT")]
+    pub path: Option<PathBuf>,
 }
 
 /// Options of `settings`.

@@ -14,9 +14,9 @@ mod setting_flags;
 mod values;
 
 pub use cli::{
-    BenchOptions, CompareOptions, InfoOptions, MergeOptions, Options, PoseOptions, RenderOptions,
-    RunOptions, SessionChoice, SessionOptions, SettingsOptions, SharedOptions, Suite, TraceOptions,
-    ViewOptions,
+    BenchOptions, CompareOptions, InfoOptions, MergeOptions, NewOptions, Options, PoseOptions,
+    RenderOptions, RunOptions, SessionChoice, SessionOptions, SettingsOptions, SharedOptions,
+    Suite, TraceOptions, ViewOptions,
 };
 pub use parse::{EarlyExit, parse, parse_run};
 pub use save::{Extent, example_toml};

@@ -21,7 +21,6 @@ use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
 use crate::renderer::packing::LightKinds;
 use crate::scene::mesh_statistics::MeshStatistics;
 use crate::scene::{Material, Needs, PunctualLight, Scene, ScenePose, SceneStatistics};
-use crate::settings::Method;
 
 /// What became of an edited scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +50,7 @@ pub struct InPlace {
 }
 
 /// What a renderer remembers of the scene that it shows.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct EditBase {
     pub(super) statistics: SceneStatistics,
     materials: Vec<Material>,
@@ -79,6 +78,20 @@ impl EditBase {
         base.most_user_bsdf = numbers.max().unwrap_or_default();
         base.note(scene);
         base
+    }
+
+    /// The next scene to be shown has other lists, and it is known how they differ.
+    pub(super) fn expect(&mut self, scene: &Scene) {
+        self.counts = counts(scene);
+        let meshes = scene.meshes.iter().skip(self.repainted.len());
+        self.repainted
+            .extend(meshes.map(|mesh| mesh.repainted.clone()));
+        self.repainted.truncate(scene.meshes.len());
+        for (known, mesh) in self.repainted.iter_mut().zip(&scene.meshes) {
+            if mesh.triangles.is_empty() {
+                known.clone_from(&mesh.repainted);
+            }
+        }
     }
 
     fn note(&mut self, scene: &Scene) {
@@ -278,25 +291,6 @@ impl Renderer {
                 }
             }
         }
-        let depth = self.scene.hierarchy_depth_of(instances.len());
-        let settings = &self.settings;
-        let (run, room) = match (settings.method, self.photon_map()) {
-            (Method::Photon, Some(map)) => (
-                map.layout.config.paths_per_thread,
-                photon_paths_per_thread(
-                    self.context.adapter.is_software(),
-                    settings.photon.max_depth,
-                    depth,
-                ),
-            ),
-            _ => (
-                self.samples_per_dispatch,
-                samples_per_dispatch(settings, self.features(), depth),
-            ),
-        };
-        if run > room {
-            return Some("this many instances need fewer paths per dispatch".to_owned());
-        }
         None
     }
 
@@ -337,6 +331,7 @@ impl Renderer {
         self.is_bound &= !replaced;
         [self.radius_m, self.caustic_radius_m] =
             radii_m(&self.settings, || base.statistics.area_m2(scene));
+        self.shorten_dispatches();
         let keeps_history = !renumbered && !relit;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
             reconstruction.reset();
@@ -357,6 +352,22 @@ impl Renderer {
             spare_features,
             uploaded_bytes,
         })
+    }
+
+    /// Deeper hierarchies may need fewer paths per thread, which changes no bits: the next frame's plan has them.
+    fn shorten_dispatches(&mut self) {
+        let depth = self.scene.hierarchy_depth();
+        let settings = &self.settings;
+        let is_software = self.context.adapter.is_software();
+        let paths = photon_paths_per_thread(is_software, settings.photon.max_depth, depth);
+        for map in &mut self.maps {
+            let run = &mut map.layout.config.paths_per_thread;
+            self.is_bound &= *run <= paths;
+            *run = paths.min(*run);
+        }
+        let samples = samples_per_dispatch(settings, self.frame.features(), depth);
+        self.is_bound &= self.samples_per_dispatch <= samples;
+        self.samples_per_dispatch = samples.min(self.samples_per_dispatch);
     }
 
     /// Takes the scene to where its animation has it when a frame is shown (`animation.*`); the first call begins the

@@ -158,7 +158,9 @@ impl Renderer {
         flight.land(&self.context)?;
         let landed = std::mem::take(&mut flight.landed);
         for (asked, bytes) in std::mem::take(&mut flight.asked).into_iter().zip(landed) {
-            self.arrive(asked, &bytes, &mut flight);
+            if flight.serial > self.frames_before {
+                self.arrive(asked, &bytes, &mut flight);
+            }
         }
         flight.result.cpu_ms.read_back = flight.result.note("read_back", began);
         Ok(flight.result)

@@ -15,11 +15,13 @@ pub mod inspection;
 pub mod instance_table;
 pub mod mirror;
 pub mod packing;
+mod parts;
 pub mod photon_map;
 mod photons_over_time;
 mod radii;
 mod ray_cast;
 mod read_back;
+mod rebuild;
 pub mod reconstruction;
 pub mod records;
 pub mod scene_buffers;
@@ -69,9 +71,10 @@ pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
 pub use radii::{automatic_radius_m, caustic_paths, progressive_radius_m};
 pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};
+pub use rebuild::Rebuild;
 pub use reconstruction::Reconstruction;
 use reconstruction::pixel_offset;
-pub use scene_buffers::SceneBuffers;
+pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
 };
@@ -116,6 +119,8 @@ pub struct Renderer {
     refresh: photons_over_time::Refresh,
     /// Frames begun so far: what counts of earlier ones apply to is by this number.
     frames_begun: u64,
+    /// Frames of the renderer whose place this one took: what they counted steers nothing here.
+    frames_before: u64,
     /// What retired frames counted, with their numbers, until it steers later ones.
     steers: VecDeque<(u64, frames_in_flight::Steers)>,
     scene: SceneBuffers,
@@ -201,6 +206,7 @@ impl Renderer {
             progressive_sample: 0,
             refresh: photons_over_time::Refresh::default(),
             frames_begun: 0,
+            frames_before: 0,
             steers: VecDeque::new(),
             frame: FrameRun::new(features),
             reuse,

@@ -5,17 +5,18 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 
 mod edits;
+mod parts;
 
 use super::RenderError;
 use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
 use crate::bvh::cast::{InstanceHit, Ray};
-use crate::bvh::records::{BvhNode, Triangle};
+
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures, storage_buffer,
-    storage_buffer_with_data,
+    ArrayBuffer, FrameRecorder, GpuContext, GpuError, GrowingBuffer, Resources, ShaderFeatures,
+    storage_buffer, storage_buffer_with_data,
 };
 use crate::renderer::packing::{
     LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
@@ -25,6 +26,7 @@ use crate::renderer::records::material::Material;
 use crate::scene::{Scene, ScenePose};
 
 pub(super) use edits::{Edited, SceneChange};
+pub use parts::{PartPreparation, PreparedPart};
 
 /// The scene's buffers.
 pub struct SceneBuffers {
@@ -41,15 +43,16 @@ pub struct SceneBuffers {
     deformer: Option<Deformer>,
     top: TopLevel,
     packed_lights: PackedLights,
-    mesh_nodes: wgpu::Buffer,
-    triangles: wgpu::Buffer,
-    triangle_vertices: wgpu::Buffer,
-    vertices: wgpu::Buffer,
+    mesh_nodes: ArrayBuffer,
+    triangles: ArrayBuffer,
+    triangle_vertices: ArrayBuffer,
+    vertices: ArrayBuffer,
+    places: parts::Taken,
     materials: GrowingBuffer,
     packed_materials: Vec<Material>,
     /// Without texels.
     packed_textures: PackedTextures,
-    textures: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    textures: Option<(ArrayBuffer, ArrayBuffer)>,
     environment: Option<(wgpu::Buffer, wgpu::Buffer)>,
     top_nodes: GrowingBuffer,
     instances: GrowingBuffer,
@@ -146,12 +149,13 @@ impl SceneBuffers {
             .collect();
         let textures = if features.textures {
             Some((
-                storage_buffer_with_data(context, "texture infos", &packed_textures.infos)?,
-                storage_buffer_with_data(context, "texels", &packed_textures.texels)?,
+                ArrayBuffer::with_data(context, "texture infos", &packed_textures.infos)?,
+                ArrayBuffer::with_data(context, "texels", &packed_textures.texels)?,
             ))
         } else {
             None
         };
+        let places = parts::Taken::of(&hierarchies, &packed_vertices, &packed_textures);
         packed_textures.texels = Vec::new();
         let environment = match &environment {
             Some(packed) => Some((
@@ -166,14 +170,15 @@ impl SceneBuffers {
             None => None,
         };
         let mut buffers = Self {
-            mesh_nodes: storage_buffer_with_data(context, "mesh nodes", &hierarchies.nodes)?,
-            triangles: storage_buffer_with_data(context, "triangles", &hierarchies.triangles)?,
-            triangle_vertices: storage_buffer_with_data(
+            mesh_nodes: ArrayBuffer::with_data(context, "mesh nodes", &hierarchies.nodes)?,
+            triangles: ArrayBuffer::with_data(context, "triangles", &hierarchies.triangles)?,
+            triangle_vertices: ArrayBuffer::with_data(
                 context,
                 "triangle vertices",
                 &hierarchies.triangle_vertices,
             )?,
-            vertices: storage_buffer_with_data(context, "vertices", &packed_vertices.vertices)?,
+            vertices: ArrayBuffer::with_data(context, "vertices", &packed_vertices.vertices)?,
+            places,
             materials: GrowingBuffer::new("materials"),
             packed_materials: Vec::new(),
             packed_textures,
@@ -234,11 +239,11 @@ impl SceneBuffers {
     fn buffer(&self, name: &str) -> Option<&wgpu::Buffer> {
         match name {
             "top_nodes" => self.top_nodes.buffer(),
-            "mesh_nodes" => Some(&self.mesh_nodes),
+            "mesh_nodes" => Some(self.mesh_nodes.buffer()),
             "instances" => self.instances.buffer(),
-            "triangles" => Some(&self.triangles),
-            "triangle_vertices" => Some(&self.triangle_vertices),
-            "vertices" => Some(&self.vertices),
+            "triangles" => Some(self.triangles.buffer()),
+            "triangle_vertices" => Some(self.triangle_vertices.buffer()),
+            "vertices" => Some(self.vertices.buffer()),
             "materials" => self.materials.buffer(),
             "lights" => self.lights.buffer(),
             "light_alias" => self.light_alias.buffer(),
@@ -410,32 +415,20 @@ impl SceneBuffers {
         let any = !rebuilt_meshes.is_empty();
         for (mesh, rebuilt) in rebuilt_meshes {
             let hierarchies = &self.hierarchies;
-            let mut write = |buffer: &wgpu::Buffer, first: usize, data: &[u8], size: usize| {
-                context
-                    .queue
-                    .write_buffer(buffer, (first * size) as u64, data);
-                *bytes += data.len() as u64;
-            };
             let (nodes, triangles) = (rebuilt.nodes.clone(), rebuilt.triangles.clone());
-            write(
-                &self.mesh_nodes,
-                nodes.start,
-                bytemuck::cast_slice(&hierarchies.nodes[nodes]),
-                size_of::<BvhNode>(),
-            );
-            write(
-                &self.triangles,
-                triangles.start,
-                bytemuck::cast_slice(&hierarchies.triangles[triangles.clone()]),
-                size_of::<Triangle>(),
-            );
-            let corners = &hierarchies.triangle_vertices[triangles.clone()];
-            write(
-                &self.triangle_vertices,
-                triangles.start,
-                bytemuck::cast_slice(corners),
-                16,
-            );
+            let corners = &hierarchies.triangle_vertices;
+            let written = [
+                self.mesh_nodes.write(context, &hierarchies.nodes, nodes),
+                self.triangles
+                    .write(context, &hierarchies.triangles, triangles.clone()),
+                self.triangle_vertices
+                    .write(context, corners, triangles.clone()),
+            ];
+            *bytes += written
+                .map(|range| range.end - range.start)
+                .iter()
+                .sum::<u64>();
+            let corners = &corners[triangles.clone()];
             let mut leaf_of = vec![0; corners.len()];
             for (leaf, corner) in corners.iter().enumerate() {
                 leaf_of[corner[3] as usize] = (triangles.start + leaf) as u32;
@@ -573,8 +566,8 @@ impl SceneBuffers {
         }
         if let Some((infos, texels)) = &self.textures {
             resources = resources
-                .with("texture_infos", infos)
-                .with("texels", texels);
+                .with("texture_infos", infos.buffer())
+                .with("texels", texels.buffer());
         }
         if let Some((texels, cdf)) = &self.environment {
             resources = resources
@@ -601,11 +594,7 @@ impl SceneBuffers {
 
     /// Inner nodes on the longest path through both levels, the upper one's estimated: it is rebuilt as the head moves.
     pub fn hierarchy_depth(&self) -> u32 {
-        self.hierarchy_depth_of(self.table.sources().len())
-    }
-
-    /// As [`SceneBuffers::hierarchy_depth`], with another number of instances.
-    pub(super) fn hierarchy_depth_of(&self, instances: usize) -> u32 {
+        let instances = self.table.sources().len();
         let instances = instances.max(1).ilog2();
         self.hierarchies.max_depth + instances + instances / 2
     }

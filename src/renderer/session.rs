@@ -13,7 +13,7 @@ use crate::frame::bind::Whose;
 
 /// What the lenses hide, and for which fields of view the device knows it.
 pub(super) struct Hidden {
-    areas: [HiddenArea; 2],
+    pub(super) areas: [HiddenArea; 2],
     tangents: Option<[Tangents; 2]>,
 }
 

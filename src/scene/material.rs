@@ -165,6 +165,19 @@ impl Material {
         self.emission.iter().any(|channel| *channel > 0.0)
     }
 
+    /// Every texture slot, in the order of [`Material::texture_slots`].
+    pub(super) fn texture_slots_mut(&mut self) -> [&mut Option<TextureRef>; 7] {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.emissive_texture,
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+            &mut self.transmission_texture,
+        ]
+    }
+
     /// Every texture slot with a short name of its use, in a fixed order.
     pub fn texture_slots(&self) -> [(&'static str, Option<TextureRef>); 7] {
         [
@@ -202,7 +215,7 @@ pub enum Filter {
 }
 
 /// An image with the way it is sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Texture {
     /// Index into [`super::Scene::images`].
     pub image: u32,
@@ -215,7 +228,7 @@ pub struct Texture {
 }
 
 /// Decoded image, 8 bits per channel as stored in the file (not yet linearised). Row 0 is v = 0, the top.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Image {
     /// Name or file name, or `image N`.
     pub name: String,

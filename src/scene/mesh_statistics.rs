@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 use glam::{DMat3, DVec3};
 
 use super::deform::cofactor;
-use super::{Bounds, Image, Mesh, Scene, as_dvec3};
+use super::{Bounds, Image, Mesh, Scene, ScenePart, as_dvec3};
 
 /// Statistics of all meshes and images of a scene. Edits change them only where [`Mesh::repainted`] does.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct SceneStatistics {
     /// One per mesh.
     pub meshes: Vec<MeshStatistics>,
@@ -47,6 +47,34 @@ impl SceneStatistics {
         Self {
             meshes: scene.meshes.iter().map(MeshStatistics::of).collect(),
             least_alpha: scene.images.iter().map(|_| OnceLock::new()).collect(),
+        }
+    }
+
+    /// Appends those of a part of `scene` whose lists end with it, made over the part alone.
+    pub fn add_part(&mut self, own: &Self, part: &ScenePart) {
+        let first = part.materials.start;
+        self.meshes
+            .extend(own.meshes.iter().cloned().map(|mut mesh| {
+                for part in &mut mesh.uses {
+                    part.material += first;
+                }
+                mesh
+            }));
+        self.least_alpha.extend(own.least_alpha.iter().cloned());
+    }
+
+    /// Forgets a part that was taken out; `scene` is what is left.
+    pub fn remove_part(&mut self, scene: &Scene, part: &ScenePart) {
+        self.meshes[part.meshes.clone()].fill(MeshStatistics::default());
+        self.meshes.truncate(scene.meshes.len());
+        self.least_alpha[part.images.clone()].fill(OnceLock::new());
+        self.least_alpha.truncate(scene.images.len());
+    }
+
+    /// Looks at all images, so that nobody has to wait for that later.
+    pub fn look_at_images(&self, scene: &Scene) {
+        for (index, image) in scene.images.iter().enumerate() {
+            self.least_alpha(index, Some(image));
         }
     }
 

@@ -8,7 +8,7 @@
 //! - `import` turns glTF into them; every fault in the file is one line of [`SceneError`], never a panic.
 //! - [`builtin`] holds the embedded scenes.
 //! - [`environment`] reads equirectangular maps.
-//! - [`edit`] changes a scene step by step, with undo and redo; `save` writes it back.
+//! - [`edit`] changes a scene step by step, with undo and redo; `save` writes it back. `part` adds whole scenes.
 //! - [`needs`] says which features a scene really uses, and what is left out.
 
 pub mod animation;
@@ -24,6 +24,7 @@ mod material;
 mod mesh;
 pub mod mesh_statistics;
 pub mod needs;
+mod part;
 mod player;
 mod pose;
 mod save;
@@ -43,6 +44,7 @@ pub use material::{AlphaMode, Filter, Image, Material, Texture, TextureRef, Wrap
 pub use mesh::{Mesh, MeshTriangle};
 pub use mesh_statistics::SceneStatistics;
 pub use needs::{LeftOut, Motion, Needs};
+pub use part::ScenePart;
 pub use player::Player;
 pub use pose::ScenePose;
 
@@ -76,6 +78,8 @@ pub struct Scene {
     pub skins: Vec<Skin>,
     /// Animations of the file.
     pub animations: Vec<Animation>,
+    /// Parts that were taken out ([`Scene::remove_part`]) and whose empty entries still hold the numbers behind them.
+    pub vacant: Vec<ScenePart>,
     /// What rays see that leave the scene; black without one.
     pub environment: Option<Environment>,
     /// One line each: things in the file that are repaired, ignored or approximated.

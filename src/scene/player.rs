@@ -50,6 +50,11 @@ impl Player {
             .pose_at(&self.clip, self.start_s + self.speed * elapsed_s)
     }
 
+    /// Goes on where another player stands.
+    pub fn take_over_clock(&mut self, before: &Self) {
+        (self.first_ns, self.last_ns) = (before.first_ns, before.last_ns);
+    }
+
     /// The pose that was asked for last; `None` before the first.
     pub fn last_pose(&mut self) -> Option<ScenePose> {
         self.last_ns.map(|time_ns| self.pose_at(time_ns))

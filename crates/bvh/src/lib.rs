@@ -4,6 +4,7 @@
 //! - [`mesh`]: one hierarchy per mesh in its object space, built once with SAH quality;
 //! - [`top`]: a hierarchy over the placed meshes, rebuilt each frame relative to the head;
 //! - [`refit`]: hierarchies of meshes that change their shape;
+//! - [`parts`]: meshes that come and go;
 //! - [`cast`]: rays on the host;
 //! - [`tree`]: turns any binary tree, or none, into our nodes within a bounded depth.
 //!
@@ -16,6 +17,7 @@
 pub mod bounds;
 pub mod cast;
 pub mod mesh;
+pub mod parts;
 pub mod records;
 pub mod refit;
 pub mod top;

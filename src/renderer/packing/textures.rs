@@ -29,6 +29,32 @@ impl PackedTextures {
         let averaging = averaging_of(material, slot, self.has_levels);
         self.info_of_texture.get(&(texture, averaging)).copied()
     }
+
+    /// Takes the textures of a part over, which were packed alone: the infos of its texture 0 are to lie at `info` and its texels
+    /// at `texel`, and it is texture `texture` of the scene.
+    pub fn add_part(&mut self, part: &Self, [texture, info, texel]: [u32; 3]) {
+        let first = info as usize;
+        let end = first + part.infos.len();
+        if self.infos.len() < end {
+            self.infos.resize(end, TextureInfo::default());
+        }
+        for (slot, own) in self.infos[first..end].iter_mut().zip(&part.infos) {
+            *slot = TextureInfo {
+                offset: own.offset + texel,
+                ..*own
+            };
+        }
+        let known = part.info_of_texture.iter();
+        let known = known.map(|((own, averaging), at)| ((own + texture, *averaging), at + info));
+        self.info_of_texture.extend(known);
+    }
+
+    /// Forgets the textures of those numbers; `info_count` infos are left.
+    pub fn remove_part(&mut self, textures: &std::ops::Range<usize>, info_count: usize) {
+        self.info_of_texture
+            .retain(|(texture, _), _| !textures.contains(&(*texture as usize)));
+        self.infos.truncate(info_count);
+    }
 }
 
 fn averaging_of(material: &Material, slot: &str, with_levels: bool) -> Averaging {

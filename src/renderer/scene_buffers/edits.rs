@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::SceneBuffers;
-use crate::bvh::records::Triangle;
 use crate::bvh::{InstanceSource, MaterialMarks};
 use crate::gpu::GpuContext;
 use crate::renderer::packing::{LightKinds, pack_materials};
@@ -193,32 +192,35 @@ impl SceneBuffers {
             }
             if repaints {
                 let range = self.hierarchies.repaint(index, mesh, &marks);
-                let data: &[u8] = bytemuck::cast_slice(&self.hierarchies.triangles[range.clone()]);
-                let first = (range.start * size_of::<Triangle>()) as u64;
-                context.queue.write_buffer(&self.triangles, first, data);
-                edited.uploaded_bytes += data.len() as u64;
+                let all = &self.hierarchies.triangles;
+                let written = self.triangles.write(context, all, range);
+                edited.uploaded_bytes += written.end - written.start;
                 edited.relit = true;
-                let end = first + data.len() as u64;
                 painted = Some(match painted {
-                    Some(known) => known.start.min(first)..known.end.max(end),
-                    None => first..end,
+                    Some(known) => known.start.min(written.start)..known.end.max(written.end),
+                    None => written,
                 });
             }
-            let range = &self.hierarchies.meshes[index];
-            let first = range.first_triangle;
-            let mut leaf_of = vec![0; range.triangle_count as usize];
-            for leaf in first..first + range.triangle_count {
-                let corner = self.hierarchies.triangle_vertices[leaf as usize];
-                leaf_of[corner[3] as usize] = leaf;
-            }
             *relights |= self.packed_lights.emits(index);
-            self.packed_lights.look_at_mesh(scene, index, &leaf_of);
+            self.look_for_emitters(scene, index);
             *relights |= self.packed_lights.emits(index);
         }
         if let Some(deformer) = self.deformer.as_mut().filter(|_| painted.is_some()) {
             deformer.set_marks(marks);
         }
         painted
+    }
+
+    /// Looks at which of a mesh's triangles emit.
+    pub(super) fn look_for_emitters(&mut self, scene: &Scene, mesh: usize) {
+        let range = &self.hierarchies.meshes[mesh];
+        let first = range.first_triangle;
+        let mut leaf_of = vec![0; range.triangle_count as usize];
+        for leaf in first..first + range.triangle_count {
+            let corner = self.hierarchies.triangle_vertices[leaf as usize];
+            leaf_of[corner[3] as usize] = leaf;
+        }
+        self.packed_lights.look_at_mesh(scene, mesh, &leaf_of);
     }
 
     /// Gives instances the numbers that they would have in a scene just read, unless they have them: true if not.

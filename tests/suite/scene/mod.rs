@@ -5,6 +5,7 @@ use crate::suite::{bvh::bvh_probe, embedded_scenes, support};
 
 pub mod edited_frames;
 pub mod editing;
+pub mod parts;
 pub mod ray_cast;
 pub mod saving;
 pub mod scene_builtin;

@@ -230,6 +230,18 @@ impl PackedLights {
         }
     }
 
+    /// Has room for the emissive triangles of `meshes` meshes: more have none yet, fewer lose theirs.
+    pub fn set_mesh_count(&mut self, meshes: usize) {
+        self.emitters.resize(meshes, Vec::new());
+    }
+
+    /// A mesh has no emissive triangles any more.
+    pub fn forget_mesh(&mut self, mesh: usize) {
+        if let Some(emitters) = self.emitters.get_mut(mesh) {
+            *emitters = Vec::new();
+        }
+    }
+
     /// Whether a mesh has emissive triangles.
     pub fn emits(&self, mesh: usize) -> bool {
         self.emitters

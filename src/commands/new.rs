@@ -1,0 +1,151 @@
+//! `new`: writes a crate with an application, a scene, a recording and a test.
+
+use std::path::{Path, PathBuf};
+
+use super::{Failure, print_line};
+use crate::options::NewOptions;
+
+/// Files of the crate, and what is in them; `NAME` and `STEREOLUX` stand for what differs.
+const FILES: &[(&str, &str)] = &[
+    (
+        "Cargo.toml",
+        include_str!("../../assets/template/Cargo.toml.in"),
+    ),
+    ("README.md", include_str!("../../assets/template/README.md")),
+    (
+        ".gitignore",
+        include_str!("../../assets/template/gitignore"),
+    ),
+    (
+        "src/main.rs",
+        include_str!("../../assets/template/src/main.rs"),
+    ),
+    (
+        "tests/replay.rs",
+        include_str!("../../assets/template/tests/replay.rs"),
+    ),
+    (
+        "scene.gltf",
+        include_str!("../../assets/template/scene.gltf"),
+    ),
+    (
+        "hands.toml",
+        include_str!("../../assets/template/hands.toml"),
+    ),
+    (
+        "recording.jsonl",
+        include_str!("../../assets/template/recording.jsonl"),
+    ),
+    (
+        ".github/workflows/test.yml",
+        include_str!("../../assets/template/.github/workflows/test.yml"),
+    ),
+];
+
+/// Words that cargo takes for something else than a crate.
+const TAKEN: [&str; 6] = ["stereolux", "test", "core", "std", "alloc", "proc_macro"];
+
+/// Writes the crate.
+pub fn new(options: &NewOptions) -> Result<(), Failure> {
+    let folder = &options.folder;
+    let name = crate_name(folder)?;
+    let checkout = options.path.as_deref().map(checkout).transpose()?;
+    let stereolux = match &checkout {
+        Some(path) => format!(
+            "{{ path = {}, default-features = false }}",
+            toml::Value::from(path.display().to_string())
+        ),
+        None => format!(
+            "{{ version = \"={}\", default-features = false }}",
+            env!("CARGO_PKG_VERSION")
+        ),
+    };
+    let is_free = match std::fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) => error.kind() == std::io::ErrorKind::NotFound,
+    };
+    if !is_free {
+        return Err(Failure::unusable(format!(
+            "{}: is there and not an empty folder; name one that is new",
+            folder.display()
+        )));
+    }
+    // Written beside and moved, so that there is a whole crate or none.
+    let partial = folder.with_file_name(format!(".{name}.part{}", std::process::id()));
+    let written = write(&partial, &name, &stereolux, checkout.as_deref())
+        .and_then(|()| std::fs::rename(&partial, folder));
+    if let Err(error) = written {
+        // What cannot be removed either is named by the error that is told.
+        let _ = std::fs::remove_dir_all(&partial);
+        return Err(Failure::unusable(format!(
+            "{}: cannot be written: {error}",
+            folder.display()
+        )));
+    }
+    print_line(&format!(
+        "{}: a crate with an application, a scene, a recording and a test; `cargo test` there replays the recording",
+        folder.display()
+    ))
+}
+
+fn write(
+    folder: &Path,
+    name: &str,
+    stereolux: &str,
+    checkout: Option<&Path>,
+) -> std::io::Result<()> {
+    for (file, text) in FILES {
+        let path = folder.join(file);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
+        let text = text.replace("NAME", name).replace("STEREOLUX", stereolux);
+        std::fs::write(path, text)?;
+    }
+    // The versions that the checkout was tested with; cargo leaves out what the crate does not need.
+    if let Some(lock) = checkout.map(|path| path.join("Cargo.lock"))
+        && lock.is_file()
+    {
+        std::fs::copy(lock, folder.join("Cargo.lock"))?;
+    }
+    Ok(())
+}
+
+/// The crate's name: the folder's last part.
+fn crate_name(folder: &Path) -> Result<String, Failure> {
+    let name = folder.file_name().and_then(|name| name.to_str());
+    let refused = |why: &str| {
+        Failure::unusable(format!(
+            "{}: {why}; name a folder like my-app",
+            folder.display()
+        ))
+    };
+    let name = name.ok_or_else(|| refused("names no crate"))?;
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || !name.chars().all(is_plain) {
+        return Err(refused(
+            "a crate's name begins with a letter and has letters, digits, - and _ only",
+        ));
+    }
+    if TAKEN.contains(&name) {
+        return Err(refused("that name belongs to another crate"));
+    }
+    Ok(name.to_owned())
+}
+
+/// The absolute path of stereolux's sources.
+fn checkout(path: &Path) -> Result<PathBuf, Failure> {
+    let refused = |why: String| Failure::unusable(format!("--path {}: {why}", path.display()));
+    let manifest = path.join("Cargo.toml");
+    let text = std::fs::read_to_string(&manifest)
+        .map_err(|error| refused(format!("no checkout of stereolux: Cargo.toml: {error}")))?;
+    let parsed: Option<toml::Table> = text.parse().ok();
+    let name = parsed
+        .as_ref()
+        .and_then(|manifest| manifest.get("package")?.get("name")?.as_str());
+    if name != Some("stereolux") {
+        return Err(refused("holds another crate than stereolux".to_owned()));
+    }
+    let absolute = path.canonicalize();
+    absolute.map_err(|error| refused(error.to_string()))
+}

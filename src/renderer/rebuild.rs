@@ -1,0 +1,75 @@
+//! A renderer that takes another one's place: where a scene needs shaders, textures or maps that the present one was not made
+//! with. It is made on another thread while frames go on; the application says from which frame on it is the one.
+
+use super::{RenderError, Renderer};
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::scene::Scene;
+use crate::settings::{Eyes, RenderSettings};
+use crate::xr::HiddenArea;
+
+/// All that a renderer was made with but its scene. Can be sent to a thread.
+#[derive(Clone)]
+pub struct Rebuild {
+    context: GpuContext,
+    settings: RenderSettings,
+    eyes: Eyes,
+    size: [u32; 2],
+    hidden: Option<[HiddenArea; 2]>,
+}
+
+impl Rebuild {
+    /// A renderer like the one that was asked, for another scene; on the same device, which goes on with other work.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn build(&self, library: &ShaderLibrary, scene: &Scene) -> Result<Renderer, RenderError> {
+        Renderer::with_hidden_area(
+            self.context.clone(),
+            library,
+            scene,
+            &self.settings,
+            self.eyes,
+            self.size,
+            self.hidden.as_ref(),
+        )
+    }
+}
+
+impl Renderer {
+    /// What another renderer is to be made with that takes this one's place.
+    #[must_use]
+    pub fn rebuild(&self) -> Rebuild {
+        Rebuild {
+            context: self.context.clone(),
+            settings: self.settings.clone(),
+            eyes: self.eye_choice,
+            size: self.image.size,
+            hidden: self.hidden.as_ref().map(|hidden| hidden.areas.clone()),
+        }
+    }
+
+    /// Goes on as `successor` from the next frame on: with its scene, shaders, textures and photon maps, at this one's size,
+    /// reuse and time of the clip. What this one was told of the scene since the other was made is to be told again
+    /// ([`Renderer::apply_scene`]), and parts that the other was made with stay until the next rebuild. The next frame is
+    /// a new renderer's: it waits for its photons, and reconstruction begins anew. Frames on their way may be
+    /// retired as ever.
+    ///
+    /// # Errors
+    /// As [`Renderer::resize`], if the size has changed meanwhile; this one then stays.
+    pub fn succeed_by(&mut self, mut successor: Self) -> Result<(), RenderError> {
+        successor.resize(self.image.size)?;
+        if successor.reuses() != self.reuses() {
+            successor.switch_reuse();
+        }
+        successor.frames_begun = self.frames_begun;
+        successor.frames_before = self.frames_begun;
+        if let (Some(player), Some(before)) = (&mut successor.player, &self.player) {
+            player.take_over_clock(before);
+            if let Some(pose) = player.last_pose() {
+                successor.scene.set_pose(&pose);
+            }
+        }
+        *self = successor;
+        Ok(())
+    }
+}

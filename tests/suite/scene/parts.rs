@@ -1,0 +1,460 @@
+//! Scenes that are added to the one shown and taken out again: frames are those of a renderer made from the whole, and what
+//! they took comes back.
+
+use std::path::Path;
+
+use glam::{DAffine3, DVec3};
+use stereolux::gpu::ShaderLibrary;
+use stereolux::renderer::{Applied, Eye, Renderer};
+use stereolux::scene::edit::{Edit, Placement};
+use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
+use stereolux::settings::{Force, Method, RenderSettings, Reuse};
+use stereolux::xr::View;
+
+use super::bvh_probe::Random;
+use super::support::{
+    bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+const SIZE: [u32; 2] = [48, 48];
+
+type Image = [Vec<[u32; 3]>; 2];
+
+fn image(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> Image {
+    renderer.render_frame(views, frame, |_| {}).unwrap();
+    [Eye::Left, Eye::Right].map(|eye| bits(&radiance(renderer, eye)))
+}
+
+fn is_in_place(applied: &Applied) -> bool {
+    matches!(applied, Applied::InPlace(_))
+}
+
+/// A scene that is shown, and what comes and goes.
+struct Live {
+    scene: Scene,
+    settings: RenderSettings,
+    views: [View; 2],
+    renderer: Renderer,
+}
+
+impl Live {
+    fn new(scene: Scene, settings: RenderSettings) -> Self {
+        let views = parallel_views(start_pose(&scene), 0.06, square_fov(35.0));
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        image(&mut renderer, &views, 0);
+        Self {
+            scene,
+            settings,
+            views,
+            renderer,
+        }
+    }
+
+    fn add(&mut self, part: Scene, at: DVec3, scale: f64) -> (ScenePart, Applied) {
+        // As an application does it: on another thread.
+        let preparation = self.renderer.part_preparation();
+        let (part, prepared) = std::thread::spawn(move || {
+            let prepared = preparation.prepare(&part).unwrap();
+            (part, prepared)
+        })
+        .join()
+        .unwrap();
+        let to = DAffine3::from_scale_rotation_translation(
+            DVec3::splat(scale),
+            glam::DQuat::from_rotation_y(0.4),
+            at,
+        );
+        let added = self.scene.add_part(part, "added", None, Placement::of(to));
+        let added = added.unwrap();
+        let applied = self.renderer.add_part(&self.scene, &added, &prepared);
+        (added, applied.unwrap())
+    }
+
+    fn added(&mut self, part: Scene, at: DVec3, scale: f64) -> ScenePart {
+        let (added, applied) = self.add(part, at, scale);
+        assert!(is_in_place(&applied), "{applied:?}");
+        added
+    }
+
+    fn remove(&mut self, part: &ScenePart) {
+        self.scene.remove_part(part).unwrap();
+        let applied = self.renderer.remove_part(&self.scene, part).unwrap();
+        assert!(is_in_place(&applied), "{applied:?}");
+    }
+
+    fn shown(&mut self) -> Image {
+        image(&mut self.renderer, &self.views, 0)
+    }
+
+    /// The next frame is that of a new renderer, bit for bit.
+    fn check(&mut self, what: &str) -> Image {
+        let shown = self.shown();
+        let mut new = renderer(&self.scene, &self.settings, SIZE);
+        assert_eq!(new.features(), self.renderer.features(), "{what}");
+        let wanted = image(&mut new, &self.views, 0);
+        for (eye, (shown, wanted)) in shown.iter().zip(&wanted).enumerate() {
+            let differ = shown.iter().zip(wanted).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "{what}: pixels of eye {eye} that differ");
+        }
+        shown
+    }
+
+    /// Bytes of the scene's buffers on the device.
+    fn bytes(&self) -> u64 {
+        let resources = self.renderer.scene().resources();
+        let names = [
+            "mesh_nodes",
+            "triangles",
+            "triangle_vertices",
+            "vertices",
+            "texture_infos",
+            "texels",
+        ];
+        let size = |name| match resources.get(name) {
+            Some(wgpu::BindingResource::Buffer(binding)) => binding.buffer.size(),
+            _ => 0,
+        };
+        names.into_iter().map(size).sum()
+    }
+}
+
+/// A ball of `rings * rings * 4` triangles, of one material.
+fn ball(rings: u32, emission: f32) -> Scene {
+    let point = |ring: u32, along: u32| {
+        let polar = f64::from(ring) * std::f64::consts::PI / f64::from(rings);
+        let turn = f64::from(along) * std::f64::consts::PI / f64::from(rings);
+        DVec3::new(
+            polar.sin() * turn.cos(),
+            polar.cos(),
+            polar.sin() * turn.sin(),
+        )
+    };
+    let places = || (0..=rings).flat_map(|ring| (0..=2 * rings).map(move |along| (ring, along)));
+    let normals: Vec<[f32; 3]> = places()
+        .map(|(r, a)| point(r, a).as_vec3().to_array())
+        .collect();
+    let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |along| (ring, along)));
+    let triangles = quads.flat_map(|(ring, along)| {
+        let at = |ring: u32, along: u32| ring * (2 * rings + 1) + along;
+        let [a, b] = [at(ring, along), at(ring, along + 1)];
+        let [c, d] = [at(ring + 1, along), at(ring + 1, along + 1)];
+        [[a, b, c], [b, d, c]]
+    });
+    let triangle = |vertices| MeshTriangle {
+        vertices,
+        material: 0,
+    };
+    let count = normals.len();
+    Scene {
+        nodes: vec![Node {
+            name: "ball".to_owned(),
+            mesh: Some(0),
+            ..Node::default()
+        }],
+        roots: vec![0],
+        meshes: vec![Mesh {
+            name: "ball".to_owned(),
+            positions: normals.clone(),
+            normals,
+            tangents: vec![[1.0, 0.0, 0.0, 1.0]; count],
+            uv0: vec![[0.0; 2]; count],
+            uv1: vec![[0.0; 2]; count],
+            colors: vec![[1.0; 4]; count],
+            triangles: triangles.map(triangle).collect(),
+            ..Mesh::default()
+        }],
+        materials: vec![Material {
+            name: "ball".to_owned(),
+            base_color: [0.2, 0.7, 0.4, 1.0],
+            metallic: 0.0,
+            specular: 0.0,
+            emission: [emission; 3],
+            ..Material::default()
+        }],
+        ..Scene::default()
+    }
+}
+
+fn middle(scene: &Scene) -> DVec3 {
+    scene.bounds_in_world().unwrap().center()
+}
+
+fn path() -> RenderSettings {
+    settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.path.max_depth = 4;
+    })
+}
+
+#[test]
+fn what_is_added_is_shown_as_if_it_had_always_been_there() {
+    for settings in [settings(|_| {}), path()] {
+        let scene = builtin("cornell");
+        let mut live = Live::new(scene.clone(), settings);
+        let empty = live.shown();
+        let front = middle(&live.scene);
+        let small = live.added(ball(6, 0.0), front + DVec3::new(-0.3, 0.2, 0.0), 0.15);
+        let one = live.check("a ball");
+        assert!(one != empty, "negative control");
+        let lamp = live.added(ball(4, 2.0), front + DVec3::new(0.3, 0.3, 0.0), 0.1);
+        live.check("a ball that shines");
+        let room = live.added(builtin("cornell"), front + DVec3::new(0.1, -0.3, -0.2), 0.3);
+        let all = live.check("another box with its own lamp");
+        live.renderer.scene().hierarchies().validate().unwrap();
+        // An edit of what was added.
+        let hide = |is_hidden| Edit::Visibility {
+            node: room.root(),
+            is_hidden,
+        };
+        hide(true).apply(&mut live.scene).unwrap();
+        assert!(is_in_place(
+            &live.renderer.apply_scene(&live.scene).unwrap()
+        ));
+        live.check("hidden");
+        hide(false).apply(&mut live.scene).unwrap();
+        assert!(is_in_place(
+            &live.renderer.apply_scene(&live.scene).unwrap()
+        ));
+        assert!(live.shown() == all);
+        // Out of the middle, and something larger and something smaller for its place.
+        live.remove(&lamp);
+        live.check("without the lamp");
+        let large = live.added(ball(7, 1.0), front + DVec3::new(0.3, 0.3, 0.0), 0.1);
+        let tiny = live.added(ball(3, 3.0), front + DVec3::new(0.3, -0.1, 0.2), 0.1);
+        live.check("two balls, one of them where the lamp lay");
+        for part in [&room, &tiny, &large, &small] {
+            live.remove(part);
+        }
+        assert!(live.shown() == empty);
+        assert_eq!(live.scene, scene);
+    }
+}
+
+/// Whatever is added and removed, in whatever order.
+#[test]
+fn any_order_of_coming_and_going_leaves_the_same_picture() {
+    let scene = builtin("cornell");
+    let mut live = Live::new(scene.clone(), path());
+    let front = middle(&live.scene);
+    let mut random = Random(9);
+    let mut held: Vec<ScenePart> = Vec::new();
+    for step in 0..24 {
+        if held.len() < 2 || (random.unit() < 0.55 && held.len() < 6) {
+            let rings = 2 + random.below(9) as u32;
+            let at = front + 0.4 * random.vector();
+            let emission = random.below(2) as f32;
+            held.push(live.added(ball(rings, emission), at, 0.08));
+        } else {
+            let gone = held.swap_remove(random.below(held.len()));
+            live.remove(&gone);
+        }
+        if step % 6 == 5 {
+            live.check(&format!("step {step}"));
+        }
+    }
+    for part in held {
+        live.remove(&part);
+    }
+    assert_eq!(live.scene, scene);
+}
+
+#[test]
+fn textures_come_along() {
+    let settings = settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.force.textures = Force::On;
+        s.force.glossy = Force::On;
+        s.force.dielectric = Force::On;
+        s.force.normal_maps = Force::On;
+        s.force.alpha = Force::On;
+        s.force.vertex_colors = Force::On;
+        s.force.caustics = Force::Off;
+    });
+    let load = |name: &str| Scene::load(Path::new("tests/reference").join(name)).unwrap();
+    let scene = load("textures.gltf");
+    let mut live = Live::new(scene.clone(), settings);
+    let empty = live.shown();
+    let forward = live.views[0].orientation * DVec3::NEG_Z;
+    let front = live.views[0].position_in_world + 2.0 * forward;
+    let dark = |name: &str| {
+        let mut part = load(name);
+        // Lights of kinds that the scene has not are another matter.
+        part.lights.clear();
+        for node in &mut part.nodes {
+            node.light = None;
+        }
+        part
+    };
+    let first = live.added(dark("textures.gltf"), front, 0.2);
+    let with_textures = live.check("textures");
+    assert!(with_textures != empty);
+    let second = live.added(dark("alpha.gltf"), front + DVec3::Y * 0.3, 0.2);
+    live.check("and alpha");
+    live.remove(&second);
+    live.check("without it");
+    let third = live.added(dark("normal_map.gltf"), front + DVec3::Y * 0.3, 0.2);
+    live.check("normal maps where it lay");
+    live.remove(&first);
+    live.check("and alone");
+    live.remove(&third);
+    assert!(live.shown() == empty);
+    assert_eq!(live.scene, scene);
+}
+
+#[test]
+fn what_the_shaders_lack_is_refused_and_changes_nothing() {
+    let mut live = Live::new(builtin("cornell"), path());
+    let empty = live.shown();
+    let bytes = live.bytes();
+    let front = middle(&live.scene);
+    let mut glossy = ball(8, 0.0);
+    glossy.materials[0].specular = 1.0;
+    glossy.materials[0].roughness = 0.2;
+    let (part, applied) = live.add(glossy, front, 0.2);
+    let Applied::NeedsRebuild { why } = applied else {
+        panic!("cornell has no glossy surfaces");
+    };
+    assert!(why.contains("compiled in"), "{why}");
+    assert!(live.shown() == empty);
+    // A buffer shrinks when it has more than double of what it needs.
+    assert!(live.bytes() <= 2 * bytes);
+    live.scene.remove_part(&part).unwrap();
+    let unknown = live.renderer.remove_part(&live.scene, &part).unwrap();
+    assert!(!is_in_place(&unknown));
+    // Two parts at once, of which one is told of.
+    let to = || Placement::of(DAffine3::from_translation(front));
+    let prepared = live
+        .renderer
+        .part_preparation()
+        .prepare(&ball(3, 0.0))
+        .unwrap();
+    let one = live
+        .scene
+        .add_part(ball(3, 0.0), "one", None, to())
+        .unwrap();
+    let two = live
+        .scene
+        .add_part(ball(3, 0.0), "two", None, to())
+        .unwrap();
+    for part in [&one, &two] {
+        let applied = live
+            .renderer
+            .add_part(&live.scene, part, &prepared)
+            .unwrap();
+        assert!(!is_in_place(&applied));
+    }
+    live.scene.remove_part(&two).unwrap();
+    let applied = live
+        .renderer
+        .add_part(&live.scene, &one, &prepared)
+        .unwrap();
+    assert!(is_in_place(&applied), "{applied:?}");
+    live.check("after all that");
+    // What another part shows stays.
+    let shared = Edit::Add {
+        parent: None,
+        node: stereolux::scene::edit::NewNode {
+            name: "shares".to_owned(),
+            to: to(),
+            content: stereolux::scene::edit::NewContent::Mesh(one.meshes.start),
+        },
+    };
+    let undo = shared.apply(&mut live.scene).unwrap();
+    let refused = live.scene.remove_part(&one).unwrap_err().to_string();
+    assert!(
+        refused.contains("shares") && refused.contains("one"),
+        "{refused}"
+    );
+    undo.apply(&mut live.scene).unwrap();
+    live.remove(&one);
+    assert!(live.scene.remove_part(&one).is_err());
+    assert!(live.shown() == empty);
+}
+
+/// What needs other shaders: a renderer made on another thread takes over at the frame that the application chooses.
+#[test]
+fn a_renderer_made_on_a_thread_takes_over() {
+    let shiny = || {
+        let mut shiny = ball(8, 0.0);
+        shiny.materials[0].specular = 1.0;
+        shiny.materials[0].roughness = 0.2;
+        shiny
+    };
+    for settings in [settings(|s| s.spp = 2), path()] {
+        let mut live = Live::new(builtin("cornell"), settings);
+        let front = middle(&live.scene);
+        let (part, applied) = live.add(shiny(), front, 0.2);
+        assert!(!is_in_place(&applied));
+        let (rebuild, scene) = (live.renderer.rebuild(), live.scene.clone());
+        let made = std::thread::spawn(move || rebuild.build(&ShaderLibrary::embedded(), &scene));
+        // Frames go on, one of them is still on its way when the other takes over.
+        let empty = live.shown();
+        let flight = live.renderer.send_frame(&live.views, 0, |_| {}).unwrap();
+        let made = made.join().unwrap().unwrap();
+        live.renderer.succeed_by(made).unwrap();
+        live.renderer.retire(flight).unwrap();
+        assert!(live.check("a shiny ball") != empty);
+        // It takes parts of its own, and none that it was made with.
+        let more = live.added(ball(5, 0.0), front + DVec3::X * 0.3, 0.1);
+        live.check("and another");
+        live.remove(&more);
+        live.scene.remove_part(&part).unwrap();
+        assert!(!is_in_place(
+            &live.renderer.remove_part(&live.scene, &part).unwrap()
+        ));
+    }
+}
+
+/// kB of the process that lie in memory.
+fn resident_kb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let words = line.unwrap().split_whitespace().next().unwrap();
+    words.parse().unwrap()
+}
+
+#[test]
+fn a_hundred_additions_leave_no_memory_behind() {
+    // Memory is the process's, so it has one of its own.
+    const ALONE: &str = "STEREOLUX_TEST_ALONE";
+    if std::env::var_os(ALONE).is_none() {
+        let name = "suite::scene::parts::a_hundred_additions_leave_no_memory_behind";
+        let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
+        let alone = alone.args(["--exact", name, "--nocapture"]).env(ALONE, "1");
+        let output = alone.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.success() && said.contains("1 passed"),
+            "{said}{errors}"
+        );
+        return;
+    }
+    let scene = builtin("cornell");
+    let mut live = Live::new(scene.clone(), path());
+    let empty = live.shown();
+    let front = middle(&live.scene);
+    // 22,500 triangles: 3 MB on either side.
+    let part = ball(75, 0.0);
+    let mut seen = Vec::new();
+    for _ in 0..100 {
+        let added = live.added(part.clone(), front, 0.2);
+        image(&mut live.renderer, &live.views, 0);
+        let most = live.bytes();
+        live.remove(&added);
+        image(&mut live.renderer, &live.views, 0);
+        seen.push((most, live.bytes(), resident_kb()));
+    }
+    assert!(live.shown() == empty);
+    assert_eq!(live.scene, scene);
+    let (most, least, _) = seen[0];
+    assert!(most > least + 3_000_000);
+    assert!(seen.iter().all(|(m, l, _)| (*m, *l) == (most, least)));
+    // A part that stayed would take 3 MB each time. Allocators give back in their own time, so the last ten are compared
+    // with ten of the middle, by their least: half a part may differ.
+    let least_of = |range: std::ops::Range<usize>| seen[range].iter().map(|s| s.2).min().unwrap();
+    let (middle, last) = (least_of(40..50), least_of(90..100));
+    assert!(last < middle + 1500, "{middle} kB, then {last} kB");
+}
