@@ -42,14 +42,20 @@ impl Family {
         }
     }
 
-    /// Waves of 64 lanes that fit into a SIMD unit's registers (of AMD's instruction set references: 1,024 and 1,536 for
-    /// 32 lanes), of the 16 that it can hold.
-    pub fn waves(self, vgprs: u32) -> u32 {
+    /// Waves of 64 lanes that a SIMD unit holds, of 16: as many as fit into its registers (of AMD's instruction set
+    /// references: 1,024 and 1,536 for 32 lanes), and whose groups fit into the 128 KiB of workgroup memory that four
+    /// units share.
+    pub fn waves(self, vgprs: u32, lds_bytes: u32, group_threads: u32) -> u32 {
         let registers = match self {
             Self::Rdna2 => 512,
             Self::Rdna3 => 768,
         };
-        (registers / vgprs.max(1)).min(16)
+        let by_registers = registers / vgprs.max(1);
+        let groups = (128 << 10) / lds_bytes.max(1);
+        let by_memory = groups
+            .saturating_mul(group_threads.div_ceil(64))
+            .div_ceil(4);
+        by_registers.min(by_memory).min(16)
     }
 
     /// What `RADV_FORCE_FAMILY` calls it: Mesa 22's name, then that of later ones.

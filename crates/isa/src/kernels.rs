@@ -167,6 +167,15 @@ impl Kernel {
         format!("{} {} ({})", self.scene, self.pass, self.frame.name())
     }
 
+    /// Threads of a workgroup.
+    pub fn group_threads(&self) -> u32 {
+        let entries = self.shader.module.entry_points.iter();
+        entries
+            .map(|entry| entry.workgroup_size.iter().product())
+            .max()
+            .unwrap_or(1)
+    }
+
     /// Bytes of the arrays in a thread's own memory that the pass declares: what it may keep in scratch.
     pub fn declared_bytes(&self) -> u32 {
         let module = &self.shader.module;

@@ -28,7 +28,7 @@ pub struct Row {
     pub declared_bytes: u32,
     /// Bytes per workgroup.
     pub lds_bytes: u32,
-    /// Waves of 64 lanes for which a SIMD unit has registers, 16 at most. Computed: Mesa 22 and 25 count in different units.
+    /// Waves of 64 lanes that a SIMD unit holds, 16 at most. Computed: Mesa 22 and 25 count in different units.
     pub waves: u32,
     /// The driver's estimate of a wave's time, cycles.
     pub latency_cycles: u32,
@@ -69,7 +69,9 @@ impl Row {
             scratch_bytes: whole("Scratch size")? / whole("subgroup")?.max(1),
             declared_bytes: kernel.declared_bytes(),
             lds_bytes: whole("LDS size")?,
-            waves: card.family.waves(whole("VGPRs")?),
+            waves: card
+                .family
+                .waves(whole("VGPRs")?, whole("LDS size")?, kernel.group_threads()),
             latency_cycles: whole("Latency")?,
             inverse_throughput_cycles: whole("Inverse Throughput")?,
         })
