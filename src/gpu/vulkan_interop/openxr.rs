@@ -359,3 +359,40 @@ pub(crate) fn end_frame_with_layer(
         .views(&views);
     stream.end(time, blend_mode, &[&layer])
 }
+
+/// Where `space` is in `base` at `time`, and how it moves. The bindings' own call leaves the flags that the runtime fills in
+/// as they were in memory, which the validation layer refuses; here they begin as none.
+///
+/// # Errors
+/// The runtime's.
+pub fn relate(
+    space: &xr::Space,
+    base: &xr::Space,
+    time: xr::Time,
+) -> xr::Result<(xr::sys::SpaceLocation, xr::sys::SpaceVelocity)> {
+    let none = xr::Vector3f::default();
+    let mut velocity = xr::sys::SpaceVelocity {
+        ty: xr::sys::SpaceVelocity::TYPE,
+        next: std::ptr::null_mut(),
+        velocity_flags: xr::SpaceVelocityFlags::EMPTY,
+        linear_velocity: none,
+        angular_velocity: none,
+    };
+    let mut location = xr::sys::SpaceLocation {
+        ty: xr::sys::SpaceLocation::TYPE,
+        next: (&raw mut velocity).cast(),
+        location_flags: xr::SpaceLocationFlags::EMPTY,
+        pose: xr::Posef::IDENTITY,
+    };
+    // SAFETY: both spaces are alive and of one session, and both structures are whole, typed and chained; they outlive the
+    // call.
+    let result = unsafe {
+        let locate = space.instance().fp().locate_space;
+        locate(space.as_raw(), base.as_raw(), time, &raw mut location)
+    };
+    if result.into_raw() < 0 {
+        return Err(result);
+    }
+    location.next = std::ptr::null_mut();
+    Ok((location, velocity))
+}

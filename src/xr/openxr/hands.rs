@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec2, DVec3};
 use openxr as xr;
 
+use crate::gpu::vulkan_interop::openxr as interop;
 use crate::pose::Pose;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side, Tracked};
 
@@ -306,7 +307,7 @@ fn tracked(
     world_from_base: &Pose,
     time: xr::Time,
 ) -> xr::Result<Option<Tracked>> {
-    let (location, velocity) = space.relate(base, time)?;
+    let (location, velocity) = interop::relate(space, base, time)?;
     let known = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
     if !location.location_flags.contains(known) {
         return Ok(None);
