@@ -8,7 +8,7 @@
 use std::process::ExitCode;
 
 use glam::DAffine3;
-use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
+use stereolux::{App, AppError, Button, FrameInput, Side, World, run_app};
 
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
@@ -38,10 +38,6 @@ pub struct Tour {
     held: Option<(usize, DAffine3)>,
 }
 
-fn affine(pose: &Pose) -> DAffine3 {
-    DAffine3::from_rotation_translation(pose.orientation, pose.position)
-}
-
 impl Tour {
     /// Takes what the right hand points at, carries it, lets it go.
     fn carry(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
@@ -50,7 +46,7 @@ impl Tour {
         else {
             return Ok(());
         };
-        let world_from_grip = affine(&grip.pose);
+        let world_from_grip = grip.pose.affine();
         if frame.pressed(Side::Right, Button::Trigger)
             && let Some(hit) = world.cast_ray(origin, direction, REACH_M)
             && let Some(thing) = hit.node.filter(|node| self.things.contains(node))

@@ -7,7 +7,7 @@
 use std::process::ExitCode;
 
 use glam::DAffine3;
-use stereolux::{App, AppError, Button, FrameInput, Pose, Side, World, run_app};
+use stereolux::{App, AppError, Button, FrameInput, Side, World, run_app};
 
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
@@ -27,10 +27,6 @@ pub struct PickUp {
     grip_from_block: Option<DAffine3>,
 }
 
-fn affine(pose: &Pose) -> DAffine3 {
-    DAffine3::from_rotation_translation(pose.orientation, pose.position)
-}
-
 impl App for PickUp {
     fn start(&mut self, world: &mut World) -> Result<(), AppError> {
         self.block = world.node("short block")?;
@@ -41,7 +37,7 @@ impl App for PickUp {
         let Some(grip) = frame.hand(Side::Right).grip else {
             return Ok(());
         };
-        let world_from_grip = affine(&grip.pose);
+        let world_from_grip = grip.pose.affine();
         if frame.pressed(Side::Right, Button::Squeeze) {
             let middle = world.center_in_world(self.block)?;
             if middle.distance(grip.pose.position) < REACH_M {

@@ -1,6 +1,6 @@
 //! Where something is and how it is turned.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 
 /// A rigid pose: the frame that it places, seen from the frame that it is placed in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +34,12 @@ impl Pose {
             position: self.position + self.orientation * inner.position,
             orientation: self.orientation * inner.orientation,
         }
+    }
+
+    /// As a matrix: the outer frame from the placed one.
+    #[must_use]
+    pub fn affine(&self) -> DAffine3 {
+        DAffine3::from_rotation_translation(self.orientation, self.position)
     }
 
     /// Heading about +Y, radians in (-pi, pi]: 0 looks along -Z, positive turns left. A gaze straight up

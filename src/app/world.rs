@@ -11,7 +11,7 @@ use crate::gpu::ShaderLibrary;
 use crate::printable::{did_you_mean, line};
 use crate::renderer::{Applied, PreparedPart, RayHit, RenderError, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
-use crate::scene::{Material, PunctualLight, Scene, ScenePart};
+use crate::scene::{Material, Node, PunctualLight, Scene, ScenePart};
 use crate::xr::{Pulse, Side};
 
 /// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
@@ -148,13 +148,8 @@ impl<'a> World<'a> {
         Ok(self.kept.scene.center_of_node(node, &world_from_node))
     }
 
-    fn known(&self, node: usize) -> Result<&crate::scene::Node, WorldError> {
-        let missing = EditError::Missing {
-            what: "node",
-            index: node,
-            count: self.kept.scene.nodes.len(),
-        };
-        Ok(self.kept.scene.nodes.get(node).ok_or(missing)?)
+    fn known(&self, node: usize) -> Result<&Node, WorldError> {
+        entry("node", &self.kept.scene.nodes, node)
     }
 
     /// Puts a node, with everything below it, where `world_from_node` says.
@@ -217,12 +212,7 @@ impl<'a> World<'a> {
         material: usize,
         change: impl FnOnce(&mut Material),
     ) -> Result<(), WorldError> {
-        let known = self.kept.scene.materials.get(material);
-        let mut to = known.cloned().ok_or(EditError::Missing {
-            what: "material",
-            index: material,
-            count: self.kept.scene.materials.len(),
-        })?;
+        let mut to = entry("material", &self.kept.scene.materials, material)?.clone();
         change(&mut to);
         let to = Box::new(to);
         self.edit(Edit::Material { material, to })
@@ -237,12 +227,7 @@ impl<'a> World<'a> {
         light: usize,
         change: impl FnOnce(&mut PunctualLight),
     ) -> Result<(), WorldError> {
-        let known = self.kept.scene.lights.get(light);
-        let mut to = known.cloned().ok_or(EditError::Missing {
-            what: "light",
-            index: light,
-            count: self.kept.scene.lights.len(),
-        })?;
+        let mut to = entry("light", &self.kept.scene.lights, light)?.clone();
         change(&mut to);
         self.edit(Edit::Light { light, to })
     }
@@ -417,6 +402,13 @@ impl Kept {
         }
         Ok(())
     }
+}
+
+/// An entry of one of the scene's lists.
+fn entry<'a, T>(what: &'static str, list: &'a [T], index: usize) -> Result<&'a T, WorldError> {
+    let count = list.len();
+    let missing = EditError::Missing { what, index, count };
+    Ok(list.get(index).ok_or(missing)?)
 }
 
 /// The number of the first of `names` that is `name`.

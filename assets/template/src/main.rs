@@ -40,8 +40,7 @@ impl App for PickUp {
         let Some(grip) = frame.hand(Side::Right).grip else {
             return Ok(());
         };
-        let world_from_grip =
-            DAffine3::from_rotation_translation(grip.pose.orientation, grip.pose.position);
+        let world_from_grip = grip.pose.affine();
         if frame.pressed(Side::Right, Button::Squeeze)
             && world
                 .center_in_world(self.cube)?

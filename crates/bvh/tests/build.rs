@@ -4,39 +4,20 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use stereolux_bvh::records::NO_EMITTER;
 use stereolux_bvh::{
-    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, MeshSource, MeshTriangle,
-    TOP_STACK, TopLevel,
+    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, MeshTriangle, TOP_STACK,
+    TopLevel,
 };
 
+use shared::mesh::Mesh;
 use shared::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
 use shared::shapes::{self, Random};
 
 /// What the tests of the device use too.
 #[allow(dead_code, reason = "each user takes a part")]
 mod shared {
+    pub mod mesh;
     pub mod reference;
     pub mod shapes;
-}
-
-/// A mesh without anything but its triangles.
-#[derive(Clone, Default)]
-struct Mesh {
-    positions: Vec<[f32; 3]>,
-    triangles: Vec<MeshTriangle>,
-}
-
-impl MeshSource for Mesh {
-    fn name(&self) -> &str {
-        "mesh"
-    }
-
-    fn positions(&self) -> &[[f32; 3]] {
-        &self.positions
-    }
-
-    fn triangles(&self) -> &[MeshTriangle] {
-        &self.triangles
-    }
 }
 
 fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {

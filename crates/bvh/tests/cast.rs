@@ -3,35 +3,18 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux_bvh::cast::{Ray, cast_at_all};
-use stereolux_bvh::{InstanceSource, MeshHierarchies, MeshSource, MeshTriangle};
+use stereolux_bvh::{InstanceSource, MeshHierarchies, MeshTriangle};
 
+use shared::mesh::Mesh;
 use shared::reference::brute_force;
 use shared::shapes::{self, Random};
 
 /// What the other tests use too.
 #[allow(dead_code, reason = "each user takes a part")]
 mod shared {
+    pub mod mesh;
     pub mod reference;
     pub mod shapes;
-}
-
-struct Mesh {
-    positions: Vec<[f32; 3]>,
-    triangles: Vec<MeshTriangle>,
-}
-
-impl MeshSource for Mesh {
-    fn name(&self) -> &str {
-        "mesh"
-    }
-
-    fn positions(&self) -> &[[f32; 3]] {
-        &self.positions
-    }
-
-    fn triangles(&self) -> &[MeshTriangle] {
-        &self.triangles
-    }
 }
 
 impl Mesh {

@@ -1,8 +1,9 @@
 //! Hands as OpenXR has them: poses, buttons, sticks and vibration of both controllers, in an action set of their own.
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use openxr as xr;
 
+use super::{pose_of, vector_of};
 use crate::gpu::vulkan_interop::openxr as interop;
 use crate::pose::Pose;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side, Tracked};
@@ -312,22 +313,13 @@ fn tracked(
     if !location.location_flags.contains(known) {
         return Ok(None);
     }
-    let vector = |v: xr::Vector3f| DVec3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z));
-    let q = location.pose.orientation;
-    let orientation = DQuat::from_xyzw(
-        f64::from(q.x),
-        f64::from(q.y),
-        f64::from(q.z),
-        f64::from(q.w),
-    );
-    let base_from_hand = Pose::new(vector(location.pose.position), orientation);
     let in_world = |flag, v: xr::Vector3f| {
         let is_known = velocity.velocity_flags.contains(flag);
-        let known = is_known.then(|| world_from_base.orientation * vector(v));
+        let known = is_known.then(|| world_from_base.orientation * vector_of(v));
         known.unwrap_or(DVec3::ZERO)
     };
     Ok(Some(Tracked {
-        pose: world_from_base.then(&base_from_hand),
+        pose: world_from_base.then(&pose_of(&location.pose)),
         linear_velocity: in_world(
             xr::SpaceVelocityFlags::LINEAR_VALID,
             velocity.linear_velocity,

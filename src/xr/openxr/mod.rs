@@ -515,19 +515,24 @@ fn inverse(pose: &Pose) -> Pose {
     Pose::new(-(orientation * pose.position), orientation)
 }
 
-fn view_in_world(world_from_space: &Pose, view: &xr::View) -> View {
-    let p = view.pose.position;
-    let q = view.pose.orientation;
+fn vector_of(v: xr::Vector3f) -> DVec3 {
+    DVec3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
+}
+
+/// A runtime's pose; its quaternion is as long as the runtime has it.
+fn pose_of(pose: &xr::Posef) -> Pose {
+    let q = pose.orientation;
     let orientation = DQuat::from_xyzw(
         f64::from(q.x),
         f64::from(q.y),
         f64::from(q.z),
         f64::from(q.w),
     );
-    let eye = world_from_space.then(&Pose::new(
-        DVec3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)),
-        orientation,
-    ));
+    Pose::new(vector_of(pose.position), orientation)
+}
+
+fn view_in_world(world_from_space: &Pose, view: &xr::View) -> View {
+    let eye = world_from_space.then(&pose_of(&view.pose));
     View {
         position_in_world: eye.position,
         orientation: eye.orientation,
