@@ -167,7 +167,7 @@ pub fn glbs() -> Vec<Vec<u8>> {
     ["plane", "caustic"]
         .into_iter()
         .filter_map(|name| builtin::glb(name).ok())
-        .map(<[u8]>::to_vec)
+        .map(std::borrow::Cow::into_owned)
         .collect()
 }
 

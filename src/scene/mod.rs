@@ -18,6 +18,7 @@ mod demand;
 pub mod edit;
 pub mod environment;
 mod error;
+mod generated;
 pub mod gltf_writer;
 mod import;
 mod material;

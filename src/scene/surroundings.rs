@@ -3,13 +3,14 @@
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
+use super::generated::{fractal, smooth};
 use super::{Environment, SceneError};
 use crate::printable::did_you_mean;
 
 /// Names of all, for `environment.path=builtin:NAME`.
-pub const NAMES: &[&str] = &["sky", "studio"];
+pub const NAMES: &[&str] = &["sky", "studio", "clouds"];
 
 /// Columns; rows are half as many.
 const COLUMNS: u32 = 512;
@@ -22,6 +23,7 @@ pub(super) fn environment(name: &str, strength: f32) -> Result<Environment, Scen
     let radiance: fn(DVec3) -> DVec3 = match name {
         "sky" => sky,
         "studio" => studio,
+        "clouds" => clouds,
         _ => {
             let hint = did_you_mean(name, NAMES);
             let known = NAMES.join(", ");
@@ -58,11 +60,6 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
     )
 }
 
-fn smooth(from: f64, to: f64, at: f64) -> f64 {
-    let t = ((at - from) / (to - from)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
-
 /// Clear sky from the horizon to the zenith over grey-brown ground, and a sun a few degrees wide, from behind on the right,
 /// that gives a surface facing it an irradiance of about 2.5.
 fn sky(direction: DVec3) -> DVec3 {
@@ -80,6 +77,28 @@ fn sky(direction: DVec3) -> DVec3 {
     // A soft rim, as wide to both sides.
     let disc = 1.0 - smooth(SUN_RADIUS_DEG - 0.5, SUN_RADIUS_DEG + 0.5, angle_deg);
     base + SUN * (SUN_IRRADIANCE / solid_angle_sr * disc)
+}
+
+/// The sky with clouds before it: a layer at one height, white where it faces the sun, grey below.
+fn clouds(direction: DVec3) -> DVec3 {
+    const SUNLIT: DVec3 = DVec3::new(1.5, 1.45, 1.4);
+    const SHADED: DVec3 = DVec3::new(0.55, 0.6, 0.7);
+    let clear = sky(direction);
+    if direction.y <= 0.0 {
+        return clear;
+    }
+    // Where the direction meets the layer, in its heights; the layer bends with the earth, so that it ends at the horizon.
+    let at = DVec2::new(direction.x, direction.z) * (1.7 / (direction.y + 0.12));
+    let thickness = fractal(at, 7, 0.55, 41) + 0.35 * fractal(at / 4.0, 2, 0.5, 42);
+    let cover = smooth(0.02, 0.3, thickness) * smooth(0.0, 0.12, direction.y);
+    // Thin towards the sun: it shines between them.
+    let to_sun = self::direction(140_f64.to_radians(), 45_f64.to_radians());
+    let away = smooth(8.0, 16.0, direction.angle_between(to_sun).to_degrees());
+    let lit = SUNLIT.lerp(
+        SHADED,
+        smooth(0.15, 0.75, thickness + 0.25 * fractal(at * 2.0, 4, 0.6, 43)),
+    );
+    clear.lerp(lit, 0.95 * cover * away)
 }
 
 /// A grey room, brighter above, with three soft boxes: key on the right, fill on the left, rim opposite.

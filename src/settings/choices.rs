@@ -294,6 +294,12 @@ choices! {
         Gallery = "gallery",
         /// A room in which everything that can be animated moves
         Parade = "parade",
+        /// Mountains of 1.7 million triangles under clouds
+        Terrain = "terrain",
+        /// A pond under clouds: stones and posts seen through waves
+        Water = "water",
+        /// A glass bottle on a table, with its caustic
+        Bottle = "bottle",
     }
 }
 

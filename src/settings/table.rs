@@ -344,7 +344,7 @@ settings! {
     /// Settings of the environment map (`environment.*`).
     struct EnvironmentSettings at (environment) "environment." {
         rows ENVIRONMENT {
-            /// equirectangular .hdr or .exr file, builtin:sky or builtin:studio; empty for a black surround
+            /// equirectangular .hdr or .exr file, builtin:sky, builtin:clouds or builtin:studio; empty for a black surround, or the scene's own
             path: String = String::new(), TEXT;
             /// factor on the environment's radiance
             strength: f64 = 1.0, NOT_NEGATIVE;

@@ -95,12 +95,16 @@ impl Document {
     /// As [`Document::load`].
     pub fn load_within(spec: &str, budget: &LoadBudget) -> Result<Self, SceneError> {
         let path = Path::new(spec);
-        let bytes = if spec.starts_with("builtin:") {
-            builtin::glb(spec)?.to_vec()
+        let is_embedded = spec.starts_with("builtin:");
+        let bytes = if is_embedded {
+            builtin::glb(spec)?.into_owned()
         } else {
             import::read_file(path, budget)?
         };
-        let scene = import::from_bytes(path, &bytes, budget)?;
+        let mut scene = import::from_bytes(path, &bytes, budget)?;
+        if is_embedded {
+            scene.environment = builtin::environment(spec)?;
+        }
         let original = Original {
             limits: budget.limits(),
             ..Original::new(spec, bytes, &scene)

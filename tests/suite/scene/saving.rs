@@ -212,7 +212,7 @@ fn presets_with_and_without_textures_are_read_back() {
 /// that nobody knows.
 fn patchwork(folder: &Folder) -> Value {
     let glb = stereolux::scene::builtin::glb("parade").unwrap();
-    let mut root = json_of(glb);
+    let mut root = json_of(&glb);
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let bin = &glb[28 + length..];
     // The odd bytes in front of the second buffer make its place in the saved file another one.
@@ -350,7 +350,7 @@ fn deleted_nodes_show_nowhere_and_keep_everybodys_number() {
 fn the_default_material_is_written_where_it_is_edited() {
     let glb = stereolux::scene::builtin::glb("plane").unwrap();
     let folder = Folder::new("saving-default");
-    let mut root = json_of(glb);
+    let mut root = json_of(&glb);
     let bin = &glb[28 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize..];
     std::fs::write(folder.join("data.bin"), bin).unwrap();
     root["buffers"][0]["uri"] = json!("data.bin");

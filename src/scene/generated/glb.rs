@@ -1,0 +1,177 @@
+//! Binary glTF of what is made by formulas.
+
+use glam::{DMat3, DQuat, DVec3};
+use serde_json::{Value, json};
+
+use super::surface::Surface;
+
+/// A file in the making: every surface is a mesh with a node of its own.
+#[derive(Default)]
+pub struct Glb {
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    extensions: Vec<&'static str>,
+    cameras: Vec<Value>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    bytes: Vec<u8>,
+}
+
+impl Glb {
+    /// Adds a surface with a glTF material; `extensions` are those that the material uses.
+    pub fn add(
+        &mut self,
+        name: &str,
+        surface: &Surface,
+        mut material: Value,
+        extensions: &[&'static str],
+    ) {
+        material["name"] = json!(name);
+        for extension in extensions {
+            if !self.extensions.contains(extension) {
+                self.extensions.push(extension);
+            }
+        }
+        let vec3 = |values: &[DVec3]| -> Vec<u8> {
+            let values = values.iter().flat_map(|value| value.as_vec3().to_array());
+            values.flat_map(f32::to_le_bytes).collect()
+        };
+        let count = surface.positions.len();
+        let least = surface
+            .positions
+            .iter()
+            .fold(DVec3::INFINITY, |least, p| least.min(*p));
+        let most = surface
+            .positions
+            .iter()
+            .fold(DVec3::NEG_INFINITY, |most, p| most.max(*p));
+        let positions = self.accessor(&vec3(&surface.positions), count, "VEC3", FLOAT);
+        self.accessors[positions]["min"] = json!(least.as_vec3().to_array());
+        self.accessors[positions]["max"] = json!(most.as_vec3().to_array());
+        let normals = self.accessor(&vec3(&surface.normals), count, "VEC3", FLOAT);
+        let corners: Vec<u8> = surface
+            .triangles
+            .iter()
+            .flatten()
+            .flat_map(|corner| corner.to_le_bytes())
+            .collect();
+        let indices = self.accessor(
+            &corners,
+            3 * surface.triangles.len(),
+            "SCALAR",
+            UNSIGNED_INT,
+        );
+        let mut attributes = json!({ "POSITION": positions, "NORMAL": normals });
+        if !surface.colors.is_empty() {
+            let shares = surface
+                .colors
+                .iter()
+                .flat_map(|color| color.extend(1.0).to_array());
+            let words = shares.map(|share| (share.clamp(0.0, 1.0) * 65_535.0).round() as u16);
+            let colors: Vec<u8> = words.flat_map(u16::to_le_bytes).collect();
+            let colors = self.accessor(&colors, count, "VEC4", UNSIGNED_SHORT);
+            self.accessors[colors]["normalized"] = json!(true);
+            attributes["COLOR_0"] = json!(colors);
+        }
+        let primitive = json!({ "attributes": attributes, "indices": indices, "material": self.materials.len() });
+        self.nodes
+            .push(json!({ "name": name, "mesh": self.meshes.len() }));
+        self.meshes
+            .push(json!({ "name": name, "primitives": [primitive] }));
+        self.materials.push(material);
+    }
+
+    /// Adds the camera that the head starts at.
+    pub fn camera(&mut self, eye: DVec3, towards: DVec3, yfov_deg: f64) {
+        let back = (eye - towards).normalize();
+        let right = DVec3::Y.cross(back).normalize();
+        let turned = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
+        self.nodes.push(json!({
+            "name": "viewpoint", "camera": self.cameras.len(),
+            "translation": eye.to_array(), "rotation": turned.to_array(),
+        }));
+        let perspective = json!({ "yfov": yfov_deg.to_radians(), "znear": 0.05 });
+        self.cameras
+            .push(json!({ "type": "perspective", "perspective": perspective }));
+    }
+
+    /// The file (glTF 2.0, section 4.4).
+    pub fn finish(self) -> Vec<u8> {
+        let mut document = json!({
+            "asset": { "version": "2.0", "generator": "stereolux" },
+            "scene": 0,
+            "scenes": [{ "nodes": (0..self.nodes.len()).collect::<Vec<_>>() }],
+            "nodes": self.nodes, "meshes": self.meshes, "materials": self.materials, "cameras": self.cameras,
+            "accessors": self.accessors, "bufferViews": self.views, "buffers": [{ "byteLength": self.bytes.len() }],
+        });
+        if !self.extensions.is_empty() {
+            document["extensionsUsed"] = json!(self.extensions);
+        }
+        let mut text = document.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let length = 12 + 8 + text.len() + 8 + self.bytes.len();
+        let mut file = Vec::with_capacity(length);
+        let words = |file: &mut Vec<u8>, words: &[u32]| {
+            file.extend(words.iter().flat_map(|word| word.to_le_bytes()))
+        };
+        words(
+            &mut file,
+            &[MAGIC, 2, length as u32, text.len() as u32, CHUNK_JSON],
+        );
+        file.extend(text);
+        words(&mut file, &[self.bytes.len() as u32, CHUNK_BINARY]);
+        file.extend(self.bytes);
+        file
+    }
+
+    /// Appends values whose size is a multiple of four bytes; the accessor's number.
+    fn accessor(&mut self, values: &[u8], count: usize, kind: &str, component: u32) -> usize {
+        self.views.push(
+            json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": values.len() }),
+        );
+        self.bytes.extend(values);
+        let view = self.views.len() - 1;
+        self.accessors.push(
+            json!({ "bufferView": view, "count": count, "type": kind, "componentType": component }),
+        );
+        self.accessors.len() - 1
+    }
+}
+
+const MAGIC: u32 = 0x4654_6c67;
+const CHUNK_JSON: u32 = 0x4e4f_534a;
+const CHUNK_BINARY: u32 = 0x004e_4942;
+const UNSIGNED_SHORT: u32 = 5123;
+const UNSIGNED_INT: u32 = 5125;
+const FLOAT: u32 = 5126;
+
+/// A Lambert surface.
+pub fn lambert(color: [f64; 3]) -> Value {
+    json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [color[0], color[1], color[2], 1.0], "metallicFactor": 0.0 },
+        "extensions": { "KHR_materials_specular": { "specularFactor": 0.0 } },
+    })
+}
+
+/// What [`lambert`] uses.
+pub const LAMBERT: &[&str] = &["KHR_materials_specular"];
+
+/// A body of glass or water: index of refraction, and what is left of white light after a distance.
+pub fn body(ior: f64, roughness: f64, distance_m: f64, left: [f64; 3]) -> Value {
+    json!({
+        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": roughness },
+        "extensions": {
+            "KHR_materials_ior": { "ior": ior },
+            "KHR_materials_transmission": { "transmissionFactor": 1.0 },
+            "KHR_materials_volume": { "thicknessFactor": 1.0, "attenuationDistance": distance_m, "attenuationColor": left },
+        },
+    })
+}
+
+/// What [`body`] uses.
+pub const BODY: &[&str] = &[
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+];
