@@ -7,7 +7,7 @@ use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
 use stereolux::options::Extent;
 use stereolux::scene::builtin;
-use stereolux::settings::Settings;
+use stereolux::settings::{Quality, RenderSettings, Settings};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::trace;
 use stereolux::xr::{HandScript, Headset, Motion, Pose, SimulatedSession, XrSession as _};
@@ -195,6 +195,7 @@ pub fn traces() -> Vec<Vec<u8>> {
                     t_ns: time,
                     views,
                     switch_reuse: false,
+                    quality: (time > 0).then(|| Quality::of(&RenderSettings::default())),
                     input: session.locate_input(time).unwrap_or_default(),
                 };
                 native.push_str(&trace::frame_line(&frame).unwrap_or_default());

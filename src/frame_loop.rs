@@ -23,8 +23,11 @@ use crate::renderer::{
     StereoStats,
 };
 use crate::scene::Scene;
-use crate::settings::{Aov, Eyes, RenderSettings};
-use crate::xr::{Buttons, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
+use crate::settings::{Aov, Eyes, Quality, RenderSettings};
+use crate::xr::{
+    Buttons, FrameState, FrameSubmission, LocatedViews, QualityFrom, RenderTargets, XrError,
+    XrSession,
+};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -159,8 +162,6 @@ pub struct LoopOptions<'a> {
     pub images: bool,
     /// Further layers of the images.
     pub aovs: &'a [Aov],
-    /// Image size per eye.
-    pub size: [u32; 2],
     /// Frames on their way to the device at once, 1 to 3.
     pub in_flight: usize,
 }
@@ -205,13 +206,30 @@ fn skip(
     }
     session.begin_frame()?;
     let time_ns = state.predicted_display_time_ns;
+    let before = renderer.quality();
     if let Some(located) = session.locate_views(time_ns)? {
         let input = session.locate_input(time_ns)?;
         // Also where nothing is shown: rays are cast at what stands there.
         application.update(renderer, FrameInput::new(index, &state, &located, input))?;
     }
-    session.end_frame(FrameSubmission::new(time_ns, None))?;
+    let quality = settle_quality(renderer, &state, before)?;
+    session.end_frame(FrameSubmission::new(time_ns, None).with_quality(quality))?;
     Ok(Some(()))
+}
+
+/// Lets the recording have its way with the frame's quality, `before` being that from before the application's update; the
+/// quality that was set in the frame, if one was.
+fn settle_quality(
+    renderer: &mut Renderer,
+    state: &FrameState,
+    before: Quality,
+) -> Result<Option<Quality>, RenderError> {
+    if let QualityFrom::Recording(recorded) = state.quality {
+        renderer.set_quality(&recorded.unwrap_or(before))?;
+        renderer.take_told_quality();
+        return Ok(recorded);
+    }
+    Ok(renderer.take_told_quality())
 }
 
 /// Progress reports of a loop.
@@ -339,7 +357,9 @@ pub fn step(
     let input = session.locate_input(state.predicted_display_time_ns)?;
     let targets = session.acquire_targets()?;
     stages.push(HostSpan::since("session", called));
+    let before = renderer.quality();
     update(renderer, FrameInput::new(index, &state, &located, input))?;
+    let quality = settle_quality(renderer, &state, before)?;
     let (mut result, flight) = if in_flight > 1 {
         let flight = renderer.send_frame(&located.views, index, sample)?;
         (FrameResult::default(), Some(flight))
@@ -354,10 +374,8 @@ pub fn step(
     }
     drop(targets);
     let called = Instant::now();
-    session.end_frame(FrameSubmission::new(
-        state.predicted_display_time_ns,
-        Some(&located),
-    ))?;
+    let submission = FrameSubmission::new(state.predicted_display_time_ns, Some(&located));
+    session.end_frame(submission.with_quality(quality).of_size(renderer.size()))?;
     stages.push(HostSpan::since("session", called));
     let ms = |name| {
         let of_name = stages.iter().filter(|span| span.stage == name);
@@ -650,7 +668,7 @@ fn run_frames(
             }
             let written = Instant::now();
             if has_images {
-                let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
+                let mut images = read_images(renderer, &mut non_finite_pixels)?;
                 images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
                 let facts = FrameFacts {
                     frame: index,
@@ -722,9 +740,9 @@ fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {
 /// [`LoopError::Render`].
 pub fn read_images(
     renderer: &Renderer,
-    size: [u32; 2],
     non_finite_pixels: &mut usize,
 ) -> Result<FrameImages, LoopError> {
+    let size = renderer.size();
     let mut image = |mut pixels: Vec<[f32; 3]>| -> Result<ImageRgb, LoopError> {
         for pixel in &mut pixels {
             if !pixel.iter().all(|channel| channel.is_finite()) {

@@ -58,7 +58,7 @@ pub use trajectory::{TraceBody, TraceUp};
 pub use validation::Validated;
 pub use view::{Fov, Pose, RayInWorld, Tangents, View};
 
-pub use crate::settings::Motion;
+pub use crate::settings::{Motion, Quality};
 
 use glam::DVec3;
 
@@ -183,8 +183,18 @@ pub struct SessionInfo {
     pub hidden: Option<[HiddenArea; 2]>,
 }
 
+/// Who says with what quality a session's frames are rendered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum QualityFrom {
+    /// The application.
+    #[default]
+    Application,
+    /// The recording, whatever the application asks for: another one from this frame on, or as before.
+    Recording(Option<Quality>),
+}
+
 /// One frame's timing, from [`XrSession::wait_frame`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameState {
     /// When this frame will be seen, nanoseconds on the session's own clock; strictly increasing.
     pub predicted_display_time_ns: i64,
@@ -194,6 +204,8 @@ pub struct FrameState {
     pub should_render: bool,
     /// The wearer switches stereo reuse on or off from this frame on.
     pub switch_reuse: bool,
+    /// Who says with what quality it is rendered.
+    pub quality: QualityFrom,
 }
 
 /// Which parts of a pose the tracker vouches for.
@@ -283,6 +295,10 @@ pub struct FrameSubmission<'a> {
     pub display_time_ns: i64,
     /// The views that the images were really rendered with; `None` if nothing was rendered.
     pub rendered: Option<&'a LocatedViews>,
+    /// Pixels of each eye's image that were rendered, from its upper left corner: width, height. `None`: all.
+    pub size: Option<[u32; 2]>,
+    /// The quality that was set in this frame, if one was, and counts from it on.
+    pub quality: Option<Quality>,
 }
 
 impl<'a> FrameSubmission<'a> {
@@ -292,6 +308,22 @@ impl<'a> FrameSubmission<'a> {
         Self {
             display_time_ns,
             rendered,
+            size: None,
+            quality: None,
         }
+    }
+
+    /// The same with the quality that was set in the frame.
+    #[must_use]
+    pub fn with_quality(mut self, quality: Option<Quality>) -> Self {
+        self.quality = quality;
+        self
+    }
+
+    /// The same with images that were rendered only in part.
+    #[must_use]
+    pub fn of_size(mut self, size: [u32; 2]) -> Self {
+        self.size = Some(size);
+        self
     }
 }

@@ -3,8 +3,8 @@
 use super::trace::{self, TraceFrame, TraceHeader};
 use super::validation::{self, Fault};
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, SessionInfo, XrError,
-    XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, Quality, RenderTargets, SessionInfo,
+    XrError, XrSession,
 };
 use std::fs::File;
 use std::io::{Error, ErrorKind, Seek, SeekFrom, Write};
@@ -23,6 +23,8 @@ pub struct Recorder<S> {
     switch_reuse: bool,
     /// What the wearer does in the frame under way.
     input: Input,
+    /// The quality that was set since the last line, and the last one written.
+    quality: [Option<Quality>; 2],
     /// The version that the header states.
     version: u64,
 }
@@ -52,6 +54,7 @@ impl<S: XrSession> Recorder<S> {
                 frames: 0,
                 switch_reuse: false,
                 input: Input::default(),
+                quality: [None; 2],
                 version,
             }),
             Err(cause) => Err(XrError::RecordCreate {
@@ -86,7 +89,9 @@ impl<S: XrSession> Recorder<S> {
         let invalid = |fault: Fault| Error::new(ErrorKind::InvalidData, fault.to_string());
         validation::check_views(views).map_err(invalid)?;
         self.input.checked().map_err(invalid)?;
+        let [set, known] = self.quality;
         let frame = TraceFrame {
+            quality: set.filter(|_| set != known),
             t_ns,
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
@@ -96,6 +101,7 @@ impl<S: XrSession> Recorder<S> {
             self.raise_version(frame.version())?;
         }
         self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
+        self.quality = [None, set.or(known)];
         self.frames += 1;
         Ok(())
     }
@@ -110,7 +116,11 @@ impl<S: XrSession> XrSession for Recorder<S> {
         let frame = self.inner.wait_frame()?;
         self.input = Input::default();
         // A frame that renders nothing has no line; the switch then shows in the next. Twice is not at all.
-        self.switch_reuse ^= frame.is_some_and(|frame| frame.switch_reuse);
+        if frame.is_some_and(|frame| frame.switch_reuse) {
+            self.switch_reuse = !self.switch_reuse;
+            // It is no longer the quality that was written last.
+            self.quality[1] = None;
+        }
         Ok(frame)
     }
 
@@ -138,6 +148,8 @@ impl<S: XrSession> XrSession for Recorder<S> {
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
         // The inner session first: a runtime must get its frame even if the disk is full.
         self.inner.end_frame(submission)?;
+        // As with reuse: if this frame has no line, the next has it.
+        self.quality[0] = submission.quality.or(self.quality[0]);
         if let Some(views) = submission.rendered {
             self.write(submission.display_time_ns, views)
                 .map_err(|cause| XrError::RecordWrite {

@@ -2,12 +2,12 @@
 
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::text_lines;
-use super::trace::Trace;
+use super::trace::{Trace, TraceFrame};
 use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
 use super::view::Pose;
 use super::{
-    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, RenderTargets,
-    SessionInfo, XrError, XrSession,
+    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, QualityFrom,
+    RenderTargets, SessionInfo, XrError, XrSession,
 };
 use std::path::Path;
 
@@ -181,23 +181,27 @@ impl ReplaySession {
         &self.warnings
     }
 
-    fn switches_reuse(&self, frame: u64) -> bool {
+    /// What a native trace holds of a frame.
+    fn recorded(&self, frame: u64) -> Option<&TraceFrame> {
         match &self.recording {
-            Recording::Native(trace) => usize::try_from(frame)
-                .ok()
-                .and_then(|index| trace.frames.get(index))
-                .is_some_and(|frame| frame.switch_reuse),
-            Recording::Head(..) => false,
+            Recording::Native(trace) => trace.frames.get(usize::try_from(frame).ok()?),
+            Recording::Head(..) => None,
         }
     }
 
     fn display_time_ns(&self, frame: u64) -> Option<i64> {
         match &self.recording {
-            Recording::Native(trace) => {
-                let index = usize::try_from(frame).ok()?;
-                trace.frames.get(index).map(|frame| frame.t_ns)
-            }
+            Recording::Native(_) => self.recorded(frame).map(|frame| frame.t_ns),
             Recording::Head(..) => Some(display_time_ns(frame, self.info.refresh_hz)),
+        }
+    }
+
+    fn quality(&self, frame: u64) -> QualityFrom {
+        match &self.recording {
+            Recording::Native(trace) if trace.has_quality() => {
+                QualityFrom::Recording(self.recorded(frame).and_then(|frame| frame.quality))
+            }
+            _ => QualityFrom::Application,
         }
     }
 }
@@ -229,7 +233,10 @@ impl XrSession for ReplaySession {
             predicted_display_time_ns,
             period_ns: period_ns(self.info.refresh_hz),
             should_render: true,
-            switch_reuse: self.switches_reuse(self.next_frame),
+            switch_reuse: self
+                .recorded(self.next_frame)
+                .is_some_and(|frame| frame.switch_reuse),
+            quality: self.quality(self.next_frame),
         };
         self.pacer.wait_until(predicted_display_time_ns);
         self.next_frame += 1;

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::path::Path;
+use stereolux::settings::{Quality, RenderSettings};
 use stereolux::xr::input::JOINTS;
 use stereolux::xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux::xr::{
@@ -287,6 +288,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
             t_ns,
             views,
             switch_reuse: frame.switch_reuse,
+            quality: None,
             input,
         });
     }
@@ -491,12 +493,69 @@ prop_compose! {
     }
 }
 
+prop_compose! {
+    fn any_quality()(
+        scale in 0.1_f32..=1.0, counts in [0..=67_108_864_u32, 1..=64, 1..=64, 1..=16, 0..=8],
+        half_rate in any::<bool>(), reuse in any::<bool>(),
+    ) -> Quality {
+        let [photons_per_frame, photon_shares, max_depth, light_candidates, filter_passes] = counts;
+        Quality {
+            resolution_scale: scale, photons_per_frame, photon_shares, max_depth, light_candidates, half_rate,
+            filter_passes, reuse,
+        }
+    }
+}
+
+#[test]
+fn quality_is_checked_and_named_by_file_line_and_field() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let quality = r#""quality":{"resolution_scale":0.7,"photons_per_frame":9,"photon_shares":1,"max_depth":3,"light_candidates":2,"half_rate":false,"filter_passes":0,"reuse":true}"#;
+    let line = |quality: &str| FRAME.replace("\"t_ns\":0", &format!("\"t_ns\":0,{quality}"));
+    let text = |quality: &str| format!("{header}\n{}\n", line(quality));
+    let back = read(&text(quality)).unwrap().frames[0].quality.unwrap();
+    assert_eq!(
+        (back.resolution_scale, back.max_depth, back.reuse),
+        (0.7, 3, true)
+    );
+    for (from, to, field) in [
+        ("0.7", "0.05", "quality.resolution_scale"),
+        ("0.7", "true", "quality.resolution_scale"),
+        (
+            "\"photons_per_frame\":9",
+            "\"photons_per_frame\":-1",
+            "quality.photons_per_frame",
+        ),
+        (
+            "\"photon_shares\":1",
+            "\"photon_shares\":0",
+            "quality.photon_shares",
+        ),
+        ("\"max_depth\":3", "\"max_depth\":3.5", "quality.max_depth"),
+        (
+            "\"light_candidates\":2",
+            "\"light_candidates\":17",
+            "quality.light_candidates",
+        ),
+        (",\"reuse\":true", "", "quality.reuse"),
+        ("\"reuse\"", "\"rense\"", "quality.rense"),
+    ] {
+        assert!(quality.contains(from), "{from}");
+        let refused = read(&text(&quality.replace(from, to))).unwrap_err();
+        assert_eq!(
+            (refused.line, refused.field.as_deref()),
+            (Some(2), Some(field)),
+            "{refused}"
+        );
+    }
+}
+
 #[test]
 fn a_file_states_the_lowest_version_that_can_hold_it() {
     let plain = |switch_reuse, input| TraceFrame {
         t_ns: 0,
         views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
         switch_reuse,
+        quality: None,
         input,
     };
     let gaze = Input {
@@ -506,6 +565,14 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
     assert_eq!(plain(false, Input::default()).version(), 1);
     assert_eq!(plain(true, Input::default()).version(), 2);
     assert_eq!(plain(false, gaze.clone()).version(), 2);
+    let changed = TraceFrame {
+        quality: Some(Quality::of(&RenderSettings::default())),
+        ..plain(false, Input::default())
+    };
+    assert_eq!(changed.version(), 2);
+    let line = frame_line(&changed).unwrap();
+    let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
+    assert_eq!(refused.field.as_deref(), Some("quality"), "{refused}");
     // A reader of version 1 knows no input, and one of version 2 both.
     let line = frame_line(&plain(false, gaze)).unwrap();
     let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
@@ -597,6 +664,7 @@ proptest! {
         refresh_hz in 1.0..1000.0_f64,
         triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
         inputs in prop::collection::vec(any_input(), 1..4),
+        qualities in prop::collection::vec(prop::option::of(any_quality()), 1..4),
     ) {
         let hidden = (!triangles.is_empty()).then(|| {
             let eye = |scale: f64| HiddenArea::from_triangles(
@@ -608,6 +676,7 @@ proptest! {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
             switch_reuse: k % 3 == 1,
+            quality: qualities[k % qualities.len()],
             input: inputs[k % inputs.len()].clone(),
         });
         let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
