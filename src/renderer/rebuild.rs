@@ -58,10 +58,9 @@ impl Renderer {
     /// As [`Renderer::resize`], if the size has changed meanwhile; this one then stays.
     pub fn succeed_by(&mut self, mut successor: Self) -> Result<(), RenderError> {
         successor.resize(self.full_size)?;
-        successor.quality.want(self.quality());
-        if successor.reuses() != self.quality().reuse {
-            successor.switch_reuse();
-        }
+        let quality = self.quality();
+        successor.quality.want(quality);
+        successor.reuse_from_now_on(quality.reuse);
         successor.frames_begun = self.frames_begun;
         successor.frames_before = self.frames_begun;
         if let (Some(player), Some(before)) = (&mut successor.player, &self.player) {
