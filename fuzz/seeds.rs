@@ -194,6 +194,7 @@ pub fn traces() -> Vec<Vec<u8>> {
                 let frame = trace::TraceFrame {
                     t_ns: time,
                     views,
+                    located: (time > 20_000_000).then_some(views.views),
                     switch_reuse: false,
                     quality: (time > 0).then(|| Quality::of(&RenderSettings::default())),
                     input: session.locate_input(time).unwrap_or_default(),

@@ -88,6 +88,9 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
+    /// How old the pose was by which the eyes were rendered: host milliseconds from asking the session for it to having
+    /// handed the eyes' passes to the device.
+    pub pose_age_ms: f64,
     /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
     /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
     pub host_waits: u64,
@@ -264,6 +267,8 @@ pub struct Rendered {
     /// The host's stages, those of the renderer too.
     pub stages: Vec<HostSpan>,
     /// As in [`FrameStats`].
+    pub pose_age_ms: f64,
+    /// As in [`FrameStats`].
     pub host_waits: u64,
 }
 
@@ -298,6 +303,7 @@ impl Rendered {
             result,
             mut cpu_ms,
             stages: _,
+            pose_age_ms,
             host_waits,
         } = self;
         cpu_ms.frame = frame_ms;
@@ -314,6 +320,7 @@ impl Rendered {
             stereo: result.stereo,
             non_finite_pixels,
             pose_repeated: located.repeated,
+            pose_age_ms,
             host_waits,
         }
     }
@@ -355,18 +362,29 @@ pub fn step(
         return Ok(Step::Hidden);
     };
     let input = session.locate_input(state.predicted_display_time_ns)?;
-    let targets = session.acquire_targets()?;
     stages.push(HostSpan::since("session", called));
     let before = renderer.quality();
     update(renderer, FrameInput::new(index, &state, &located, input))?;
     let quality = settle_quality(renderer, &state, before)?;
-    let (mut result, flight) = if in_flight > 1 {
-        let flight = renderer.send_frame(&located.views, index, sample)?;
-        (FrameResult::default(), Some(flight))
+    let flight = renderer.prepare_frame(&located.views, index)?;
+    let called = Instant::now();
+    let again = session.relocate_views(state.predicted_display_time_ns)?;
+    let located = again.unwrap_or(located);
+    stages.push(HostSpan::since("session", called));
+    let lands = in_flight == 1;
+    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
+    let pose_age_ms = flight
+        .eyes_sent()
+        .map_or(0.0, |sent| (sent - called).as_secs_f64() * 1e3);
+    let (mut result, flight) = if lands {
+        (renderer.retire(flight)?, None)
     } else {
-        (renderer.render_frame(&located.views, index, sample)?, None)
+        (FrameResult::default(), Some(flight))
     };
     stages.append(&mut result.stages);
+    let called = Instant::now();
+    let targets = session.acquire_targets()?;
+    stages.push(HostSpan::since("session", called));
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
         renderer.submit_to(library, targets)?;
@@ -395,6 +413,7 @@ pub fn step(
         result,
         cpu_ms,
         stages,
+        pose_age_ms,
         host_waits: renderer.context().host_waits() - waits_before,
     })))
 }

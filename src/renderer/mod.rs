@@ -423,7 +423,21 @@ impl Renderer {
         views: &[View; 2],
         frame_index: u32,
         lands: bool,
-        mut progress: impl FnMut(u32),
+        progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        let flight = self.prepare_frame(views, frame_index)?;
+        self.send_eyes(flight, views, frame_index, lands, progress)
+    }
+
+    /// The first part of a frame, all but the eyes: moves the scene to the head, deforms meshes, traces photons.
+    /// [`Renderer::send_eyes`] is the other part.
+    ///
+    /// # Errors
+    /// As [`Renderer::send_frame`].
+    pub(crate) fn prepare_frame(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
     ) -> Result<Flight, RenderError> {
         self.frames_begun += 1;
         let mut flight = Flight::new(self.frames_begun, self.settings.output.chrome_trace);
@@ -431,7 +445,6 @@ impl Renderer {
         self.take_quality_over()?;
         self.settle();
         self.origin_in_world = View::midpoint_in_world(views);
-        self.update_hidden(views);
         let replaced = self
             .scene
             .begin_frame(&self.context, self.origin_in_world)?;
@@ -442,9 +455,49 @@ impl Renderer {
 
         let began = Instant::now();
         self.pose(&mut flight)?;
+        self.trace_for_sample(views, frame_index, 0, &mut flight)?;
+        flight.result.cpu_ms.render = flight.result.note("render", began);
+        Ok(flight)
+    }
+
+    /// Whether photons are traced anew for every sample, with a smaller radius each time.
+    fn is_progressive(&self) -> bool {
+        !self.maps.is_empty() && self.settings.photon.progressive
+    }
+
+    /// Traces what photons are due for a sample.
+    fn trace_for_sample(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        sample: u32,
+        flight: &mut Flight,
+    ) -> Result<(), RenderError> {
+        self.progressive_sample = sample;
+        let photon_key = frame_index
+            .wrapping_mul(PHOTON_KEY_STRIDE)
+            .wrapping_add(sample);
+        let anew = std::mem::take(&mut self.edit_base.outdates_photons) || self.is_progressive();
+        self.trace_photons(views, frame_index, photon_key, anew, flight)?;
+        Ok(self.slice_gathers()?)
+    }
+
+    /// The eyes of a frame that was prepared, as `views` have them by now; they may have moved a little since.
+    ///
+    /// # Errors
+    /// As [`Renderer::send_frame`].
+    pub(crate) fn send_eyes(
+        &mut self,
+        mut flight: Flight,
+        views: &[View; 2],
+        frame_index: u32,
+        lands: bool,
+        mut progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        let began = Instant::now();
+        self.update_hidden(views);
         let samples = self.settings.spp;
-        // Progressive mode traces photons anew for every sample, with a smaller radius each time.
-        let progressive = !self.maps.is_empty() && self.settings.photon.progressive;
+        let progressive = self.is_progressive();
         let per_submission = if progressive {
             1
         } else {
@@ -453,26 +506,21 @@ impl Renderer {
         let mut first = 0;
         while first < samples {
             let count = per_submission.min(samples - first);
-            if first == 0 || progressive {
-                self.progressive_sample = first;
-                let photon_key = frame_index
-                    .wrapping_mul(PHOTON_KEY_STRIDE)
-                    .wrapping_add(first);
-                let anew = std::mem::take(&mut self.edit_base.outdates_photons) || progressive;
-                self.trace_photons(views, frame_index, photon_key, anew, &mut flight)?;
-                self.slice_gathers()?;
+            if first > 0 && progressive {
+                self.trace_for_sample(views, frame_index, first, &mut flight)?;
             }
             let photons = self.photon_map().and_then(PhotonMap::traced_at);
             let frame = self.frame_uniform(views, frame_index, first, photons);
             self.write_frame_uniform(&frame);
             self.render_samples(views, &frame, [first, count], &mut flight)?;
+            flight.eyes_sent.get_or_insert_with(Instant::now);
             first += count;
             progress(first);
         }
         if lands {
             flight.land(&self.context)?;
         }
-        flight.result.cpu_ms.render = flight.result.note("render", began);
+        flight.result.cpu_ms.render += flight.result.note("render", began);
         Ok(flight)
     }
 

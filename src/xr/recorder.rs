@@ -2,6 +2,7 @@
 
 use super::trace::{self, TraceFrame, TraceHeader};
 use super::validation::{self, Fault};
+use super::view::View;
 use super::{
     FrameState, FrameSubmission, Input, LocatedViews, Pulse, Quality, RenderTargets, SessionInfo,
     XrError, XrSession,
@@ -23,6 +24,8 @@ pub struct Recorder<S> {
     switch_reuse: bool,
     /// What the wearer does in the frame under way.
     input: Input,
+    /// What was located first in it.
+    located: Option<[View; 2]>,
     /// The quality that was set since the last line, and the last one written.
     quality: [Option<Quality>; 2],
     /// The version that the header states.
@@ -54,6 +57,7 @@ impl<S: XrSession> Recorder<S> {
                 frames: 0,
                 switch_reuse: false,
                 input: Input::default(),
+                located: None,
                 quality: [None; 2],
                 version,
             }),
@@ -88,11 +92,20 @@ impl<S: XrSession> Recorder<S> {
     fn write(&mut self, t_ns: i64, views: &LocatedViews) -> std::io::Result<()> {
         let invalid = |fault: Fault| Error::new(ErrorKind::InvalidData, fault.to_string());
         validation::check_views(views).map_err(invalid)?;
+        let located = self.located.filter(|located| *located != views.views);
+        if let Some(views_first) = located {
+            let first = LocatedViews {
+                views: views_first,
+                ..*views
+            };
+            validation::check_views(&first).map_err(invalid)?;
+        }
         self.input.checked().map_err(invalid)?;
         let [set, known] = self.quality;
         let frame = TraceFrame {
             quality: set.filter(|_| set != known),
             t_ns,
+            located,
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
             input: std::mem::take(&mut self.input),
@@ -115,6 +128,7 @@ impl<S: XrSession> XrSession for Recorder<S> {
     fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
         let frame = self.inner.wait_frame()?;
         self.input = Input::default();
+        self.located = None;
         // A frame that renders nothing has no line; the switch then shows in the next. Twice is not at all.
         if frame.is_some_and(|frame| frame.switch_reuse) {
             self.switch_reuse = !self.switch_reuse;
@@ -129,7 +143,13 @@ impl<S: XrSession> XrSession for Recorder<S> {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.inner.locate_views(display_time_ns)
+        let located = self.inner.locate_views(display_time_ns)?;
+        self.located = located.map(|located| located.views);
+        Ok(located)
+    }
+
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.inner.relocate_views(display_time_ns)
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {

@@ -196,6 +196,34 @@ impl ReplaySession {
         }
     }
 
+    /// Views at a time: `of` the frame of a native trace.
+    fn views_at(
+        &self,
+        display_time_ns: i64,
+        of: impl FnOnce(&TraceFrame) -> LocatedViews,
+    ) -> Result<Option<LocatedViews>, XrError> {
+        self.order.may_locate()?;
+        match &self.recording {
+            Recording::Native(trace) => {
+                let frame = trace
+                    .frames
+                    .binary_search_by_key(&display_time_ns, |frame| frame.t_ns)
+                    .ok()
+                    .and_then(|index| trace.frames.get(index));
+                match frame {
+                    Some(frame) => Ok(Some(of(frame))),
+                    None => Err(XrError::CallOrder(format!(
+                        "locate_views at {display_time_ns} ns, a time that the trace does not hold"
+                    ))),
+                }
+            }
+            Recording::Head(motion, headset) => {
+                let head = motion.pose_at(display_time_ns);
+                Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
+            }
+        }
+    }
+
     fn quality(&self, frame: u64) -> QualityFrom {
         match &self.recording {
             Recording::Native(trace) if trace.has_quality() => {
@@ -249,26 +277,15 @@ impl XrSession for ReplaySession {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.order.may_locate()?;
-        match &self.recording {
-            Recording::Native(trace) => {
-                let frame = trace
-                    .frames
-                    .binary_search_by_key(&display_time_ns, |frame| frame.t_ns)
-                    .ok()
-                    .and_then(|index| trace.frames.get(index));
-                match frame {
-                    Some(frame) => Ok(Some(frame.views)),
-                    None => Err(XrError::CallOrder(format!(
-                        "locate_views at {display_time_ns} ns, a time that the trace does not hold"
-                    ))),
-                }
-            }
-            Recording::Head(motion, headset) => {
-                let head = motion.pose_at(display_time_ns);
-                Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
-            }
-        }
+        let first = |frame: &TraceFrame| LocatedViews {
+            views: frame.located.unwrap_or(frame.views.views),
+            ..frame.views
+        };
+        self.views_at(display_time_ns, first)
+    }
+
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.views_at(display_time_ns, |frame| frame.views)
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {

@@ -9,6 +9,7 @@
 //! the shortest decimal form that reads back as the same f64, so what is read and written again gives the
 //! same bytes. Version 2 adds what else a frame depended on: `hidden` in the header, the area that each eye's lens hides
 //! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched,
+//! `located` in a frame whose eyes were located once more before they were rendered: the views that all but the eyes went by,
 //! `quality` in a frame from which on another one was set, and `input`, what the wearer did (`docs/recordings.md` has the keys
 //! of both). Unknown keys are errors. A last line that was cut short (the
 //! run that wrote it was killed) is dropped with a warning.
@@ -27,7 +28,7 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The versions that are read. Version 1 holds views; version 2 adds `input` and `quality`, and is what a file with `hidden` or
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality` and `located`, and is what a file with `hidden` or
 /// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
@@ -49,8 +50,10 @@ pub struct TraceHeader {
 pub struct TraceFrame {
     /// Display time, nanoseconds; strictly increasing through a trace.
     pub t_ns: i64,
-    /// Both eyes.
+    /// Both eyes, as they were rendered.
     pub views: LocatedViews,
+    /// Both eyes as they were located first, where that is another place: what the application saw.
+    pub located: Option<[View; 2]>,
     /// Stereo reuse is switched from this frame on.
     pub switch_reuse: bool,
     /// The quality that was set, for this frame and those after it.
@@ -71,8 +74,10 @@ impl TraceFrame {
     /// The lowest version that can hold it.
     #[must_use]
     pub fn version(&self) -> u64 {
-        let is_plain =
-            !self.switch_reuse && self.quality.is_none() && self.input == Input::default();
+        let is_plain = !self.switch_reuse
+            && self.located.is_none()
+            && self.quality.is_none()
+            && self.input == Input::default();
         VERSIONS[usize::from(!is_plain)]
     }
 }
@@ -375,29 +380,30 @@ fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
 }
 
 fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Fault> {
-    let known = ["t_ns", "views", "flags", "switch_reuse", "input", "quality"];
-    // `input` and `quality` came with version 2.
+    let known = [
+        "t_ns",
+        "views",
+        "flags",
+        "switch_reuse",
+        "input",
+        "quality",
+        "located",
+    ];
+    // Those from `input` on came with version 2.
     let known = if version == 1 { &known[..4] } else { &known };
     let fields = Fields::new("", map, known)?;
     let t_ns = fields.value("t_ns")?;
     let Some(t_ns) = t_ns.as_i64() else {
         return Err(wrong_kind("t_ns", t_ns, "a whole number of nanoseconds"));
     };
-    let views = fields.value("views")?;
-    let [left, right] = views.as_array().map_or(&[][..], Vec::as_slice) else {
-        return Err(wrong_kind(
-            "views",
-            views,
-            "an array of two views, left and right",
-        ));
-    };
+    let views = read_views("views", fields.value("views")?)?;
     let flags = Fields::of(
         "flags",
         fields.value("flags")?,
         &["position_valid", "orientation_valid"],
     )?;
     let located = LocatedViews {
-        views: [read_view("views[0]", left)?, read_view("views[1]", right)?],
+        views,
         flags: ViewFlags {
             position_valid: flags.boolean("position_valid")?,
             orientation_valid: flags.boolean("orientation_valid")?,
@@ -408,6 +414,15 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
         t_ns,
         views: validation::check_views(&located)?,
         switch_reuse: map.contains_key("switch_reuse") && fields.boolean("switch_reuse")?,
+        located: fields.optional("located", |path, value| {
+            let views = read_views(path, value)?;
+            let checked = validation::check_views(&LocatedViews { views, ..located });
+            let at = |fault: Fault| Fault {
+                field: fault.field.replacen("views", path, 1),
+                ..fault
+            };
+            Ok(checked.map_err(at)?.views)
+        })?,
         quality: fields.optional("quality", read_quality)?,
         input: fields
             .optional("input", |_, value| Input::read(value))?
@@ -442,6 +457,17 @@ fn read_quality(path: &str, value: &Value) -> Result<Quality, Fault> {
         Some((key, what)) => Err(fields.fault(key, what)),
         None => Ok(quality),
     }
+}
+
+fn read_views(path: &str, value: &Value) -> Result<[View; 2], Fault> {
+    let Some([left, right]) = value.as_array().map(Vec::as_slice) else {
+        let wanted = "an array of two views, left and right";
+        return Err(wrong_kind(path, value, wanted));
+    };
+    Ok([
+        read_view(&format!("{path}[0]"), left)?,
+        read_view(&format!("{path}[1]"), right)?,
+    ])
 }
 
 fn read_view(path: &str, value: &Value) -> Result<View, Fault> {
@@ -480,6 +506,8 @@ struct FrameJson {
     t_ns: i64,
     views: [ViewJson; 2],
     flags: FlagsJson,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    located: Option<[ViewJson; 2]>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     switch_reuse: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -534,19 +562,22 @@ pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_j
 /// # Errors
 /// None that is known: serde_json's own.
 pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
-    let views = frame.views.views.map(|view| ViewJson {
-        position: view.position_in_world.to_array(),
-        orientation: view.orientation.to_array(),
-        fov: FovJson {
-            left: view.fov.angle_left,
-            right: view.fov.angle_right,
-            up: view.fov.angle_up,
-            down: view.fov.angle_down,
-        },
-    });
+    let views = |views: [View; 2]| {
+        views.map(|view| ViewJson {
+            position: view.position_in_world.to_array(),
+            orientation: view.orientation.to_array(),
+            fov: FovJson {
+                left: view.fov.angle_left,
+                right: view.fov.angle_right,
+                up: view.fov.angle_up,
+                down: view.fov.angle_down,
+            },
+        })
+    };
     let line = serde_json::to_string(&FrameJson {
         t_ns: frame.t_ns,
-        views,
+        views: views(frame.views.views),
+        located: frame.located.map(views),
         flags: FlagsJson {
             position_valid: frame.views.flags.position_valid,
             orientation_valid: frame.views.flags.orientation_valid,

@@ -287,6 +287,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
         frames.push(TraceFrame {
             t_ns,
             views,
+            located: None,
             switch_reuse: frame.switch_reuse,
             quality: None,
             input,
@@ -554,6 +555,7 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
     let plain = |switch_reuse, input| TraceFrame {
         t_ns: 0,
         views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
+        located: None,
         switch_reuse,
         quality: None,
         input,
@@ -665,6 +667,7 @@ proptest! {
         triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
         inputs in prop::collection::vec(any_input(), 1..4),
         qualities in prop::collection::vec(prop::option::of(any_quality()), 1..4),
+        located in [any_view(), any_view()],
     ) {
         let hidden = (!triangles.is_empty()).then(|| {
             let eye = |scale: f64| HiddenArea::from_triangles(
@@ -675,6 +678,7 @@ proptest! {
         let frames = views.into_iter().enumerate().map(|(k, views)| TraceFrame {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
+            located: (k % 4 == 2).then_some(located),
             switch_reuse: k % 3 == 1,
             quality: qualities[k % qualities.len()],
             input: inputs[k % inputs.len()].clone(),
