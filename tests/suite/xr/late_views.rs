@@ -6,7 +6,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use stereolux::FrameLoop;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::Eye;
@@ -19,7 +19,7 @@ use stereolux::xr::{
 };
 
 use super::support::TemporaryFile;
-use crate::suite::support::{bits, builtin, context, radiance, settings, start_pose};
+use crate::suite::support::{bits, builtin, context, hit_rays, radiance, settings, start_pose};
 
 const FRAMES: u64 = 4;
 
@@ -170,9 +170,11 @@ fn poses_are_as_old_as_the_eyes_and_images_are_taken_last() {
     let settings = settings(|_| {});
     let mut frames =
         FrameLoop::new(context(), library, session, &scene, &settings, [32, 24]).unwrap();
+    let mut first = None;
     for _ in 0..FRAMES {
         calls.borrow_mut().clear();
-        let stats = frames.next_frame(|_, _| {
+        let stats = frames.next_frame(|_, frame| {
+            first = Some(frame.views);
             std::thread::sleep(PREPARING);
             calls.borrow_mut().push(("updated", Instant::now()));
         });
@@ -189,5 +191,17 @@ fn poses_are_as_old_as_the_eyes_and_images_are_taken_last() {
         assert!(age_ms > 0.0 && age_ms <= ms(3, 5), "{age_ms} ms, {calls:?}");
         let first_age_ms = ms(2, 5);
         assert!(age_ms + PREPARING.as_secs_f64() * 1e3 <= first_age_ms);
+        // Rays of the left image's middle: as the late views have them, to the precision of f32.
+        let rays = hit_rays(frames.renderer(), Eye::Left);
+        let found = Vec3::from_slice(&rays[12 * 32 + 16]).as_dvec3();
+        let ahead = |view: &View| {
+            let tan = view.fov.tangents();
+            let x = tan.left + (16.5 / 32.0) * (tan.right - tan.left);
+            let y = tan.up + (12.5 / 24.0) * (tan.down - tan.up);
+            view.orientation * DVec3::new(x, y, -1.0).normalize()
+        };
+        let first = first.unwrap();
+        assert!((found - ahead(&moved(first)[0])).length() < 1e-5);
+        assert!((found - ahead(&first[0])).length() > 0.01);
     }
 }

@@ -385,6 +385,43 @@ fn the_views_that_were_used_are_recorded_not_those_located() {
     assert_eq!(Trace::read(&file.0).unwrap().frames[0].views, views);
 }
 
+/// What is set is written when it is another, and again when the wearer has switched reuse meanwhile.
+#[test]
+fn quality_is_written_where_it_changes() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let switched = frame_at(3).replace("}}]", "}}],\"switch_reuse\":true");
+    let [source, file] = ["source.jsonl", "changes.jsonl"].map(TemporaryFile::new);
+    let frames = [frame_at(1), frame_at(2), switched, frame_at(4), frame_at(5)];
+    let switching = frames[2].contains("switch_reuse");
+    assert!(switching);
+    std::fs::write(&source.0, format!("{header}\n{}\n", frames.join("\n"))).unwrap();
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
+    let session = ReplaySession::open(&source.0, options).unwrap();
+    let mut recorder = Recorder::create(&file.0, session).unwrap();
+    let first = Quality::of(&RenderSettings::default());
+    let second = Quality {
+        max_depth: 3,
+        ..first
+    };
+    let told = [Some(first), Some(first), Some(first), None, Some(second)];
+    for quality in told {
+        let t_ns = recorder.wait_frame().unwrap().unwrap();
+        let t_ns = t_ns.predicted_display_time_ns;
+        recorder.begin_frame().unwrap();
+        let views = recorder.locate_views(t_ns).unwrap().unwrap();
+        let submission = FrameSubmission::new(t_ns, Some(&views));
+        recorder
+            .end_frame(submission.with_quality(quality))
+            .unwrap();
+    }
+    let written = Trace::read(&file.0).unwrap();
+    let written: Vec<_> = written.frames.iter().map(|frame| frame.quality).collect();
+    assert_eq!(
+        written,
+        [Some(first), None, Some(first), None, Some(second)]
+    );
+}
+
 #[test]
 fn unwritable_recordings() {
     for path in [Path::new("/nowhere/at/all.jsonl"), &std::env::temp_dir()] {
