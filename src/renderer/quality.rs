@@ -67,7 +67,8 @@ impl Renderer {
         }
     }
 
-    /// Renders with `quality` from the next frame on, without compiling and without allocating.
+    /// Renders with `quality` from the next frame on, without compiling and without allocating. (Photon lists that overflow
+    /// grow as ever, and so do buffers of gathers that fall into more slices.)
     ///
     /// The first frame after a change of photons or of the depth of their paths traces all of them and waits for their
     /// counts. With another resolution what reconstruction remembers is forgotten; with any other change it is kept. The
