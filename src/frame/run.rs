@@ -10,7 +10,7 @@ use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use crate::gpu::features::ShaderFeatures;
 use crate::gpu::kernel::{
-    Binding, BindingKind, Bound, DISPATCH_BINDING, dispatch_table, linear_groups,
+    Binding, BindingKind, Bound, DISPATCH_BINDING, DispatchTable, linear_groups,
 };
 use crate::gpu::raster::Raster;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderLibrary};
@@ -107,7 +107,7 @@ pub struct FrameRun {
     pub buffers: Buffers,
     stages: BTreeMap<Stage, BoundStage>,
     /// The stages' dispatch tables, also of stages that are not in the plan now.
-    tables: BTreeMap<Stage, wgpu::Buffer>,
+    tables: BTreeMap<Stage, DispatchTable>,
 }
 
 impl FrameRun {
@@ -284,10 +284,12 @@ impl FrameRun {
             }
         }
         let entries = table_entries(planned, &patterns);
-        let before = self.tables.get(&planned.stage);
-        let table = dispatch_table(context, planned.stage.name(), &entries, before);
-        self.tables.insert(planned.stage, table.clone());
-        let given = given.clone().with(DISPATCH_BINDING, &table);
+        let empty = entries.len() as u32 - 1;
+        let before = self.tables.remove(&planned.stage);
+        let table = DispatchTable::holding(context, planned.stage.name(), entries, before);
+        let buffer = table.buffer.clone();
+        self.tables.insert(planned.stage, table);
+        let given = given.clone().with(DISPATCH_BINDING, &buffer);
         let bind = |step: &Step| {
             let action =
                 self.bind_action(context, step, planned.stage, &given, image, &patterns)?;
@@ -301,7 +303,7 @@ impl FrameRun {
         Ok(BoundStage {
             steps: steps.collect::<Result<Vec<_>, GpuError>>()?,
             patterns: patterns.len() as u32,
-            empty: entries.len() as u32 - 1,
+            empty,
         })
     }
 

@@ -376,30 +376,43 @@ pub fn linear_groups(threads: u32, group: u32) -> [u32; 3] {
     [groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1]
 }
 
-/// The dispatch table: entry i holds the four words that the i-th dispatch of a pass sees. It takes the place of the one
-/// `before`, if there is one and it is large enough, for the submissions to come.
-pub fn dispatch_table(
-    context: &GpuContext,
-    label: &str,
-    entries: &[[u32; 4]],
-    before: Option<&wgpu::Buffer>,
-) -> wgpu::Buffer {
-    let stride = (DISPATCH_STRIDE / 4) as usize;
-    let mut words = vec![0u32; entries.len().max(1) * stride];
-    for (index, entry) in entries.iter().enumerate() {
-        words[index * stride..index * stride + 4].copy_from_slice(entry);
-    }
-    let contents: &[u8] = bytemuck::cast_slice(&words);
-    if let Some(table) = before.filter(|table| table.size() >= contents.len() as u64) {
-        context.queue.write_buffer(table, 0, contents);
-        return table.clone();
-    }
-    context.count_made();
-    context
-        .device
-        .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+/// The dispatch table: entry i holds the four words that the i-th dispatch of a pass sees.
+pub struct DispatchTable {
+    entries: Vec<[u32; 4]>,
+    /// What passes bind.
+    pub buffer: wgpu::Buffer,
+}
+
+impl DispatchTable {
+    /// A table of `entries`: the one `before`, if there is one and it is large enough, for the submissions to come.
+    pub fn holding(
+        context: &GpuContext,
+        label: &str,
+        entries: Vec<[u32; 4]>,
+        before: Option<Self>,
+    ) -> Self {
+        let before = match before {
+            Some(table) if table.entries == entries => return table,
+            other => other,
+        };
+        let stride = (DISPATCH_STRIDE / 4) as usize;
+        let mut words = vec![0u32; entries.len().max(1) * stride];
+        for (index, entry) in entries.iter().enumerate() {
+            words[index * stride..index * stride + 4].copy_from_slice(entry);
+        }
+        let contents: &[u8] = bytemuck::cast_slice(&words);
+        let fits = |table: &Self| table.buffer.size() >= contents.len() as u64;
+        if let Some(Self { buffer, .. }) = before.filter(fits) {
+            context.queue.write_buffer(&buffer, 0, contents);
+            return Self { entries, buffer };
+        }
+        context.count_made();
+        let descriptor = wgpu::util::BufferInitDescriptor {
             label: Some(label),
             contents,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        })
+        };
+        let buffer = context.device.create_buffer_init(&descriptor);
+        Self { entries, buffer }
+    }
 }
