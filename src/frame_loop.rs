@@ -326,6 +326,51 @@ impl Rendered {
     }
 }
 
+/// A frame whose eyes were sent.
+struct Eyed {
+    /// The views that they have.
+    located: LocatedViews,
+    pose_age_ms: f64,
+    /// Of a frame that has landed.
+    result: FrameResult,
+    flight: Option<Flight>,
+    relocating: HostSpan,
+}
+
+/// Prepares a frame by the views that were `located` first, asks where the eyes are by now, and renders them.
+fn render(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    index: u32,
+    in_flight: usize,
+    state: &FrameState,
+    located: LocatedViews,
+    sample: impl FnMut(u32),
+) -> Result<Eyed, LoopError> {
+    let flight = renderer.prepare_frame(&located.views, index)?;
+    let asked = Instant::now();
+    let again = session.relocate_views(state.predicted_display_time_ns)?;
+    let located = again.unwrap_or(located);
+    let relocating = HostSpan::since("session", asked);
+    let lands = in_flight == 1;
+    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
+    let pose_age_ms = flight
+        .eyes_sent()
+        .map_or(0.0, |sent| (sent - asked).as_secs_f64() * 1e3);
+    let (result, flight) = if lands {
+        (renderer.retire(flight)?, None)
+    } else {
+        (FrameResult::default(), Some(flight))
+    };
+    Ok(Eyed {
+        located,
+        pose_age_ms,
+        result,
+        flight,
+        relocating,
+    })
+}
+
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
 /// it is in that frame; `sample` is told how many of the frame's samples are done. With more than one frame `in_flight`, 2
 /// or 3, the frame is on its way then, and as many less one may be before it.
@@ -366,21 +411,15 @@ pub fn step(
     let before = renderer.quality();
     update(renderer, FrameInput::new(index, &state, &located, input))?;
     let quality = settle_quality(renderer, &state, before)?;
-    let flight = renderer.prepare_frame(&located.views, index)?;
-    let called = Instant::now();
-    let again = session.relocate_views(state.predicted_display_time_ns)?;
-    let located = again.unwrap_or(located);
-    stages.push(HostSpan::since("session", called));
-    let lands = in_flight == 1;
-    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
-    let pose_age_ms = flight
-        .eyes_sent()
-        .map_or(0.0, |sent| (sent - called).as_secs_f64() * 1e3);
-    let (mut result, flight) = if lands {
-        (renderer.retire(flight)?, None)
-    } else {
-        (FrameResult::default(), Some(flight))
-    };
+    let eyes = render(session, renderer, index, in_flight, &state, located, sample)?;
+    let Eyed {
+        located,
+        pose_age_ms,
+        mut result,
+        flight,
+        relocating,
+    } = eyes;
+    stages.push(relocating);
     stages.append(&mut result.stages);
     let called = Instant::now();
     let targets = session.acquire_targets()?;
