@@ -7,7 +7,7 @@ use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
 use stereolux::options::Extent;
 use stereolux::scene::builtin;
-use stereolux::settings::Settings;
+use stereolux::settings::{Quality, RenderSettings, Settings};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::trace;
 use stereolux::xr::{HandScript, Headset, Motion, Pose, SimulatedSession, XrSession as _};
@@ -194,7 +194,9 @@ pub fn traces() -> Vec<Vec<u8>> {
                 let frame = trace::TraceFrame {
                     t_ns: time,
                     views,
+                    located: (time > 20_000_000).then_some(views.views),
                     switch_reuse: false,
+                    quality: (time > 0).then(|| Quality::of(&RenderSettings::default())),
                     input: session.locate_input(time).unwrap_or_default(),
                 };
                 native.push_str(&trace::frame_line(&frame).unwrap_or_default());

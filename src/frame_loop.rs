@@ -23,8 +23,11 @@ use crate::renderer::{
     StereoStats,
 };
 use crate::scene::Scene;
-use crate::settings::{Aov, Eyes, RenderSettings};
-use crate::xr::{Buttons, FrameSubmission, LocatedViews, RenderTargets, XrError, XrSession};
+use crate::settings::{Aov, Eyes, Quality, RenderSettings};
+use crate::xr::{
+    Buttons, FrameState, FrameSubmission, LocatedViews, QualityFrom, RenderTargets, XrError,
+    XrSession,
+};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -85,6 +88,9 @@ pub struct FrameStats {
     pub non_finite_pixels: usize,
     /// Whether the tracker had no usable pose, so that the last good one was shown again.
     pub pose_repeated: bool,
+    /// How old the pose was by which the eyes were rendered: host milliseconds from asking the session for it to having
+    /// handed the eyes' passes to the device.
+    pub pose_age_ms: f64,
     /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
     /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
     pub host_waits: u64,
@@ -159,8 +165,6 @@ pub struct LoopOptions<'a> {
     pub images: bool,
     /// Further layers of the images.
     pub aovs: &'a [Aov],
-    /// Image size per eye.
-    pub size: [u32; 2],
     /// Frames on their way to the device at once, 1 to 3.
     pub in_flight: usize,
 }
@@ -205,13 +209,30 @@ fn skip(
     }
     session.begin_frame()?;
     let time_ns = state.predicted_display_time_ns;
+    let before = renderer.quality();
     if let Some(located) = session.locate_views(time_ns)? {
         let input = session.locate_input(time_ns)?;
         // Also where nothing is shown: rays are cast at what stands there.
         application.update(renderer, FrameInput::new(index, &state, &located, input))?;
     }
-    session.end_frame(FrameSubmission::new(time_ns, None))?;
+    let quality = settle_quality(renderer, &state, before)?;
+    session.end_frame(FrameSubmission::new(time_ns, None).with_quality(quality))?;
     Ok(Some(()))
+}
+
+/// Lets the recording have its way with the frame's quality, `before` being that from before the application's update; the
+/// quality that was set in the frame, if one was.
+fn settle_quality(
+    renderer: &mut Renderer,
+    state: &FrameState,
+    before: Quality,
+) -> Result<Option<Quality>, RenderError> {
+    if let QualityFrom::Recording(recorded) = state.quality {
+        renderer.set_quality(&recorded.unwrap_or(before))?;
+        renderer.take_told_quality();
+        return Ok(recorded);
+    }
+    Ok(renderer.take_told_quality())
 }
 
 /// Progress reports of a loop.
@@ -245,6 +266,8 @@ pub struct Rendered {
     pub cpu_ms: CpuMs,
     /// The host's stages, those of the renderer too.
     pub stages: Vec<HostSpan>,
+    /// As in [`FrameStats`].
+    pub pose_age_ms: f64,
     /// As in [`FrameStats`].
     pub host_waits: u64,
 }
@@ -280,6 +303,7 @@ impl Rendered {
             result,
             mut cpu_ms,
             stages: _,
+            pose_age_ms,
             host_waits,
         } = self;
         cpu_ms.frame = frame_ms;
@@ -296,9 +320,55 @@ impl Rendered {
             stereo: result.stereo,
             non_finite_pixels,
             pose_repeated: located.repeated,
+            pose_age_ms,
             host_waits,
         }
     }
+}
+
+/// A frame whose eyes were sent.
+struct Eyed {
+    /// The views that they have.
+    located: LocatedViews,
+    pose_age_ms: f64,
+    /// Of a frame that has landed.
+    result: FrameResult,
+    flight: Option<Flight>,
+    relocating: HostSpan,
+}
+
+/// Prepares a frame by the views that were `located` first, asks where the eyes are by now, and renders them.
+fn render(
+    session: &mut dyn XrSession,
+    renderer: &mut Renderer,
+    index: u32,
+    in_flight: usize,
+    state: &FrameState,
+    located: LocatedViews,
+    sample: impl FnMut(u32),
+) -> Result<Eyed, LoopError> {
+    let flight = renderer.prepare_frame(&located.views, index)?;
+    let asked = Instant::now();
+    let again = session.relocate_views(state.predicted_display_time_ns)?;
+    let located = again.unwrap_or(located);
+    let relocating = HostSpan::since("session", asked);
+    let lands = in_flight == 1;
+    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
+    let pose_age_ms = flight
+        .eyes_sent()
+        .map_or(0.0, |sent| (sent - asked).as_secs_f64() * 1e3);
+    let (result, flight) = if lands {
+        (renderer.retire(flight)?, None)
+    } else {
+        (FrameResult::default(), Some(flight))
+    };
+    Ok(Eyed {
+        located,
+        pose_age_ms,
+        result,
+        flight,
+        relocating,
+    })
 }
 
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
@@ -337,16 +407,23 @@ pub fn step(
         return Ok(Step::Hidden);
     };
     let input = session.locate_input(state.predicted_display_time_ns)?;
+    stages.push(HostSpan::since("session", called));
+    let before = renderer.quality();
+    update(renderer, FrameInput::new(index, &state, &located, input))?;
+    let quality = settle_quality(renderer, &state, before)?;
+    let eyes = render(session, renderer, index, in_flight, &state, located, sample)?;
+    let Eyed {
+        located,
+        pose_age_ms,
+        mut result,
+        flight,
+        relocating,
+    } = eyes;
+    stages.push(relocating);
+    stages.append(&mut result.stages);
+    let called = Instant::now();
     let targets = session.acquire_targets()?;
     stages.push(HostSpan::since("session", called));
-    update(renderer, FrameInput::new(index, &state, &located, input))?;
-    let (mut result, flight) = if in_flight > 1 {
-        let flight = renderer.send_frame(&located.views, index, sample)?;
-        (FrameResult::default(), Some(flight))
-    } else {
-        (renderer.render_frame(&located.views, index, sample)?, None)
-    };
-    stages.append(&mut result.stages);
     if let RenderTargets::Runtime(targets) = &targets {
         let recorded = Instant::now();
         renderer.submit_to(library, targets)?;
@@ -354,10 +431,8 @@ pub fn step(
     }
     drop(targets);
     let called = Instant::now();
-    session.end_frame(FrameSubmission::new(
-        state.predicted_display_time_ns,
-        Some(&located),
-    ))?;
+    let submission = FrameSubmission::new(state.predicted_display_time_ns, Some(&located));
+    session.end_frame(submission.with_quality(quality).of_size(renderer.size()))?;
     stages.push(HostSpan::since("session", called));
     let ms = |name| {
         let of_name = stages.iter().filter(|span| span.stage == name);
@@ -377,6 +452,7 @@ pub fn step(
         result,
         cpu_ms,
         stages,
+        pose_age_ms,
         host_waits: renderer.context().host_waits() - waits_before,
     })))
 }
@@ -650,7 +726,7 @@ fn run_frames(
             }
             let written = Instant::now();
             if has_images {
-                let mut images = read_images(renderer, options.size, &mut non_finite_pixels)?;
+                let mut images = read_images(renderer, &mut non_finite_pixels)?;
                 images.aovs = read_aovs(renderer, library, options.aovs, &images)?;
                 let facts = FrameFacts {
                     frame: index,
@@ -722,9 +798,9 @@ fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {
 /// [`LoopError::Render`].
 pub fn read_images(
     renderer: &Renderer,
-    size: [u32; 2],
     non_finite_pixels: &mut usize,
 ) -> Result<FrameImages, LoopError> {
+    let size = renderer.size();
     let mut image = |mut pixels: Vec<[f32; 3]>| -> Result<ImageRgb, LoopError> {
         for pixel in &mut pixels {
             if !pixel.iter().all(|channel| channel.is_finite()) {

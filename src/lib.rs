@@ -196,8 +196,8 @@ pub use scene::{
 pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
     Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
-    ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space, StereoSettings,
-    Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
+    Quality, ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space,
+    StereoSettings, Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
 };
 
 // Devices and images.
@@ -231,10 +231,10 @@ pub use xr::openxr::{
 pub use xr::validation::Fault;
 pub use xr::{
     ArgumentError, Button, Buttons, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset,
-    HiddenArea, Input, InputError, Joint, LocatedViews, Pacing, Pose, Pulse, RayInWorld, Recorder,
-    RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo, Side,
-    SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags, XrError,
-    XrSession,
+    HiddenArea, Input, InputError, Joint, LocatedViews, Pacing, Pose, Pulse, QualityFrom,
+    RayInWorld, Recorder, RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo,
+    Side, SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags,
+    XrError, XrSession,
 };
 
 #[doc(hidden)]

@@ -12,6 +12,7 @@ use crate::printable::{did_you_mean, line};
 use crate::renderer::{Applied, PreparedPart, RayHit, RenderError, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
 use crate::scene::{Material, Node, PunctualLight, Scene, ScenePart};
+use crate::settings::Quality;
 use crate::xr::{Pulse, Side};
 
 /// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
@@ -50,6 +51,8 @@ pub(crate) struct Kept {
     part: Option<PartChange>,
     /// Why the renderer cannot show it.
     needs_rebuild: Option<String>,
+    /// The quality that was set in this frame.
+    quality: Option<Quality>,
     pulses: Vec<Pulse>,
     is_over: bool,
 }
@@ -70,6 +73,9 @@ pub enum WorldError {
     /// A part that cannot be loaded or prepared.
     #[error("{}", line(.0))]
     Part(String),
+    /// A quality that the renderer was not made for, or a question that comes too early.
+    #[error("{}", line(.0))]
+    Quality(String),
     /// A number that is none of the scene's, or a value that no scene can have.
     #[error(transparent)]
     Edit(#[from] EditError),
@@ -307,6 +313,42 @@ impl<'a> World<'a> {
             .cast_ray(origin_in_world, direction, max_distance_m)
     }
 
+    /// The quality of the frame under way, as far as it was set; in a replay, as it was recorded.
+    ///
+    /// # Errors
+    /// [`WorldError::Quality`] in [`super::App::start`]: nothing is rendered yet.
+    pub fn quality(&self) -> Result<Quality, WorldError> {
+        let renderer = self.renderer_for_quality()?;
+        Ok(self.kept.quality.unwrap_or_else(|| renderer.quality()))
+    }
+
+    /// The most that the settings allow, and what the first frame has unless another quality is set.
+    ///
+    /// # Errors
+    /// As [`World::quality`].
+    pub fn most_quality(&self) -> Result<Quality, WorldError> {
+        Ok(self.renderer_for_quality()?.most_quality())
+    }
+
+    /// Renders with `quality` from the frame under way on, as [`Renderer::set_quality`] has it: nothing is compiled and
+    /// nothing allocated. It is recorded, so it may depend on how long frames took: a replay of a recording in which
+    /// quality was set goes by the recording, and what is asked for here is only checked.
+    ///
+    /// # Errors
+    /// [`WorldError::Quality`]: out of its range, more than the settings allow, or in [`super::App::start`].
+    pub fn set_quality(&mut self, quality: &Quality) -> Result<(), WorldError> {
+        let checked = self.renderer_for_quality()?.check_quality(quality);
+        checked.map_err(|error| WorldError::Quality(error.to_string()))?;
+        self.kept.quality = Some(*quality);
+        Ok(())
+    }
+
+    fn renderer_for_quality(&self) -> Result<&'a Renderer, WorldError> {
+        self.renderer.ok_or_else(|| {
+            WorldError::Quality("nothing is rendered yet; ask for a quality in `update`".into())
+        })
+    }
+
     /// Lets a controller vibrate for a while, `amplitude` 0 to 1; nothing happens where there is none that can.
     pub fn vibrate(&mut self, side: Side, duration_s: f64, amplitude: f64) {
         self.kept.pulses.push(Pulse {
@@ -329,6 +371,7 @@ impl Kept {
             is_changed: false,
             part: None,
             needs_rebuild: None,
+            quality: None,
             pulses: Vec::new(),
             is_over: false,
         }
@@ -367,6 +410,9 @@ impl Kept {
     /// # Errors
     /// As [`Renderer::apply_scene`].
     pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
+        if let Some(quality) = self.quality.take() {
+            renderer.set_quality(&quality)?;
+        }
         let part = self.part.take();
         // What waits for another renderer is all in the scene.
         if std::mem::take(&mut self.is_changed) && self.needs_rebuild.is_none() {

@@ -417,7 +417,6 @@ fn render_session(
             every: job.every,
             images: settings.output.images,
             aovs: &aovs,
-            size,
             in_flight: in_flight(settings, job.hurries),
         },
         &mut bar,

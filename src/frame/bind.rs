@@ -97,6 +97,8 @@ impl Use {
 struct Held {
     /// Whether it is declared but never written.
     is_token: bool,
+    /// Bytes that the plan in use needs of it; it may have more.
+    bytes: u64,
     /// Two if double-buffered.
     turns: Vec<wgpu::Buffer>,
     texels: Option<TexelCopy>,
@@ -150,7 +152,8 @@ impl Buffers {
             let fits = |bytes| !held.is_token && held.turns[0].size() >= allocated_bytes(bytes);
             bytes.is_none_or(fits)
         };
-        if self.held.get(&place).is_some_and(fits) {
+        if let Some(held) = self.held.get_mut(&place).filter(|held| fits(held)) {
+            held.bytes = bytes.map_or(held.bytes, allocated_bytes);
             return Ok(());
         }
         let is_token = bytes.is_none();
@@ -166,6 +169,7 @@ impl Buffers {
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
         let held = Held {
             is_token,
+            bytes: allocated_bytes(bytes),
             turns,
             texels: None,
         };
@@ -185,6 +189,21 @@ impl Buffers {
         let held = self.held.get(&meaning.place)?;
         let turn = parity ^ usize::from(meaning.is_before);
         held.turns.get(turn).or_else(|| held.turns.first())
+    }
+
+    /// As [`Buffers::get`], to be bound. Of a photon map's buffers only what its layout needs: shaders ask how long they are.
+    #[must_use]
+    pub fn bound(&self, meaning: &Meaning, parity: usize) -> Option<wgpu::BindingResource<'_>> {
+        let buffer = self.get(meaning, parity)?;
+        let size = match meaning.place.0 {
+            Whose::Map(_) | Whose::Batch(..) => self.held.get(&meaning.place)?.bytes,
+            Whose::Eye(_) | Whose::Frame => buffer.size(),
+        };
+        Some(wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer,
+            offset: 0,
+            size: wgpu::BufferSize::new(size),
+        }))
     }
 
     /// The texture copy of a buffer, if a pass reads it.
@@ -214,12 +233,16 @@ impl Buffers {
         })
     }
 
-    /// Buffers of `owner` that are zeroed at `moment`.
-    pub fn cleared(&self, moment: Moment, owner: Owner) -> impl Iterator<Item = &wgpu::Buffer> {
+    /// Buffers of `owner` that are zeroed at `moment`, and how many bytes of each.
+    pub fn cleared(
+        &self,
+        moment: Moment,
+        owner: Owner,
+    ) -> impl Iterator<Item = (wgpu::Buffer, u64)> {
         let rows = buffers::BUFFERS.iter();
         rows.filter(move |row| row.cleared.contains(&moment))
             .filter_map(move |row| self.held.get(&(whose(row, owner), row.name)))
-            .flat_map(|held| &held.turns)
+            .flat_map(|held| held.turns.iter().map(|turn| (turn.clone(), held.bytes)))
     }
 
     /// Reads the first `count` elements of a buffer back; `None` if no pass writes it. Waits for the device.

@@ -109,6 +109,8 @@ pub struct MapLayout {
     pub batch_paths: u32,
     /// Photons that a path may store.
     pub slots_per_path: u32,
+    /// Shares in which the paths are retraced now: at most `config.shares`, by which batches keep their photons.
+    pub shares_in_use: u32,
 }
 
 impl MapLayout {
@@ -138,8 +140,27 @@ impl MapLayout {
             capacity,
             batch_paths: u64::from(share).clamp(1, batch_limit) as u32,
             slots_per_path,
+            shares_in_use: config.shares,
         }
         .checked()
+    }
+
+    /// Sizes for `config`, whose paths are no more than this map's and no longer, in buffers of this map's sizes. The list is
+    /// that of a map of its own: it has the order of the paths, in however many batches they are traced.
+    ///
+    /// # Errors
+    /// As [`MapLayout::with_capacity`].
+    pub fn lowered(&self, config: MapConfig, limits: &AdapterLimits) -> Result<Self, GpuError> {
+        let own = Self::new(config, limits)?;
+        let least = config.paths.div_ceil(self.batch_count().max(1));
+        Ok(Self {
+            config: MapConfig {
+                shares: self.config.shares,
+                ..config
+            },
+            batch_paths: own.batch_paths.max(least).min(self.batch_paths),
+            ..own
+        })
     }
 
     /// The same with room for `capacity` photons.
@@ -198,7 +219,7 @@ impl MapLayout {
     /// Shares in which the paths can be retraced.
     #[must_use]
     pub fn shares(&self) -> u32 {
-        self.config.shares.min(self.batch_count()).max(1)
+        self.shares_in_use.min(self.batch_count()).max(1)
     }
 
     /// Threads that trace `paths` paths.

@@ -10,7 +10,7 @@ use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use crate::gpu::features::ShaderFeatures;
 use crate::gpu::kernel::{
-    Binding, BindingKind, Bound, DISPATCH_BINDING, dispatch_table, linear_groups,
+    Binding, BindingKind, Bound, DISPATCH_BINDING, DispatchTable, linear_groups,
 };
 use crate::gpu::raster::Raster;
 use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderLibrary};
@@ -54,7 +54,8 @@ enum BoundAction {
         /// Which of the stage's words.
         pattern: u32,
     },
-    Clear(Vec<wgpu::Buffer>),
+    /// Buffers and how many bytes of each.
+    Clear(Vec<(wgpu::Buffer, u64)>),
     Copy(wgpu::Buffer, wgpu::Buffer),
     CopyTexels(Meaning),
 }
@@ -105,6 +106,8 @@ pub struct FrameRun {
     /// The frame's buffers.
     pub buffers: Buffers,
     stages: BTreeMap<Stage, BoundStage>,
+    /// The stages' dispatch tables, also of stages that are not in the plan now.
+    tables: BTreeMap<Stage, DispatchTable>,
 }
 
 impl FrameRun {
@@ -116,6 +119,7 @@ impl FrameRun {
             kernels: BTreeMap::new(),
             buffers: Buffers::default(),
             stages: BTreeMap::new(),
+            tables: BTreeMap::new(),
         }
     }
 
@@ -194,11 +198,11 @@ impl FrameRun {
         })
     }
 
-    /// Allocates the buffers of `stages` and binds their passes; `given` holds resources from outside the frame.
+    /// Allocates the buffers of `stages`, as far as they are not there yet.
     ///
     /// # Errors
-    /// [`GpuError`], naming pass and binding, or a buffer that does not fit.
-    pub fn bind(
+    /// As [`FrameRun::bind`].
+    pub fn allocate(
         &mut self,
         context: &GpuContext,
         stages: &[PlannedStage],
@@ -215,17 +219,30 @@ impl FrameRun {
                 }
             }
         }
-        self.buffers.allocate(context, &uses, image, maps)?;
-        for planned in stages {
-            let bound = self.bind_stage(context, planned, given, image)?;
-            self.stages.insert(planned.stage, bound);
-        }
-        Ok(())
+        self.buffers.allocate(context, &uses, image, maps)
     }
 
-    /// Drops a stage that is no longer in the plan.
-    pub fn drop_stage(&mut self, stage: Stage) {
-        self.stages.remove(&stage);
+    /// Allocates what the passes of `stages` still lack and binds them: they are the plan then; `given` holds resources from
+    /// outside the frame. What earlier plans had stays allocated.
+    ///
+    /// # Errors
+    /// [`GpuError`], naming pass and binding, or a buffer that does not fit.
+    pub fn bind(
+        &mut self,
+        context: &GpuContext,
+        stages: &[PlannedStage],
+        given: &Resources<'_>,
+        image: &ImageLayout,
+        maps: &[MapLayout],
+    ) -> Result<(), GpuError> {
+        self.allocate(context, stages, given, image, maps)?;
+        let mut bound = BTreeMap::new();
+        for planned in stages {
+            let stage = self.bind_stage(context, planned, given, image)?;
+            bound.insert(planned.stage, stage);
+        }
+        self.stages = bound;
+        Ok(())
     }
 
     /// Binds a render pass of `step` for both parities. Buffers that nothing writes get a token.
@@ -252,7 +269,7 @@ impl FrameRun {
     }
 
     fn bind_stage(
-        &self,
+        &mut self,
         context: &GpuContext,
         planned: &PlannedStage,
         given: &Resources<'_>,
@@ -267,8 +284,12 @@ impl FrameRun {
             }
         }
         let entries = table_entries(planned, &patterns);
-        let table = dispatch_table(context, planned.stage.name(), &entries);
-        let given = given.clone().with(DISPATCH_BINDING, &table);
+        let empty = entries.len() as u32 - 1;
+        let before = self.tables.remove(&planned.stage);
+        let table = DispatchTable::holding(context, planned.stage.name(), entries, before);
+        let buffer = table.buffer.clone();
+        self.tables.insert(planned.stage, table);
+        let given = given.clone().with(DISPATCH_BINDING, &buffer);
         let bind = |step: &Step| {
             let action =
                 self.bind_action(context, step, planned.stage, &given, image, &patterns)?;
@@ -282,7 +303,7 @@ impl FrameRun {
         Ok(BoundStage {
             steps: steps.collect::<Result<Vec<_>, GpuError>>()?,
             patterns: patterns.len() as u32,
-            empty: entries.len() as u32 - 1,
+            empty,
         })
     }
 
@@ -299,7 +320,7 @@ impl FrameRun {
         Ok(match &step.action {
             Action::Clear(moment) => {
                 let cleared = self.buffers.cleared(*moment, step.owner);
-                BoundAction::Clear(cleared.cloned().collect())
+                BoundAction::Clear(cleared.collect())
             }
             Action::Copy { from, to } => BoundAction::Copy(buffer(from)?, buffer(to)?),
             Action::CopyTexels(name) => {
@@ -385,8 +406,7 @@ impl FrameRun {
             let view = self.buffers.texels(&found)?.view()?;
             return Some(wgpu::BindingResource::TextureView(view));
         }
-        let buffer = self.buffers.get(&found, parity)?;
-        Some(buffer.as_entire_binding())
+        self.buffers.bound(&found, parity)
     }
 
     /// Whether the plan has the stage.
@@ -423,8 +443,8 @@ impl FrameRun {
         for step in bound.steps.iter().filter(|step| (how.is_due)(step.only)) {
             match &step.action {
                 BoundAction::Clear(buffers) => {
-                    for buffer in buffers {
-                        recorder.clear(buffer);
+                    for (buffer, bytes) in buffers {
+                        recorder.clear(buffer, *bytes);
                     }
                 }
                 BoundAction::Copy(from, to) => recorder.copy(from, to, from.size()),

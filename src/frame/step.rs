@@ -367,6 +367,13 @@ impl Steps {
         }
     }
 
+    /// Renames bindings of all steps so far.
+    pub(super) fn rename(&mut self, names: &[(&'static str, &'static str)]) {
+        for step in &mut self.steps {
+            step.names(names);
+        }
+    }
+
     /// Computes a list's workgroups from its length.
     pub(super) fn set_up(&mut self, list: List) {
         let step = self.run(&super::passes::list_setup, Size::Once);

@@ -29,6 +29,7 @@ pub fn storage_buffer(
     bytes: u64,
 ) -> Result<wgpu::Buffer, GpuError> {
     check_size(context, label, bytes)?;
+    context.count_made();
     context.guarded(label, || {
         Ok(context.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
@@ -51,6 +52,7 @@ pub fn storage_buffer_with_data<T: NoUninit>(
 ) -> Result<wgpu::Buffer, GpuError> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     check_size(context, label, bytes.len() as u64)?;
+    context.count_made();
     context.guarded(label, || {
         Ok(context
             .device
@@ -64,6 +66,7 @@ pub fn storage_buffer_with_data<T: NoUninit>(
 
 /// A uniform buffer of `bytes` bytes.
 pub fn uniform_buffer(context: &GpuContext, label: &str, bytes: u64) -> wgpu::Buffer {
+    context.count_made();
     context.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: bytes.next_multiple_of(16),
@@ -98,6 +101,7 @@ pub fn read_buffer<T: Pod>(
     if bytes == 0 {
         return Ok(Vec::new());
     }
+    context.count_made();
     let staging = context.guarded(what, || {
         let staging = context.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read-back"),
@@ -171,6 +175,7 @@ impl GpuContext {
         if let Some(at) = free.iter().position(|buffer| buffer.size() >= bytes) {
             return free.swap_remove(at);
         }
+        self.count_made();
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("counters read-back"),
             size: bytes.next_power_of_two().max(4096),

@@ -184,6 +184,7 @@ pub struct GpuContext {
     lost: Arc<Mutex<Option<String>>>,
     uncaptured: Arc<Mutex<Option<String>>>,
     host_waits: Arc<AtomicU64>,
+    made: Arc<AtomicU64>,
     /// Read-back buffers that no submission uses now.
     pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
 }
@@ -344,6 +345,7 @@ impl GpuContext {
             lost,
             uncaptured,
             host_waits: Arc::default(),
+            made: Arc::default(),
             free_staging: Arc::default(),
         }
     }
@@ -435,6 +437,16 @@ impl GpuContext {
     /// How often the host has waited for the device so far, but for ends of frames.
     pub fn host_waits(&self) -> u64 {
         self.host_waits.load(Ordering::Relaxed)
+    }
+
+    /// Counts a buffer, a texture or a pipeline that is made.
+    pub(crate) fn count_made(&self) {
+        self.made.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Buffers, textures and pipelines that were made on this device so far, those of runtimes and windows aside.
+    pub fn resources_made(&self) -> u64 {
+        self.made.load(Ordering::Relaxed)
     }
 
     fn check(&self, pass: &str) -> Result<(), GpuError> {

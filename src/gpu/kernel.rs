@@ -281,6 +281,7 @@ impl Kernel {
                 limit,
             });
         }
+        context.count_made();
         context.guarded(pass, || {
             let device = &context.device;
             let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);
@@ -376,17 +377,42 @@ pub fn linear_groups(threads: u32, group: u32) -> [u32; 3] {
 }
 
 /// The dispatch table: entry i holds the four words that the i-th dispatch of a pass sees.
-pub fn dispatch_table(context: &GpuContext, label: &str, entries: &[[u32; 4]]) -> wgpu::Buffer {
-    let stride = (DISPATCH_STRIDE / 4) as usize;
-    let mut words = vec![0u32; entries.len().max(1) * stride];
-    for (index, entry) in entries.iter().enumerate() {
-        words[index * stride..index * stride + 4].copy_from_slice(entry);
-    }
-    context
-        .device
-        .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+pub struct DispatchTable {
+    entries: Vec<[u32; 4]>,
+    /// What passes bind.
+    pub buffer: wgpu::Buffer,
+}
+
+impl DispatchTable {
+    /// A table of `entries`: the one `before`, if there is one and it is large enough, for the submissions to come.
+    pub fn holding(
+        context: &GpuContext,
+        label: &str,
+        entries: Vec<[u32; 4]>,
+        before: Option<Self>,
+    ) -> Self {
+        let before = match before {
+            Some(table) if table.entries == entries => return table,
+            other => other,
+        };
+        let stride = (DISPATCH_STRIDE / 4) as usize;
+        let mut words = vec![0u32; entries.len().max(1) * stride];
+        for (index, entry) in entries.iter().enumerate() {
+            words[index * stride..index * stride + 4].copy_from_slice(entry);
+        }
+        let contents: &[u8] = bytemuck::cast_slice(&words);
+        let fits = |table: &Self| table.buffer.size() >= contents.len() as u64;
+        if let Some(Self { buffer, .. }) = before.filter(fits) {
+            context.queue.write_buffer(&buffer, 0, contents);
+            return Self { entries, buffer };
+        }
+        context.count_made();
+        let descriptor = wgpu::util::BufferInitDescriptor {
             label: Some(label),
-            contents: bytemuck::cast_slice(&words),
+            contents,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        })
+        };
+        let buffer = context.device.create_buffer_init(&descriptor);
+        Self { entries, buffer }
+    }
 }

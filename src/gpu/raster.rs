@@ -26,6 +26,7 @@ impl Raster {
     ) -> Result<Self, GpuError> {
         let shader = library.compile(&format!("passes/{name}"), &ShaderFeatures::default())?;
         let bindings = reflect_bindings(&shader)?;
+        context.count_made();
         context.guarded(name, || {
             let device = &context.device;
             let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);

@@ -39,6 +39,7 @@ impl TexelCopy {
         if self.texture.as_ref().is_some_and(fits) {
             return Ok(false);
         }
+        context.count_made();
         let texture = context.guarded(self.label, || {
             Ok(context.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(self.label),

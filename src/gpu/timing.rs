@@ -90,6 +90,7 @@ impl Timer {
     pub fn new(context: &GpuContext) -> Option<Self> {
         context.has_timestamps.then(|| {
             let bytes = u64::from(QUERIES) * 8;
+            context.count_made();
             Self {
                 queries: context.device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("pass timestamps"),
@@ -182,9 +183,9 @@ impl<'a> FrameRecorder<'a> {
         pass.dispatch_workgroups_indirect(arguments, offset);
     }
 
-    /// Zeroes a whole buffer.
-    pub fn clear(&mut self, buffer: &wgpu::Buffer) {
-        self.encoder.clear_buffer(buffer, 0, None);
+    /// Zeroes the first `bytes` bytes of a buffer.
+    pub fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
+        self.encoder.clear_buffer(buffer, 0, Some(bytes));
     }
 
     /// Copies the first `bytes` bytes from one buffer to another.

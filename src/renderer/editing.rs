@@ -10,7 +10,7 @@
 
 use glam::DAffine3;
 
-use super::radii::radii_m;
+use super::radii::{area_m2, radii_m};
 use super::scene_buffers::{Edited, SceneChange};
 use super::{
     InstanceId, RenderError, Renderer, photon_paths_per_thread, samples_per_dispatch,
@@ -329,8 +329,8 @@ impl Renderer {
             relit,
         } = self.scene.edit(&self.context, &change)?;
         self.is_bound &= !replaced;
-        [self.radius_m, self.caustic_radius_m] =
-            radii_m(&self.settings, || base.statistics.area_m2(scene));
+        self.area_m2 = area_m2(&self.settings, &base.statistics, scene);
+        [self.radius_m, self.caustic_radius_m] = radii_m(&self.settings, self.area_m2);
         self.shorten_dispatches();
         let keeps_history = !renumbered && !relit;
         if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
@@ -355,7 +355,7 @@ impl Renderer {
     }
 
     /// Deeper hierarchies may need fewer paths per thread, which changes no bits: the next frame's plan has them.
-    fn shorten_dispatches(&mut self) {
+    pub(super) fn shorten_dispatches(&mut self) {
         let depth = self.scene.hierarchy_depth();
         let settings = &self.settings;
         let is_software = self.context.adapter.is_software();

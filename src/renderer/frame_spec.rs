@@ -80,11 +80,21 @@ pub(super) fn photon_maps(
     scene: &SceneBuffers,
 ) -> Result<Vec<PhotonMap>, GpuError> {
     let limits = adapter_limits(context);
-    let driver = (context.adapter.is_software(), scene.hierarchy_depth());
-    map_configs(settings, features, scene.light_count() > 0, driver)
+    map_configs_of(context, settings, features, scene)
         .into_iter()
         .map(|config| MapLayout::new(config, &limits).map(PhotonMap::new))
         .collect()
+}
+
+/// What the maps of [`photon_maps`] are made for.
+pub(super) fn map_configs_of(
+    context: &GpuContext,
+    settings: &RenderSettings,
+    features: &ShaderFeatures,
+    scene: &SceneBuffers,
+) -> Vec<MapConfig> {
+    let driver = (context.adapter.is_software(), scene.hierarchy_depth());
+    map_configs(settings, features, scene.light_count() > 0, driver)
 }
 
 pub(super) fn adapter_limits(context: &GpuContext) -> AdapterLimits {

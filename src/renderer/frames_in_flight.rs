@@ -49,6 +49,8 @@ pub struct Flight {
     pub(super) serial: u64,
     pub(super) result: FrameResult,
     pub(super) tickets: Vec<Ticket>,
+    /// When the eyes' first passes had been recorded and handed to the device.
+    pub(super) eyes_sent: Option<Instant>,
     asked: Vec<Asked>,
     landed: Vec<Vec<u8>>,
 }
@@ -66,9 +68,15 @@ impl Flight {
                 ..FrameResult::default()
             },
             tickets: Vec::new(),
+            eyes_sent: None,
             asked: Vec::new(),
             landed: Vec::new(),
         }
+    }
+
+    /// When the eyes' first passes had been recorded and handed to the device; `None` before.
+    pub(crate) fn eyes_sent(&self) -> Option<Instant> {
+        self.eyes_sent
     }
 
     /// Waits until all that was submitted so far is done. Those submissions end together, so that the spans of one

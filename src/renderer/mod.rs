@@ -18,6 +18,7 @@ pub mod packing;
 mod parts;
 pub mod photon_map;
 mod photons_over_time;
+mod quality;
 mod radii;
 mod ray_cast;
 mod read_back;
@@ -54,7 +55,7 @@ use crate::renderer::records::frame::{
 use crate::scene::{Needs, Player, Scene};
 use crate::settings::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
-    RenderSettings, Reuse, Search,
+    Quality, RenderSettings, Reuse, Search,
 };
 use crate::xr::{HiddenArea, View};
 
@@ -109,9 +110,15 @@ pub enum RenderError {
 /// Renders images of one scene with one set of settings.
 pub struct Renderer {
     context: GpuContext,
+    /// With the quality of the last frame.
     settings: RenderSettings,
     eye_choice: EyeChoice,
+    /// Pixels of an eye's image at a scale of 1, for which images are allocated.
+    full_size: [u32; 2],
     image: ImageLayout,
+    quality: quality::Qualities,
+    /// The scene's, where the radius is automatic.
+    area_m2: f64,
     radius_m: f64,
     caustic_radius_m: f64,
     /// The current sample; in progressive mode its radii shrink.
@@ -188,8 +195,8 @@ impl Renderer {
         let animation = &settings.animation;
         let player = Player::new(scene, &animation.clip, animation.speed, animation.time_s)
             .map_err(|error| RenderError::Settings(error.to_string()))?;
-        let [radius_m, caustic_radius_m] =
-            radii::radii_m(settings, || edit_base.statistics.area_m2(scene));
+        let area_m2 = radii::area_m2(settings, &edit_base.statistics, scene);
+        let [radius_m, caustic_radius_m] = radii::radii_m(settings, area_m2);
         let reuse = if both { settings.reuse } else { Reuse::Off };
         let depth = buffers.hierarchy_depth();
         let mut renderer = Self {
@@ -197,6 +204,12 @@ impl Renderer {
             timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
             settings: settings.clone(),
             eye_choice,
+            full_size: size,
+            quality: quality::Qualities::new(Quality {
+                reuse: reuse != Reuse::Off,
+                ..Quality::of(settings)
+            }),
+            area_m2,
             image: ImageLayout {
                 size,
                 heap_bytes: 0,
@@ -242,10 +255,11 @@ impl Renderer {
         let is_given = |name: &str| given.get(name).is_some();
         let passes = &self.settings.user_passes;
         user_passes::check(passes, &stages, library, self.features(), is_given)?;
-        for PlannedStage { stage, steps, .. } in stages {
+        for PlannedStage { stage, steps, .. } in self.plans().into_iter().flatten() {
             let frame = &mut self.frame;
             frame.compile(&self.context, library, stage, &steps)?;
         }
+        self.allocate_at(self.full_size)?;
         self.bind()?;
         self.context
             .queue
@@ -263,11 +277,16 @@ impl Renderer {
     #[cfg_attr(not(feature = "internals"), doc(hidden))]
     #[must_use]
     pub fn plan(&self) -> Vec<PlannedStage> {
+        self.plan_with(&self.settings, self.reuse)
+    }
+
+    /// The plan with other settings of the present passes.
+    fn plan_with(&self, settings: &RenderSettings, reuse: Reuse) -> Vec<PlannedStage> {
         plan(&FrameSpec {
-            settings: &self.settings,
+            settings,
             features: *self.frame.features(),
             both: self.has_both_eyes(),
-            reuse: self.reuse,
+            reuse,
             samples_per_dispatch: self.samples_per_dispatch,
             maps: self.maps.iter().map(|map| map.layout).collect(),
             slices: self.gather_slices,
@@ -404,14 +423,28 @@ impl Renderer {
         views: &[View; 2],
         frame_index: u32,
         lands: bool,
-        mut progress: impl FnMut(u32),
+        progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        let flight = self.prepare_frame(views, frame_index)?;
+        self.send_eyes(flight, views, frame_index, lands, progress)
+    }
+
+    /// The first part of a frame, all but the eyes: moves the scene to the head, deforms meshes, traces photons.
+    /// [`Renderer::send_eyes`] is the other part.
+    ///
+    /// # Errors
+    /// As [`Renderer::send_frame`].
+    pub(crate) fn prepare_frame(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
     ) -> Result<Flight, RenderError> {
         self.frames_begun += 1;
         let mut flight = Flight::new(self.frames_begun, self.settings.output.chrome_trace);
         let began = Instant::now();
+        self.take_quality_over()?;
         self.settle();
         self.origin_in_world = View::midpoint_in_world(views);
-        self.update_hidden(views);
         let replaced = self
             .scene
             .begin_frame(&self.context, self.origin_in_world)?;
@@ -422,9 +455,49 @@ impl Renderer {
 
         let began = Instant::now();
         self.pose(&mut flight)?;
+        self.trace_for_sample(views, frame_index, 0, &mut flight)?;
+        flight.result.cpu_ms.render = flight.result.note("render", began);
+        Ok(flight)
+    }
+
+    /// Whether photons are traced anew for every sample, with a smaller radius each time.
+    fn is_progressive(&self) -> bool {
+        !self.maps.is_empty() && self.settings.photon.progressive
+    }
+
+    /// Traces what photons are due for a sample.
+    fn trace_for_sample(
+        &mut self,
+        views: &[View; 2],
+        frame_index: u32,
+        sample: u32,
+        flight: &mut Flight,
+    ) -> Result<(), RenderError> {
+        self.progressive_sample = sample;
+        let photon_key = frame_index
+            .wrapping_mul(PHOTON_KEY_STRIDE)
+            .wrapping_add(sample);
+        let anew = std::mem::take(&mut self.edit_base.outdates_photons) || self.is_progressive();
+        self.trace_photons(views, frame_index, photon_key, anew, flight)?;
+        Ok(self.slice_gathers()?)
+    }
+
+    /// The eyes of a frame that was prepared, as `views` have them by now; they may have moved a little since.
+    ///
+    /// # Errors
+    /// As [`Renderer::send_frame`].
+    pub(crate) fn send_eyes(
+        &mut self,
+        mut flight: Flight,
+        views: &[View; 2],
+        frame_index: u32,
+        lands: bool,
+        mut progress: impl FnMut(u32),
+    ) -> Result<Flight, RenderError> {
+        let began = Instant::now();
+        self.update_hidden(views);
         let samples = self.settings.spp;
-        // Progressive mode traces photons anew for every sample, with a smaller radius each time.
-        let progressive = !self.maps.is_empty() && self.settings.photon.progressive;
+        let progressive = self.is_progressive();
         let per_submission = if progressive {
             1
         } else {
@@ -433,26 +506,21 @@ impl Renderer {
         let mut first = 0;
         while first < samples {
             let count = per_submission.min(samples - first);
-            if first == 0 || progressive {
-                self.progressive_sample = first;
-                let photon_key = frame_index
-                    .wrapping_mul(PHOTON_KEY_STRIDE)
-                    .wrapping_add(first);
-                let anew = std::mem::take(&mut self.edit_base.outdates_photons) || progressive;
-                self.trace_photons(views, frame_index, photon_key, anew, &mut flight)?;
-                self.slice_gathers()?;
+            if first > 0 && progressive {
+                self.trace_for_sample(views, frame_index, first, &mut flight)?;
             }
             let photons = self.photon_map().and_then(PhotonMap::traced_at);
             let frame = self.frame_uniform(views, frame_index, first, photons);
             self.write_frame_uniform(&frame);
             self.render_samples(views, &frame, [first, count], &mut flight)?;
+            flight.eyes_sent.get_or_insert_with(Instant::now);
             first += count;
             progress(first);
         }
         if lands {
             flight.land(&self.context)?;
         }
-        flight.result.cpu_ms.render = flight.result.note("render", began);
+        flight.result.cpu_ms.render += flight.result.note("render", began);
         Ok(flight)
     }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::frame::{AdapterLimits, MapKind, MapLayout};
+use crate::frame::{AdapterLimits, MapConfig, MapKind, MapLayout};
 use crate::gpu::GpuError;
 use crate::settings::Loads;
 
@@ -38,6 +38,10 @@ pub(super) struct Counted {
 /// A photon map.
 pub struct PhotonMap {
     pub(super) layout: MapLayout,
+    /// What its buffers have room for: the layout that it was made with, and the longest list so far.
+    room: MapLayout,
+    /// Photons that the list was made to hold when it grew last, and for how many paths.
+    grown: Option<(u32, u32)>,
     /// Render-space origin (world, metres) and frame number of the last trace.
     traced_at: Option<(DVec3, u32)>,
     /// The frame of the last trace, as [`Counted::serial`].
@@ -52,6 +56,8 @@ impl PhotonMap {
     pub(super) fn new(layout: MapLayout) -> Self {
         Self {
             layout,
+            room: layout,
+            grown: None,
             traced_at: None,
             traced_in: 0,
             steering: Counted::default(),
@@ -127,7 +133,7 @@ impl PhotonMap {
     /// # Errors
     /// As [`MapLayout::with_capacity`].
     pub(super) fn grow(&mut self, limits: &AdapterLimits) -> Result<bool, GpuError> {
-        let config = &self.layout.config;
+        let config = self.layout.config;
         let counters = self.steering.counters;
         if counters.dropped == 0 || config.capacity != 0 {
             return Ok(false);
@@ -138,8 +144,40 @@ impl PhotonMap {
             return Ok(false);
         }
         self.layout = self.layout.with_capacity(wanted)?;
+        self.room = self.room.with_capacity(wanted.max(self.room.capacity))?;
+        self.grown = Some((wanted, config.paths));
         self.traced_at = None;
         Ok(true)
+    }
+
+    /// Holds the photons of other paths from frame `serial` on, in the buffers that there are; all are to be traced. A list
+    /// that had to grow keeps its length per path.
+    ///
+    /// # Errors
+    /// As [`MapLayout::lowered`].
+    pub(super) fn remake(
+        &mut self,
+        config: MapConfig,
+        limits: &AdapterLimits,
+        serial: u64,
+    ) -> Result<(), GpuError> {
+        let own = self.room.lowered(config, limits)?;
+        let grown = self.grown.map_or(0, |(capacity, paths)| {
+            let per_path = u64::from(capacity) * u64::from(config.paths) / u64::from(paths.max(1));
+            per_path.min(u64::from(self.room.capacity)) as u32
+        });
+        self.layout = own.with_capacity(own.capacity.max(grown))?;
+        self.traced_at = None;
+        self.steering = Counted {
+            serial,
+            ..Counted::default()
+        };
+        Ok(())
+    }
+
+    /// Retraces its paths in other shares from now on, at most as many as it was made for.
+    pub(super) fn share(&mut self, shares: u32) {
+        self.layout.shares_in_use = shares;
     }
 
     /// Slices that the gather needs for the photons that arrived last ([`PhotonMap::slices_for`]).

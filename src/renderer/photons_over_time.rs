@@ -28,6 +28,16 @@ pub(super) struct Refresh {
     outdated: u32,
 }
 
+impl Refresh {
+    /// Paths are shared out otherwise from now on: if light lags behind, all shares are due.
+    pub(super) fn begin_again(&mut self, shares: u32) {
+        *self = Self {
+            next: 0,
+            outdated: if self.outdated > 0 { shares } else { 0 },
+        };
+    }
+}
+
 impl Renderer {
     /// Traces what is due of the photons. `anew`: all of them, whatever moved. Waits for what was counted where the map was
     /// just made, has just grown or is traced `anew`: counts of earlier frames say nothing of such a map.

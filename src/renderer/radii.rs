@@ -16,13 +16,26 @@ pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
 /// half loses little where photons are many and gains most where the whole radius would smear the spot.
 const AUTOMATIC_CAUSTIC_RADIUS: f64 = 0.5;
 
+/// The scene's area, square metres, if the radius is automatic; else 0.
+pub(super) fn area_m2(
+    settings: &RenderSettings,
+    statistics: &SceneStatistics,
+    scene: &Scene,
+) -> f64 {
+    if settings.photon.radius_m > 0.0 {
+        0.0
+    } else {
+        statistics.area_m2(scene)
+    }
+}
+
 /// Radii of photons and of caustics, metres: those of the settings, or automatic ones for a scene of so much area.
-pub(super) fn radii_m(settings: &RenderSettings, area_m2: impl FnOnce() -> f64) -> [f64; 2] {
+pub(super) fn radii_m(settings: &RenderSettings, area_m2: f64) -> [f64; 2] {
     let photon = &settings.photon;
     let radius_m = if photon.radius_m > 0.0 {
         photon.radius_m.max(LEAST_RADIUS_M)
     } else {
-        radius_for_area_m(area_m2(), photon.count)
+        radius_for_area_m(area_m2, photon.count)
     };
     let caustic_radius_m = if photon.caustic_radius_m > 0.0 {
         photon.caustic_radius_m.max(LEAST_RADIUS_M)

@@ -41,15 +41,15 @@ impl Renderer {
     pub fn rebuild(&self) -> Rebuild {
         Rebuild {
             context: self.context.clone(),
-            settings: self.settings.clone(),
+            settings: self.settings_at_start(),
             eyes: self.eye_choice,
-            size: self.image.size,
+            size: self.full_size,
             hidden: self.hidden.as_ref().map(|hidden| hidden.areas.clone()),
         }
     }
 
     /// Goes on as `successor` from the next frame on: with its scene, shaders, textures and photon maps, at this one's size,
-    /// reuse and time of the clip. What this one was told of the scene since the other was made is to be told again
+    /// quality and time of the clip. What this one was told of the scene since the other was made is to be told again
     /// ([`Renderer::apply_scene`]), and parts that the other was made with stay until the next rebuild. The next frame is
     /// a new renderer's: it waits for its photons, and reconstruction begins anew. Frames on their way may be
     /// retired as ever.
@@ -57,10 +57,10 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::resize`], if the size has changed meanwhile; this one then stays.
     pub fn succeed_by(&mut self, mut successor: Self) -> Result<(), RenderError> {
-        successor.resize(self.image.size)?;
-        if successor.reuses() != self.reuses() {
-            successor.switch_reuse();
-        }
+        successor.resize(self.full_size)?;
+        let quality = self.quality();
+        successor.quality.want(quality);
+        successor.reuse_from_now_on(quality.reuse);
         successor.frames_begun = self.frames_begun;
         successor.frames_before = self.frames_begun;
         if let (Some(player), Some(before)) = (&mut successor.player, &self.player) {

@@ -7,7 +7,7 @@ use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
 use super::submit::ShownLight;
-use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Stage, Submitter};
+use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Submitter};
 use crate::frame::FrameRun;
 use crate::frame::bind::Whose;
 
@@ -47,26 +47,31 @@ impl Renderer {
 
     /// Switches stereo reuse for the frames to come; false if the settings have none to switch.
     pub fn switch_reuse(&mut self) -> bool {
-        let has_reuse = self.has_both_eyes() && self.settings.reuse != Reuse::Off;
+        let has_reuse = self.most_quality().reuse;
         if has_reuse {
-            self.reuse = if self.reuses() {
-                Reuse::Off
-            } else {
-                self.settings.reuse
-            };
-            self.frame.drop_stage(Stage::RightEqual);
-            self.is_bound = false;
+            let reuses = !self.quality().reuse;
+            self.reuse_from_now_on(reuses);
+            self.quality.switch_reuse(reuses);
         }
         has_reuse
     }
 
-    /// Size of each eye's image, pixels: width, height.
+    pub(super) fn reuse_from_now_on(&mut self, reuses: bool) {
+        self.reuse = if reuses {
+            self.settings.reuse
+        } else {
+            Reuse::Off
+        };
+        self.is_bound = false;
+    }
+
+    /// Size of each eye's last image, pixels: width, height.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         self.image.size
     }
 
-    /// Makes the frames to come `size` pixels wide and high, per eye. Scene, kernels and photon maps stay as they are; images
+    /// Makes the frames to come `size` pixels wide and high, per eye, at a resolution scale of 1. Scene, kernels and photon maps stay as they are; images
     /// are allocated anew, and what reconstruction remembers of earlier frames is forgotten. The next frame is bit for
     /// bit that of a renderer made at this size which traced its photons in the same frame. Does nothing if that is
     /// the size already.
@@ -81,13 +86,18 @@ impl Renderer {
                 size[0], size[1]
             )));
         }
-        if size == self.size() {
+        if size == self.full_size {
             return Ok(());
         }
-        let old = std::mem::replace(&mut self.image.size, size);
+        let scaled = self.present_quality().scaled(size);
+        let old = [self.full_size, self.image.size];
         self.frame.buffers.forget_images();
-        if let Err(error) = self.bind() {
-            self.image.size = old;
+        if let Err(error) = self.allocate_at(size).and_then(|()| {
+            self.image.size = scaled;
+            self.bind()
+        }) {
+            [self.full_size, self.image.size] = old;
+            self.is_bound = false;
             self.frame.buffers.forget_images();
             return Err(error.into());
         }
@@ -95,14 +105,22 @@ impl Renderer {
             self.reconstruction = Some(Reconstruction::new(&self.context));
             self.is_bound = false;
         }
-        if let Some(hidden) = &mut self.hidden {
-            hidden.tangents = None;
-        }
         // Both are bound to the old images.
         self.submitter = None;
         self.mirror = None;
-        self.inspector.forget_frames();
+        self.forget_frames();
         Ok(())
+    }
+
+    /// The frames before have images of another size.
+    pub(super) fn forget_frames(&mut self) {
+        if let Some(reconstruction) = &mut self.reconstruction {
+            reconstruction.reset();
+        }
+        if let Some(hidden) = &mut self.hidden {
+            hidden.tangents = None;
+        }
+        self.inspector.forget_frames();
     }
 
     fn shown_light(&self) -> ShownLight {
@@ -140,7 +158,7 @@ impl Renderer {
                 )
             })?,
         };
-        submitter.submit(&self.context, targets, self.shown_light())?;
+        submitter.submit(&self.context, targets, self.image.size, self.shown_light())?;
         self.submitter = Some(submitter);
         Ok(())
     }

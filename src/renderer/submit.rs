@@ -97,7 +97,8 @@ impl Submitter {
         formats_of(targets) == self.formats
     }
 
-    /// Records and submits both eyes; does not wait for the device.
+    /// Records and submits both eyes, each into the upper left `width` x `height` pixels of its textures; does not wait for
+    /// the device.
     ///
     /// # Errors
     /// [`GpuError`].
@@ -105,6 +106,7 @@ impl Submitter {
         &self,
         context: &GpuContext,
         targets: &RuntimeTargets,
+        [width, height]: [u32; 2],
         light: ShownLight,
     ) -> Result<(), GpuError> {
         context.guarded(&passes::xr_submit.name, || {
@@ -137,6 +139,7 @@ impl Submitter {
                     })],
                     ..Default::default()
                 });
+                pass.set_scissor_rect(0, 0, width, height);
                 self.color.draw(&mut pass, &eye.color[light.parity]);
                 drop(pass);
                 let (Some(depth), Some(bound), Some(views)) =
@@ -156,6 +159,7 @@ impl Submitter {
                     }),
                     ..Default::default()
                 });
+                pass.set_scissor_rect(0, 0, width, height);
                 depth.draw(&mut pass, bound);
             }
             context.queue.submit([encoder.finish()]);

@@ -7,6 +7,7 @@
 
 pub(crate) mod choices;
 pub(crate) mod kinds;
+pub mod quality;
 pub mod registry;
 pub mod table;
 pub mod user_pass;
@@ -16,6 +17,7 @@ pub use choices::{
     ImageFormat, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler,
     Schedule, Search, Space, Switch, Technique, Tone,
 };
+pub use quality::Quality;
 pub use registry::{Kind, Setting};
 pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,

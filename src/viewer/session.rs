@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::xr::{
-    FrameState, FrameSubmission, Headset, LocatedViews, RenderTargets, SessionInfo, View, XrError,
-    XrSession, all_frames,
+    FrameState, FrameSubmission, Headset, LocatedViews, QualityFrom, RenderTargets, SessionInfo,
+    View, XrError, XrSession, all_frames,
 };
 
 /// The views that the window wants, shared with the thread that renders.
@@ -49,6 +49,7 @@ impl XrSession for DesktopSession {
             period_ns: self.period_ns,
             should_render: true,
             switch_reuse: false,
+            quality: QualityFrom::Application,
         };
         self.frames += 1;
         Ok(Some(state))

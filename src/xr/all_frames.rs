@@ -18,7 +18,8 @@ pub fn all_frames(
         let time_ns = state.predicted_display_time_ns;
         session.begin_frame()?;
         let located = if state.should_render {
-            session.locate_views(time_ns)?
+            session.locate_views(time_ns)?;
+            session.relocate_views(time_ns)?
         } else {
             None
         };

@@ -141,6 +141,7 @@ impl FrameOrder {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::QualityFrom;
     use super::*;
 
     #[test]
@@ -160,6 +161,7 @@ mod tests {
             period_ns: 1,
             should_render: true,
             switch_reuse: false,
+            quality: QualityFrom::Application,
         };
         let mut order = FrameOrder::default();
         assert!(order.begin().is_err());

@@ -3,15 +3,20 @@
 //! [`XrSession`] is the interface between a headset and the frame loop. A simulated headset
 //! ([`SimulatedSession`]), the replay of a recording ([`ReplaySession`]) and an OpenXR runtime stand
 //! behind it, and [`Recorder`] and [`Validated`] wrap any of them, so the frame loop cannot tell
-//! them apart. One frame is always the same five calls:
+//! them apart. One frame is always the same calls:
 //!
 //! ```text
 //! while let Some(frame) = session.wait_frame()? {          // blocks; None = no more frames
 //!     session.begin_frame()?;
-//!     let views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
+//!     let mut views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
 //!     let input = session.locate_input(frame.predicted_display_time_ns)?; // hands, buttons, gaze
 //!     match &views {
-//!         Some(views) => { let targets = session.acquire_targets()?; /* render both eyes, hand them over */ }
+//!         Some(_) => {
+//!             // Move things, trace photons; then where the eyes are by now.
+//!             views = session.relocate_views(frame.predicted_display_time_ns)?.or(views);
+//!             // Render both eyes, and only then take the images that they go to.
+//!             let targets = session.acquire_targets()?;
+//!         }
 //!         None => {}                                       // nothing to draw, or no pose yet
 //!     }
 //!     session.end_frame(FrameSubmission::new(frame.predicted_display_time_ns, views.as_ref()))?;
@@ -58,7 +63,7 @@ pub use trajectory::{TraceBody, TraceUp};
 pub use validation::Validated;
 pub use view::{Fov, Pose, RayInWorld, Tangents, View};
 
-pub use crate::settings::Motion;
+pub use crate::settings::{Motion, Quality};
 
 use glam::DVec3;
 
@@ -89,6 +94,15 @@ pub trait XrSession {
     /// The runtime is lost, the call is out of order, or a replay is asked for a time it does not hold.
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError>;
 
+    /// The same once more, as late as can be before the eyes are rendered: a tracker knows more by then. What was located
+    /// first is what all but the eyes goes by. Called after begin and before end, at most once a frame.
+    ///
+    /// # Errors
+    /// As [`XrSession::locate_views`].
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.locate_views(display_time_ns)
+    }
+
     /// Hands, buttons and gaze as they will be at `display_time_ns`; at rest from a source that has none. Called once a
     /// frame, between begin and end.
     ///
@@ -100,7 +114,7 @@ pub trait XrSession {
     }
 
     /// Where to render this frame. Called after begin and before end, only for a frame that will carry a
-    /// layer: a runtime acquires its swapchain images here and releases them in
+    /// layer, and once its eyes are on their way: a runtime acquires its swapchain images here and releases them in
     /// [`XrSession::end_frame`].
     ///
     /// # Errors
@@ -151,6 +165,10 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
         (**self).locate_views(display_time_ns)
     }
 
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        (**self).relocate_views(display_time_ns)
+    }
+
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         (**self).locate_input(display_time_ns)
     }
@@ -183,8 +201,18 @@ pub struct SessionInfo {
     pub hidden: Option<[HiddenArea; 2]>,
 }
 
+/// Who says with what quality a session's frames are rendered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum QualityFrom {
+    /// The application.
+    #[default]
+    Application,
+    /// The recording, whatever the application asks for: another one from this frame on, or as before.
+    Recording(Option<Quality>),
+}
+
 /// One frame's timing, from [`XrSession::wait_frame`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameState {
     /// When this frame will be seen, nanoseconds on the session's own clock; strictly increasing.
     pub predicted_display_time_ns: i64,
@@ -194,6 +222,8 @@ pub struct FrameState {
     pub should_render: bool,
     /// The wearer switches stereo reuse on or off from this frame on.
     pub switch_reuse: bool,
+    /// Who says with what quality it is rendered.
+    pub quality: QualityFrom,
 }
 
 /// Which parts of a pose the tracker vouches for.
@@ -283,6 +313,10 @@ pub struct FrameSubmission<'a> {
     pub display_time_ns: i64,
     /// The views that the images were really rendered with; `None` if nothing was rendered.
     pub rendered: Option<&'a LocatedViews>,
+    /// Pixels of each eye's image that were rendered, from its upper left corner: width, height. `None`: all.
+    pub size: Option<[u32; 2]>,
+    /// The quality that was set in this frame, if one was, and counts from it on.
+    pub quality: Option<Quality>,
 }
 
 impl<'a> FrameSubmission<'a> {
@@ -292,6 +326,22 @@ impl<'a> FrameSubmission<'a> {
         Self {
             display_time_ns,
             rendered,
+            size: None,
+            quality: None,
         }
+    }
+
+    /// The same with the quality that was set in the frame.
+    #[must_use]
+    pub fn with_quality(mut self, quality: Option<Quality>) -> Self {
+        self.quality = quality;
+        self
+    }
+
+    /// The same with images that were rendered only in part.
+    #[must_use]
+    pub fn of_size(mut self, size: [u32; 2]) -> Self {
+        self.size = Some(size);
+        self
     }
 }

@@ -2,9 +2,10 @@
 
 use super::trace::{self, TraceFrame, TraceHeader};
 use super::validation::{self, Fault};
+use super::view::View;
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, SessionInfo, XrError,
-    XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, Quality, RenderTargets, SessionInfo,
+    XrError, XrSession,
 };
 use std::fs::File;
 use std::io::{Error, ErrorKind, Seek, SeekFrom, Write};
@@ -23,6 +24,10 @@ pub struct Recorder<S> {
     switch_reuse: bool,
     /// What the wearer does in the frame under way.
     input: Input,
+    /// What was located first in it.
+    located: Option<[View; 2]>,
+    /// The quality that was set since the last line, and the last one written.
+    quality: [Option<Quality>; 2],
     /// The version that the header states.
     version: u64,
 }
@@ -52,6 +57,8 @@ impl<S: XrSession> Recorder<S> {
                 frames: 0,
                 switch_reuse: false,
                 input: Input::default(),
+                located: None,
+                quality: [None; 2],
                 version,
             }),
             Err(cause) => Err(XrError::RecordCreate {
@@ -85,9 +92,20 @@ impl<S: XrSession> Recorder<S> {
     fn write(&mut self, t_ns: i64, views: &LocatedViews) -> std::io::Result<()> {
         let invalid = |fault: Fault| Error::new(ErrorKind::InvalidData, fault.to_string());
         validation::check_views(views).map_err(invalid)?;
+        let located = self.located.filter(|located| *located != views.views);
+        if let Some(views_first) = located {
+            let first = LocatedViews {
+                views: views_first,
+                ..*views
+            };
+            validation::check_views(&first).map_err(invalid)?;
+        }
         self.input.checked().map_err(invalid)?;
+        let [set, known] = self.quality;
         let frame = TraceFrame {
+            quality: set.filter(|_| set != known),
             t_ns,
+            located,
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
             input: std::mem::take(&mut self.input),
@@ -96,6 +114,7 @@ impl<S: XrSession> Recorder<S> {
             self.raise_version(frame.version())?;
         }
         self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
+        self.quality = [None, set.or(known)];
         self.frames += 1;
         Ok(())
     }
@@ -109,8 +128,13 @@ impl<S: XrSession> XrSession for Recorder<S> {
     fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
         let frame = self.inner.wait_frame()?;
         self.input = Input::default();
+        self.located = None;
         // A frame that renders nothing has no line; the switch then shows in the next. Twice is not at all.
-        self.switch_reuse ^= frame.is_some_and(|frame| frame.switch_reuse);
+        if frame.is_some_and(|frame| frame.switch_reuse) {
+            self.switch_reuse = !self.switch_reuse;
+            // It is no longer the quality that was written last.
+            self.quality[1] = None;
+        }
         Ok(frame)
     }
 
@@ -119,7 +143,13 @@ impl<S: XrSession> XrSession for Recorder<S> {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.inner.locate_views(display_time_ns)
+        let located = self.inner.locate_views(display_time_ns)?;
+        self.located = located.map(|located| located.views);
+        Ok(located)
+    }
+
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.inner.relocate_views(display_time_ns)
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
@@ -138,6 +168,8 @@ impl<S: XrSession> XrSession for Recorder<S> {
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
         // The inner session first: a runtime must get its frame even if the disk is full.
         self.inner.end_frame(submission)?;
+        // As with reuse: if this frame has no line, the next has it.
+        self.quality[0] = submission.quality.or(self.quality[0]);
         if let Some(views) = submission.rendered {
             self.write(submission.display_time_ns, views)
                 .map_err(|cause| XrError::RecordWrite {

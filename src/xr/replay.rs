@@ -2,12 +2,12 @@
 
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::text_lines;
-use super::trace::Trace;
+use super::trace::{Trace, TraceFrame};
 use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
 use super::view::Pose;
 use super::{
-    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, RenderTargets,
-    SessionInfo, XrError, XrSession,
+    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, QualityFrom,
+    RenderTargets, SessionInfo, XrError, XrSession,
 };
 use std::path::Path;
 
@@ -181,23 +181,55 @@ impl ReplaySession {
         &self.warnings
     }
 
-    fn switches_reuse(&self, frame: u64) -> bool {
+    /// What a native trace holds of a frame.
+    fn recorded(&self, frame: u64) -> Option<&TraceFrame> {
         match &self.recording {
-            Recording::Native(trace) => usize::try_from(frame)
-                .ok()
-                .and_then(|index| trace.frames.get(index))
-                .is_some_and(|frame| frame.switch_reuse),
-            Recording::Head(..) => false,
+            Recording::Native(trace) => trace.frames.get(usize::try_from(frame).ok()?),
+            Recording::Head(..) => None,
         }
     }
 
     fn display_time_ns(&self, frame: u64) -> Option<i64> {
         match &self.recording {
-            Recording::Native(trace) => {
-                let index = usize::try_from(frame).ok()?;
-                trace.frames.get(index).map(|frame| frame.t_ns)
-            }
+            Recording::Native(_) => self.recorded(frame).map(|frame| frame.t_ns),
             Recording::Head(..) => Some(display_time_ns(frame, self.info.refresh_hz)),
+        }
+    }
+
+    /// Views at a time: `of` the frame of a native trace.
+    fn views_at(
+        &self,
+        display_time_ns: i64,
+        of: impl FnOnce(&TraceFrame) -> LocatedViews,
+    ) -> Result<Option<LocatedViews>, XrError> {
+        self.order.may_locate()?;
+        match &self.recording {
+            Recording::Native(trace) => {
+                let frame = trace
+                    .frames
+                    .binary_search_by_key(&display_time_ns, |frame| frame.t_ns)
+                    .ok()
+                    .and_then(|index| trace.frames.get(index));
+                match frame {
+                    Some(frame) => Ok(Some(of(frame))),
+                    None => Err(XrError::CallOrder(format!(
+                        "locate_views at {display_time_ns} ns, a time that the trace does not hold"
+                    ))),
+                }
+            }
+            Recording::Head(motion, headset) => {
+                let head = motion.pose_at(display_time_ns);
+                Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
+            }
+        }
+    }
+
+    fn quality(&self, frame: u64) -> QualityFrom {
+        match &self.recording {
+            Recording::Native(trace) if trace.has_quality() => {
+                QualityFrom::Recording(self.recorded(frame).and_then(|frame| frame.quality))
+            }
+            _ => QualityFrom::Application,
         }
     }
 }
@@ -229,7 +261,10 @@ impl XrSession for ReplaySession {
             predicted_display_time_ns,
             period_ns: period_ns(self.info.refresh_hz),
             should_render: true,
-            switch_reuse: self.switches_reuse(self.next_frame),
+            switch_reuse: self
+                .recorded(self.next_frame)
+                .is_some_and(|frame| frame.switch_reuse),
+            quality: self.quality(self.next_frame),
         };
         self.pacer.wait_until(predicted_display_time_ns);
         self.next_frame += 1;
@@ -242,26 +277,15 @@ impl XrSession for ReplaySession {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.order.may_locate()?;
-        match &self.recording {
-            Recording::Native(trace) => {
-                let frame = trace
-                    .frames
-                    .binary_search_by_key(&display_time_ns, |frame| frame.t_ns)
-                    .ok()
-                    .and_then(|index| trace.frames.get(index));
-                match frame {
-                    Some(frame) => Ok(Some(frame.views)),
-                    None => Err(XrError::CallOrder(format!(
-                        "locate_views at {display_time_ns} ns, a time that the trace does not hold"
-                    ))),
-                }
-            }
-            Recording::Head(motion, headset) => {
-                let head = motion.pose_at(display_time_ns);
-                Ok(Some(LocatedViews::valid(headset.views_from_head(&head))))
-            }
-        }
+        let first = |frame: &TraceFrame| LocatedViews {
+            views: frame.located.unwrap_or(frame.views.views),
+            ..frame.views
+        };
+        self.views_at(display_time_ns, first)
+    }
+
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.views_at(display_time_ns, |frame| frame.views)
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {

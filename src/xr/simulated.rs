@@ -8,8 +8,8 @@
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::view::Pose;
 use super::{
-    FrameState, FrameSubmission, HandScript, Headset, Input, LocatedViews, RenderTargets,
-    SessionInfo, XrError, XrSession,
+    FrameState, FrameSubmission, HandScript, Headset, Input, LocatedViews, QualityFrom,
+    RenderTargets, SessionInfo, XrError, XrSession,
 };
 use crate::settings::Motion;
 use glam::{DQuat, DVec3};
@@ -242,6 +242,7 @@ impl XrSession for SimulatedSession {
             period_ns: period_ns(refresh_hz),
             should_render: true,
             switch_reuse: false,
+            quality: QualityFrom::Application,
         };
         self.pacer.wait_until(frame.predicted_display_time_ns);
         self.next_frame += 1;

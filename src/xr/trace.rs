@@ -8,8 +8,10 @@
 //! Positions are metres in the world, orientations world from eye, angles radians. Numbers are written in
 //! the shortest decimal form that reads back as the same f64, so what is read and written again gives the
 //! same bytes. Version 2 adds what else a frame depended on: `hidden` in the header, the area that each eye's lens hides
-//! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched, and
-//! `input`, what the wearer did (`docs/recordings.md` has its keys). Unknown keys are errors. A last line that was cut short (the
+//! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched,
+//! `located` in a frame whose eyes were located once more before they were rendered: the views that all but the eyes went by,
+//! `quality` in a frame from which on another one was set, and `input`, what the wearer did (`docs/recordings.md` has the keys
+//! of both). Unknown keys are errors. A last line that was cut short (the
 //! run that wrote it was killed) is dropped with a warning.
 
 use super::hidden_area::HiddenArea;
@@ -17,7 +19,7 @@ use super::input::{Input, InputJson};
 use super::text_lines::{self, Line, TextLines};
 use super::validation::{self, Fault};
 use super::view::{Fov, View};
-use super::{InputError, LocatedViews, ViewFlags};
+use super::{InputError, LocatedViews, Quality, ViewFlags};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -26,7 +28,7 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The versions that are read. Version 1 holds views; version 2 adds `input`, and is what a file with `hidden` or
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality` and `located`, and is what a file with `hidden` or
 /// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
@@ -48,10 +50,14 @@ pub struct TraceHeader {
 pub struct TraceFrame {
     /// Display time, nanoseconds; strictly increasing through a trace.
     pub t_ns: i64,
-    /// Both eyes.
+    /// Both eyes, as they were rendered.
     pub views: LocatedViews,
+    /// Both eyes as they were located first, where that is another place: what the application saw.
+    pub located: Option<[View; 2]>,
     /// Stereo reuse is switched from this frame on.
     pub switch_reuse: bool,
+    /// The quality that was set, for this frame and those after it.
+    pub quality: Option<Quality>,
     /// What the wearer did.
     pub input: Input,
 }
@@ -68,7 +74,11 @@ impl TraceFrame {
     /// The lowest version that can hold it.
     #[must_use]
     pub fn version(&self) -> u64 {
-        VERSIONS[usize::from(self.switch_reuse || self.input != Input::default())]
+        let is_plain = !self.switch_reuse
+            && self.located.is_none()
+            && self.quality.is_none()
+            && self.input == Input::default();
+        VERSIONS[usize::from(!is_plain)]
     }
 }
 
@@ -150,6 +160,14 @@ impl Trace {
             frames,
             warnings,
         })
+    }
+}
+
+impl Trace {
+    /// Whether quality was set while it was recorded: a replay then goes by that alone.
+    #[must_use]
+    pub fn has_quality(&self) -> bool {
+        self.frames.iter().any(|frame| frame.quality.is_some())
     }
 }
 
@@ -257,6 +275,13 @@ impl<'a> Fields<'a> {
         value.map(|value| read(&self.name(key), value)).transpose()
     }
 
+    fn count(&self, key: &str) -> Result<u32, Fault> {
+        let value = self.value(key)?;
+        let count = value.as_u64().and_then(|count| u32::try_from(count).ok());
+        let wanted = "a whole number from 0 to 4294967295";
+        count.ok_or_else(|| wrong_kind(&self.name(key), value, wanted))
+    }
+
     fn boolean(&self, key: &str) -> Result<bool, Fault> {
         match self.value(key)? {
             Value::Bool(flag) => Ok(*flag),
@@ -355,29 +380,30 @@ fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
 }
 
 fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Fault> {
-    let known = ["t_ns", "views", "flags", "switch_reuse", "input"];
-    // `input` came with version 2.
+    let known = [
+        "t_ns",
+        "views",
+        "flags",
+        "switch_reuse",
+        "input",
+        "quality",
+        "located",
+    ];
+    // Those from `input` on came with version 2.
     let known = if version == 1 { &known[..4] } else { &known };
     let fields = Fields::new("", map, known)?;
     let t_ns = fields.value("t_ns")?;
     let Some(t_ns) = t_ns.as_i64() else {
         return Err(wrong_kind("t_ns", t_ns, "a whole number of nanoseconds"));
     };
-    let views = fields.value("views")?;
-    let [left, right] = views.as_array().map_or(&[][..], Vec::as_slice) else {
-        return Err(wrong_kind(
-            "views",
-            views,
-            "an array of two views, left and right",
-        ));
-    };
+    let views = read_views("views", fields.value("views")?)?;
     let flags = Fields::of(
         "flags",
         fields.value("flags")?,
         &["position_valid", "orientation_valid"],
     )?;
     let located = LocatedViews {
-        views: [read_view("views[0]", left)?, read_view("views[1]", right)?],
+        views,
         flags: ViewFlags {
             position_valid: flags.boolean("position_valid")?,
             orientation_valid: flags.boolean("orientation_valid")?,
@@ -388,10 +414,60 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
         t_ns,
         views: validation::check_views(&located)?,
         switch_reuse: map.contains_key("switch_reuse") && fields.boolean("switch_reuse")?,
+        located: fields.optional("located", |path, value| {
+            let views = read_views(path, value)?;
+            let checked = validation::check_views(&LocatedViews { views, ..located });
+            let at = |fault: Fault| Fault {
+                field: fault.field.replacen("views", path, 1),
+                ..fault
+            };
+            Ok(checked.map_err(at)?.views)
+        })?,
+        quality: fields.optional("quality", read_quality)?,
         input: fields
             .optional("input", |_, value| Input::read(value))?
             .unwrap_or_default(),
     })
+}
+
+/// Whether the renderer was made for it is the renderer's to say.
+fn read_quality(path: &str, value: &Value) -> Result<Quality, Fault> {
+    let known = [
+        "resolution_scale",
+        "photons_per_frame",
+        "photon_shares",
+        "max_depth",
+        "light_candidates",
+        "half_rate",
+        "filter_passes",
+        "reuse",
+    ];
+    let fields = Fields::of(path, value, &known)?;
+    let quality = Quality {
+        resolution_scale: fields.number("resolution_scale")? as f32,
+        photons_per_frame: fields.count("photons_per_frame")?,
+        photon_shares: fields.count("photon_shares")?,
+        max_depth: fields.count("max_depth")?,
+        light_candidates: fields.count("light_candidates")?,
+        half_rate: fields.boolean("half_rate")?,
+        filter_passes: fields.count("filter_passes")?,
+        reuse: fields.boolean("reuse")?,
+    };
+    match quality.out_of_range() {
+        Some((key, what)) => Err(fields.fault(key, what)),
+        None => Ok(quality),
+    }
+}
+
+fn read_views(path: &str, value: &Value) -> Result<[View; 2], Fault> {
+    let Some([left, right]) = value.as_array().map(Vec::as_slice) else {
+        let wanted = "an array of two views, left and right";
+        return Err(wrong_kind(path, value, wanted));
+    };
+    Ok([
+        read_view(&format!("{path}[0]"), left)?,
+        read_view(&format!("{path}[1]"), right)?,
+    ])
 }
 
 fn read_view(path: &str, value: &Value) -> Result<View, Fault> {
@@ -430,8 +506,12 @@ struct FrameJson {
     t_ns: i64,
     views: [ViewJson; 2],
     flags: FlagsJson,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    located: Option<[ViewJson; 2]>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     switch_reuse: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<Quality>,
     #[serde(skip_serializing_if = "Option::is_none")]
     input: Option<InputJson>,
 }
@@ -482,24 +562,28 @@ pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_j
 /// # Errors
 /// None that is known: serde_json's own.
 pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
-    let views = frame.views.views.map(|view| ViewJson {
-        position: view.position_in_world.to_array(),
-        orientation: view.orientation.to_array(),
-        fov: FovJson {
-            left: view.fov.angle_left,
-            right: view.fov.angle_right,
-            up: view.fov.angle_up,
-            down: view.fov.angle_down,
-        },
-    });
+    let views = |views: [View; 2]| {
+        views.map(|view| ViewJson {
+            position: view.position_in_world.to_array(),
+            orientation: view.orientation.to_array(),
+            fov: FovJson {
+                left: view.fov.angle_left,
+                right: view.fov.angle_right,
+                up: view.fov.angle_up,
+                down: view.fov.angle_down,
+            },
+        })
+    };
     let line = serde_json::to_string(&FrameJson {
         t_ns: frame.t_ns,
-        views,
+        views: views(frame.views.views),
+        located: frame.located.map(views),
         flags: FlagsJson {
             position_valid: frame.views.flags.position_valid,
             orientation_valid: frame.views.flags.orientation_valid,
         },
         switch_reuse: frame.switch_reuse,
+        quality: frame.quality,
         input: frame.input.json(),
     })?;
     Ok(line + "\n")

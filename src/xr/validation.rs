@@ -205,6 +205,28 @@ impl<S: XrSession> Validated<S> {
     pub fn into_inner(self) -> S {
         self.inner
     }
+
+    /// `located` if it is valid, else the last good views.
+    fn good(&mut self, located: Option<LocatedViews>) -> Option<LocatedViews> {
+        let Some(located) = located else {
+            return self.repeat_last();
+        };
+        match check_views(&located) {
+            Ok(good) => {
+                self.last_good = Some(good);
+                Some(good)
+            }
+            Err(fault) => {
+                // Once per spell, not per frame: a lost tracker would flood the log at 90 Hz.
+                if self.last_fault.as_ref() != Some(&fault) {
+                    log::warn!("invalid pose from {}: {fault}", self.inner.info().source);
+                }
+                self.invalid_poses += 1;
+                self.last_fault = Some(fault);
+                self.repeat_last()
+            }
+        }
+    }
 }
 
 impl<S: XrSession> XrSession for Validated<S> {
@@ -221,24 +243,13 @@ impl<S: XrSession> XrSession for Validated<S> {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        let Some(located) = self.inner.locate_views(display_time_ns)? else {
-            return Ok(self.repeat_last());
-        };
-        match check_views(&located) {
-            Ok(good) => {
-                self.last_good = Some(good);
-                Ok(Some(good))
-            }
-            Err(fault) => {
-                // Once per spell, not per frame: a lost tracker would flood the log at 90 Hz.
-                if self.last_fault.as_ref() != Some(&fault) {
-                    log::warn!("invalid pose from {}: {fault}", self.inner.info().source);
-                }
-                self.invalid_poses += 1;
-                self.last_fault = Some(fault);
-                Ok(self.repeat_last())
-            }
-        }
+        let located = self.inner.locate_views(display_time_ns)?;
+        Ok(self.good(located))
+    }
+
+    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        let located = self.inner.relocate_views(display_time_ns)?;
+        Ok(self.good(located))
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {

@@ -26,6 +26,11 @@ pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
         fill(&mut steps, frame);
     } else if frame.both {
         whole_eye(&mut steps, frame);
+        // Nobody takes this eye's sample over: where reuse is only switched off, it goes where the left one's was.
+        steps.rename(&[
+            ("sample_radiance", "left_sample_radiance"),
+            ("sample_parts", "left_sample_parts"),
+        ]);
     }
     steps.done()
 }

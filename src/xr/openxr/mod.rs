@@ -30,8 +30,8 @@ use super::frame_clock::FrameOrder;
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, RuntimeTargets,
-    SessionInfo, ViewFlags, XrError, XrSession,
+    FrameState, FrameSubmission, Input, LocatedViews, Pulse, QualityFrom, RenderTargets,
+    RuntimeTargets, SessionInfo, ViewFlags, XrError, XrSession,
 };
 use crate::gpu::GpuContext;
 use crate::gpu::vulkan_interop::openxr::{self as interop, LayerView};
@@ -344,6 +344,7 @@ impl XrSession for OpenXrSession {
             period_ns: state.predicted_display_period.as_nanos().max(1),
             should_render: state.should_render,
             switch_reuse,
+            quality: QualityFrom::Application,
         };
         self.order.waited(&frame);
         Ok(Some(frame))
@@ -470,7 +471,7 @@ impl XrSession for OpenXrSession {
             time,
             self.runtime.blend_mode,
             &self.space,
-            self.options.size,
+            submission.size.unwrap_or(self.options.size),
             NEAR_M,
             layers,
         );

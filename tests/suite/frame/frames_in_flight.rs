@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use stereolux::renderer::frames_in_flight::MOST;
 use stereolux::renderer::{Eye, FrameResult, InstanceId, PhotonStats, Renderer, StereoStats};
 use stereolux::scene::Scene;
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{Method, Quality, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
@@ -117,6 +117,43 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
                 );
             }
         }
+    }
+}
+
+/// Changes quality now and then, while photons are shared out and their list grows.
+fn change_quality(renderer: &mut Renderer, frame: u32) {
+    move_things(renderer, frame);
+    let most = renderer.most_quality();
+    let quality = match frame % 16 {
+        3 => Quality {
+            resolution_scale: 0.5,
+            ..most
+        },
+        6 => Quality {
+            photons_per_frame: most.photons_per_frame / 3,
+            photon_shares: 2,
+            ..most
+        },
+        9 => Quality {
+            max_depth: 8,
+            reuse: false,
+            ..most
+        },
+        12 => most,
+        _ => return,
+    };
+    renderer.set_quality(&quality).unwrap();
+}
+
+#[test]
+fn quality_changes_in_the_same_frame_whatever_is_in_flight() {
+    let scene = white_box();
+    let [one, two, three] = [1, 2, 3].map(|most| run(&scene, &moving(4), most, change_quality));
+    assert_eq!(one[3].0[0].len(), 8 * 8);
+    assert_eq!(one[6].0[0].len(), 16 * 16);
+    for (frame, one) in one.iter().enumerate() {
+        assert!(*one == two[frame], "2 in flight: frame {frame} differs");
+        assert!(*one == three[frame], "3 in flight: frame {frame} differs");
     }
 }
 

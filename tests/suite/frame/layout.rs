@@ -353,7 +353,7 @@ fn mismatches(host: &BTreeMap<String, Layout>, shaders: &BTreeMap<String, Layout
 fn shared_structs_have_one_layout() {
     let host = host();
     let mut shaders = shaders(&ShaderLibrary::embedded());
-    // Dispatch is written as four numbers; `gpu::kernel::dispatch_table` says which.
+    // Dispatch is written as four numbers; `gpu::kernel::DispatchTable` says which.
     let dispatch = shaders
         .remove("Dispatch")
         .expect("passes read their dispatch");

@@ -13,6 +13,7 @@ pub mod frame_plan;
 pub mod frames_in_flight;
 pub mod layout;
 pub mod outliers;
+pub mod quality;
 pub mod reconstruction;
 pub mod resize;
 pub mod shaders;

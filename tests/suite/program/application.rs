@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use glam::{DAffine3, DVec3};
 use stereolux::images::read_image;
 use stereolux::{
-    App, AppError, Edit, FrameInput, NewContent, PartLoading, ScenePart, Side, World, run_app_with,
+    App, AppError, Edit, FrameInput, NewContent, PartLoading, Quality, ScenePart, Side, World,
+    WorldError, run_app_with,
 };
 use stereolux::{Fov, Headset, ImageRgb8, Motion, RenderSettings, Scene, SimulatedSession};
 
@@ -245,6 +246,121 @@ fn what_needs_compiling_shows_one_frame_later() {
         late_second == early_second,
         "the change of frame 1 shows in frame 2"
     );
+}
+
+/// Quality by what no recording holds: which frames are expensive, as an application that times them would find.
+struct Steered {
+    expensive: fn(u32) -> bool,
+}
+
+impl App for Steered {
+    fn start(&mut self, world: &mut World) -> Result<(), AppError> {
+        let refused = world.set_quality(&Quality::of(&RenderSettings::default()));
+        assert!(matches!(refused, Err(WorldError::Quality(_))));
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let mut quality = world.most_quality()?;
+        if (self.expensive)(frame.frame) {
+            quality.resolution_scale = 0.5;
+            quality.photons_per_frame /= 2;
+            quality.filter_passes = 1;
+            quality.reuse = false;
+        }
+        world.set_quality(&quality)?;
+        assert_eq!(world.quality()?, quality);
+        quality.photons_per_frame += 1_000_000;
+        let refused = world.set_quality(&quality).unwrap_err().to_string();
+        assert!(refused.contains("photon.count"), "{refused}");
+        Ok(())
+    }
+}
+
+/// Frames 2, 3 and 5 are expensive. A replay renders what was recorded, whatever its application asks for.
+#[test]
+fn quality_is_recorded_and_replayed_to_the_bit() {
+    let folder = support::Folder::new("quality");
+    let at = |name: &str| folder.path().join(name);
+    let scene = ["--scene=builtin:cornell"];
+    let mut steered = Steered {
+        expensive: |frame| matches!(frame, 2 | 3 | 5),
+    };
+    let more = ["--frames=7", "--motion=sway"].map(str::to_owned);
+    let trace = at("trace.jsonl");
+    let record = [&more[..], &[with_trace("record", &trace)]].concat();
+    let record: Vec<&str> = record.iter().map(String::as_str).collect();
+    let first = at("first");
+    assert_eq!(
+        run(&mut steered, &scene, &first, &record),
+        ExitCode::SUCCESS
+    );
+    let sizes = (0..7).map(|frame| left(&first, frame).len());
+    let [all, quarter] = [32 * 32, 16 * 16];
+    assert!(sizes.eq([all, all, quarter, quarter, all, quarter, all]));
+    let text = std::fs::read_to_string(&trace).unwrap();
+    let told: Vec<bool> = text
+        .lines()
+        .map(|line| line.contains("\"quality\":"))
+        .collect();
+    // The header, then frames: the first, and those from which on it is another.
+    assert_eq!(told, [false, true, false, true, false, true, true, true]);
+    let replay = |app: &mut dyn App, trace: &Path, name: &str| {
+        let again = at(&format!("{name}.jsonl"));
+        let words = [with_trace("trace", trace), with_trace("record", &again)];
+        let replayed = run(
+            app,
+            &scene,
+            &at(name),
+            &words.each_ref().map(String::as_str),
+        );
+        assert_eq!(replayed, ExitCode::SUCCESS);
+        (images(&at(name)), std::fs::read_to_string(&again).unwrap())
+    };
+    let mut other = Steered {
+        expensive: |frame| frame % 2 == 0,
+    };
+    let mut idle = Changes(|_, _| Ok(()));
+    for (app, name) in [(&mut other as &mut dyn App, "other"), (&mut idle, "idle")] {
+        let (replayed, again) = replay(app, &trace, name);
+        assert!(replayed == images(&first), "{name}: other images");
+        assert!(again == text, "{name}: another recording");
+    }
+    // A change that is not applied is seen: here that of frame 5, of which only the size is taken back, or the photons.
+    for (name, from, to) in [
+        (
+            "size",
+            "\"resolution_scale\":0.5",
+            "\"resolution_scale\":1.0",
+        ),
+        (
+            "photons",
+            "\"photons_per_frame\":1024",
+            "\"photons_per_frame\":2048",
+        ),
+        ("passes", "\"filter_passes\":1", "\"filter_passes\":4"),
+        ("reuse", "\"reuse\":false", "\"reuse\":true"),
+    ] {
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        assert!(lines[6].contains(from), "{}", lines[6]);
+        lines[6] = lines[6].replace(from, to);
+        let changed = at(&format!("changed_{name}.jsonl"));
+        std::fs::write(&changed, lines.join("\n") + "\n").unwrap();
+        replay(&mut idle, &changed, &format!("without_{name}"));
+        let differs: Vec<usize> = (0..7)
+            .filter(|frame| left(&at(&format!("without_{name}")), *frame) != left(&first, *frame))
+            .collect();
+        // Also of reuse: filtered light is shared between the eyes.
+        assert_eq!(differs.first(), Some(&5), "{name}");
+    }
+    // A recording without any leaves it to the application.
+    let plain = at("plain.jsonl");
+    let record = [&more[..], &[with_trace("record", &plain)]].concat();
+    let record: Vec<&str> = record.iter().map(String::as_str).collect();
+    run(&mut idle, &scene, &at("plain"), &record);
+    assert!(!std::fs::read_to_string(&plain).unwrap().contains("quality"));
+    let (replayed, _) = replay(&mut steered, &plain, "steered");
+    assert!(replayed == images(&first));
 }
 
 #[test]

@@ -416,11 +416,11 @@ fn resident_kb() -> u64 {
 }
 
 #[test]
-fn a_hundred_additions_leave_no_memory_behind() {
+fn many_additions_leave_no_memory_behind() {
     // Memory is the process's, so it has one of its own.
     const ALONE: &str = "STEREOLUX_TEST_ALONE";
     if std::env::var_os(ALONE).is_none() {
-        let name = "suite::scene::parts::a_hundred_additions_leave_no_memory_behind";
+        let name = "suite::scene::parts::many_additions_leave_no_memory_behind";
         let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
         let alone = alone.args(["--exact", name, "--nocapture"]).env(ALONE, "1");
         let output = alone.output().unwrap();
@@ -439,7 +439,7 @@ fn a_hundred_additions_leave_no_memory_behind() {
     // 22,500 triangles: 3 MB on either side.
     let part = ball(75, 0.0);
     let mut seen = Vec::new();
-    for _ in 0..100 {
+    for _ in 0..150 {
         let added = live.added(part.clone(), front, 0.2);
         image(&mut live.renderer, &live.views, 0);
         let most = live.bytes();
@@ -452,9 +452,11 @@ fn a_hundred_additions_leave_no_memory_behind() {
     let (most, least, _) = seen[0];
     assert!(most > least + 3_000_000);
     assert!(seen.iter().all(|(m, l, _)| (*m, *l) == (most, least)));
-    // A part that stayed would take 3 MB each time. Allocators give back in their own time, so the last ten are compared
-    // with ten of the middle, by their least: half a part may differ.
+    // A part that stayed would take 3 MB each time. Allocators give back in their own time, so ten are compared with those
+    // fifty earlier, by their least: half a part may differ. And they take memory in blocks, once when two uploads happen to
+    // overlap (4 MB, after any addition): what stays each time shows in both pairs, such a block in one.
     let least_of = |range: std::ops::Range<usize>| seen[range].iter().map(|s| s.2).min().unwrap();
-    let (middle, last) = (least_of(40..50), least_of(90..100));
-    assert!(last < middle + 1500, "{middle} kB, then {last} kB");
+    let least = [40..50, 90..100, 140..150].map(least_of);
+    let stays = least.windows(2).all(|pair| pair[1] >= pair[0] + 1500);
+    assert!(!stays, "{least:?} kB");
 }

@@ -3,12 +3,12 @@
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::settings::{Method, Reuse};
+use stereolux::settings::{Method, Quality, Reuse};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{HiddenArea, Pose, RuntimeTargets, View};
 
 use crate::suite::support::{
-    Triangles, bits, builtin, context, frame, method, parallel_views, radiance, renderer,
+    Triangles, bits, builtin, context, frame, hit_rays, method, parallel_views, radiance, renderer,
     start_pose,
 };
 
@@ -213,6 +213,65 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
                 let raw = tone_map(&Image::new(SIZE[0], SIZE[1], raw).unwrap(), 1.5);
                 assert!(index == 0 || furthest(&raw) > 20, "{what}, frame {index}");
             }
+        }
+    }
+}
+
+/// At a lower resolution the runtime gets the upper left part of its images, and a window the same picture enlarged.
+#[test]
+fn a_lower_resolution_fills_the_upper_left_part() {
+    let mut renderer = rendered(Reuse::Scatter, 1.0);
+    let library = ShaderLibrary::embedded();
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    let targets = targets(renderer.context(), format, true);
+    let window = target_texture(renderer.context(), [2 * SIZE[0], SIZE[1]], format);
+    renderer.submit_to(&library, &targets).unwrap();
+    renderer.mirror_to(&library, &window).unwrap();
+    renderer
+        .set_quality(&Quality {
+            resolution_scale: 0.5,
+            ..renderer.most_quality()
+        })
+        .unwrap();
+    frame(&mut renderer, &views());
+    let made = renderer.context().resources_made();
+    renderer.submit_to(&library, &targets).unwrap();
+    renderer.mirror_to(&library, &window).unwrap();
+    assert_eq!(renderer.context().resources_made(), made);
+    let [width, height] = [32, 24];
+    assert_eq!(renderer.size(), [width, height]);
+    let depths = targets.depth.as_ref().unwrap();
+    let mirrored = bytes(renderer.context(), &window, 4);
+    for (index, eye) in [Eye::Left, Eye::Right].into_iter().enumerate() {
+        let image = Image::new(width, height, radiance(&renderer, eye)).unwrap();
+        let png = tone_map(&image, 1.0);
+        let color = bytes(renderer.context(), &targets.color[index], 4);
+        let depth = bytes(renderer.context(), &depths[index], 4);
+        let rays = hit_rays(&renderer, eye);
+        for (place, texel) in color.chunks_exact(4).enumerate() {
+            let (x, y) = (place as u32 % SIZE[0], place as u32 / SIZE[0]);
+            let depth: [u8; 4] = depth[4 * place..][..4].try_into().unwrap();
+            if x >= width || y >= height {
+                assert_eq!(
+                    (texel, f32::from_le_bytes(depth)),
+                    (&[0, 0, 0, 255][..], 0.0)
+                );
+                continue;
+            }
+            let expected = png.pixels[(y * width + x) as usize];
+            // One step, as above. A pixel of the image is four of the window, whose four places all lie in it.
+            let in_window = (y * 2 * SIZE[0] + x) * 2 + index as u32 * SIZE[0];
+            let shown = [0, 1, 2 * SIZE[0], 2 * SIZE[0] + 1].map(|k| 4 * (in_window + k) as usize);
+            for texel in shown
+                .map(|at| &mirrored[at..at + 4])
+                .into_iter()
+                .chain([texel])
+            {
+                let is_near = (0..3).all(|c| texel[c].abs_diff(expected[c]) <= 1);
+                assert!(is_near, "{texel:?} for {expected:?} at {x}, {y}");
+            }
+            let is_hit = rays[(y * width + x) as usize][3] > 0.0;
+            assert_eq!(f32::from_le_bytes(depth) > 0.0, is_hit, "{x}, {y}");
         }
     }
 }

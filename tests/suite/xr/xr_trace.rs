@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::path::Path;
+use stereolux::settings::{Quality, RenderSettings};
 use stereolux::xr::input::JOINTS;
 use stereolux::xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux::xr::{
@@ -286,7 +287,9 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
         frames.push(TraceFrame {
             t_ns,
             views,
+            located: None,
             switch_reuse: frame.switch_reuse,
+            quality: None,
             input,
         });
     }
@@ -380,6 +383,43 @@ fn the_views_that_were_used_are_recorded_not_those_located() {
         .end_frame(FrameSubmission::new(t_ns, Some(&views)))
         .unwrap();
     assert_eq!(Trace::read(&file.0).unwrap().frames[0].views, views);
+}
+
+/// What is set is written when it is another, and again when the wearer has switched reuse meanwhile.
+#[test]
+fn quality_is_written_where_it_changes() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let switched = frame_at(3).replace("}}]", "}}],\"switch_reuse\":true");
+    let [source, file] = ["source.jsonl", "changes.jsonl"].map(TemporaryFile::new);
+    let frames = [frame_at(1), frame_at(2), switched, frame_at(4), frame_at(5)];
+    let switching = frames[2].contains("switch_reuse");
+    assert!(switching);
+    std::fs::write(&source.0, format!("{header}\n{}\n", frames.join("\n"))).unwrap();
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
+    let session = ReplaySession::open(&source.0, options).unwrap();
+    let mut recorder = Recorder::create(&file.0, session).unwrap();
+    let first = Quality::of(&RenderSettings::default());
+    let second = Quality {
+        max_depth: 3,
+        ..first
+    };
+    let told = [Some(first), Some(first), Some(first), None, Some(second)];
+    for quality in told {
+        let t_ns = recorder.wait_frame().unwrap().unwrap();
+        let t_ns = t_ns.predicted_display_time_ns;
+        recorder.begin_frame().unwrap();
+        let views = recorder.locate_views(t_ns).unwrap().unwrap();
+        let submission = FrameSubmission::new(t_ns, Some(&views));
+        recorder
+            .end_frame(submission.with_quality(quality))
+            .unwrap();
+    }
+    let written = Trace::read(&file.0).unwrap();
+    let written: Vec<_> = written.frames.iter().map(|frame| frame.quality).collect();
+    assert_eq!(
+        written,
+        [Some(first), None, Some(first), None, Some(second)]
+    );
 }
 
 #[test]
@@ -491,12 +531,70 @@ prop_compose! {
     }
 }
 
+prop_compose! {
+    fn any_quality()(
+        scale in 0.1_f32..=1.0, counts in [0..=67_108_864_u32, 1..=64, 1..=64, 1..=16, 0..=8],
+        half_rate in any::<bool>(), reuse in any::<bool>(),
+    ) -> Quality {
+        let [photons_per_frame, photon_shares, max_depth, light_candidates, filter_passes] = counts;
+        Quality {
+            resolution_scale: scale, photons_per_frame, photon_shares, max_depth, light_candidates, half_rate,
+            filter_passes, reuse,
+        }
+    }
+}
+
+#[test]
+fn quality_is_checked_and_named_by_file_line_and_field() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let quality = r#""quality":{"resolution_scale":0.7,"photons_per_frame":9,"photon_shares":1,"max_depth":3,"light_candidates":2,"half_rate":false,"filter_passes":0,"reuse":true}"#;
+    let line = |quality: &str| FRAME.replace("\"t_ns\":0", &format!("\"t_ns\":0,{quality}"));
+    let text = |quality: &str| format!("{header}\n{}\n", line(quality));
+    let back = read(&text(quality)).unwrap().frames[0].quality.unwrap();
+    assert_eq!(
+        (back.resolution_scale, back.max_depth, back.reuse),
+        (0.7, 3, true)
+    );
+    for (from, to, field) in [
+        ("0.7", "0.05", "quality.resolution_scale"),
+        ("0.7", "true", "quality.resolution_scale"),
+        (
+            "\"photons_per_frame\":9",
+            "\"photons_per_frame\":-1",
+            "quality.photons_per_frame",
+        ),
+        (
+            "\"photon_shares\":1",
+            "\"photon_shares\":0",
+            "quality.photon_shares",
+        ),
+        ("\"max_depth\":3", "\"max_depth\":3.5", "quality.max_depth"),
+        (
+            "\"light_candidates\":2",
+            "\"light_candidates\":17",
+            "quality.light_candidates",
+        ),
+        (",\"reuse\":true", "", "quality.reuse"),
+        ("\"reuse\"", "\"rense\"", "quality.rense"),
+    ] {
+        assert!(quality.contains(from), "{from}");
+        let refused = read(&text(&quality.replace(from, to))).unwrap_err();
+        assert_eq!(
+            (refused.line, refused.field.as_deref()),
+            (Some(2), Some(field)),
+            "{refused}"
+        );
+    }
+}
+
 #[test]
 fn a_file_states_the_lowest_version_that_can_hold_it() {
     let plain = |switch_reuse, input| TraceFrame {
         t_ns: 0,
         views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
+        located: None,
         switch_reuse,
+        quality: None,
         input,
     };
     let gaze = Input {
@@ -506,6 +604,14 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
     assert_eq!(plain(false, Input::default()).version(), 1);
     assert_eq!(plain(true, Input::default()).version(), 2);
     assert_eq!(plain(false, gaze.clone()).version(), 2);
+    let changed = TraceFrame {
+        quality: Some(Quality::of(&RenderSettings::default())),
+        ..plain(false, Input::default())
+    };
+    assert_eq!(changed.version(), 2);
+    let line = frame_line(&changed).unwrap();
+    let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
+    assert_eq!(refused.field.as_deref(), Some("quality"), "{refused}");
     // A reader of version 1 knows no input, and one of version 2 both.
     let line = frame_line(&plain(false, gaze)).unwrap();
     let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
@@ -597,6 +703,8 @@ proptest! {
         refresh_hz in 1.0..1000.0_f64,
         triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
         inputs in prop::collection::vec(any_input(), 1..4),
+        qualities in prop::collection::vec(prop::option::of(any_quality()), 1..4),
+        located in [any_view(), any_view()],
     ) {
         let hidden = (!triangles.is_empty()).then(|| {
             let eye = |scale: f64| HiddenArea::from_triangles(
@@ -607,7 +715,9 @@ proptest! {
         let frames = views.into_iter().enumerate().map(|(k, views)| TraceFrame {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
+            located: (k % 4 == 2).then_some(located),
             switch_reuse: k % 3 == 1,
+            quality: qualities[k % qualities.len()],
             input: inputs[k % inputs.len()].clone(),
         });
         let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
