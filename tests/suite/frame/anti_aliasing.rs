@@ -302,3 +302,52 @@ fn a_lamp_thinner_than_a_pixel_keeps_its_energy() {
         }
     }
 }
+
+#[test]
+fn a_lamp_does_not_leak_to_pixels_that_never_saw_it() {
+    // At 2 m a pixel is 0.125 m wide. The lamp's right edge moves to the right by a 25th of a pixel per frame: the history of the
+    // pixels before it is read between them and the lamp, which they never saw.
+    const PIXEL_M: f64 = 0.125;
+    let right = -0.0315 - 1.6 * PIXEL_M;
+    let scene = shining(&[
+        ([-8.0, -8.0, 16.0, 16.0, 2.001], 0.0),
+        ([right - 1.0, -1.0, 1.0, 2.0, 2.0], 50.0),
+    ]);
+    let mut settings = sequence(Method::Path, Reuse::Off);
+    settings.reconstruct.still = false.into();
+    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    for frame in 0..40 {
+        let aside = DVec3::X * (-0.04 * PIXEL_M * f64::from(frame));
+        let views = eyes_at(aside, DQuat::IDENTITY, 45.0);
+        play(&mut renderer, &views, frame..frame + 1);
+    }
+    // The left eye began at -0.0315 m, with the edge at its column 16 - 1.6, and has seen it move by 1.56.
+    let shown = radiance(&renderer, Eye::Left);
+    let row = &shown[16 * SIZE as usize..17 * SIZE as usize];
+    assert!(row[10..14].iter().all(|light| light[0] > 49.0), "{row:?}");
+    assert!(row[15][0] > 1.0 && row[15][0] < 49.0, "{row:?}");
+    assert!(row[16..].iter().all(|light| *light == [0.0; 3]), "{row:?}");
+}
+
+#[test]
+fn an_edge_in_the_images_last_row_is_smooth() {
+    // Half of the row's height shows a surface, half nothing: what would tell that neither is new lies outside the image.
+    const PIXEL_M: f64 = 0.125;
+    let bottom = -15.5 * PIXEL_M;
+    let scene = shining(&[([-8.0, bottom, 16.0, 16.0, 2.0], 1.0)]);
+    let mut settings = sequence(Method::Path, Reuse::Off);
+    settings.reconstruct.still = false.into();
+    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 45.0);
+    for frame in 0..CYCLE {
+        play(&mut renderer, &views, frame..frame + 1);
+        // Any 16 frames from a multiple of 16 meet the surface 8 times; in no 8 in a row does a net in base 2 miss it, so that
+        // at least 0.2 * 0.8^7 = 0.04 of either is left.
+        if frame >= 16 {
+            let shown = radiance(&renderer, Eye::Left);
+            let last = &shown[(SIZE * (SIZE - 1)) as usize..];
+            let inside = |light: &[f32; 3]| (0.04..0.96).contains(&light[0]);
+            assert!(last.iter().all(inside), "frame {frame}: {last:?}");
+        }
+    }
+}
