@@ -341,19 +341,22 @@ pub fn write_exr(path: &Path, image: &ImageRgb) -> Result<(), ImageError> {
 /// # Errors
 /// [`ImageError::Unwritable`]; nothing is left behind.
 pub fn write_png(path: &Path, image: &ImageRgb8) -> Result<(), ImageError> {
-    write_atomically(path, |out| {
-        image::codecs::png::PngEncoder::new(out)
-            .write_image(
-                image.pixels.as_flattened(),
-                image.width,
-                image.height,
-                image::ExtendedColorType::Rgb8,
-            )
-            .map_err(|error| match error {
-                image::ImageError::IoError(error) => error,
-                other => io::Error::other(other.to_string()),
-            })
-    })
+    write_atomically(path, |out| encode_png(out, image))
+}
+
+/// 8-bit RGB as PNG.
+pub(crate) fn encode_png(out: impl io::Write, image: &ImageRgb8) -> io::Result<()> {
+    image::codecs::png::PngEncoder::new(out)
+        .write_image(
+            image.pixels.as_flattened(),
+            image.width,
+            image.height,
+            image::ExtendedColorType::Rgb8,
+        )
+        .map_err(|error| match error {
+            image::ImageError::IoError(error) => error,
+            other => io::Error::other(other.to_string()),
+        })
 }
 
 /// Writes a file beside its place and renames it there when it is whole; on failure what was written is removed.

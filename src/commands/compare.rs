@@ -1,25 +1,55 @@
-//! `compare`: one JSON object on stdout.
+//! `compare`: one JSON object on stdout, and a page to look at.
+
+mod page;
+
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
 
 use super::{Failure, print_line};
-use crate::metrics::{FlipView, compare_files};
+use crate::images::write_atomically;
+use crate::metrics::{FlipView, compare_and_keep};
 use crate::options::CompareOptions;
 
 /// Compares two images; 1 if the relative MSE exceeds the limit.
 pub fn compare(options: &CompareOptions) -> Result<u8, Failure> {
-    let comparison = compare_files(
-        &options.image,
-        &options.reference,
+    let view = FlipView {
+        exposure: options.exposure,
+        pixels_per_degree: options.pixels_per_degree,
+    };
+    let (image, reference) = (&options.image, &options.reference);
+    let compared = compare_and_keep(
+        image,
+        reference,
         options.mask.as_deref(),
-        FlipView {
-            exposure: options.exposure,
-            pixels_per_degree: options.pixels_per_degree,
-        },
+        view,
         options.limits.load(),
+        options.report.as_ref().map_or(0, |_| page::BYTES),
     )?;
+    if let Some(folder) = &options.report {
+        let names = [image, reference].map(|path| path.display().to_string());
+        let page = page::page(names, &compared, options.exposure).map_err(Failure::failed)?;
+        write_page(folder, &page)?;
+    }
+    let comparison = compared.comparison;
     let text = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;
     print_line(&text)?;
     let exceeds = options
         .max_rel_mse
         .is_some_and(|limit| comparison.exceeds(limit));
     Ok(u8::from(exceeds))
+}
+
+fn write_page(folder: &Path, page: &str) -> Result<(), Failure> {
+    let unusable = |reason: String| {
+        Failure::unusable(format!(
+            "--report {}: {reason}; choose a folder that can be written to",
+            folder.display()
+        ))
+    };
+    fs::create_dir_all(folder).map_err(|error| unusable(error.to_string()))?;
+    write_atomically(&folder.join("report.html"), |out| {
+        out.write_all(page.as_bytes())
+    })
+    .map_err(|error| unusable(error.to_string()))
 }

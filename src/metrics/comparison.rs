@@ -86,6 +86,21 @@ pub enum CompareError {
 /// What the metrics take beside the two images, bytes per pixel: FLIP's images in its colour spaces, its features and maps.
 const METRIC_BYTES: u64 = 120;
 
+/// Two images that were compared, and what came out.
+#[derive(Clone, Debug)]
+pub struct ComparedFiles {
+    /// The image.
+    pub image: ImageRgb,
+    /// The reference.
+    pub reference: ImageRgb,
+    /// Pixels that count; `None`: all.
+    pub mask: Option<Mask>,
+    /// FLIP difference of each pixel, 0 to 1.
+    pub flip: Image<f32>,
+    /// The errors.
+    pub comparison: Comparison,
+}
+
 /// Compares an image file with a reference file, over a mask file's white pixels if there is one, within the memory that
 /// `limits` allow.
 ///
@@ -98,6 +113,21 @@ pub fn compare_files(
     view: FlipView,
     limits: LoadLimits,
 ) -> Result<Comparison, CompareError> {
+    Ok(compare_and_keep(image, reference, mask, view, limits, 0)?.comparison)
+}
+
+/// As [`compare_files`], with all that the errors were found from. `more_bytes` per pixel are kept free for what is made of it.
+///
+/// # Errors
+/// [`CompareError`], one line.
+pub fn compare_and_keep(
+    image: &Path,
+    reference: &Path,
+    mask: Option<&Path>,
+    view: FlipView,
+    limits: LoadLimits,
+    more_bytes: u64,
+) -> Result<ComparedFiles, CompareError> {
     let budget = LoadBudget::new(limits);
     let both = (image.to_owned(), reference.to_owned());
     let image = ImageFile::open(image, &budget)?;
@@ -106,7 +136,9 @@ pub fn compare_files(
         .map(|mask| ImageFile::open(mask, &budget))
         .transpose()?;
     // Before anything is decoded, so that what cannot be compared is not read either.
-    let bytes = reference.pixels()?.saturating_mul(METRIC_BYTES);
+    let bytes = reference
+        .pixels()?
+        .saturating_mul(METRIC_BYTES + more_bytes);
     if let Err(fault) = budget.take(bytes, "the images' differences") {
         let (image, reference) = both;
         return Err(CompareError::TooLarge {
@@ -120,14 +152,27 @@ pub fn compare_files(
         .map(|mask| mask.decode(&budget))
         .transpose()?
         .map(|mask| Mask::from_image(&mask));
-    compare(&image, &reference, mask.as_ref(), view).map_err(|fault| {
-        let (image, reference) = both;
-        CompareError::Metrics {
+    let found = flip_map(&image, &reference, view).and_then(|flip| {
+        let comparison = compare_by(&flip, &image, &reference, mask.as_ref())?;
+        Ok((flip, comparison))
+    });
+    match found {
+        Ok((flip, comparison)) => Ok(ComparedFiles {
             image,
             reference,
-            fault,
+            mask,
+            flip,
+            comparison,
+        }),
+        Err(fault) => {
+            let (image, reference) = both;
+            Err(CompareError::Metrics {
+                image,
+                reference,
+                fault,
+            })
         }
-    })
+    }
 }
 
 /// (x - r)^2 / (r^2 + floor) of one channel.
@@ -182,11 +227,19 @@ pub fn compare(
     mask: Option<&Mask>,
     view: FlipView,
 ) -> Result<Comparison, MetricsError> {
-    require_size("the image", image, reference)?;
+    compare_by(&flip_map(image, reference, view)?, image, reference, mask)
+}
+
+/// [`compare`], once the FLIP differences are known.
+fn compare_by(
+    flip_map: &Image<f32>,
+    image: &ImageRgb,
+    reference: &ImageRgb,
+    mask: Option<&Mask>,
+) -> Result<Comparison, MetricsError> {
     if let Some(mask) = mask {
         require_size("the mask", mask, reference)?;
     }
-    let flip_map = flip_map(image, reference, view)?;
     let (width, height) = (reference.width, reference.height);
 
     let floor = 0.01 * mean_square(reference);

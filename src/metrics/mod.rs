@@ -19,7 +19,9 @@ mod quantiles;
 
 #[cfg(feature = "bench")]
 pub use binocular::{BinocularError, binocular_error, error_image};
-pub use comparison::{CompareError, Comparison, compare, compare_files, rel_mse_map};
+pub use comparison::{
+    CompareError, ComparedFiles, Comparison, compare, compare_and_keep, compare_files, rel_mse_map,
+};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
 #[cfg(feature = "bench")]
 pub use moments::RenderMoments;

@@ -73,6 +73,7 @@ Keys of the JSON object (x the image, r the reference, s the mean of r^2):
 Examples:
   stereolux compare out/frame_0000_left.exr reference/frame_0000_left.exr
   stereolux compare a.exr b.exr --mask reused.png --max-rel-mse 0.01
+  stereolux compare a.exr b.exr --report a_against_b
 
 Exit status: 0 done, 1 relative MSE above --max-rel-mse (or, with it, pixels that are not finite),
 2 unusable arguments or input, such as images of different size.";
@@ -314,6 +315,9 @@ pub struct CompareOptions {
         default_value = "67"
     )]
     pub pixels_per_degree: f64,
+    /// Also write DIR/report.html, a page to look at the two: wiped, their differences, values under the pointer
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
     /// Limits on reading the images.
     #[arg(skip)]
     pub limits: LimitsSettings,

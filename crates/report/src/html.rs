@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html::push_html};
 
-/// The page around the text: `{title}` and `{text}` stand for the report's.
+/// The page around the text: `{style}`, `{title}` and `{text}` stand for the report's.
 const PAGE: &str = include_str!("report.html");
+/// How the project's pages look; the page of `compare` has it too.
+const STYLE: &str = include_str!("page.css");
 
 /// The page of a report. Images in `markdown` whose address is a key of `svgs` become those drawings.
 pub fn page(title: &str, markdown: &str, svgs: &BTreeMap<&str, &str>) -> String {
@@ -33,7 +35,8 @@ pub fn page(title: &str, markdown: &str, svgs: &BTreeMap<&str, &str>) -> String 
     push_html(&mut text, events);
     let title = title.replace('&', "&amp;").replace('<', "&lt;");
     // The text last: what is in it is not looked through.
-    PAGE.replacen("{title}", &title, 1)
+    PAGE.replacen("{style}", STYLE, 1)
+        .replacen("{title}", &title, 1)
         .replacen("{text}", &text, 1)
 }
 
