@@ -17,7 +17,7 @@ use super::instance_motion::{InstanceMotion, InstanceMover};
 use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
 use super::variant_statistics::{Frame, Truth, VariantStatistics, judge_part, region_masks};
-use super::{BENCH_CODE, BenchError, BenchProgress};
+use super::{BENCH_CODE, BenchError, BenchProgress, go_on};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
@@ -307,6 +307,7 @@ impl<'a> Lab<'a> {
             },
             |round, frames: Vec<Frame>| {
                 self.progress.round(plan, round);
+                go_on()?;
                 if !round.counts {
                     if round.index + 1 == warm_up {
                         let settled = self.settle(plan, scene, &fingerprint, &judged_view, &frames);

@@ -37,6 +37,7 @@ use crate::frame::user_passes::shader_library;
 use crate::gpu::context::AdapterSummary;
 use crate::gpu::{GpuContext, GpuError};
 use crate::images::{ImageError, write_atomically};
+use crate::interrupt;
 use crate::metrics::MetricsError;
 use crate::options::{BenchOptions, Suite};
 use crate::renderer::RenderError;
@@ -92,6 +93,18 @@ pub enum BenchError {
     /// The journal or the report.
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// The user wanted it to end; what was measured is in the journal.
+    #[error("interrupted; the same command goes on from there")]
+    Interrupted,
+}
+
+/// # Errors
+/// [`BenchError::Interrupted`] once the user wants the suite to end.
+fn go_on() -> Result<(), BenchError> {
+    if interrupt::requested() {
+        return Err(BenchError::Interrupted);
+    }
+    Ok(())
 }
 
 impl BenchError {
@@ -187,13 +200,20 @@ pub fn run(
     let mut rows: Vec<Row> = Vec::new();
     let mut written = Instant::now();
     for (done, plan) in (1..).zip(&plans) {
-        rows.extend(lab.measure(plan)?);
-        if done < plans.len() && written.elapsed() >= BETWEEN_REPORTS {
-            let unfinished = Some([done, plans.len()]);
+        let measured = lab.measure(plan);
+        let is_interrupted = matches!(measured, Err(BenchError::Interrupted));
+        let is_due = done < plans.len() && written.elapsed() >= BETWEEN_REPORTS;
+        let groups = done - usize::from(is_interrupted);
+        if let Ok(more) = &measured {
+            rows.extend_from_slice(more);
+        }
+        if (is_due || is_interrupted) && !rows.is_empty() {
+            let unfinished = Some([groups, plans.len()]);
             let so_far = report(options, &machine, part.as_ref(), unfinished, &rows);
             write(out, &so_far)?;
             written = Instant::now();
         }
+        measured?;
     }
     let report = report(options, &machine, part.as_ref(), None, &rows);
     write(out, &report)?;

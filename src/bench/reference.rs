@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use stereolux_report::fingerprint::Fingerprint;
 use stereolux_report::records::Machine;
 
-use super::{BenchError, RENDER_CODE};
+use super::{BenchError, RENDER_CODE, go_on};
 use crate::files;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, write_atomically};
@@ -201,10 +201,12 @@ impl References {
                     moments.add(&Image::new(spec.size[0], spec.size[1], pixels)?)?;
                 }
                 progress(moments.count * per_batch, most * per_batch);
-                if written.elapsed() > WRITE_EVERY {
+                let ends = go_on();
+                if ends.is_err() || written.elapsed() > WRITE_EVERY {
                     write(&path, &key, &moments)?;
                     written = Instant::now();
                 }
+                ends?;
             }
         }
         if moments.count > before {

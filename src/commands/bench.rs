@@ -9,7 +9,8 @@ use stereolux_report::rounds::Round;
 
 use super::Failure;
 use crate::bench::measure::GroupPlan;
-use crate::bench::{self, BenchProgress, Outcome};
+use crate::bench::{self, BenchError, BenchProgress, Outcome};
+use crate::interrupt;
 use crate::options::{BenchOptions, Suite};
 use crate::output::OutputFolder;
 use crate::settings::Choice as _;
@@ -17,9 +18,17 @@ use crate::settings::Choice as _;
 /// Runs the suite, writes the report, and says where it is.
 pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
     OutputFolder::check(&options.out)?;
+    interrupt::catch();
     let mut bar = Bar::new();
     let outcome = bench::run(options, &mut bar);
     bar.bar.finish_and_clear();
+    if matches!(outcome, Err(BenchError::Interrupted)) {
+        let [done, all] = bar.groups;
+        return Err(Failure::failed(format_args!(
+            "interrupted after {done} of {all} groups, which are kept in {}; the same command goes on from there",
+            options.out.display()
+        )));
+    }
     let outcome = outcome?;
     tell(&outcome);
     Ok(())

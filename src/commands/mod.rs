@@ -234,6 +234,7 @@ impl From<crate::bench::BenchError> for Failure {
             BenchError::Metrics(_)
             | BenchError::Image(_)
             | BenchError::File { .. }
+            | BenchError::Interrupted
             | BenchError::Report(_) => Self::failed(error),
         }
     }

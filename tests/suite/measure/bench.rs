@@ -116,6 +116,34 @@ impl Report {
     }
 }
 
+/// Asked to end, the suite says how far it got and what to do, and leaves a report of that.
+#[test]
+fn an_interrupted_suite_says_how_to_go_on() {
+    let folder = Folder::new("bench-interrupted");
+    let out = folder.join("report");
+    let journal = out.join("journal.jsonl");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
+        .args(smoke(&out))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for_rows(&mut child, &journal, 1);
+    let asked = Command::new("kill").arg(child.id().to_string()).status();
+    assert!(asked.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let last = said.lines().last().unwrap();
+    assert!(
+        last.contains("the same command goes on from there"),
+        "{said}"
+    );
+    assert!(last.contains("interrupted after"), "{said}");
+    // Whole groups are in the journal, and in the report.
+    let report = Report::read(&out);
+    assert_eq!(report.rows().len(), lines(&journal));
+}
+
 /// Killed after its first rows, with a line cut off at that, the suite goes on where it stopped; its files are all there,
 /// whole, and say the same.
 #[test]
