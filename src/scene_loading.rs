@@ -2,7 +2,7 @@
 
 use crate::limits::LoadBudget;
 use crate::scene::needs::LightCounts;
-use crate::scene::{Needs, Scene, SceneError, load_environment_within};
+use crate::scene::{Environment, Needs, Scene, SceneError, load_environment_within};
 use crate::settings::{Light, Settings};
 
 /// Prefix of scenes that are embedded in the program.
@@ -44,15 +44,9 @@ impl Loaded {
         scene.scale(settings.scene_scale);
         let mut settings = settings.clone();
         let light = light_scene(&mut settings, &scene);
-        if !settings.environment.path.is_empty() {
-            let (environment, warnings) = load_environment_within(
-                &settings.environment.path,
-                settings.environment.strength as f32,
-                budget,
-            )?;
-            scene.environment = Some(environment);
-            scene.warnings.extend(warnings);
-        }
+        let (environment, warnings) = surround(scene.environment.take(), &settings, budget)?;
+        scene.environment = environment;
+        scene.warnings.extend(warnings);
         scene.clip(&settings.render.animation.clip)?;
         scene.warnings.extend(unlit_or_odd(&scene, &settings));
         Ok(Self {
@@ -61,6 +55,25 @@ impl Loaded {
             light,
         })
     }
+}
+
+/// What the settings put around a scene, as strong as they say: the environment of their path, else the scene's own. And
+/// warnings, one line each.
+///
+/// # Errors
+/// As [`load_environment_within`].
+pub fn surround(
+    own: Option<Environment>,
+    settings: &Settings,
+    budget: &LoadBudget,
+) -> Result<(Option<Environment>, Vec<String>), SceneError> {
+    let chosen = &settings.environment;
+    let strength = chosen.strength as f32;
+    if chosen.path.is_empty() {
+        return Ok((own.map(|own| own.scaled(strength)), Vec::new()));
+    }
+    let (environment, warnings) = load_environment_within(&chosen.path, strength, budget)?;
+    Ok((Some(environment), warnings))
 }
 
 /// Puts the environment that `light` stands for into the settings; what was done, in words.
@@ -92,4 +105,25 @@ fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
     }
     warnings.extend(scene.size_warning());
     warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scenes_own_surroundings_are_as_strong_as_the_settings_say() {
+        let budget = LoadBudget::default();
+        let own = Scene::builtin("water").unwrap().environment.unwrap();
+        for (strength, path) in [(0.0, ""), (2.0, ""), (2.0, "builtin:clouds")] {
+            let mut settings = Settings::default();
+            settings.environment.strength = strength;
+            settings.environment.path = path.to_owned();
+            let (around, _) = surround(Some(own.clone()), &settings, &budget).unwrap();
+            let around = around.unwrap();
+            for (texel, own) in around.radiance.iter().zip(&own.radiance) {
+                assert_eq!(*texel, own.map(|channel| channel * strength as f32));
+            }
+        }
+    }
 }

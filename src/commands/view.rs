@@ -8,8 +8,7 @@ use crate::limits::LoadBudget;
 use crate::options::ViewOptions;
 use crate::output::OutputFolder;
 use crate::scene::edit::Document;
-use crate::scene::load_environment_within;
-use crate::scene_loading::light_scene;
+use crate::scene_loading::{light_scene, surround};
 use crate::viewer::session::Recording;
 use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};
@@ -32,14 +31,11 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     if let Some(warning) = document.scene().size_warning() {
         log::warn!("{warning}");
     }
-    if !settings.environment.path.is_empty() {
-        let strength = settings.environment.strength as f32;
-        let (environment, warnings) =
-            load_environment_within(&settings.environment.path, strength, &budget)?;
-        document.set_environment(Some(environment));
-        for warning in warnings {
-            log::warn!("{warning}");
-        }
+    let own = document.scene().environment.clone();
+    let (environment, warnings) = surround(own, &settings, &budget)?;
+    document.set_environment(environment);
+    for warning in warnings {
+        log::warn!("{warning}");
     }
     document.scene().clip(&settings.render.animation.clip)?;
     for warning in &document.scene().warnings {

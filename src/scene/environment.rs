@@ -26,6 +26,17 @@ pub struct Environment {
     pub name: String,
 }
 
+impl Environment {
+    /// The same `strength` times as bright.
+    #[must_use]
+    pub fn scaled(mut self, strength: f32) -> Self {
+        for channel in self.radiance.as_flattened_mut() {
+            *channel *= strength;
+        }
+        self
+    }
+}
+
 /// Most texels: what a 16k x 8k map has.
 const MAX_TEXELS: u64 = 1 << 27;
 

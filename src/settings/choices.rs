@@ -298,7 +298,7 @@ choices! {
         Terrain = "terrain",
         /// A pond under clouds: stones and posts seen through waves
         Water = "water",
-        /// A glass bottle on a table, with its caustic
+        /// A glass bottle and a lemon on a table
         Bottle = "bottle",
     }
 }

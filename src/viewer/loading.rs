@@ -8,6 +8,7 @@ use super::session::{Recording, is_trace};
 use crate::limits::LoadBudget;
 use crate::scene::edit::Document;
 use crate::scene::{Environment, SceneError, load_environment_within};
+use crate::scene_loading::surround;
 use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
 
@@ -148,12 +149,10 @@ fn read(
                 names_outside: matches!(error, SceneError::Outside { .. }),
                 ..line(&error)
             })?;
-            if !settings.environment.path.is_empty() {
-                let path = &settings.environment.path;
-                let (environment, _) = load_environment_within(path, strength, &budget)
-                    .map_err(|error| line(&error))?;
-                document.set_environment(Some(environment));
-            }
+            let own = document.scene().environment.clone();
+            let (environment, _) =
+                surround(own, settings, &budget).map_err(|error| line(&error))?;
+            document.set_environment(environment);
             Ok(Loaded::Scene(Box::new(document)))
         }
         Kind::Environment => {

@@ -1,4 +1,4 @@
-//! `builtin:bottle`: a glass bottle on a table, and the caustic that it throws.
+//! `builtin:bottle`: a glass bottle on a table. Its wall is thin, so that its caustic is a pattern of light within its shadow.
 
 use glam::{DVec2, DVec3};
 use serde_json::json;
