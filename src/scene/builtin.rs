@@ -22,9 +22,9 @@ pub fn glb(name: &str) -> Result<Cow<'static, [u8]>, SceneError> {
         BuiltinScene::Caustic => include_bytes!("../../assets/caustic.glb"),
         BuiltinScene::Gallery => include_bytes!("../../assets/gallery.glb"),
         BuiltinScene::Parade => include_bytes!("../../assets/parade.glb"),
-        BuiltinScene::Terrain => return Ok(generated::terrain().into()),
-        BuiltinScene::Water => return Ok(generated::water().into()),
-        BuiltinScene::Bottle => return Ok(generated::bottle().into()),
+        BuiltinScene::Terrain => return Ok(generated::terrain()?.into()),
+        BuiltinScene::Water => return Ok(generated::water()?.into()),
+        BuiltinScene::Bottle => return Ok(generated::bottle()?.into()),
     };
     Ok(stored.into())
 }

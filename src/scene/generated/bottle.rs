@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 use serde_json::json;
 
+use super::super::SceneError;
 use super::glb::{BODY, Glb, LAMBERT, body, lambert};
 use super::noise::fractal;
 use super::surface::Surface;
@@ -42,7 +43,10 @@ fn wood(at: DVec3) -> DVec3 {
 }
 
 /// The binary glTF.
-pub fn bottle() -> Vec<u8> {
+///
+/// # Errors
+/// As [`Glb::finish`].
+pub fn bottle() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let table = Surface::height_field(400, 1.6, |_| 0.0).colored(|at, _| wood(at));
     glb.add("table", &table, lambert([1.0; 3]), LAMBERT);

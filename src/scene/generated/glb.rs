@@ -3,6 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
+use super::super::SceneError;
+use super::super::gltf_writer::assemble;
 use super::surface::Surface;
 
 /// A file in the making: every surface is a mesh with a node of its own.
@@ -96,8 +98,11 @@ impl Glb {
             .push(json!({ "type": "perspective", "perspective": perspective }));
     }
 
-    /// The file (glTF 2.0, section 4.4).
-    pub fn finish(self) -> Vec<u8> {
+    /// The file.
+    ///
+    /// # Errors
+    /// As [`assemble`].
+    pub fn finish(self) -> Result<Vec<u8>, SceneError> {
         let mut document = json!({
             "asset": { "version": "2.0", "generator": "stereolux" },
             "scene": 0,
@@ -108,21 +113,7 @@ impl Glb {
         if !self.extensions.is_empty() {
             document["extensionsUsed"] = json!(self.extensions);
         }
-        let mut text = document.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let length = 12 + 8 + text.len() + 8 + self.bytes.len();
-        let mut file = Vec::with_capacity(length);
-        let words = |file: &mut Vec<u8>, words: &[u32]| {
-            file.extend(words.iter().flat_map(|word| word.to_le_bytes()))
-        };
-        words(
-            &mut file,
-            &[MAGIC, 2, length as u32, text.len() as u32, CHUNK_JSON],
-        );
-        file.extend(text);
-        words(&mut file, &[self.bytes.len() as u32, CHUNK_BINARY]);
-        file.extend(self.bytes);
-        file
+        assemble(document.to_string().into_bytes(), self.bytes)
     }
 
     /// Appends values whose size is a multiple of four bytes; the accessor's number.
@@ -139,9 +130,6 @@ impl Glb {
     }
 }
 
-const MAGIC: u32 = 0x4654_6c67;
-const CHUNK_JSON: u32 = 0x4e4f_534a;
-const CHUNK_BINARY: u32 = 0x004e_4942;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::super::SceneError;
 use super::glb::{Glb, LAMBERT, lambert};
 use super::noise::{fractal, ridged, smooth};
 use super::surface::Surface;
@@ -49,7 +50,10 @@ fn color(at: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// The binary glTF.
-pub fn terrain() -> Vec<u8> {
+///
+/// # Errors
+/// As [`Glb::finish`].
+pub fn terrain() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let ground = Surface::height_field(CELLS, EDGE_M, height_m).colored(color);
     glb.add("terrain", &ground, lambert([1.0; 3]), LAMBERT);

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3, IVec2};
 
+use super::super::SceneError;
 use super::glb::{BODY, Glb, LAMBERT, body, lambert};
 use super::noise::{fractal, hash, smooth};
 use super::surface::Surface;
@@ -157,7 +158,10 @@ fn posts() -> Surface {
 }
 
 /// The binary glTF.
-pub fn water() -> Vec<u8> {
+///
+/// # Errors
+/// As [`Glb::finish`].
+pub fn water() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let ground = Surface::height_field(320, 30.0, ground_m).colored(ground_color);
     glb.add("ground", &ground, lambert([1.0; 3]), LAMBERT);
