@@ -125,10 +125,12 @@ passes! {
         "Partitions the photons of every node of a level.";
     kd_place: Photons,
         "Puts photons and nodes into heap order.";
-    eye_hits: Pixels scene,
-        "Traces primary rays, over mirrors and through glass, to the first surface that gathers photons.";
-    eye_fused: Pixels scene,
-        "Traces the eye's paths and gathers photons where they end, in one kernel.";
+    first_hits: Pixels scene,
+        "Traces primary rays, finishes what meets nothing, and lists the pixels that see a surface.";
+    eye_hits: Hits scene,
+        "Follows primary rays over mirrors and through glass to the first surface that gathers photons.";
+    eye_fused: Hits scene,
+        "Follows the eye's paths and gathers photons where they end, in one kernel.";
     direct_light: Hits scene,
         "Direct light at the gathering surfaces, by light and BSDF samples.";
     photon_gather: Hits scene,
@@ -149,7 +151,7 @@ passes! {
         "Interpolates irradiance between the pixels that gathered, and lists those that must gather themselves.";
     caustic_gather: Hits scene,
         "Radiance estimate from the caustic photons around the gathering surfaces.";
-    eye_combine: Pixels scene,
+    eye_combine: Hits scene,
         "Adds up a sample's light and accumulates samples.";
     path_trace: Pixels scene,
         "Path tracing with next-event estimation: the reference.";
@@ -159,8 +161,10 @@ passes! {
         "Settles ties: the lowest left pixel at the nearest distance wins.";
     left_irradiance: Hits scene,
         "Divides the left samples' radiance by the reflectance that it came from.";
-    reuse_lookup: Pixels scene,
-        "Finds what right primary rays meet, lights it by the left samples around it, and lists the rest.";
+    reuse_hits: Pixels scene,
+        "Finds what right primary rays meet, finishes what meets nothing, and lists the pixels that see a surface.";
+    reuse_lookup: Hits scene,
+        "Lights what the right eye sees by the left samples around it, and lists the rest.";
     left_copy: Pixels scene,
         "Copies the left eye's sample to the right eye, if both eyes are equal.";
     list_setup: Once,

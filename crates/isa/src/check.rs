@@ -59,7 +59,8 @@ const EXCEPTIONS: &[Exception] = &[
             ["gallery", "path_trace+list"],
             ["helmet", "path_trace"],
             ["helmet", "path_trace+list"],
-            ["helmet", "eye_hits+list"],
+            ["helmet", "eye_hits"],
+            ["helmet", "eye_fused"],
         ],
     },
     Exception {
@@ -103,10 +104,8 @@ const EXCEPTIONS: &[Exception] = &[
 
 const WIDE_KERNELS: &[[&str; 2]] = &[
     ["gallery", "eye_hits"],
-    ["gallery", "eye_hits+list"],
     ["gallery", "direct_light"],
     ["helmet", "eye_hits"],
-    ["helmet", "eye_hits+list"],
     ["helmet", "direct_light"],
 ];
 

@@ -6,7 +6,7 @@ use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::MapKind;
 use crate::frame::step::{Eye, List, Size, Step, Steps};
 use crate::settings::{
-    DirectLight, Loads, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
+    DirectLight, Loads, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
 };
 
 fn sample_of(frame: &FrameSpec<'_>, eye: Eye) -> Steps {
@@ -26,12 +26,12 @@ pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
         fill(&mut steps, frame);
     } else if frame.both {
         whole_eye(&mut steps, frame);
-        // Nobody takes this eye's sample over: where reuse is only switched off, it goes where the left one's was.
-        steps.rename(&[
-            ("sample_radiance", "left_sample_radiance"),
-            ("sample_parts", "left_sample_parts"),
-        ]);
     }
+    // Nobody takes this eye's samples over: they go where the left one's were, which is read by then.
+    steps.rename(&[
+        ("sample_radiance", "left_sample_radiance"),
+        ("sample_parts", "left_sample_parts"),
+    ]);
     steps.done()
 }
 
@@ -49,39 +49,40 @@ pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
 /// One sample of an eye without reuse.
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
-    primary_hits(steps, frame, Size::Tiles);
     if !frame.is_photon() {
+        steps.run(&passes::path_trace, Size::Tiles);
+        steps.set_up(List::HITS);
         return;
     }
-    direct_light(steps, frame);
+    steps.run(&passes::first_hits, Size::Tiles);
+    steps.set_up(List::HITS);
+    let hits = Size::List(List::HITS);
+    eye_paths(steps, frame, hits);
+    direct_light(steps, frame, hits);
     if frame.settings.photon.half_rate {
         gather_at_half_rate(steps, frame);
     } else {
-        gather(steps, frame, List::HITS);
+        gather(steps, frame, hits);
     }
-    caustics(steps, frame);
-    steps.run(&passes::eye_combine, Size::Tiles);
+    caustics(steps, frame, hits);
+    steps.run(&passes::eye_combine, hits);
 }
 
-/// Traces the eye's paths to the surfaces that gather photons or, with the path method, to their ends.
-fn primary_hits(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
-    match (frame.settings.method, frame.settings.photon.schedule) {
-        (Method::Path, _) => {
-            steps.run(&passes::path_trace, over);
-        }
-        (Method::Photon, Schedule::Split) => {
+/// Follows the eye's paths from the first surface to those that gather photons.
+fn eye_paths(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
+    match frame.settings.photon.schedule {
+        Schedule::Split => {
             steps.run(&passes::eye_hits, over);
         }
-        (Method::Photon, Schedule::Fused) => {
+        Schedule::Fused => {
             steps.in_slices(&passes::eye_fused, over, frame.slices.photons);
         }
     }
-    steps.set_up(List::HITS);
 }
 
-fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
+fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     if frame.settings.photon.direct == DirectLight::Nee {
-        steps.run(&passes::direct_light, Size::List(List::HITS));
+        steps.run(&passes::direct_light, over);
     }
 }
 
@@ -109,9 +110,9 @@ pub const GATHERS: [&Pass; 5] = [
     &passes::kd_nearest_gather,
 ];
 
-fn gather(steps: &mut Steps, frame: &FrameSpec<'_>, list: List) {
+fn gather(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     if let Some(pass) = gather_pass(frame.settings) {
-        steps.in_slices(pass, Size::List(list), frame.slices.photons);
+        steps.in_slices(pass, over, frame.slices.photons);
     }
 }
 
@@ -120,19 +121,18 @@ fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::HalfRate);
     steps.run(&passes::coarse_list, Size::List(List::HITS));
     steps.set_up(List::COARSE);
-    gather(steps, frame, List::COARSE);
+    gather(steps, frame, Size::List(List::COARSE));
     steps.run(&passes::coarse_irradiance, Size::List(List::COARSE));
     steps.copy_texels("demodulated_light");
     steps.run(&passes::coarse_spread, Size::List(List::HITS));
     steps.set_up(List::GATHER);
-    gather(steps, frame, List::GATHER);
+    gather(steps, frame, Size::List(List::GATHER));
 }
 
-fn caustics(steps: &mut Steps, frame: &FrameSpec<'_>) {
+fn caustics(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     if frame.has_caustics() {
         steps.owner.map = MapKind::Caustics;
-        let (over, slices) = (Size::List(List::HITS), frame.slices.caustics);
-        steps.in_slices(&passes::caustic_gather, over, slices);
+        steps.in_slices(&passes::caustic_gather, over, frame.slices.caustics);
         steps.owner.map = MapKind::Photons;
     }
 }
@@ -152,22 +152,26 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
         // Right primary rays are traced.
         Reuse::Lookup => {}
     }
+    steps.run(&passes::reuse_hits, Size::Tiles);
+    steps.set_up(List::HITS);
     // What they meet is lit by the left samples around it.
     steps.run(&passes::left_irradiance, left_hits);
     steps.copy_texels("demodulated_light");
-    steps.run(&passes::reuse_lookup, Size::Tiles);
+    steps.run(&passes::reuse_lookup, Size::List(List::HITS));
     steps.set_up(List::FILL);
 }
 
 /// Renders the right eye's empty pixels; glossy ones may still reuse indirect light.
 fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     let over = Size::List(List::FILL);
-    primary_hits(steps, frame, over);
     if frame.is_photon() {
-        direct_light(steps, frame);
-        gather(steps, frame, List::HITS);
-        caustics(steps, frame);
+        eye_paths(steps, frame, over);
+        direct_light(steps, frame, over);
+        gather(steps, frame, over);
+        caustics(steps, frame, over);
         steps.run(&passes::eye_combine, over);
+    } else {
+        steps.run(&passes::path_trace, over);
     }
-    steps.run(&passes::fill_reasons, Size::List(List::HITS));
+    steps.run(&passes::fill_reasons, over);
 }

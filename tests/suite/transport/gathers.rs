@@ -426,7 +426,7 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         });
         assert!(split == fused, "{name}, {direct:?}, {reuse:?}");
     }
-    // With the list of pixels that reuse leaves, a scene that needs everything has more buffers than a kernel may, where
+    // A scene that needs everything, a sky too, has more buffers than a kernel may, where
     // records are read from buffers: that is said, and what to do.
     let refused = Renderer::new(
         context(),
@@ -435,6 +435,7 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         &settings(|s| {
             FUSED(s);
             s.force.record_texels = Force::Off;
+            s.force.environment = Force::On;
         }),
         Eyes::Both,
         [8, 8],
