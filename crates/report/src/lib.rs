@@ -13,6 +13,7 @@ mod columns;
 pub mod fingerprint;
 mod html;
 pub mod journal;
+mod lettering;
 mod markdown;
 pub mod plot;
 mod quantiles;
