@@ -18,6 +18,7 @@ mod markdown;
 pub mod plot;
 mod quantiles;
 pub mod records;
+pub mod report_2020;
 pub mod rounds;
 pub mod samples;
 pub mod shards;
