@@ -157,7 +157,7 @@ choices! {
         Pareto = "pareto",
         /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
         Scaling = "scaling",
-        /// A little of all of them, in about a minute
+        /// A little of all of them, in about two minutes
         Smoke = "smoke",
     }
 }
@@ -350,7 +350,7 @@ pub struct BenchOptions {
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub frames: Option<u32>,
     /// Most samples per pixel of a reference, 16 to 16777216; errors that need more are marked
-    /// [default: 4096; smoke 256]
+    /// [default: 4096]
     #[arg(long, value_name = "N", value_parser = whole(16..=1 << 24))]
     pub reference_spp: Option<u32>,
     /// Directory that caches references between runs [default: DIR/references, DIR from --out]

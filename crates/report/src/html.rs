@@ -9,24 +9,24 @@ const PAGE: &str = include_str!("report.html");
 /// How the project's pages look; the page of `compare` has it too.
 const STYLE: &str = include_str!("page.css");
 
-/// The page of a report. Images in `markdown` whose address is a key of `svgs` become those drawings.
-pub fn page(title: &str, markdown: &str, svgs: &BTreeMap<&str, &str>) -> String {
-    let mut within_image = false;
+/// The page of a report. Links in `markdown` whose address is a key of `svgs` become those drawings.
+pub fn page(title: &str, markdown: &str, svgs: &BTreeMap<String, String>) -> String {
+    let mut within_link = false;
     let events =
         Parser::new_ext(markdown, Options::ENABLE_TABLES).filter_map(|event| match event {
-            Event::Start(Tag::Image { ref dest_url, .. }) => match svgs.get(&**dest_url) {
+            Event::Start(Tag::Link { ref dest_url, .. }) => match svgs.get(&**dest_url) {
                 Some(svg) => {
-                    within_image = true;
-                    Some(Event::InlineHtml((*svg).to_owned().into()))
+                    within_link = true;
+                    Some(Event::InlineHtml(svg.clone().into()))
                 }
                 None => Some(event),
             },
-            Event::End(TagEnd::Image) if within_image => {
-                within_image = false;
+            Event::End(TagEnd::Link) if within_link => {
+                within_link = false;
                 None
             }
-            // The text that stands for an image.
-            Event::Text(_) if within_image => None,
+            // The picture that stands for it.
+            _ if within_link => None,
             // Names of scenes and adapters come from outside: what looks like HTML in them is text.
             Event::Html(text) | Event::InlineHtml(text) => Some(Event::Text(text)),
             event => Some(event),
@@ -46,9 +46,8 @@ mod tests {
 
     #[test]
     fn plots_are_drawn_in_place_and_foreign_markup_is_text() {
-        let svgs = BTreeMap::from([("a", "<svg>drawn</svg>")]);
-        let markdown =
-            "# <b>x</b>\n\n![a](a)\n\n![b](b)\n\n| ms |\n|---|\n| <script>no()</script> 1 |\n";
+        let svgs = BTreeMap::from([("a.svg".to_owned(), "<svg>drawn</svg>".to_owned())]);
+        let markdown = "# <b>x</b>\n\n[![a](a.png)](a.svg)\n\n![b](b)\n\n| ms |\n|---|\n| <script>no()</script> 1 |\n";
         let page = page("t <i>", markdown, &svgs);
         assert!(page.contains("<title>t &lt;i></title>"), "{page}");
         assert!(page.contains("<p><svg>drawn</svg></p>"), "{page}");

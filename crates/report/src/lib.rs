@@ -13,10 +13,12 @@ mod columns;
 pub mod fingerprint;
 mod html;
 pub mod journal;
+mod lettering;
 mod markdown;
 pub mod plot;
 mod quantiles;
 pub mod records;
+pub mod report_2020;
 pub mod rounds;
 pub mod samples;
 pub mod shards;
@@ -130,11 +132,14 @@ impl Report<'_> {
                 reason,
             })?;
             for (extension, bytes) in drawn {
+                let path = format!("plots/{stem}.{extension}");
                 if extension == "svg" {
-                    drawings.insert(stem.as_str(), String::from_utf8_lossy(&bytes).into_owned());
+                    drawings.insert(path.clone(), String::from_utf8_lossy(&bytes).into_owned());
                 }
-                let path = PathBuf::from(format!("plots/{stem}.{extension}"));
-                files.push(ReportFile { path, bytes });
+                files.push(ReportFile {
+                    path: path.into(),
+                    bytes,
+                });
             }
         }
         let format = |name, reason: String| ReportError::Format { name, reason };
@@ -158,16 +163,10 @@ impl Report<'_> {
             .map_err(|error| format("columns.json", error.to_string()))?;
         let linked = stems
             .iter()
-            .map(|stem| format!("![{stem}](plots/{stem}.png) ([SVG](plots/{stem}.svg))"));
+            .map(|stem| format!("[![{stem}](plots/{stem}.png)](plots/{stem}.svg)"));
         let markdown = markdown::markdown(self, &analysis, linked.collect());
-        let inline = stems.iter().map(|stem| format!("![{stem}]({stem})"));
-        let text = markdown::markdown(self, &analysis, inline.collect());
-        let drawings = drawings
-            .iter()
-            .map(|(stem, svg)| (*stem, svg.as_str()))
-            .collect();
         let title = format!("stereolux bench {}", self.suite);
-        let html = html::page(&title, &text, &drawings);
+        let html = html::page(&title, &markdown, &drawings);
         for (name, text) in [
             ("report.json", json),
             ("rows.csv", rows),

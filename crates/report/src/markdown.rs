@@ -11,6 +11,7 @@ use crate::cells::{
     speed_up, with_error,
 };
 use crate::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, REBUILT, RegionErrors, Row};
+use crate::report_2020::{PrintedRow, printed};
 use crate::statistics::{LineFit, PowerFit};
 use crate::summary::summary;
 
@@ -133,6 +134,7 @@ fn tables(_: &Report<'_>, rows: &[&Row], _: &Analysis) -> String {
             ("default", DEFAULT_WAY.to_owned()),
         ],
     );
+    text += &beside_2020(rows);
     for table in &WAYS_TABLES {
         text += &ways_table(rows, table);
     }
@@ -155,6 +157,29 @@ fn tables(_: &Report<'_>, rows: &[&Row], _: &Analysis) -> String {
         .copied()
         .filter(|row| row.number("table") == Some(5.0));
     text + &fill("two eyes", &[("table", table.of(members))])
+}
+
+/// The 2020 report's ratios beside ours, scene by scene.
+fn beside_2020(rows: &[&Row]) -> String {
+    let scenes: BTreeSet<&str> = rows.iter().map(|row| row.scene.as_str()).collect();
+    let printed = printed();
+    let mut table = Table::new()
+        .with("table", |row: &&PrintedRow| row.table.to_string())
+        .with("ratio of times", |row| row.words().to_owned())
+        .with("photons", |row| row.photons.to_string())
+        .with("radius", |row| row.radius.to_string())
+        .with("2020 report", |row| digits(row.ratio()));
+    for scene in scenes {
+        let members: Vec<&Row> = rows
+            .iter()
+            .copied()
+            .filter(|row| row.scene == scene)
+            .collect();
+        table = table.with(format!("ours, {scene}"), move |row| {
+            optional(row.measured(&members))
+        });
+    }
+    fill("beside 2020", &[("table", table.of(&printed))])
 }
 
 fn ways_table(rows: &[&Row], which: &WaysTable) -> String {

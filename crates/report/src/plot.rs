@@ -11,28 +11,98 @@ use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::register_font;
 
+use crate::lettering::Lettered;
+use crate::statistics::Spread;
+
 /// Width and height of a plot in pixels, its legend apart.
 const SIZE: [u32; 2] = [960, 620];
 /// Height of a line of the legend, pixels.
 const LEGEND_LINE: u32 = 22;
-/// Height of the heading, pixels.
-const HEADING: u32 = 40;
+/// Height of the heading, two lines, pixels.
+const HEADING: u32 = 60;
 /// Ticks that an axis has room for.
 const MOST_TICKS: usize = 12;
 /// Name under which the font is registered; SVG viewers substitute their own sans-serif.
 const FONT: &str = "sans-serif";
+
+/// Radius of a dot, pixels.
+const DOT: i32 = 4;
+/// Size of a dot's name, pixels.
+const NAME: i32 = 13;
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// Dots.
     Points,
-    /// Circles around dots: the front.
-    Rings,
+    /// Circles around dots, joined by steps, which is what a Pareto front dominates up to.
+    Front,
     /// A line through the points in their order.
     Line,
     /// Dots joined by a line.
     LinePoints,
+}
+
+/// A figure with what it may as well have been.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// The figure.
+    pub value: f64,
+    /// Ends of its bar.
+    pub bar: Option<[f64; 2]>,
+}
+
+impl Reading {
+    /// Median, and a bar from quartile to quartile.
+    #[must_use]
+    pub fn of(spread: &Spread) -> Self {
+        Self {
+            value: spread.median,
+            bar: Some([spread.lower_quartile, spread.upper_quartile]),
+        }
+    }
+
+    /// An estimate, and a bar one standard error to either side.
+    #[must_use]
+    pub fn estimated(value: f64, standard_error: Option<f64>) -> Self {
+        Self {
+            value,
+            bar: standard_error.map(|error| [value - error, value + error]),
+        }
+    }
+}
+
+impl From<f64> for Reading {
+    fn from(value: f64) -> Self {
+        Self { value, bar: None }
+    }
+}
+
+/// A point with its name; empty: none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Horizontal.
+    pub x: Reading,
+    /// Vertical.
+    pub y: Reading,
+    /// Written beside it where there is room.
+    pub name: String,
+}
+
+impl Point {
+    fn at(&self) -> (f64, f64) {
+        (self.x.value, self.y.value)
+    }
+}
+
+impl From<(f64, f64)> for Point {
+    fn from((x, y): (f64, f64)) -> Self {
+        Self {
+            x: x.into(),
+            y: y.into(),
+            name: String::new(),
+        }
+    }
 }
 
 /// Points of one kind.
@@ -40,8 +110,8 @@ pub enum Mark {
 pub struct Series {
     /// Legend; empty: none.
     pub label: String,
-    /// x and y. Points that a logarithmic axis cannot hold are left out.
-    pub points: Vec<(f64, f64)>,
+    /// Points that a logarithmic axis cannot hold are left out, and counted in the legend.
+    pub points: Vec<Point>,
     /// Drawn as.
     pub mark: Mark,
     /// Index into the palette.
@@ -54,15 +124,44 @@ impl Series {
     }
 
     fn has_line(&self) -> bool {
-        matches!(self.mark, Mark::Line | Mark::LinePoints)
+        self.mark != Mark::Points
+    }
+
+    /// The points of its line.
+    fn line(&self, log: bool) -> Vec<(f64, f64)> {
+        let points: Vec<(f64, f64)> = self.held(log).map(Point::at).collect();
+        if self.mark != Mark::Front {
+            return points;
+        }
+        let corners = points.windows(2).map(|pair| (pair[1].0, pair[0].1));
+        let steps = points.iter().copied().zip(corners);
+        let mut line: Vec<(f64, f64)> = steps.flat_map(|(point, corner)| [point, corner]).collect();
+        line.extend(points.last());
+        line
+    }
+
+    /// The points that the axes can hold.
+    fn held(&self, log: bool) -> impl Iterator<Item = &Point> {
+        let fits = move |value: f64| value.is_finite() && (!log || value > 0.0);
+        self.points
+            .iter()
+            .filter(move |point| fits(point.x.value) && fits(point.y.value))
+    }
+
+    /// The legend's words.
+    fn legend(&self, log: bool) -> String {
+        match self.points.len() - self.held(log).count() {
+            0 => self.label.clone(),
+            lost => format!("{} ({lost} not above 0, left out)", self.label),
+        }
     }
 
     /// Radius and style of its points.
     fn dots(&self) -> Option<(i32, ShapeStyle)> {
         match self.mark {
             Mark::Line => None,
-            Mark::Rings => Some((8, self.color().stroke_width(2))),
-            Mark::Points | Mark::LinePoints => Some((4, self.color().filled())),
+            Mark::Front => Some((2 * DOT, self.color().stroke_width(2))),
+            Mark::Points | Mark::LinePoints => Some((DOT, self.color().filled())),
         }
     }
 
@@ -74,11 +173,11 @@ impl Series {
 /// A plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Heading.
+    /// Heading: a line, and a smaller one below it.
     pub title: String,
-    /// x axis with unit.
+    /// x axis: one quantity with its unit.
     pub x_label: String,
-    /// y axis with unit.
+    /// y axis: one quantity with its unit.
     pub y_label: String,
     /// Both axes are logarithmic.
     pub log: bool,
@@ -200,7 +299,8 @@ pub fn draw(chart: &Chart) -> Result<[(&'static str, Vec<u8>); 2], String> {
     let mut svg = String::new();
     render(chart, SVGBackend::with_string(&mut svg, size))?;
     let mut pixels = vec![0; size.0 as usize * size.1 as usize * 3];
-    render(chart, BitMapBackend::with_buffer(&mut pixels, size))?;
+    let bitmap = BitMapBackend::with_buffer(&mut pixels, size);
+    render(chart, Lettered::new(bitmap, UBUNTU_LIGHT)?)?;
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
         .write_image(&pixels, size.0, size.1, ExtendedColorType::Rgb8)
@@ -221,7 +321,10 @@ fn draw_on<DB: DrawingBackend>(chart: &Chart, area: &DrawingArea<DB, Shift>) -> 
     // The legend stands above the picture, where it hides nothing.
     let labels = || chart.series.iter().filter(|series| series.has_label());
     let (head, body) = area.split_vertically(HEADING + LEGEND_LINE * labels().count() as u32);
-    head.draw(&Text::new(chart.title.as_str(), (20, 12), (FONT, 20)))?;
+    for (line, text) in (0..).zip(chart.title.lines()) {
+        let size = if line == 0 { 20 } else { 15 };
+        head.draw(&Text::new(text, (20, 12 + 24 * line), (FONT, size)))?;
+    }
     for (line, series) in labels().enumerate() {
         let y = (HEADING + LEGEND_LINE * line as u32 + LEGEND_LINE / 2) as i32;
         let color = series.color();
@@ -232,11 +335,26 @@ fn draw_on<DB: DrawingBackend>(chart: &Chart, area: &DrawingArea<DB, Shift>) -> 
         if let Some((radius, style)) = series.dots() {
             head.draw(&Circle::new((98, y), radius, style))?;
         }
-        head.draw(&Text::new(series.label.as_str(), (124, y - 7), (FONT, 15)))?;
+        head.draw(&Text::new(
+            series.legend(chart.log),
+            (124, y - 7),
+            (FONT, 15),
+        ))?;
     }
-    let points = || chart.series.iter().flat_map(|series| &series.points);
-    let x = range(points().map(|point| point.0), chart.log);
-    let y = range(points().map(|point| point.1), chart.log);
+    let along = |axis: fn(&Point) -> Reading| {
+        let held = chart
+            .series
+            .iter()
+            .flat_map(|series| series.held(chart.log))
+            .map(axis);
+        let ends = held.flat_map(|reading| {
+            let [low, high] = reading.bar.unwrap_or([reading.value; 2]);
+            [reading.value, low, high]
+        });
+        range(ends, chart.log)
+    };
+    let x = along(|point| point.x);
+    let y = along(|point| point.y);
     let mut builder = ChartBuilder::on(&body);
     builder
         .margin(14)
@@ -271,17 +389,132 @@ where
         .bold_line_style(BLACK.mix(0.15))
         .light_line_style(TRANSPARENT)
         .draw()?;
-    let holds = |&(x, y): &(f64, f64)| {
-        x.is_finite() && y.is_finite() && (!chart.log || (x > 0.0 && y > 0.0))
-    };
     for series in &chart.series {
-        let points = || series.points.iter().copied().filter(holds);
         if series.has_line() {
-            let style = series.color().stroke_width(2);
-            context.draw_series(LineSeries::new(points(), style))?;
+            let style = series
+                .color()
+                .stroke_width(if series.mark == Mark::Front { 1 } else { 2 });
+            context.draw_series(LineSeries::new(series.line(chart.log), style))?;
         }
         if let Some((radius, style)) = series.dots() {
-            context.draw_series(points().map(|point| Circle::new(point, radius, style)))?;
+            let points = || series.held(chart.log);
+            let bars = points().flat_map(|point| bars(point, chart.log));
+            context.draw_series(bars.map(|ends| PathElement::new(ends, series.color())))?;
+            context.draw_series(points().map(|point| Circle::new(point.at(), radius, style)))?;
+        }
+    }
+    draw_names(chart, &context)
+}
+
+/// The ends of a point's bars, as far as an axis holds them.
+fn bars(point: &Point, log: bool) -> impl Iterator<Item = [(f64, f64); 2]> {
+    let (x, y) = point.at();
+    let across = point.x.bar.map(|ends| ends.map(|end| (end, y)));
+    let upright = point.y.bar.map(|ends| ends.map(|end| (x, end)));
+    let fits = move |(x, y): (f64, f64)| !log || (x > 0.0 && y > 0.0);
+    let both = across.into_iter().chain(upright);
+    both.filter(move |ends| ends.iter().copied().all(fits))
+}
+
+/// A rectangle in pixels: left, top, right, bottom.
+type Box4 = [i32; 4];
+
+fn overlap(a: &Box4, b: &Box4) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+/// What dots, bars and lines cover.
+fn drawn_over<DB: DrawingBackend, X, Y>(
+    chart: &Chart,
+    context: &ChartContext<'_, DB, Cartesian2d<X, Y>>,
+) -> Vec<Box4>
+where
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
+    let around = |(x, y): (i32, i32), by: i32| [x - by, y - by, x + by, y + by];
+    let mut taken = Vec::new();
+    let along = |from: (f64, f64), to: (f64, f64)| {
+        let [from, to] = [from, to].map(|end| context.backend_coord(&end));
+        let pixels = (to.0 - from.0).abs().max((to.1 - from.1).abs()).max(1);
+        let at = move |step: i32| {
+            let part = |a: i32, b: i32| a + (b - a) * step / pixels;
+            around((part(from.0, to.0), part(from.1, to.1)), 1)
+        };
+        (0..=pixels).step_by(DOT as usize).map(at)
+    };
+    for series in &chart.series {
+        if series.has_line() {
+            let line = series.line(chart.log);
+            let pieces = line.windows(2);
+            taken.extend(pieces.flat_map(|ends| along(ends[0], ends[1])));
+        }
+        if let Some((radius, _)) = series.dots() {
+            for point in series.held(chart.log) {
+                taken.push(around(context.backend_coord(&point.at()), radius));
+                let ends = bars(point, chart.log);
+                taken.extend(ends.flat_map(|[from, to]| along(from, to)));
+            }
+        }
+    }
+    taken
+}
+
+/// Names beside the dots, where they cover nothing that is drawn and no other name; those of the front first.
+fn draw_names<DB: DrawingBackend, X, Y>(
+    chart: &Chart,
+    context: &ChartContext<'_, DB, Cartesian2d<X, Y>>,
+) -> Drawn<DB>
+where
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
+    let area = context.plotting_area();
+    let (across, down) = area.get_pixel_range();
+    let dotted = || chart.series.iter().filter(|series| series.dots().is_some());
+    let mut taken = drawn_over(chart, context);
+    let (front, rest): (Vec<&Series>, Vec<&Series>) =
+        dotted().partition(|series| series.mark == Mark::Front);
+    let fronts: Vec<(f64, f64)> = front
+        .iter()
+        .flat_map(|series| series.held(chart.log).map(Point::at))
+        .collect();
+    for series in front.into_iter().chain(rest) {
+        let color = series.color();
+        let style = (FONT, NAME).into_text_style(area).color(&color);
+        let named = series.held(chart.log);
+        for point in named.filter(|point| !point.name.is_empty()) {
+            // The front goes through dots of other series.
+            if series.mark != Mark::Front && fronts.contains(&point.at()) {
+                continue;
+            }
+            let (width, height) = area.estimate_text_size(&point.name, &style)?;
+            let (width, height) = (width as i32, height as i32);
+            let (x, y) = context.backend_coord(&point.at());
+            let gap = 2 * DOT + 2;
+            let places = [
+                (gap, -height / 2),
+                (-gap - width, -height / 2),
+                (-width / 2, -gap - height),
+                (-width / 2, gap),
+                (gap, -gap - height),
+                (gap, gap),
+            ];
+            let found = places.into_iter().find_map(|(dx, dy)| {
+                let corner = (x + dx, y + dy);
+                let cover = [corner.0, corner.1, corner.0 + width, corner.1 + height];
+                let inside = cover[0] >= across.start
+                    && cover[2] <= across.end
+                    && cover[1] >= down.start
+                    && cover[3] <= down.end;
+                let is_free = inside && !taken.iter().any(|other| overlap(other, &cover));
+                is_free.then_some(((dx, dy), cover))
+            });
+            if let Some((offset, cover)) = found {
+                taken.push(cover);
+                let name = Text::new(point.name.clone(), offset, style.clone());
+                area.draw(&(EmptyElement::at(point.at()) + name))?;
+            }
         }
     }
     Ok(())
@@ -342,7 +575,9 @@ mod tests {
             log: true,
             series: vec![Series {
                 label: "a <series>".to_owned(),
-                points: vec![(1.0, 0.1), (10.0, 0.01), (0.0, 5.0)],
+                points: [(1.0, 0.1), (10.0, 0.01), (0.0, 5.0)]
+                    .map(Point::from)
+                    .into(),
                 mark: Mark::LinePoints,
                 color: 0,
             }],
@@ -354,7 +589,7 @@ mod tests {
             "A title",
             "ms per frame",
             "relative MSE",
-            "a &lt;series&gt;",
+            "a &lt;series&gt; (1 not above 0, left out)",
         ] {
             assert!(svg.contains(text), "{text}");
         }
@@ -365,5 +600,56 @@ mod tests {
         let title = picture.rows().take(40).flatten();
         assert!(title.filter(|pixel| dark(pixel)).count() > 50);
         assert!(picture.pixels().filter(|pixel| !dark(pixel)).count() > 500_000);
+    }
+
+    #[test]
+    fn names_stand_where_nothing_else_does() {
+        let point = |x, y, name: &str| Point {
+            name: name.to_owned(),
+            ..(x, y).into()
+        };
+        let series = |points: Vec<Point>, mark| Series {
+            label: String::new(),
+            points,
+            mark,
+            color: 0,
+        };
+        let mut chart = Chart {
+            title: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            log: false,
+            series: vec![series(
+                vec![point(1.0, 1.0, "first"), point(9.0, 9.0, "far")],
+                Mark::Points,
+            )],
+        };
+        let svg = |chart: &Chart| String::from_utf8(draw(chart).unwrap()[0].1.clone()).unwrap();
+        assert!(svg(&chart).contains("first") && svg(&chart).contains("far"));
+        // A cloud of dots around the first leaves its name no room; the front's name comes before it.
+        let cloud =
+            (0..200).flat_map(|x| (0..40).map(move |y| (f64::from(x) * 0.01, f64::from(y) * 0.05)));
+        chart
+            .series
+            .push(series(cloud.map(Point::from).collect(), Mark::Points));
+        assert!(!svg(&chart).contains("first") && svg(&chart).contains("far"));
+        chart.series.pop();
+        chart
+            .series
+            .push(series(vec![point(9.0, 9.0, "front")], Mark::Front));
+        assert!(svg(&chart).contains("front"));
+    }
+
+    #[test]
+    fn a_front_goes_in_steps() {
+        let points = [(1.0, 8.0), (2.0, 4.0), (4.0, 1.0)].map(Point::from).into();
+        let front = Series {
+            label: String::new(),
+            points,
+            mark: Mark::Front,
+            color: 0,
+        };
+        let steps = [(1.0, 8.0), (2.0, 8.0), (2.0, 4.0), (4.0, 4.0), (4.0, 1.0)];
+        assert_eq!(front.line(true), steps);
     }
 }

@@ -14,7 +14,8 @@ pub const REFERENCE_SHARE: f64 = 0.1;
 pub const GENERATED: &str = "generated:";
 /// The variant that tables 1 to 4 of the suite `tables` share: what the renderer does by default.
 pub const DEFAULT_WAY: &str = "grid, radius, split, direct";
-/// Width of a scene in the units in which the suite `tables` gives radii: that of the 2020 report's box.
+/// Width of a scene in the units in which the suite `tables` gives radii. The 2020 report does not state its unit; its box is
+/// this wide.
 pub const BOX_WIDTH_IN_TABLE_UNITS: f64 = 2.0;
 /// The variant of the suite `scaling` whose host builds all hierarchies anew in every round.
 pub const REBUILT: &str = "rebuilt whole";

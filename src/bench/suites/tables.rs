@@ -1,10 +1,11 @@
-//! `tables`: the tables of the 2020 report, with its photon counts. Tables 1 to 4 compare ways to gather, which share their
+//! `tables`: the tables of the 2020 report, with its photon counts and radii. Tables 1 to 4 compare ways to gather, which share their
 //! first variant, what the renderer does by default; table 5 compares two eyes by themselves with stereo reuse.
 //!
-//! The report's radii are not known: [`RADII_IN_TABLE_UNITS`] are ours.
+//! The report does not state the unit of its radii: here the scene is [`BOX_WIDTH_IN_TABLE_UNITS`] wide, as its box is.
 
 use serde_json::json;
 use stereolux_report::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY};
+use stereolux_report::report_2020::photons_and_radii;
 
 use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
@@ -13,10 +14,9 @@ use super::super::scenes::SceneSource;
 use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, stereo, three_digits};
 use crate::settings::{Eyes, Loads, PhotonEstimate, RenderSettings, Reuse, Schedule, Search};
 
-/// Photons of the report: squares of 128, 256 and 512.
-const PHOTONS: [u32; 3] = [128 * 128, 256 * 256, 512 * 512];
-/// Gather radii, in units in which the scene is [`BOX_WIDTH_IN_TABLE_UNITS`] wide, as the report's box is.
-const RADII_IN_TABLE_UNITS: [f64; 3] = [0.05, 0.1, 0.2];
+/// Photons and radius of the one row in `smoke`.
+const SMOKE_ROW: (u32, f64) = (128 * 128, 0.1);
+
 /// The ways to gather: the default, then those of each table.
 fn ways(
     settings: &RenderSettings,
@@ -64,53 +64,51 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
         let width_m = loaded
             .bounds_in_world()
             .map_or(BOX_WIDTH_IN_TABLE_UNITS, |bounds| bounds.size().x);
-        let (counts, radii): (&[u32], &[f64]) = match base.extent {
-            Extent::Full => (&PHOTONS, &RADII_IN_TABLE_UNITS),
-            Extent::Smoke => (&PHOTONS[..1], &RADII_IN_TABLE_UNITS[1..2]),
+        let rows = match base.extent {
+            Extent::Full => photons_and_radii(),
+            Extent::Smoke => vec![SMOKE_ROW],
         };
-        for &count in counts {
-            for &radius in radii {
-                let radius_m = three_digits(radius * width_m / BOX_WIDTH_IN_TABLE_UNITS);
-                let mut settings = base.settings.render.clone();
-                settings.photon.count = count;
-                settings.photon.radius_m = radius_m;
-                let factors = [
-                    ("photons", json!(count)),
-                    ("radius", json!(radius)),
-                    ("radius_m", json!(radius_m)),
-                ];
-                let five: Vec<_> = [("table", json!(5)), ("diffuse", json!(diffuse))]
-                    .into_iter()
-                    .chain(factors.iter().cloned())
-                    .collect();
-                let name = format!("{scene}, {count} photons, radius {radius}");
-                for (name, eyes, candidates) in [
-                    (
-                        name.clone(),
-                        Eyes::Both,
-                        stereo::candidates(&settings, &five),
-                    ),
-                    (
-                        format!("{name}, ways to gather"),
-                        Eyes::Left,
-                        ways(&settings, &factors),
-                    ),
-                ] {
-                    plans.push(GroupPlan {
-                        suite: "tables",
-                        name,
-                        scene: SceneSource::Named(scene.clone()),
-                        headset: headset.clone(),
-                        headset_label: headset_label.clone(),
-                        views: ViewPlan::Start,
-                        size: base.size,
-                        eyes,
-                        filter: Some(PixelFilter::Center),
-                        candidates,
-                        rounds: base.rounds,
-                        warm_up: base.warm_up,
-                    });
-                }
+        for (count, radius) in rows {
+            let radius_m = three_digits(radius * width_m / BOX_WIDTH_IN_TABLE_UNITS);
+            let mut settings = base.settings.render.clone();
+            settings.photon.count = count;
+            settings.photon.radius_m = radius_m;
+            let factors = [
+                ("photons", json!(count)),
+                ("radius", json!(radius)),
+                ("radius_m", json!(radius_m)),
+            ];
+            let five: Vec<_> = [("table", json!(5)), ("diffuse", json!(diffuse))]
+                .into_iter()
+                .chain(factors.iter().cloned())
+                .collect();
+            let name = format!("{scene}, {count} photons, radius {radius}");
+            for (name, eyes, candidates) in [
+                (
+                    name.clone(),
+                    Eyes::Both,
+                    stereo::candidates(&settings, &five),
+                ),
+                (
+                    format!("{name}, ways to gather"),
+                    Eyes::Left,
+                    ways(&settings, &factors),
+                ),
+            ] {
+                plans.push(GroupPlan {
+                    suite: "tables",
+                    name,
+                    scene: SceneSource::Named(scene.clone()),
+                    headset: headset.clone(),
+                    headset_label: headset_label.clone(),
+                    views: ViewPlan::Start,
+                    size: base.size,
+                    eyes,
+                    filter: Some(PixelFilter::Center),
+                    candidates,
+                    rounds: base.rounds,
+                    warm_up: base.warm_up,
+                });
             }
         }
     }
