@@ -1,7 +1,5 @@
-//! Lists every shader under `shaders/` as an embedded source, so that none can be forgotten, and fingerprints the code
-//! that decides what is rendered and how it is measured, so that no cached figure outlives it.
+//! Fingerprints the code that decides what is rendered and how it is measured, so that no cached figure outlives it.
 
-use std::fmt::Write as _;
 use std::path::Path;
 use std::{env, fs, io};
 
@@ -9,21 +7,21 @@ use std::{env, fs, io};
 const RENDER_CODE: &[&str] = &[
     "Cargo.lock",
     "assets",
+    "crates/base",
     "crates/bvh",
+    "crates/gpu",
+    "crates/images/src/images.rs",
+    "crates/scene",
     "shaders",
     "src/frame",
-    "src/gpu",
-    "src/images.rs",
-    "src/pose.rs",
     "src/renderer",
-    "src/scene",
     "src/settings",
     "src/xr/view.rs",
 ];
 /// What decides how images are measured, beside that; not how figures are laid out.
 const BENCH_CODE: &[&str] = &[
     "config/headsets",
-    "crates/report/src/quantiles.rs",
+    "crates/images/src/metrics",
     "crates/report/src/records.rs",
     "crates/report/src/rounds.rs",
     "crates/report/src/samples.rs",
@@ -34,7 +32,6 @@ const BENCH_CODE: &[&str] = &[
     "src/bench/reference.rs",
     "src/bench/scenes.rs",
     "src/bench/variant_statistics.rs",
-    "src/metrics",
     "src/xr",
 ];
 
@@ -46,41 +43,12 @@ fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=config/headsets");
     println!("cargo:rerun-if-changed=Cargo.lock");
     let manifest_dir = env::var("CARGO_MANIFEST_DIR").map_err(io::Error::other)?;
-    let out_dir = env::var("OUT_DIR").map_err(io::Error::other)?;
-    let root = Path::new(&manifest_dir).join("shaders");
-
-    let mut names = Vec::new();
-    collect(&root, "", &mut names)?;
-    names.sort();
-
-    let mut table = String::from("&[\n");
-    for name in &names {
-        let path = root.join(format!("{name}.wesl"));
-        // `{:?}` quotes the path the way a Rust string literal wants it.
-        let _ = writeln!(table, "    ({name:?}, include_str!({path:?})),");
-    }
-    table.push(']');
-    fs::write(Path::new(&out_dir).join("shader_table.rs"), table)?;
-
     let manifest = Path::new(&manifest_dir);
     let render = fingerprint(manifest, RENDER_CODE)?;
     let all: Vec<&str> = RENDER_CODE.iter().chain(BENCH_CODE).copied().collect();
     let bench = fingerprint(manifest, &all)?;
     println!("cargo:rustc-env=STEREOLUX_RENDER_CODE={render:032x}");
     println!("cargo:rustc-env=STEREOLUX_BENCH_CODE={bench:032x}");
-    Ok(())
-}
-
-fn collect(folder: &Path, prefix: &str, names: &mut Vec<String>) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        if entry.file_type()?.is_dir() {
-            collect(&entry.path(), &format!("{prefix}{name}/"), names)?;
-        } else if let Some(stem) = name.strip_suffix(".wesl") {
-            names.push(format!("{prefix}{stem}"));
-        }
-    }
     Ok(())
 }
 

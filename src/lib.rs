@@ -90,17 +90,10 @@ pub mod chrome_trace;
 mod commands;
 #[cfg(feature = "internals")]
 pub mod commands;
-mod decoding;
-#[cfg(not(feature = "internals"))]
-mod exr_file;
-#[cfg(feature = "internals")]
-pub mod exr_file;
 #[cfg(not(feature = "internals"))]
 mod false_color;
 #[cfg(feature = "internals")]
 pub mod false_color;
-mod files;
-mod foreign_errors;
 #[cfg(not(feature = "internals"))]
 mod frame;
 #[cfg(feature = "internals")]
@@ -110,25 +103,9 @@ mod frame_loop;
 #[cfg(feature = "internals")]
 pub mod frame_loop;
 #[cfg(not(feature = "internals"))]
-mod gpu;
-#[cfg(feature = "internals")]
-pub mod gpu;
-#[cfg(not(feature = "internals"))]
-mod images;
-#[cfg(feature = "internals")]
-pub mod images;
-#[cfg(not(feature = "internals"))]
 mod interrupt;
 #[cfg(feature = "internals")]
 pub mod interrupt;
-#[cfg(not(feature = "internals"))]
-mod limits;
-#[cfg(feature = "internals")]
-pub mod limits;
-#[cfg(not(feature = "internals"))]
-mod metrics;
-#[cfg(feature = "internals")]
-pub mod metrics;
 #[cfg_attr(not(feature = "mirror"), path = "no_mirror.rs")]
 #[cfg(not(feature = "internals"))]
 mod mirror;
@@ -143,16 +120,10 @@ pub mod options;
 mod output;
 #[cfg(feature = "internals")]
 pub mod output;
-mod pose;
-mod printable;
 #[cfg(not(feature = "internals"))]
 mod renderer;
 #[cfg(feature = "internals")]
 pub mod renderer;
-#[cfg(not(feature = "internals"))]
-mod scene;
-#[cfg(feature = "internals")]
-pub mod scene;
 mod scene_loading;
 #[cfg(not(feature = "internals"))]
 mod settings;
@@ -173,10 +144,21 @@ mod xr;
 #[cfg(feature = "internals")]
 pub mod xr;
 
+use stereolux_base::{files, foreign_errors, pose, printable};
 #[cfg(not(feature = "internals"))]
-use stereolux_bvh as bvh;
+use {
+    stereolux_base::limits,
+    stereolux_bvh as bvh, stereolux_gpu as gpu,
+    stereolux_images::{exr_file, images, metrics},
+    stereolux_scene as scene,
+};
 #[cfg(feature = "internals")]
-pub use stereolux_bvh as bvh;
+pub use {
+    stereolux_base::limits,
+    stereolux_bvh as bvh, stereolux_gpu as gpu,
+    stereolux_images::{exr_file, images, metrics},
+    stereolux_scene as scene,
+};
 
 // Scenes.
 pub use bvh::BvhError;

@@ -40,7 +40,8 @@ mod suite {
     pub mod paired_references;
 
     /// The example that makes the files under assets/.
-    #[path = "../../examples/make_assets/scenes/mod.rs"]
+    #[allow(dead_code)]
+    #[path = "../../crates/scene/examples/make_assets/scenes/mod.rs"]
     pub mod embedded_scenes;
 
     /// The mutations of `fuzz/`, for a slice of them.
@@ -50,6 +51,9 @@ mod suite {
         pub mod parsers;
         pub mod seeds;
     }
+
+    #[path = "../../crates/base/tests/shared/folders.rs"]
+    pub mod folders;
 
     pub mod bvh;
     pub mod frame;

@@ -9,9 +9,10 @@ use serde_json::{Value, json};
 use super::OptionsError;
 use super::layers::Layers;
 use crate::files::write_beside;
+use crate::scene::builtin;
+use crate::settings::Settings;
 use crate::settings::registry::{self, Setting};
 use crate::settings::user_pass::{self, UserPass};
-use crate::settings::{BuiltinScene, Choice as _, Settings};
 
 /// Which settings a file holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,7 +39,7 @@ const EXAMPLE_HEAD: &str = "\
 /// The text of `config/example.toml`: every setting with its explanation, its default commented out.
 #[must_use]
 pub fn example_toml() -> String {
-    let mut text = format!("{EXAMPLE_HEAD} {}.\n", BuiltinScene::WORDS.join(", "));
+    let mut text = format!("{EXAMPLE_HEAD} {}.\n", builtin::NAMES.join(", "));
     for section in registry::sections() {
         let _ = match section.name() {
             "" => writeln!(text, "\n# {}", section.title),

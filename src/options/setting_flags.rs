@@ -6,8 +6,8 @@ use serde_json::Value;
 use super::OptionsError;
 use super::layers::Layers;
 use super::values::words;
+use crate::scene::builtin;
 use crate::settings::registry::{self, Kind, Setting};
-use crate::settings::{BuiltinScene, Choice as _};
 
 /// The flag, the setting's key, what stands for the value in the help, and what the help says after the setting's sentence
 /// (`{scenes}` stands for the names of the embedded scenes, a default in brackets replaces the setting's).
@@ -150,7 +150,7 @@ fn help(setting: &Setting, more: &str) -> String {
         Kind::Real { .. } if !setting.unit.is_empty() => format!(" ({})", setting.unit),
         _ => String::new(),
     };
-    help += &more.replace("{scenes}", &BuiltinScene::WORDS.join(", "));
+    help += &more.replace("{scenes}", &builtin::NAMES.join(", "));
     match setting.default_value() {
         _ if more.contains("[default") => {}
         Value::Null => {}

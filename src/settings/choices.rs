@@ -279,30 +279,6 @@ choices! {
     }
 }
 
-choices! {
-    /// Scenes that are embedded in the program, `builtin:NAME` each.
-    pub enum BuiltinScene {
-        /// The Cornell box with its published measurements
-        Cornell = "cornell",
-        /// One Lambert plane that faces the viewer, lit by a point light
-        Plane = "plane",
-        /// A closed diffuse sphere seen from inside, with a point light at its centre
-        Sphere = "sphere",
-        /// A glass ball over a diffuse floor, lit from above by a square lamp
-        Caustic = "caustic",
-        /// A furnished interior with daylight, lamps, glass and metal
-        Gallery = "gallery",
-        /// A room in which everything that can be animated moves
-        Parade = "parade",
-        /// Mountains of 1.7 million triangles under clouds
-        Terrain = "terrain",
-        /// A pond under clouds: stones and posts seen through waves
-        Water = "water",
-        /// A glass bottle and a lemon on a table
-        Bottle = "bottle",
-    }
-}
-
 impl Switch {
     /// Whether it is on for certain; the commands decide what [`Switch::Auto`] is, and the renderer takes it for off.
     #[must_use]

@@ -13,9 +13,9 @@ pub mod table;
 pub mod user_pass;
 
 pub use choices::{
-    Aov, BuiltinScene, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, FramesInFlight,
-    ImageFormat, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler,
-    Schedule, Search, Space, Switch, Technique, Tone,
+    Aov, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, FramesInFlight, ImageFormat,
+    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
+    Space, Switch, Technique, Tone,
 };
 pub use quality::Quality;
 pub use registry::{Kind, Setting};

@@ -1,6 +1,5 @@
 //! What GPU tests share: one adapter, said aloud; renderers, views and scenes that are moved or scaled; the binary.
 
-use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
@@ -11,6 +10,8 @@ use stereolux::renderer::{Eye, FrameResult, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Pose, View};
+
+pub use super::folders::{Folder, TemporaryFile};
 
 /// Name of the adapter that tests run on: a software one, unless `STEREOLUX_TEST_ADAPTER` says otherwise.
 /// Fails where there is none: a test that needs a driver does not pass by skipping.
@@ -220,84 +221,6 @@ impl Triangles {
     pub fn blocked(&self, from: DVec3, to: DVec3, margin: f64) -> bool {
         self.closest(from, to - from, margin)
             .is_some_and(|(t, ..)| t < 1.0 - margin)
-    }
-}
-
-/// A folder that is removed when the test ends well.
-pub struct Folder(PathBuf);
-
-impl Folder {
-    /// An empty folder; `name` must be unique among the tests.
-    pub fn new(name: &str) -> Self {
-        let path =
-            std::env::temp_dir().join(format!("stereolux-test-{}-{name}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    /// Its path.
-    pub fn path(&self) -> &Path {
-        &self.0
-    }
-
-    /// A path in it.
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Every file below it, sorted, relative.
-    pub fn files(&self) -> Vec<String> {
-        fn walk(root: &Path, folder: &Path, found: &mut Vec<String>) {
-            for entry in std::fs::read_dir(folder).unwrap() {
-                let path = entry.unwrap().path();
-                if path.is_dir() {
-                    walk(root, &path, found);
-                } else {
-                    found.push(path.strip_prefix(root).unwrap().display().to_string());
-                }
-            }
-        }
-        let mut found = Vec::new();
-        walk(&self.0, &self.0, &mut found);
-        found.sort();
-        found
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
-    }
-}
-
-/// A file that goes away with the test.
-pub struct TemporaryFile(pub PathBuf);
-
-impl TemporaryFile {
-    /// A file that is not there yet; `name` must be unique among the tests.
-    pub fn new(name: &str) -> Self {
-        Self(std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id())))
-    }
-
-    /// A file that holds `text`.
-    pub fn with(name: &str, text: &str) -> Self {
-        let file = Self::new(name);
-        std::fs::write(&file.0, text).unwrap();
-        file
-    }
-
-    /// What it holds.
-    pub fn text(&self) -> String {
-        std::fs::read_to_string(&self.0).unwrap()
-    }
-}
-
-impl Drop for TemporaryFile {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
     }
 }
 

@@ -16,7 +16,6 @@ pub mod journal;
 mod lettering;
 mod markdown;
 pub mod plot;
-mod quantiles;
 pub mod records;
 pub mod report_2020;
 pub mod rounds;

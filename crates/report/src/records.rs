@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use stereolux_images::metrics::BiasVariance;
+
 use crate::statistics::{Estimate, Spread};
 
 /// A reference's root variance is to be this share of the root of the smallest relative MSE against it.
@@ -96,21 +98,6 @@ impl RegionErrors {
     pub fn is_settled(&self) -> bool {
         self.reference_settled || self.rel_mse.is_none_or(|error| error.value == 0.0)
     }
-}
-
-/// Squared bias and variance in units of relative MSE: means over pixels and channels, each over r^2 + 0.01 s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BiasVariance {
-    /// Squared bias: what no number of renders averages away. An unbiased estimate, so noise may make it negative.
-    pub bias_squared: f64,
-    /// Its standard error over blocks of 8x8 pixels.
-    pub bias_squared_se: Option<f64>,
-    /// Variance of a single render.
-    pub variance: f64,
-    /// Its standard error over blocks of 8x8 pixels.
-    pub variance_se: Option<f64>,
-    /// Renders.
-    pub renders: u32,
 }
 
 /// Stereo reuse of a row, medians over the rounds.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::quantiles::{median, quantile};
+pub use stereolux_base::quantiles::{median, quantile};
 
 /// A median with its spread. Times have long upper tails, so means and standard deviations would describe the worst
 /// interruption and not the work.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::analysis::Analysis;
 use crate::cells::digits;
-use crate::quantiles::quantile;
 use crate::records::{DEFAULT_WAY, Row};
+use stereolux_base::quantiles::quantile;
 
 /// What a suite asks.
 const QUESTIONS: [(&str, &str); 4] = [

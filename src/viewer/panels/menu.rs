@@ -83,7 +83,7 @@ fn file(app: &mut App, ui: &mut Ui) {
         });
     });
     ui.menu_button("Embedded scenes", |ui| {
-        for &name in builtin::NAMES {
+        for name in builtin::NAMES {
             if entry(ui, name, "") {
                 app.open(&context, format!("builtin:{name}"));
             }

@@ -4,5 +4,4 @@
 use crate::suite::support;
 
 pub mod bench;
-pub mod images_files;
 pub mod metrics_files;

@@ -5,8 +5,8 @@ use std::ffi::OsString;
 use stereolux::options::{
     self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice, SessionOptions,
 };
-use stereolux::settings::Choice as _;
-use stereolux::settings::{BuiltinScene, Eyes, Method, Motion, Reuse, Settings};
+use stereolux::scene::builtin;
+use stereolux::settings::{Eyes, Method, Motion, Reuse, Settings};
 use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 fn outcome(args: &[&str]) -> Result<Options, String> {
@@ -449,7 +449,7 @@ fn help_is_there_for_every_command_and_names_the_list_of_settings() {
         let text = help(&[command, "--help"]);
         assert!(text.contains("stereolux settings WORD"), "{command}");
         if command != "bench" {
-            let scenes = BuiltinScene::WORDS.join(", ");
+            let scenes = builtin::NAMES.join(", ");
             assert!(
                 text.contains(&format!("NAME one of {scenes} [default")),
                 "{text}"

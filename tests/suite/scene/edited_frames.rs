@@ -9,7 +9,7 @@ use stereolux::scene::{LightKind, Node, Scene, Trs};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::editing::{lamp, node};
+use super::edits::{lamp, node};
 use super::support::{
     bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
 };

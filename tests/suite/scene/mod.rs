@@ -1,14 +1,12 @@
-//! Scenes: imported, edited, saved, and the embedded ones.
+//! Scenes: edited, saved and met by rays, with what is rendered of them.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::bvh_probe, embedded_scenes, support};
+use crate::suite::{bvh::bvh_probe, support};
 
 pub mod edited_frames;
-pub mod editing;
+/// From the tests of edits themselves.
+#[path = "../../../crates/scene/tests/shared/edits.rs"]
+pub mod edits;
 pub mod parts;
 pub mod ray_cast;
 pub mod saving;
-pub mod scene_builtin;
-pub mod scene_faults;
-pub mod scene_import;
-pub mod scene_motion;

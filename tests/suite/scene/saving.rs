@@ -6,7 +6,7 @@ use stereolux::renderer::Eye;
 use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
 use stereolux::scene::{AlphaMode, LightKind, Scene, Trs};
 
-use super::editing::{lamp, node};
+use super::edits::{lamp, node};
 use super::support::{
     Folder, bits, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
     stereolux,

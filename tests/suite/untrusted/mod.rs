@@ -1,7 +1,7 @@
 //! Input that means harm, and mutated input.
 
 // What the tests here take from other subjects.
-use crate::suite::{scene::scene_import, viewer::viewer_files, viewer::viewer_support};
+use crate::suite::{viewer::viewer_files, viewer::viewer_support};
 
 pub mod fuzzed;
 pub mod hostile;

@@ -1,0 +1,110 @@
+//! Image files before they are decoded: what their headers say, and what decoding them will take.
+//!
+//! Decoders take memory by what a header claims, and a few bytes claim anything. So the header is read first, its size
+//! asked for, and only then the picture is decoded.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
+
+use crate::limits::product;
+
+/// An image file whose header makes sense.
+pub struct Encoded<'a> {
+    bytes: &'a [u8],
+    /// By which it is decoded.
+    pub format: ImageFormat,
+    /// Columns, 1 or more.
+    pub width: u32,
+    /// Rows, 1 or more.
+    pub height: u32,
+    /// What comes out of the decoder, bytes.
+    decoded_bytes: u64,
+    /// What the decoder takes on the way, bytes.
+    scratch_bytes: u64,
+}
+
+impl<'a> Encoded<'a> {
+    /// Reads the header; `format` is what the content is known to be.
+    ///
+    /// # Errors
+    /// One line, to follow the image's name.
+    pub fn open(bytes: &'a [u8], format: ImageFormat) -> Result<Self, String> {
+        let broken = |error: &dyn std::fmt::Display| format!("cannot be decoded: {error}");
+        // Before the decoder, which would make room for what the file claims.
+        let blocks = match format {
+            ImageFormat::OpenExr => exr_scratch_bytes(bytes).map_err(|error| broken(&error))?,
+            _ => 0,
+        };
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        reader.limits(Limits::default());
+        let decoder = reader.into_decoder().map_err(|error| broken(&error))?;
+        let (width, height) = decoder.dimensions();
+        if width == 0 || height == 0 {
+            return Err("has no pixels".to_owned());
+        }
+        let decoded_bytes = decoder.total_bytes();
+        // JPEG: coefficients of progressive files, 16 bits each, and a copy of the picture. EXR: a copy, and blocks.
+        let scratch_bytes = match format {
+            ImageFormat::Jpeg => decoded_bytes.saturating_mul(4),
+            ImageFormat::OpenExr => decoded_bytes.saturating_add(blocks),
+            _ => 0,
+        };
+        Ok(Self {
+            bytes,
+            format,
+            width,
+            height,
+            decoded_bytes,
+            scratch_bytes,
+        })
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// What decoding takes until its picture is dropped, bytes.
+    pub fn decoding_bytes(&self) -> u64 {
+        self.decoded_bytes.saturating_add(self.scratch_bytes)
+    }
+
+    /// The picture. The caller has asked for [`Encoded::decoding_bytes`].
+    ///
+    /// # Errors
+    /// One line, to follow the image's name.
+    pub fn decode(&self) -> Result<DynamicImage, String> {
+        let mut reader = ImageReader::with_format(Cursor::new(self.bytes), self.format);
+        let mut limits = Limits::default();
+        // Asked for already; this holds what text and colour profiles in the file may take.
+        limits.max_alloc = Some(self.decoding_bytes().saturating_add(64 << 20));
+        reader.limits(limits);
+        reader
+            .decode()
+            .map_err(|error| format!("cannot be decoded: {error}"))
+    }
+}
+
+/// What an OpenEXR file takes beside its picture while it is decoded, bytes. The picture is sized by the display window; this
+/// goes by data window, tiles, channels and compression. All of the data window counts: its blocks are decompressed one
+/// by one, but few bytes can name the same block many times.
+fn exr_scratch_bytes(bytes: &[u8]) -> Result<u64, exr::error::Error> {
+    let file = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)?;
+    let part = |header: &exr::meta::header::Header| {
+        let block = header.max_block_pixel_size();
+        let pixel = header.channels.bytes_per_pixel as u64;
+        let layer = header.layer_size;
+        [
+            // Compressed, decompressed, put in order, and samples of a row.
+            product(&[4, pixel, block.width() as u64, block.height() as u64]),
+            product(&[16, layer.width() as u64]),
+            product(&[pixel, layer.width() as u64, layer.height() as u64]),
+            // Tables of where the blocks lie.
+            product(&[16, header.chunk_count as u64]),
+        ]
+        .into_iter()
+        .fold(0, u64::saturating_add)
+    };
+    Ok(file.headers.iter().map(part).fold(0, u64::saturating_add))
+}

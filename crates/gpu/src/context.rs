@@ -1,0 +1,495 @@
+//! Adapter choice and the headless device.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use thiserror::Error;
+
+use stereolux_base::foreign_errors::{caught, one_line};
+
+/// Storage buffers that the largest kernel binds; the device is asked for no more.
+const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
+/// Threads of the largest workgroup that a shader declares.
+const WORKGROUP_INVOCATIONS: u32 = 256;
+
+/// What can go wrong between the host and the device.
+#[derive(Debug, Error)]
+pub enum GpuError {
+    /// No Vulkan, Metal or DirectX 12 adapter answered.
+    #[error(
+        "no GPU adapter found: install a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers, a software driver)"
+    )]
+    NoAdapter,
+    /// `--adapter` named none of the adapters that are there.
+    #[error("--adapter {wanted:?} matches no adapter; there are: {available}")]
+    NoMatchingAdapter {
+        /// The substring asked for.
+        wanted: String,
+        /// The names that exist, comma separated.
+        available: String,
+    },
+    /// The adapter lacks features or limits that the renderer uses.
+    #[error(
+        "adapter {adapter:?} lacks what the renderer needs: {missing}; choose another with --adapter"
+    )]
+    Missing {
+        /// Adapter name.
+        adapter: String,
+        /// Every missing feature and limit, comma separated.
+        missing: String,
+    },
+    /// The driver refused to create a device.
+    #[error("adapter {adapter:?} could not be opened: {reason}")]
+    Device {
+        /// Adapter name.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// A shader did not compile.
+    #[error("shader {shader}: {reason}")]
+    Shader {
+        /// Shader name, such as `passes/gather`.
+        shader: String,
+        /// The compiler's words.
+        reason: String,
+    },
+    /// A pass of the user's does not fit into the frame.
+    #[error("{0}")]
+    UserPass(String),
+    /// A kernel was given no resource under a name that its shader declares.
+    #[error("pass {pass}: no resource is bound to {binding:?}")]
+    Unbound {
+        /// Pass name.
+        pass: String,
+        /// Binding name in the shader.
+        binding: String,
+    },
+    /// The API rejected a call.
+    #[error("pass {pass}: {reason}")]
+    Validation {
+        /// The pass, or the stage of the frame, in which it happened.
+        pass: String,
+        /// The API's words.
+        reason: String,
+    },
+    /// A buffer is larger than the adapter binds.
+    #[error("{what} needs {bytes} bytes, but the adapter binds at most {limit}; {mend}")]
+    TooLarge {
+        /// What the buffer holds.
+        what: String,
+        /// Bytes needed.
+        bytes: u64,
+        /// Bytes allowed.
+        limit: u64,
+        /// What the user can do.
+        mend: &'static str,
+    },
+    /// A pass, specialised for a scene, has more buffers than a stage may.
+    #[error(
+        "pass {pass} has {count} buffers in this scene, and {limit} are possible; set photon.schedule = \"split\" if \
+         it is \"fused\", or leave something out with force.KEY = \"off\""
+    )]
+    TooManyBuffers {
+        /// Pass name.
+        pass: String,
+        /// Buffers that its shader declares.
+        count: usize,
+        /// Buffers that the device allows.
+        limit: u32,
+    },
+    /// The device is gone.
+    #[error(
+        "the device was lost in {pass} ({reason}); files written so far are complete; if it happens again, give a frame less work (--size, --spp, --photons)"
+    )]
+    Lost {
+        /// The stage of the frame in which it was noticed.
+        pass: String,
+        /// The driver's words.
+        reason: String,
+    },
+}
+
+/// One adapter as `info` lists it.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct AdapterSummary {
+    /// The driver's name for the adapter; `--adapter` takes any part of it.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// `vulkan`, `metal`, `dx12`.
+    pub backend: String,
+    /// Driver name.
+    pub driver: String,
+    /// Driver version text.
+    pub driver_info: String,
+}
+
+impl AdapterSummary {
+    /// Summary of what wgpu says of an adapter.
+    pub fn of(info: &wgpu::AdapterInfo) -> Self {
+        Self {
+            name: info.name.clone(),
+            kind: kind_name(info.device_type),
+            backend: info.backend.to_string(),
+            driver: info.driver.clone(),
+            driver_info: info.driver_info.clone(),
+        }
+    }
+
+    /// True if the adapter computes on the CPU, so that its timings must be labelled.
+    pub fn is_software(&self) -> bool {
+        self.kind == "software"
+    }
+}
+
+fn kind_name(kind: wgpu::DeviceType) -> &'static str {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => "discrete",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
+        wgpu::DeviceType::VirtualGpu => "virtual",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    }
+}
+
+/// Order of preference without `--adapter`: discrete, integrated, then software.
+fn rank(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// The device, its queue, and what was learnt about the adapter. Clones share it.
+#[derive(Clone)]
+pub struct GpuContext {
+    /// The logical device.
+    pub device: wgpu::Device,
+    /// Its only queue.
+    pub queue: wgpu::Queue,
+    /// Name, kind and driver of the adapter.
+    pub adapter: AdapterSummary,
+    /// Whether passes can be timed by the device.
+    pub has_timestamps: bool,
+    /// Whether copies between passes can be timed too.
+    pub times_copies: bool,
+    /// Largest storage buffer binding in bytes.
+    pub max_binding_bytes: u64,
+    instance: wgpu::Instance,
+    opened: wgpu::Adapter,
+    lost: Arc<Mutex<Option<String>>>,
+    uncaptured: Arc<Mutex<Option<String>>>,
+    host_waits: Arc<AtomicU64>,
+    made: Arc<AtomicU64>,
+    /// Read-back buffers that no submission uses now.
+    pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
+}
+
+/// What instances are made with, unless the environment asks for other things (`WGPU_VALIDATION=1`: validation layers).
+///
+/// Without wgpu's check of indirect dispatches, which is a dispatch more before each of them (on llvmpipe up to a third of
+/// the right eye's time at 64x64 pixels): the passes that write their sizes keep them to rows of `ROW_GROUPS` workgroups.
+/// `WGPU_VALIDATION_INDIRECT_CALL=1` brings it back.
+pub fn instance_flags() -> wgpu::InstanceFlags {
+    wgpu::InstanceFlags::default()
+        .difference(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL)
+        .with_env()
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::PRIMARY;
+    descriptor.flags = instance_flags();
+    wgpu::Instance::new(descriptor)
+}
+
+/// Every adapter of this machine in the order of preference.
+pub fn adapters() -> Vec<AdapterSummary> {
+    let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+    found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    found
+        .iter()
+        .map(|adapter| AdapterSummary::of(&adapter.get_info()))
+        .collect()
+}
+
+impl GpuContext {
+    /// Opens the preferred adapter, or the first whose name holds `wanted` (any case).
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`], [`GpuError::NoMatchingAdapter`], [`GpuError::Missing`] (one line that names all
+    /// that is missing) and [`GpuError::Device`].
+    pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
+        let instance = instance();
+        let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        if found.is_empty() {
+            return Err(GpuError::NoAdapter);
+        }
+        found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+        let wanted = wanted.filter(|name| !name.is_empty());
+        let adapter = match wanted {
+            None => found.into_iter().next().ok_or(GpuError::NoAdapter)?,
+            Some(wanted) => {
+                let needle = wanted.to_lowercase();
+                let available = found
+                    .iter()
+                    .map(|adapter| adapter.get_info().name)
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                found
+                    .into_iter()
+                    .find(|adapter| adapter.get_info().name.to_lowercase().contains(&needle))
+                    .ok_or_else(|| GpuError::NoMatchingAdapter {
+                        wanted: wanted.to_owned(),
+                        available,
+                    })?
+            }
+        };
+        Self::from_adapter(instance, adapter)
+    }
+
+    fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
+        let descriptor = Self::device_descriptor(&adapter)?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
+                GpuError::Device {
+                    adapter: adapter.get_info().name,
+                    reason: error.to_string(),
+                }
+            })?;
+        Ok(Self::from_device(instance, adapter, device, queue))
+    }
+
+    /// Features and limits that the renderer asks of every device, however it is opened.
+    ///
+    /// # Errors
+    /// [`GpuError::Missing`]: the adapter lacks some of them.
+    #[doc(hidden)]
+    pub fn device_descriptor(
+        adapter: &wgpu::Adapter,
+    ) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
+        let info = adapter.get_info();
+        let offered = adapter.limits();
+        let required_limits = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: STORAGE_BUFFERS_PER_STAGE,
+            max_compute_invocations_per_workgroup: WORKGROUP_INVOCATIONS,
+            max_compute_workgroup_size_x: WORKGROUP_INVOCATIONS,
+            // How much a scene or a photon map may hold depends on these two, so take what there is.
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            max_buffer_size: offered.max_buffer_size,
+            max_texture_dimension_2d: offered.max_texture_dimension_2d,
+            max_storage_textures_per_shader_stage: offered.max_storage_textures_per_shader_stage,
+            ..wgpu::Limits::downlevel_defaults()
+        };
+        let mut missing = Vec::new();
+        required_limits.check_limits_with_fail_fn(&offered, false, |name, needed, allowed| {
+            missing.push(format!("limit {name} of {needed} (has {allowed})"));
+        });
+        if !missing.is_empty() {
+            return Err(GpuError::Missing {
+                adapter: info.name,
+                missing: missing.join(", "),
+            });
+        }
+        // Timing is a diagnostic: without the features the renderer runs and says that it cannot time.
+        let timing =
+            wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
+        let required_features = adapter.features() & timing;
+        Ok(wgpu::DeviceDescriptor {
+            label: Some("stereolux"),
+            required_features,
+            required_limits,
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            trace: wgpu::Trace::Off,
+        })
+    }
+
+    /// A context around a device that is open already, with the features and limits of
+    /// [`GpuContext::device_descriptor`].
+    pub fn from_device(
+        instance: wgpu::Instance,
+        adapter: wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Self {
+        let summary = AdapterSummary::of(&adapter.get_info());
+        let lost = Arc::new(Mutex::new(None));
+        let uncaptured = Arc::new(Mutex::new(None));
+        let lost_in_callback = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                set_once(&lost_in_callback, one_line(&message));
+            }
+        });
+        let uncaptured_in_callback = Arc::clone(&uncaptured);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            set_once(&uncaptured_in_callback, one_line(&error.to_string()));
+        }));
+        log::debug!("adapter {} ({})", summary.name, summary.driver_info);
+        Self {
+            has_timestamps: device.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+            times_copies: device
+                .features()
+                .contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS),
+            max_binding_bytes: device.limits().max_storage_buffer_binding_size,
+            device,
+            queue,
+            adapter: summary,
+            instance,
+            opened: adapter,
+            lost,
+            uncaptured,
+            host_waits: Arc::default(),
+            made: Arc::default(),
+            free_staging: Arc::default(),
+        }
+    }
+
+    /// A surface of a window for this device, and what the adapter can show on it: no formats if it cannot.
+    ///
+    /// # Errors
+    /// One line: the instance knows no way to such windows.
+    #[doc(hidden)]
+    pub fn surface(
+        &self,
+        window: impl Into<wgpu::SurfaceTarget<'static>>,
+    ) -> Result<(wgpu::Surface<'static>, wgpu::SurfaceCapabilities), String> {
+        let surface = self
+            .instance
+            .create_surface(window)
+            .map_err(|error| one_line(&error.to_string()))?;
+        let capabilities = surface.get_capabilities(&self.opened);
+        Ok((surface, capabilities))
+    }
+
+    /// Runs `work` under error scopes, so that what the API rejects comes back as an error that names `pass`.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`] or [`GpuError::Lost`] beside whatever `work` returns.
+    #[doc(hidden)]
+    pub fn guarded<T>(
+        &self,
+        pass: &str,
+        work: impl FnOnce() -> Result<T, GpuError>,
+    ) -> Result<T, GpuError> {
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let result = work();
+        let memory = pollster::block_on(memory.pop());
+        let validation = pollster::block_on(validation.pop());
+        self.check(pass)?;
+        if let Some(error) = memory.or(validation) {
+            return Err(GpuError::Validation {
+                pass: pass.to_owned(),
+                reason: one_line(&error.to_string()),
+            });
+        }
+        result
+    }
+
+    /// Memory that the device has given out, bytes, where the driver's interface tells.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        let report = self.device.generate_allocator_report()?;
+        Some(report.total_allocated_bytes)
+    }
+
+    /// Waits until the device has finished all that was submitted.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] if the device went away, [`GpuError::Validation`] for an error outside every scope.
+    pub fn wait(&self, pass: &str) -> Result<(), GpuError> {
+        self.count_wait();
+        self.poll(pass, wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits for one submission and those before it. For the end of a frame in flight, which counts as no wait of the
+    /// frame that is made meanwhile.
+    ///
+    /// # Errors
+    /// As [`GpuContext::wait`].
+    pub(super) fn retire(&self, pass: &str, index: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        let until = wgpu::PollType::Wait {
+            submission_index: Some(index),
+            timeout: None,
+        };
+        self.poll(pass, until)
+    }
+
+    fn poll(&self, pass: &str, until: wgpu::PollType) -> Result<(), GpuError> {
+        let polled = polled(&self.device, until);
+        self.check(pass)?;
+        polled.map_err(|reason| GpuError::Lost {
+            pass: pass.to_owned(),
+            reason,
+        })
+    }
+
+    /// Counts a wait within a frame.
+    pub fn count_wait(&self) {
+        self.host_waits.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often the host has waited for the device so far, but for ends of frames.
+    pub fn host_waits(&self) -> u64 {
+        self.host_waits.load(Ordering::Relaxed)
+    }
+
+    /// Counts a buffer, a texture or a pipeline that is made.
+    pub fn count_made(&self) {
+        self.made.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Buffers, textures and pipelines that were made on this device so far, those of runtimes and windows aside.
+    pub fn resources_made(&self) -> u64 {
+        self.made.load(Ordering::Relaxed)
+    }
+
+    fn check(&self, pass: &str) -> Result<(), GpuError> {
+        if let Some(reason) = take(&self.lost) {
+            // Kept, so that every later call says the same.
+            set_once(&self.lost, reason.clone());
+            return Err(GpuError::Lost {
+                pass: pass.to_owned(),
+                reason,
+            });
+        }
+        if let Some(reason) = take(&self.uncaptured) {
+            return Err(GpuError::Validation {
+                pass: pass.to_owned(),
+                reason,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Waits until the device has finished all that was submitted. wgpu panics if the device is lost meanwhile.
+///
+/// # Errors
+/// One line.
+pub fn finish(device: &wgpu::Device) -> Result<(), String> {
+    polled(device, wgpu::PollType::wait_indefinitely())
+}
+
+fn polled(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), String> {
+    match caught(|| device.poll(until)) {
+        Ok(Ok(_)) => Ok(()),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(panicked) => Err(panicked),
+    }
+}
+
+fn set_once(slot: &Mutex<Option<String>>, message: String) {
+    slot.lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .get_or_insert(message);
+}
+
+fn take(slot: &Mutex<Option<String>>) -> Option<String> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner).take()
+}

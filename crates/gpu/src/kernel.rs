@@ -1,0 +1,418 @@
+//! One compute pipeline, its bindings found by name.
+//!
+//! Binding layouts are read from the compiled shader through naga instead of being written twice. A resource that a
+//! shader declares and nobody provides is an error that names pass and binding; what a specialised shader no longer
+//! declares is not bound.
+
+use wgpu::util::DeviceExt as _;
+
+use super::context::{GpuContext, GpuError};
+use super::shaders::{CompiledShader, ShaderLibrary};
+use stereolux_base::features::ShaderFeatures;
+
+/// Name of the uniform that is bound with a dynamic offset: it tells the dispatches of one pass apart.
+pub const DISPATCH_BINDING: &str = "dispatch";
+/// Distance of two entries of the dispatch table in bytes: the largest uniform offset alignment that wgpu knows.
+pub const DISPATCH_STRIDE: u64 = 256;
+
+/// Named resources that kernels choose from.
+#[derive(Default, Clone)]
+pub struct Resources<'a> {
+    entries: Vec<(&'static str, wgpu::BindingResource<'a>)>,
+}
+
+impl<'a> Resources<'a> {
+    /// No resources.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a whole buffer under the name that shaders declare. A later entry hides an earlier one of that name.
+    #[must_use]
+    pub fn with(mut self, name: &'static str, buffer: &'a wgpu::Buffer) -> Self {
+        self.entries.push((name, buffer.as_entire_binding()));
+        self
+    }
+
+    /// Adds a texture under the name that shaders declare.
+    #[must_use]
+    pub fn with_texture(mut self, name: &'static str, view: &'a wgpu::TextureView) -> Self {
+        self.entries
+            .push((name, wgpu::BindingResource::TextureView(view)));
+        self
+    }
+
+    /// Adds all of `other`.
+    #[must_use]
+    pub fn and(mut self, other: &Resources<'a>) -> Self {
+        self.entries.extend(other.entries.iter().cloned());
+        self
+    }
+
+    /// The resource of that name.
+    pub fn get(&self, name: &str) -> Option<wgpu::BindingResource<'a>> {
+        self.entries
+            .iter()
+            .rev()
+            .find(|(entry, _)| *entry == name)
+            .map(|(_, resource)| resource.clone())
+    }
+}
+
+/// One binding that a shader declares.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Binding {
+    /// Name of the global variable.
+    pub name: String,
+    /// Slot in bind group 0.
+    pub slot: u32,
+    /// What it is.
+    pub kind: BindingKind,
+}
+
+/// What a binding holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BindingKind {
+    /// Uniform buffer; the one called [`DISPATCH_BINDING`] has a dynamic offset.
+    Uniform,
+    /// Read-only storage buffer.
+    Read,
+    /// Storage buffer that is written.
+    ReadWrite,
+    /// Two-dimensional texture of four words a texel, read only.
+    Texels,
+}
+
+/// A compute pipeline with one entry point, `main`, and one bind group.
+pub struct Kernel {
+    /// Name of the pass: it labels the pipeline, the bind groups and the timestamps.
+    pub name: String,
+    /// Bindings in slot order.
+    pub bindings: Vec<Binding>,
+    /// Threads of one workgroup.
+    pub workgroup_size: [u32; 3],
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    is_dynamic: bool,
+}
+
+/// Resources bound for one kernel.
+pub struct Bound {
+    pub(super) group: wgpu::BindGroup,
+}
+
+/// Bindings of group 0 that `shader` declares, in slot order.
+///
+/// # Errors
+/// [`GpuError::Shader`] for a binding outside group 0 or of a kind that no pass uses.
+pub fn reflect_bindings(shader: &CompiledShader) -> Result<Vec<Binding>, GpuError> {
+    let mut bindings = Vec::new();
+    for (_, variable) in shader.module.global_variables.iter() {
+        let Some(place) = variable.binding else {
+            continue;
+        };
+        let name = variable.name.clone().unwrap_or_default();
+        let kind = match variable.space {
+            naga::AddressSpace::Uniform => BindingKind::Uniform,
+            naga::AddressSpace::Storage { access } => {
+                if access.contains(naga::StorageAccess::STORE) {
+                    BindingKind::ReadWrite
+                } else {
+                    BindingKind::Read
+                }
+            }
+            naga::AddressSpace::Handle
+                if matches!(
+                    shader.module.types[variable.ty].inner,
+                    naga::TypeInner::Image {
+                        dim: naga::ImageDimension::D2,
+                        arrayed: false,
+                        class: naga::ImageClass::Storage {
+                            format: naga::StorageFormat::Rgba32Uint,
+                            access: naga::StorageAccess::LOAD,
+                        },
+                    }
+                ) =>
+            {
+                BindingKind::Texels
+            }
+            other => {
+                return Err(GpuError::Shader {
+                    shader: shader.name.clone(),
+                    reason: format!("binding {name:?} in address space {other:?} is not supported"),
+                });
+            }
+        };
+        if place.group != 0 {
+            return Err(GpuError::Shader {
+                shader: shader.name.clone(),
+                reason: format!("binding {name:?} is in group {}, not 0", place.group),
+            });
+        }
+        bindings.push(Binding {
+            name,
+            slot: place.binding,
+            kind,
+        });
+    }
+    bindings.sort_by_key(|binding| binding.slot);
+    Ok(bindings)
+}
+
+fn binding_type(binding: &Binding) -> wgpu::BindingType {
+    let ty = match binding.kind {
+        BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
+        BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
+        BindingKind::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+        BindingKind::Texels => {
+            return wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::ReadOnly,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                view_dimension: wgpu::TextureViewDimension::D2,
+            };
+        }
+    };
+    wgpu::BindingType::Buffer {
+        ty,
+        has_dynamic_offset: binding.name == DISPATCH_BINDING,
+        min_binding_size: None,
+    }
+}
+
+/// What a bind group layout says of `bindings`, which `visibility`'s stages see.
+pub fn layout_entries(
+    bindings: &[Binding],
+    visibility: wgpu::ShaderStages,
+) -> Vec<wgpu::BindGroupLayoutEntry> {
+    bindings
+        .iter()
+        .map(|binding| wgpu::BindGroupLayoutEntry {
+            binding: binding.slot,
+            visibility,
+            ty: binding_type(binding),
+            count: None,
+        })
+        .collect()
+}
+
+/// A bind group of what `resource_of` finds for each of a pass's `bindings`.
+///
+/// # Errors
+/// [`GpuError::Unbound`] if it finds nothing, [`GpuError::Validation`] if a resource does not fit.
+pub fn bind_group<'a>(
+    context: &GpuContext,
+    pass: &str,
+    layout: &wgpu::BindGroupLayout,
+    bindings: &[Binding],
+    resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+) -> Result<wgpu::BindGroup, GpuError> {
+    let mut entries = Vec::with_capacity(bindings.len());
+    for binding in bindings {
+        let mut resource = resource_of(binding).ok_or_else(|| GpuError::Unbound {
+            pass: pass.to_owned(),
+            binding: binding.name.clone(),
+        })?;
+        if binding.name == DISPATCH_BINDING
+            && let wgpu::BindingResource::Buffer(buffer) = &mut resource
+        {
+            buffer.size = wgpu::BufferSize::new(DISPATCH_STRIDE);
+        }
+        entries.push(wgpu::BindGroupEntry {
+            binding: binding.slot,
+            resource,
+        });
+    }
+    context.guarded(pass, || {
+        let descriptor = wgpu::BindGroupDescriptor {
+            label: Some(pass),
+            layout,
+            entries: &entries,
+        };
+        Ok(context.device.create_bind_group(&descriptor))
+    })
+}
+
+impl Kernel {
+    /// Compiles shader `name` of `library` with `features` and builds its pipeline.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] or [`GpuError::Validation`], with the pass's name.
+    pub fn new(
+        context: &GpuContext,
+        library: &ShaderLibrary,
+        name: &str,
+        features: &ShaderFeatures,
+    ) -> Result<Self, GpuError> {
+        let shader = library.compile(name, features)?;
+        let pass = name.strip_prefix("passes/").unwrap_or(name);
+        Self::from_shader(context, pass, &shader)
+    }
+
+    /// Builds the pipeline of a shader that is compiled already.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub fn from_shader(
+        context: &GpuContext,
+        pass: &str,
+        shader: &CompiledShader,
+    ) -> Result<Self, GpuError> {
+        let bindings = reflect_bindings(shader)?;
+        let workgroup_size = shader
+            .module
+            .entry_points
+            .iter()
+            .find(|entry| entry.name == "main")
+            .map(|entry| entry.workgroup_size)
+            .ok_or_else(|| GpuError::Shader {
+                shader: shader.name.clone(),
+                reason: "no entry point called main".to_owned(),
+            })?;
+        let limits = context.device.limits();
+        let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
+        let buffers = bindings
+            .iter()
+            .filter(|binding| binding.kind != BindingKind::Texels)
+            .count();
+        if buffers > limit as usize {
+            return Err(GpuError::TooManyBuffers {
+                pass: pass.to_owned(),
+                count: buffers,
+                limit,
+            });
+        }
+        context.count_made();
+        context.guarded(pass, || {
+            let device = &context.device;
+            let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(pass),
+                entries: &entries,
+            });
+            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(pass),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(pass),
+                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
+            });
+            let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(pass),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some("main"),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &[],
+                    // Every kernel writes its workgroup memory before reading it.
+                    zero_initialize_workgroup_memory: false,
+                },
+                cache: None,
+            });
+            Ok(Self {
+                name: pass.to_owned(),
+                is_dynamic: bindings.iter().any(|b| b.name == DISPATCH_BINDING),
+                bindings,
+                workgroup_size,
+                pipeline,
+                layout,
+            })
+        })
+    }
+
+    /// Binds what the shader declares from `resources`.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if a name is missing, [`GpuError::Validation`] if a resource does not fit.
+    pub fn bind(&self, context: &GpuContext, resources: &Resources<'_>) -> Result<Bound, GpuError> {
+        self.bind_by(context, |binding| resources.get(&binding.name))
+    }
+
+    /// As [`Kernel::bind`], with what `resource_of` finds for each binding.
+    ///
+    /// # Errors
+    /// As [`Kernel::bind`].
+    pub fn bind_by<'a>(
+        &self,
+        context: &GpuContext,
+        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+    ) -> Result<Bound, GpuError> {
+        let group = bind_group(
+            context,
+            &self.name,
+            &self.layout,
+            &self.bindings,
+            resource_of,
+        )?;
+        Ok(Bound { group })
+    }
+
+    /// Workgroups that cover `threads` threads along x in a 2D grid that keeps within the dimension limit.
+    ///
+    /// Kernels over lists get their index from `shaders/shared/invocation.wesl`.
+    pub fn groups_for(&self, threads: u32) -> [u32; 3] {
+        linear_groups(threads, self.workgroup_size[0])
+    }
+
+    pub(super) fn set<'p>(
+        &self,
+        pass: &mut wgpu::ComputePass<'p>,
+        bound: &Bound,
+        dispatch_index: u32,
+    ) {
+        pass.set_pipeline(&self.pipeline);
+        let offset = [dispatch_index * DISPATCH_STRIDE as u32];
+        pass.set_bind_group(0, &bound.group, if self.is_dynamic { &offset } else { &[] });
+    }
+}
+
+/// Workgroups along x of a list kernel.
+pub const ROW_GROUPS: u32 = 1024;
+
+/// Splits `threads` into rows of [`ROW_GROUPS`] workgroups of `group` threads.
+pub fn linear_groups(threads: u32, group: u32) -> [u32; 3] {
+    let groups = threads.div_ceil(group);
+    [groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1]
+}
+
+/// The dispatch table: entry i holds the four words that the i-th dispatch of a pass sees.
+pub struct DispatchTable {
+    entries: Vec<[u32; 4]>,
+    /// What passes bind.
+    pub buffer: wgpu::Buffer,
+}
+
+impl DispatchTable {
+    /// A table of `entries`: the one `before`, if there is one and it is large enough, for the submissions to come.
+    pub fn holding(
+        context: &GpuContext,
+        label: &str,
+        entries: Vec<[u32; 4]>,
+        before: Option<Self>,
+    ) -> Self {
+        let before = match before {
+            Some(table) if table.entries == entries => return table,
+            other => other,
+        };
+        let stride = (DISPATCH_STRIDE / 4) as usize;
+        let mut words = vec![0u32; entries.len().max(1) * stride];
+        for (index, entry) in entries.iter().enumerate() {
+            words[index * stride..index * stride + 4].copy_from_slice(entry);
+        }
+        let contents: &[u8] = bytemuck::cast_slice(&words);
+        let fits = |table: &Self| table.buffer.size() >= contents.len() as u64;
+        if let Some(Self { buffer, .. }) = before.filter(fits) {
+            context.queue.write_buffer(&buffer, 0, contents);
+            return Self { entries, buffer };
+        }
+        context.count_made();
+        let descriptor = wgpu::util::BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        };
+        let buffer = context.device.create_buffer_init(&descriptor);
+        Self { entries, buffer }
+    }
+}

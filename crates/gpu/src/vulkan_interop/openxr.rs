@@ -1,0 +1,398 @@
+//! Vulkan through an OpenXR runtime: `XR_KHR_vulkan_enable2` decides about instance, adapter and device, wgpu works on
+//! them, and the runtime's swapchain images become wgpu textures.
+//!
+//! Layouts. A runtime hands out colour images in `COLOR_ATTACHMENT_OPTIMAL` and depth images in
+//! `DEPTH_STENCIL_ATTACHMENT_OPTIMAL` and wants them back like that (XR_KHR_vulkan_enable2, "Swapchain Image Layout").
+//! wgpu's states for a texture that a render pass writes, `COLOR_TARGET` and `DEPTH_STENCIL_WRITE`, are exactly these
+//! two layouts (`derive_image_layout` in wgpu-hal's `vulkan/conv.rs`), and it inserts barriers only where the state
+//! changes. [`wrap_image`] declares the images to be in that state from the start and with that usage alone, so wgpu
+//! never moves them out of it: no barrier, and no layout to restore.
+//!
+//! Queue. OpenXR wants `xrBeginFrame`, `xrEndFrame`, `xrAcquireSwapchainImage` and `xrReleaseSwapchainImage` not to
+//! run while another thread uses the queue. Session and renderer live on one thread.
+
+use std::ffi::c_void;
+
+use ash::vk;
+use ash::vk::Handle as _;
+use openxr as xr;
+use wgpu::hal::vulkan as hal;
+
+type Vulkan = wgpu::hal::api::Vulkan;
+
+/// What a session is created of.
+pub type SessionParts = (
+    xr::Session<xr::Vulkan>,
+    xr::FrameWaiter,
+    xr::FrameStream<xr::Vulkan>,
+);
+
+/// Finds the system's OpenXR loader.
+///
+/// # Errors
+/// There is none, or it lacks an entry point.
+pub fn load_entry() -> Result<xr::Entry, xr::EntryError> {
+    // SAFETY: the library of this name is the OpenXR loader by the specification's naming; a host where it is something
+    // else is broken beyond what a program can check.
+    unsafe { xr::Entry::load(&()) }
+}
+
+/// Vulkan's `vkGetInstanceProcAddr` under the type that the OpenXR bindings give it.
+fn instance_proc_addr(entry: &ash::Entry) -> xr::sys::platform::VkGetInstanceProcAddr {
+    // SAFETY: one C function under two Rust types; a dispatchable Vulkan handle is a pointer in both.
+    unsafe {
+        std::mem::transmute::<vk::PFN_vkGetInstanceProcAddr, xr::sys::platform::VkGetInstanceProcAddr>(
+            entry.static_fn().get_instance_proc_addr,
+        )
+    }
+}
+
+/// The adapter that the runtime dictates, on a Vulkan instance made through the runtime. The instance has wgpu's usual
+/// extensions, those for windows among them, and wgpu asks for swapchains of every device: a window can show what the
+/// device renders.
+///
+/// # Errors
+/// One line: no Vulkan loader, or what the runtime or the driver says.
+pub fn adapter_of_runtime(
+    runtime: &xr::Instance,
+    system: xr::SystemId,
+) -> Result<(wgpu::Instance, wgpu::Adapter), String> {
+    let flags = crate::context::instance_flags();
+    // SAFETY: as for the OpenXR loader; wgpu loads the same library.
+    let entry = unsafe { ash::Entry::load() }.map_err(|error| format!("no Vulkan: {error}"))?;
+    // SAFETY: a plain query.
+    let version = unsafe { entry.try_enumerate_instance_version() }
+        .map_err(|error| format!("vkEnumerateInstanceVersion: {error}"))?
+        .unwrap_or(vk::API_VERSION_1_0);
+    let extensions = hal::Instance::desired_extensions(&entry, version, flags)
+        .map_err(|error| format!("Vulkan extensions: {error}"))?;
+    let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+    let application = vk::ApplicationInfo::default()
+        .application_name(c"stereolux")
+        .application_version(1)
+        .engine_name(c"wgpu-hal")
+        // What wgpu asks for itself: 1.3, or 1.0 where the loader knows no more.
+        .api_version(if version < vk::API_VERSION_1_1 {
+            vk::API_VERSION_1_0
+        } else {
+            vk::API_VERSION_1_3
+        });
+    let create_info = vk::InstanceCreateInfo::default()
+        .application_info(&application)
+        .enabled_extension_names(&names);
+    // SAFETY: the create info and all that it points to live until the call returns.
+    let raw = unsafe {
+        runtime.create_vulkan_instance(
+            system,
+            instance_proc_addr(&entry),
+            std::ptr::from_ref(&create_info).cast::<c_void>(),
+        )
+    }
+    .map_err(|error| format!("xrCreateVulkanInstanceKHR: {error}"))?
+    .map_err(|code| format!("vkCreateInstance: {}", vk::Result::from_raw(code)))?;
+    // SAFETY: the handle was just created through this entry.
+    let instance = unsafe {
+        ash::Instance::load(
+            entry.static_fn(),
+            vk::Instance::from_raw(raw as usize as u64),
+        )
+    };
+    // SAFETY: the instance came from the runtime's own call.
+    let physical = unsafe { runtime.vulkan_graphics_device(system, raw) }
+        .map_err(|error| format!("xrGetVulkanGraphicsDevice2KHR: {error}"));
+    // SAFETY: created from this entry with these extensions and flags; wgpu owns it from here on and destroys it.
+    let instance = unsafe {
+        hal::Instance::from_raw(
+            entry,
+            instance,
+            version,
+            0,
+            None,
+            extensions,
+            flags,
+            wgpu::MemoryBudgetThresholds::default(),
+            false,
+            None,
+        )
+    }
+    .map_err(|error| format!("Vulkan instance: {error}"))?;
+    let physical = vk::PhysicalDevice::from_raw(physical? as usize as u64);
+    let exposed = instance
+        .expose_adapter(physical)
+        .ok_or("the runtime's Vulkan device is older than wgpu supports")?;
+    // SAFETY: the instance is a valid one, and nobody else uses it.
+    let instance = unsafe { wgpu::Instance::from_hal::<Vulkan>(instance) };
+    // SAFETY: the adapter was exposed by that very instance.
+    let adapter = unsafe { instance.create_adapter_from_hal(exposed) };
+    Ok((instance, adapter))
+}
+
+/// Opens the adapter of [`adapter_of_runtime`] through the runtime, which may add what it needs itself. Crate-private, as its
+/// neighbours: callers owe that adapter, runtime and system belong together.
+///
+/// # Errors
+/// One line.
+pub fn open_device(
+    runtime: &xr::Instance,
+    system: xr::SystemId,
+    adapter: &wgpu::Adapter,
+    descriptor: &wgpu::DeviceDescriptor<'_>,
+) -> Result<(wgpu::Device, wgpu::Queue), String> {
+    // SAFETY: the guard is dropped before the adapter.
+    let exposed = unsafe { adapter.as_hal::<Vulkan>() }.ok_or("the adapter is not Vulkan's")?;
+    let shared = exposed.shared_instance();
+    let physical = exposed.raw_physical_device();
+    // SAFETY: a plain query on a live instance.
+    let families = unsafe {
+        shared
+            .raw_instance()
+            .get_physical_device_queue_family_properties(physical)
+    };
+    // A family that does both is guaranteed wherever there is graphics at all; usually it is the first.
+    let family = families
+        .iter()
+        .position(|family| {
+            family
+                .queue_flags
+                .contains(vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE)
+        })
+        .ok_or("no queue for graphics and compute")? as u32;
+    let extensions = exposed.required_device_extensions(descriptor.required_features);
+    let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+    let mut features = exposed.physical_device_features(&extensions, descriptor.required_features);
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(family)
+        .queue_priorities(&[1.0])];
+    let create_info = features.add_to_device_create(
+        vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names),
+    );
+    // SAFETY: the create info and all that it points to live until the call returns; the physical device is the one
+    // that the runtime named.
+    let raw = unsafe {
+        runtime.create_vulkan_device(
+            system,
+            instance_proc_addr(shared.entry()),
+            physical.as_raw() as usize as *const c_void,
+            std::ptr::from_ref(&create_info).cast::<c_void>(),
+        )
+    }
+    .map_err(|error| format!("xrCreateVulkanDeviceKHR: {error}"))?
+    .map_err(|code| format!("vkCreateDevice: {}", vk::Result::from_raw(code)))?;
+    // SAFETY: the handle was just created on this instance.
+    let device = unsafe {
+        ash::Device::load(
+            shared.raw_instance().fp_v1_0(),
+            vk::Device::from_raw(raw as usize as u64),
+        )
+    };
+    // SAFETY: created on this adapter with its required extensions, its features and this family; wgpu owns it now.
+    let open = unsafe {
+        exposed.device_from_raw(
+            device,
+            None,
+            &extensions,
+            descriptor.required_features,
+            &descriptor.required_limits,
+            &descriptor.memory_hints,
+            family,
+            0,
+        )
+    }
+    .map_err(|error| error.to_string())?;
+    // SAFETY: `open` stems from this adapter with the features of `descriptor`.
+    unsafe { adapter.create_device_from_hal(open, descriptor) }.map_err(|error| error.to_string())
+}
+
+/// A session on a device of [`open_device`]. The device lives at least as long as the session. Callers owe that runtime,
+/// system and device belong together.
+///
+/// # Errors
+/// The runtime's.
+pub fn create_session(
+    runtime: &xr::Instance,
+    system: xr::SystemId,
+    device: &wgpu::Device,
+) -> xr::Result<SessionParts> {
+    // SAFETY: the guard is dropped at the end of this function; the clone below keeps the device alive.
+    let Some(open) = (unsafe { device.as_hal::<Vulkan>() }) else {
+        return Err(xr::sys::Result::ERROR_GRAPHICS_DEVICE_INVALID);
+    };
+    let info = xr::vulkan::SessionCreateInfo {
+        instance: open.shared_instance().raw_instance().handle().as_raw() as usize as *const c_void,
+        physical_device: open.raw_physical_device().as_raw() as usize as *const c_void,
+        device: open.raw_device().handle().as_raw() as usize as *const c_void,
+        queue_family_index: open.queue_family_index(),
+        queue_index: open.queue_index(),
+    };
+    // SAFETY: instance, adapter and device were made through this runtime for this system, and the guard keeps them
+    // until the session is gone.
+    unsafe {
+        runtime.create_session_with_guard::<xr::Vulkan>(system, &info, Box::new(device.clone()))
+    }
+}
+
+/// An image of a runtime's swapchain as a wgpu texture that render passes write and nothing else touches.
+///
+/// Callers owe that `image` is an image of this device with this format and size. The texture must be gone, and the device
+/// polled, before the swapchain is destroyed; the session sees to it.
+pub fn wrap_image(
+    device: &wgpu::Device,
+    image: u64,
+    format: wgpu::TextureFormat,
+    [width, height]: [u32; 2],
+    label: &str,
+) -> Option<wgpu::Texture> {
+    let state = if format.is_depth_stencil_format() {
+        wgpu::TextureUses::DEPTH_STENCIL_WRITE
+    } else {
+        wgpu::TextureUses::COLOR_TARGET
+    };
+    let size = wgpu::Extent3d {
+        width,
+        height,
+        depth_or_array_layers: 1,
+    };
+    let raw_descriptor = wgpu::hal::TextureDescriptor {
+        label: None,
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: state,
+        memory_flags: wgpu::hal::MemoryFlags::empty(),
+        view_formats: Vec::new(),
+    };
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some(label),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    };
+    // SAFETY: the guard is dropped at the end of this function.
+    let open = unsafe { device.as_hal::<Vulkan>() }?;
+    // SAFETY: the runtime made the image as described. A drop callback, though empty, says that image and memory are
+    // the runtime's, so that wgpu destroys neither.
+    let raw = unsafe {
+        open.texture_from_raw(
+            vk::Image::from_raw(image),
+            &raw_descriptor,
+            Some(Box::new(|| {})),
+            hal::TextureMemory::External,
+        )
+    };
+    // SAFETY: the texture stems from this device, and the runtime hands it out in this state; see the module's text.
+    Some(unsafe { device.create_texture_from_hal::<Vulkan>(raw, &descriptor, state) })
+}
+
+/// What a projection layer shows of one eye.
+pub struct LayerView<'a> {
+    /// Eye in the layer's space.
+    pub pose: xr::Posef,
+    /// Its field of view.
+    pub fov: xr::Fovf,
+    /// Colour image.
+    pub color: &'a xr::Swapchain<xr::Vulkan>,
+    /// Depth image, reversed: 0 at infinity, 1 at `near_m`.
+    pub depth: Option<&'a xr::Swapchain<xr::Vulkan>>,
+}
+
+/// Ends a frame with one projection layer, its depth with it if both eyes have one.
+///
+/// # Errors
+/// The runtime's.
+pub fn end_frame_with_layer(
+    stream: &mut xr::FrameStream<xr::Vulkan>,
+    time: xr::Time,
+    blend_mode: xr::EnvironmentBlendMode,
+    space: &xr::Space,
+    [width, height]: [u32; 2],
+    near_m: f32,
+    eyes: [LayerView<'_>; 2],
+) -> xr::Result<()> {
+    let sub_image = |swapchain| {
+        xr::SwapchainSubImage::new()
+            .swapchain(swapchain)
+            .image_array_index(0)
+            .image_rect(xr::Rect2Di {
+                offset: xr::Offset2Di { x: 0, y: 0 },
+                extent: xr::Extent2Di {
+                    width: width as i32,
+                    height: height as i32,
+                },
+            })
+    };
+    let depths = eyes.each_ref().map(|eye| {
+        eye.depth
+            .map(|depth| xr::sys::CompositionLayerDepthInfoKHR {
+                ty: xr::sys::CompositionLayerDepthInfoKHR::TYPE,
+                next: std::ptr::null(),
+                sub_image: sub_image(depth).into_raw(),
+                min_depth: 0.0,
+                max_depth: 1.0,
+                near_z: f32::INFINITY,
+                far_z: near_m,
+            })
+    });
+    let view = |index: usize| {
+        let eye = &eyes[index];
+        let mut raw = xr::CompositionLayerProjectionView::new()
+            .pose(eye.pose)
+            .fov(eye.fov)
+            .sub_image(sub_image(eye.color))
+            .into_raw();
+        if let Some(depth) = &depths[index] {
+            raw.next = std::ptr::from_ref(depth).cast::<c_void>();
+        }
+        // SAFETY: `raw` points to `depths` and swapchains that outlive the call below.
+        unsafe { xr::CompositionLayerProjectionView::from_raw(raw) }
+    };
+    let views = [view(0), view(1)];
+    let layer = xr::CompositionLayerProjection::new()
+        .space(space)
+        .views(&views);
+    stream.end(time, blend_mode, &[&layer])
+}
+
+/// Where `space` is in `base` at `time`, and how it moves. The bindings' own call leaves the flags that the runtime fills in
+/// as they were in memory, which the validation layer refuses; here they begin as none.
+///
+/// # Errors
+/// The runtime's.
+pub fn relate(
+    space: &xr::Space,
+    base: &xr::Space,
+    time: xr::Time,
+) -> xr::Result<(xr::sys::SpaceLocation, xr::sys::SpaceVelocity)> {
+    let none = xr::Vector3f::default();
+    let mut velocity = xr::sys::SpaceVelocity {
+        ty: xr::sys::SpaceVelocity::TYPE,
+        next: std::ptr::null_mut(),
+        velocity_flags: xr::SpaceVelocityFlags::EMPTY,
+        linear_velocity: none,
+        angular_velocity: none,
+    };
+    let mut location = xr::sys::SpaceLocation {
+        ty: xr::sys::SpaceLocation::TYPE,
+        next: (&raw mut velocity).cast(),
+        location_flags: xr::SpaceLocationFlags::EMPTY,
+        pose: xr::Posef::IDENTITY,
+    };
+    // SAFETY: both spaces are alive and of one session, and both structures are whole, typed and chained; they outlive the
+    // call.
+    let result = unsafe {
+        let locate = space.instance().fp().locate_space;
+        locate(space.as_raw(), base.as_raw(), time, &raw mut location)
+    };
+    if result.into_raw() < 0 {
+        return Err(result);
+    }
+    location.next = std::ptr::null_mut();
+    Ok((location, velocity))
+}

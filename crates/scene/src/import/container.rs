@@ -1,0 +1,230 @@
+//! Files, the GLB container and `data:` URIs.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, Engine as _};
+
+use super::super::SceneError;
+use super::Notes;
+use stereolux_base::files;
+use stereolux_base::limits::LoadBudget;
+
+/// Chunk types of GLB (glTF 2.0, section 4.4.3), little-endian.
+const CHUNK_JSON: u32 = u32::from_le_bytes(*b"JSON");
+const CHUNK_BIN: u32 = u32::from_le_bytes(*b"BIN\0");
+
+/// The parts of a glTF file.
+pub struct Parts<'a> {
+    pub json: &'a [u8],
+    /// The GLB's binary chunk.
+    pub blob: Option<&'a [u8]>,
+}
+
+/// Reads a regular file, once `budget` allows it.
+pub fn read_file(path: &Path, budget: &LoadBudget) -> Result<Vec<u8>, SceneError> {
+    files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))
+}
+
+/// Finds the JSON and binary parts of a `.gltf` or `.glb`.
+pub fn split<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Parts<'a>, SceneError> {
+    if bytes.is_empty() {
+        return Err(SceneError::invalid(path, "the file is empty"));
+    }
+    if bytes.starts_with(b"glTF") {
+        return split_glb(path, bytes, notes);
+    }
+    let is_glb = path
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
+    let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+    if is_glb && first != Some(&b'{') {
+        return Err(SceneError::invalid(
+            path,
+            "not a binary glTF file: it does not begin with 'glTF'",
+        ));
+    }
+    // A UTF-8 byte order mark is not allowed by glTF but harmless.
+    Ok(Parts {
+        json: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes),
+        blob: None,
+    })
+}
+
+fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Parts<'a>, SceneError> {
+    let truncated = |need: u64| {
+        SceneError::invalid(
+            path,
+            format!(
+                "truncated binary glTF: {need} bytes are declared, the file has {}",
+                bytes.len()
+            ),
+        )
+    };
+    let word = |at: usize| -> Option<u32> {
+        Some(u32::from_le_bytes(
+            bytes.get(at..at.checked_add(4)?)?.try_into().ok()?,
+        ))
+    };
+    let (Some(version), Some(declared)) = (word(4), word(8)) else {
+        return Err(truncated(12));
+    };
+    if version != 2 {
+        return Err(SceneError::invalid(
+            path,
+            format!("binary glTF version {version} is not supported; version 2 is"),
+        ));
+    }
+    let declared = declared as usize;
+    if declared > bytes.len() {
+        return Err(truncated(declared as u64));
+    }
+    if declared < bytes.len() {
+        notes.warn(format_args!(
+            "{} bytes after the end of the binary glTF are ignored",
+            bytes.len() - declared
+        ));
+    }
+    let body = &bytes[..declared];
+    let mut json = None;
+    let mut blob = None;
+    let mut at = 12;
+    while at < body.len() {
+        let (Some(length), Some(kind)) = (word(at), word(at + 4)) else {
+            return Err(truncated(at as u64 + 8));
+        };
+        let start = at + 8;
+        let chunk = start
+            .checked_add(length as usize)
+            .and_then(|end| body.get(start..end))
+            .ok_or_else(|| {
+                SceneError::invalid(
+                    path,
+                    format!(
+                        "truncated binary glTF: the chunk at byte {at} declares {length} bytes"
+                    ),
+                )
+            })?;
+        match (kind, json.is_some()) {
+            (CHUNK_JSON, false) => json = Some(chunk),
+            (_, false) => {
+                return Err(SceneError::invalid(
+                    path,
+                    "binary glTF: the first chunk is not JSON",
+                ));
+            }
+            (CHUNK_BIN, true) if blob.is_none() => blob = Some(chunk),
+            _ => {}
+        }
+        at = start + chunk.len();
+    }
+    let json = json.ok_or_else(|| SceneError::invalid(path, "binary glTF without a JSON chunk"))?;
+    Ok(Parts { json, blob })
+}
+
+/// The payload of a `data:` URI with its media type; `None` if `uri` is not one.
+pub fn decode_data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), String>> {
+    let rest = uri.strip_prefix("data:")?;
+    let Some((head, payload)) = rest.split_once(',') else {
+        return Some(Err("the data URI has no comma".to_owned()));
+    };
+    let media_type = head.split(';').next().unwrap_or_default().to_owned();
+    let bytes = if head.ends_with(";base64") {
+        decode_base64(payload)
+    } else {
+        percent_decode(payload)
+    };
+    Some(bytes.map(|bytes| (media_type, bytes)))
+}
+
+/// Base64 (RFC 4648, section 4), padding optional. White space is skipped, and not counted in messages.
+pub fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
+    const LENIENT: GeneralPurposeConfig = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true);
+    let is_space = |c: char| matches!(c, ' ' | '\n' | '\r' | '\t');
+    let plain = if text.contains(is_space) {
+        Cow::Owned(text.replace(is_space, ""))
+    } else {
+        Cow::Borrowed(text)
+    };
+    GeneralPurpose::new(&STANDARD, LENIENT)
+        .decode(plain.as_bytes())
+        .map_err(|error| match error {
+            DecodeError::InvalidByte(at, byte) if byte != b'=' => {
+                format!("character {} of the base64 data is not base64", at + 1)
+            }
+            other => format!("the base64 data is broken: {other}"),
+        })
+}
+
+/// Undoes percent-encoding (RFC 3986, section 2.1). The `percent-encoding` crate would let broken escapes pass.
+pub fn percent_decode(text: &str) -> Result<Vec<u8>, String> {
+    let hex = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
+    let source = text.as_bytes();
+    let mut bytes = Vec::with_capacity(source.len());
+    let mut at = 0;
+    while at < source.len() {
+        if source[at] == b'%' {
+            let digits = source
+                .get(at + 1)
+                .copied()
+                .and_then(hex)
+                .zip(source.get(at + 2).copied().and_then(hex));
+            let Some((high, low)) = digits else {
+                return Err(format!("broken percent-encoding at character {}", at + 1));
+            };
+            bytes.push(high * 16 + low);
+            at += 3;
+        } else {
+            bytes.push(source[at]);
+            at += 1;
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_follows_rfc_4648() {
+        for (text, plain) in [
+            ("", ""),
+            ("Zg==", "f"),
+            ("Zm8=", "fo"),
+            ("Zm9v", "foo"),
+            ("Zm9vYmFy", "foobar"),
+            ("Zm8", "fo"),
+        ] {
+            assert_eq!(decode_base64(text).unwrap(), plain.as_bytes(), "{text}");
+        }
+        assert_eq!(decode_base64(" +/\n\tA=\r").unwrap(), [0xfb, 0xf0]);
+        for broken in ["Z", "Zm9v!", "Zg==Zg=="] {
+            assert!(decode_base64(broken).is_err(), "{broken}");
+        }
+    }
+
+    #[test]
+    fn percent_encoding_is_undone() {
+        assert_eq!(percent_decode("a%20b%2Fc").unwrap(), b"a b/c");
+        assert!(percent_decode("a%2").is_err());
+        assert!(percent_decode("a%zz").is_err());
+    }
+
+    #[test]
+    fn data_uris() {
+        assert!(decode_data_uri("buffer.bin").is_none());
+        let (kind, bytes) = decode_data_uri("data:image/png;base64,Zm9v")
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (kind.as_str(), bytes.as_slice()),
+            ("image/png", b"foo".as_slice())
+        );
+        assert!(decode_data_uri("data:nothing").unwrap().is_err());
+    }
+}

@@ -1,0 +1,496 @@
+//! glTF import: what is read from well-formed files.
+
+use serde_json::{Value, json};
+use stereolux_scene::{AlphaMode, Filter, LightKind, Needs, Scene, Wrap};
+
+use crate::folders::Folder;
+
+/// Base64 (RFC 4648) with padding, independent of the decoder under test.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for chunk in bytes.chunks(3) {
+        let word = chunk
+            .iter()
+            .fold(0_u32, |word, byte| (word << 8) | u32::from(*byte))
+            << (8 * (3 - chunk.len()));
+        for digit in 0..4 {
+            let is_padding = digit > chunk.len();
+            text.push(if is_padding {
+                '='
+            } else {
+                char::from(DIGITS[(word >> (18 - 6 * digit)) as usize & 63])
+            });
+        }
+    }
+    text
+}
+
+fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
+}
+
+/// A document under construction: typed data goes into buffer 0.
+pub struct Doc {
+    pub json: Value,
+    pub bin: Vec<u8>,
+}
+
+impl Doc {
+    fn new() -> Self {
+        let json = json!({
+            "asset": { "version": "2.0" },
+            "scene": 0,
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [{ "name": "thing", "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "attributes": {} }] }],
+            "accessors": [], "bufferViews": [],
+        });
+        Self {
+            json,
+            bin: Vec::new(),
+        }
+    }
+
+    /// A square in the plane z = 0 from (0, 0) to (1, 1), front towards +Z, two triangles with 16-bit indices.
+    /// Accessor 0 is POSITION, accessor 1 the indices.
+    pub fn square() -> Self {
+        let mut doc = Self::new();
+        let positions = doc.accessor(
+            &bytes_of(&[0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.]),
+            5126,
+            "VEC3",
+            4,
+        );
+        let indices = doc.accessor(
+            &[0_u16, 1, 2, 0, 2, 3]
+                .iter()
+                .flat_map(|i| i.to_le_bytes())
+                .collect::<Vec<_>>(),
+            5123,
+            "SCALAR",
+            6,
+        );
+        *doc.primitive() = json!({ "attributes": { "POSITION": positions }, "indices": indices });
+        doc
+    }
+
+    pub fn primitive(&mut self) -> &mut Value {
+        &mut self.json["meshes"][0]["primitives"][0]
+    }
+
+    pub fn view(&mut self, bytes: &[u8]) -> usize {
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let views = self.json["bufferViews"].as_array_mut().unwrap();
+        views.push(json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() }));
+        self.bin.extend_from_slice(bytes);
+        views.len() - 1
+    }
+
+    fn accessor(&mut self, bytes: &[u8], component: u32, kind: &str, count: usize) -> usize {
+        let view = self.view(bytes);
+        let accessors = self.json["accessors"].as_array_mut().unwrap();
+        accessors.push(
+            json!({ "bufferView": view, "componentType": component, "type": kind, "count": count }),
+        );
+        accessors.len() - 1
+    }
+
+    pub fn roots(mut self, roots: Value) -> Self {
+        self.json["scenes"][0]["nodes"] = roots;
+        self
+    }
+
+    pub fn load(&self) -> Result<Scene, String> {
+        let mut json = self.json.clone();
+        if json.get("buffers").is_none() {
+            let uri = format!("data:application/octet-stream;base64,{}", base64(&self.bin));
+            json["buffers"] = json!([{ "byteLength": self.bin.len(), "uri": uri }]);
+        }
+        Scene::from_bytes("test.gltf", json.to_string().as_bytes())
+            .map_err(|error| error.to_string())
+    }
+}
+
+/// The square with a change.
+pub fn with(change: impl FnOnce(&mut Doc)) -> Doc {
+    let mut doc = Doc::square();
+    change(&mut doc);
+    doc
+}
+
+#[track_caller]
+pub fn assert_fault(result: Result<Scene, String>, expected: &str) {
+    match result {
+        Ok(_) => panic!("accepted, expected an error with '{expected}'"),
+        Err(message) => {
+            assert!(
+                message.contains(expected),
+                "'{message}' does not contain '{expected}'"
+            );
+            assert!(!message.contains('\n'), "more than one line: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_plain_square() {
+    let scene = Doc::square().load().unwrap();
+    assert_eq!(scene.name, "test");
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let mesh = &scene.meshes[0];
+    assert_eq!(scene.triangle_count(), 2);
+    // Without normals every triangle has corners of its own, with the geometric normal.
+    assert_eq!(mesh.positions.len(), 6);
+    assert!(mesh.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]));
+    assert!(mesh.colors.iter().all(|color| *color == [1.0; 4]));
+    assert_eq!(mesh.uv0.len(), 6);
+    assert_eq!(mesh.tangents.len(), 6);
+    assert!(!mesh.has_tangents && !mesh.has_uv1 && !mesh.has_colors);
+    // glTF's default material stands in.
+    assert_eq!(scene.materials.len(), 1);
+    assert_eq!(
+        (scene.materials[0].metallic, scene.materials[0].roughness),
+        (1.0, 1.0)
+    );
+    assert!((scene.surface_area_m2() - 1.0).abs() < 1e-12);
+    let bounds = scene.bounds_in_world().unwrap();
+    assert_eq!(
+        (bounds.min.to_array(), bounds.max.to_array()),
+        ([0.0; 3], [1.0, 1.0, 0.0])
+    );
+}
+
+#[test]
+fn index_types_and_modes_give_the_same_square() {
+    let area = |doc: Doc| doc.load().unwrap().surface_area_m2();
+    for (component, bytes) in [
+        (5121, vec![0_u8, 1, 2, 0, 2, 3]),
+        (
+            5125,
+            [0_u32, 1, 2, 0, 2, 3]
+                .iter()
+                .flat_map(|index| index.to_le_bytes())
+                .collect(),
+        ),
+    ] {
+        let doc = with(|doc| {
+            let indices = doc.accessor(&bytes, component, "SCALAR", 6);
+            doc.primitive()["indices"] = json!(indices);
+        });
+        assert!((area(doc) - 1.0).abs() < 1e-12, "{component}");
+    }
+    let strip = with(|doc| {
+        let indices = doc.accessor(&[0_u8, 1, 3, 2], 5121, "SCALAR", 4);
+        doc.primitive()["indices"] = json!(indices);
+        doc.primitive()["mode"] = json!(5);
+    });
+    let fan = with(|doc| {
+        doc.primitive().as_object_mut().unwrap().remove("indices");
+        doc.primitive()["mode"] = json!(6);
+    });
+    for doc in [strip, fan] {
+        let scene = doc.load().unwrap();
+        assert!((scene.surface_area_m2() - 1.0).abs() < 1e-12);
+        assert!(
+            scene.meshes[0]
+                .normals
+                .iter()
+                .all(|normal| *normal == [0.0, 0.0, 1.0]),
+            "winding"
+        );
+    }
+    let lines = with(|doc| doc.primitive()["mode"] = json!(1));
+    let scene = lines.load().unwrap();
+    assert_eq!(scene.triangle_count(), 0);
+    assert!(
+        scene.warnings[0].contains("points and lines"),
+        "{:?}",
+        scene.warnings
+    );
+}
+
+#[test]
+fn sparse_accessors_replace_elements() {
+    // Vertex 2 moves to (3, 3, 0): the triangles (0,0) (1,0) (3,3) and (0,0) (3,3) (0,1) have the areas 1.5 each.
+    let mut doc = Doc::square();
+    let indices = doc.view(&2_u16.to_le_bytes());
+    let values = doc.view(&bytes_of(&[3.0, 3.0, 0.0]));
+    doc.json["accessors"][0]["sparse"] = json!({
+        "count": 1, "indices": { "bufferView": indices, "componentType": 5123 }, "values": { "bufferView": values },
+    });
+    assert!((doc.load().unwrap().surface_area_m2() - 3.0).abs() < 1e-12);
+
+    // The same over zeros: without a buffer view only the replaced vertex is away from the origin.
+    doc.json["accessors"][0]
+        .as_object_mut()
+        .unwrap()
+        .remove("bufferView");
+    let bounds = doc.load().unwrap().bounds_in_world().unwrap();
+    assert_eq!((bounds.min.x, bounds.max.x), (0.0, 3.0));
+
+    doc.json["accessors"][0]["sparse"]["count"] = json!(1_000_000_000_u64);
+    assert_fault(doc.load(), "accessors[0].sparse.indices");
+    doc.json["accessors"][0]["sparse"]["count"] = json!(1);
+    let outside = doc.view(&9_u16.to_le_bytes());
+    doc.json["accessors"][0]["sparse"]["indices"]["bufferView"] = json!(outside);
+    assert_fault(doc.load(), "element 9 is out of range");
+}
+
+#[test]
+fn normalised_integers_are_scaled() {
+    let doc = with(|doc| {
+        let uv = doc.accessor(&[0, 0, 255, 0, 255, 255, 0, 255], 5121, "VEC2", 4);
+        doc.json["accessors"][uv]["normalized"] = json!(true);
+        let normals: Vec<u8> = [[0_i16, 0, 32767]; 4]
+            .as_flattened()
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        let normal = doc.accessor(&normals, 5122, "VEC3", 4);
+        doc.json["accessors"][normal]["normalized"] = json!(true);
+        let colors = doc.accessor(
+            &bytes_of(&[
+                0.5, 0.25, 1.0, 0.5, 0.25, 1.0, 0.5, 0.25, 1.0, 0.5, 0.25, 1.0,
+            ]),
+            5126,
+            "VEC3",
+            4,
+        );
+        doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
+        doc.primitive()["attributes"]["NORMAL"] = json!(normal);
+        doc.primitive()["attributes"]["COLOR_0"] = json!(colors);
+    });
+    let scene = doc.load().unwrap();
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.positions.len(), 4, "shared vertices stay shared");
+    assert_eq!(mesh.uv0, [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    assert!(mesh.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]));
+    assert!(
+        mesh.has_colors
+            && mesh
+                .colors
+                .iter()
+                .all(|color| *color == [0.5, 0.25, 1.0, 1.0])
+    );
+    assert!(Needs::of(&scene).vertex_colors);
+}
+
+/// A document whose square has normals, upright uvs and a material with the given normal texture slot.
+fn with_normal_texture(uvs: [[f32; 2]; 4]) -> Doc {
+    with(|doc| {
+        let normal = doc.accessor(
+            &bytes_of(&[0., 0., 2., 0., 0., 2., 0., 0., 0., 0., 0., 2.]),
+            5126,
+            "VEC3",
+            4,
+        );
+        let uv = doc.accessor(&bytes_of(uvs.as_flattened()), 5126, "VEC2", 4);
+        doc.primitive()["attributes"]["NORMAL"] = json!(normal);
+        doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
+        doc.primitive()["material"] = json!(0);
+        let png = doc.view(&png_1x1());
+        doc.json["images"] = json!([{ "bufferView": png, "mimeType": "image/png" }]);
+        doc.json["textures"] = json!([{ "source": 0 }]);
+        doc.json["materials"] = json!([{ "normalTexture": { "index": 0, "scale": 0.5 } }]);
+    })
+}
+
+/// The smallest picture: one texel (128, 128, 255).
+pub fn png_1x1() -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_raw(1, 1, vec![128, 128, 255])
+        .unwrap()
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn tangents_follow_u_and_normals_are_repaired() {
+    // The picture stands upright on the square: u to the right, v down. Green in a normal texture then points up, so
+    // the bitangent cross(n, t) * w must be +Y.
+    let upright = with_normal_texture([[0., 1.], [1., 1.], [1., 0.], [0., 0.]])
+        .load()
+        .unwrap();
+    let mesh = &upright.meshes[0];
+    assert!(mesh.has_tangents);
+    assert_eq!(upright.materials[0].normal_scale, 0.5);
+    assert!(
+        mesh.tangents
+            .iter()
+            .all(|tangent| *tangent == [1.0, 0.0, 0.0, 1.0]),
+        "{:?}",
+        mesh.tangents
+    );
+    assert!(
+        mesh.normals.iter().all(|normal| *normal == [0.0, 0.0, 1.0]),
+        "{:?}",
+        mesh.normals
+    );
+    assert!(
+        upright
+            .warnings
+            .iter()
+            .any(|line| line.contains("1 normals have no length")),
+        "{:?}",
+        upright.warnings
+    );
+    // Mirrored left to right: the tangent turns around, and so does the handedness, which leaves up where it was.
+    let mirrored = with_normal_texture([[1., 1.], [0., 1.], [0., 0.], [1., 0.]])
+        .load()
+        .unwrap();
+    assert!(
+        mirrored.meshes[0]
+            .tangents
+            .iter()
+            .all(|tangent| *tangent == [-1.0, 0.0, 0.0, -1.0])
+    );
+    // One triangle each way: the two shared vertices are split.
+    let halves = with_normal_texture([[0., 1.], [1., 1.], [1., 0.], [2., 1.]])
+        .load()
+        .unwrap();
+    assert_eq!(halves.meshes[0].positions.len(), 6);
+}
+
+#[test]
+fn materials_are_read_in_full() {
+    let doc = with(|doc| {
+        let png = base64(&png_1x1());
+        doc.json["images"] =
+            json!([{ "uri": format!("data:image/png;base64,{png}"), "name": "dot" }]);
+        doc.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }]);
+        doc.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+        let uv = doc.accessor(
+            &bytes_of(&[0., 0., 1., 0., 1., 1., 0., 1.]),
+            5126,
+            "VEC2",
+            4,
+        );
+        doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
+        doc.primitive()["attributes"]["TEXCOORD_1"] = json!(uv);
+        doc.primitive()["material"] = json!(0);
+        doc.json["materials"] = json!([{
+            "name": "everything",
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.25, "roughnessFactor": 0.75,
+                "baseColorTexture": { "index": 0, "texCoord": 0, "extensions": { "KHR_texture_transform": { "offset": [0.5, 0.25], "scale": [2, 4], "texCoord": 1 } } },
+            },
+            "emissiveFactor": [1, 0.5, 0.25], "alphaMode": "MASK", "alphaCutoff": 0.6, "doubleSided": true,
+            "extensions": {
+                "KHR_materials_emissive_strength": { "emissiveStrength": 8 },
+                "KHR_materials_ior": { "ior": 1.33 },
+                "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [2, 1, 0.5] },
+                "KHR_materials_transmission": { "transmissionFactor": 0.875 },
+                "KHR_materials_volume": { "thicknessFactor": 0.125, "attenuationDistance": 3, "attenuationColor": [0.5, 0.6, 0.7] },
+            },
+        }]);
+    });
+    let scene = doc.load().unwrap();
+    let material = &scene.materials[0];
+    assert_eq!(material.base_color, [0.1, 0.2, 0.3, 0.4]);
+    assert_eq!((material.metallic, material.roughness), (0.25, 0.75));
+    assert_eq!(material.emission, [8.0, 4.0, 2.0]);
+    assert_eq!(
+        (material.ior, material.specular, material.specular_color),
+        (1.33, 0.5, [2.0, 1.0, 0.5])
+    );
+    assert_eq!(
+        (
+            material.transmission,
+            material.thickness,
+            material.attenuation_distance_m
+        ),
+        (0.875, 0.125, 3.0)
+    );
+    assert_eq!(material.attenuation_color, [0.5, 0.6, 0.7]);
+    assert_eq!(material.alpha_mode, AlphaMode::Mask { cutoff: 0.6 });
+    assert!(material.double_sided);
+    let slot = material.base_color_texture.unwrap();
+    assert_eq!(
+        (slot.uv_set, slot.texcoord_from_uv),
+        (1, [2.0, 0.0, 0.5, 0.0, 4.0, 0.25])
+    );
+    let texture = scene.textures[0];
+    assert_eq!(
+        (texture.wrap_u, texture.wrap_v, texture.filter),
+        (Wrap::Clamp, Wrap::Mirror, Filter::Nearest)
+    );
+    assert_eq!(
+        (
+            scene.images[0].name.as_str(),
+            scene.images[0].rgba8.as_slice()
+        ),
+        ("dot", [128, 128, 255, 255].as_slice())
+    );
+    let needs = Needs::of(&scene);
+    // Alpha 0.4 stays under the cutoff; the triangles emit.
+    assert!(needs.alpha && needs.uv1 && needs.dielectric && needs.glossy);
+    assert_eq!(needs.lights.emissive_triangles, 2);
+    assert_eq!(needs.not_lambert, ["everything"]);
+}
+
+#[test]
+fn lights_cameras_and_the_start_pose() {
+    let doc = with(|doc| {
+        doc.json["cameras"] =
+            json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
+        doc.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
+            { "type": "spot", "intensity": 4, "color": [1, 0.5, 0.25], "spot": { "innerConeAngle": 0.1, "outerConeAngle": 0.5 } },
+            { "type": "directional" },
+        ] } });
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        doc.json["nodes"] = json!([
+            { "mesh": 0, "children": [1] },
+            // Scaled and turned a quarter about +Y: the pose must come out rigid.
+            { "camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half], "scale": [2, 2, 2] },
+            { "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+        ]);
+        doc.json["scenes"] = json!([{ "nodes": [0, 2] }]);
+    });
+    let scene = doc.load().unwrap();
+    let pose = scene.start_pose();
+    assert_eq!(pose.position.to_array(), [1.0, 2.0, 3.0]);
+    // f32 quaternion components: 1e-7.
+    assert!(
+        (pose.orientation * glam::DVec3::NEG_Z).distance(glam::DVec3::NEG_X) < 1e-6,
+        "{pose:?}"
+    );
+    assert_eq!(scene.cameras[0].yfov_rad, Some(1.0));
+    assert_eq!(
+        scene.lights[0].kind,
+        LightKind::Spot {
+            inner_cone_rad: 0.1,
+            outer_cone_rad: 0.5
+        }
+    );
+    assert_eq!(scene.lights[0].intensity, [4.0, 2.0, 1.0]);
+    let lights = Needs::of(&scene).lights;
+    assert_eq!(
+        (lights.spot, lights.directional),
+        (1, 0),
+        "only placed lights count"
+    );
+    // Without a camera: outside, level, and the whole square within 45 degrees.
+    let pose = Doc::square().load().unwrap().start_pose();
+    assert_eq!(pose.orientation, glam::DQuat::IDENTITY);
+    assert!(pose.position.z > 0.5 && pose.position.x == 0.5, "{pose:?}");
+    assert!(
+        (1.0 - pose.position.y).max(pose.position.y) <= pose.position.z,
+        "{pose:?}"
+    );
+}
+
+#[test]
+fn external_files_resolve_beside_the_document() {
+    let folder = Folder::new("external");
+    let mut doc = Doc::square();
+    doc.json["buffers"] = json!([{ "byteLength": doc.bin.len(), "uri": "my%20data.bin" }]);
+    std::fs::write(folder.join("my data.bin"), &doc.bin).unwrap();
+    std::fs::write(folder.join("square.gltf"), doc.json.to_string()).unwrap();
+    let scene = Scene::load(folder.join("square.gltf")).unwrap();
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("square", 2));
+}

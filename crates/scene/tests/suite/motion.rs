@@ -1,0 +1,319 @@
+//! Animations, skins and morph targets as files have them: what is read, and one clear line for every fault.
+
+use glam::{DQuat, DVec3};
+use serde_json::{Value, json};
+use stereolux_scene::builtin;
+
+use stereolux_scene::{Needs, Scene};
+
+use crate::embedded_scenes::parade;
+
+/// `builtin:parade` with its JSON changed; `bin` is its binary chunk.
+fn altered(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> Result<Scene, String> {
+    let glb = builtin::glb("parade").unwrap();
+    let length = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let json_end = 20 + length(12);
+    let mut json: Value = serde_json::from_slice(&glb[20..json_end]).unwrap();
+    let mut bin = glb[json_end + 8..].to_vec();
+    change(&mut json, &mut bin);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    let total = 12 + 8 + text.len() + 8 + bin.len();
+    file.extend((total as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &bin)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend_from_slice(kind);
+        file.extend_from_slice(chunk);
+    }
+    Scene::from_bytes("parade.glb", &file).map_err(|error| error.to_string())
+}
+
+/// Puts another time into key `key` of the first track.
+fn set_key_time(json: &Value, bin: &mut [u8], key: usize, time_s: f32) {
+    let input = json["animations"][0]["samplers"][0]["input"]
+        .as_u64()
+        .unwrap();
+    let view = json["accessors"][input as usize]["bufferView"]
+        .as_u64()
+        .unwrap();
+    let first = json["bufferViews"][view as usize]["byteOffset"]
+        .as_u64()
+        .unwrap();
+    bin[first as usize + 4 * key..][..4].copy_from_slice(&time_s.to_le_bytes());
+}
+
+fn node(scene: &Scene, name: &str) -> usize {
+    let found = scene.nodes.iter().position(|node| node.name == name);
+    found.unwrap()
+}
+
+#[test]
+fn clips_skins_and_targets_are_read() {
+    let scene = Scene::builtin("parade").unwrap();
+    let clips: Vec<_> = scene
+        .animations
+        .iter()
+        .map(|clip| (clip.name.as_str(), clip.nodes.len(), clip.length_s))
+        .collect();
+    assert_eq!(clips, [("parade", 5, parade::LENGTH_S), ("wave", 2, 2.0)]);
+    let needs = Needs::of(&scene);
+    assert_eq!((needs.motion, needs.deformation), ("morph", true));
+    assert_eq!(needs.clips, ["parade", "wave"]);
+    assert!(scene.warnings.is_empty() && scene.source.left_out.is_empty());
+    let tube = node(&scene, "tube");
+    assert!(scene.deforms(tube) && scene.deforms(node(&scene, "ball")));
+    assert!(!scene.deforms(node(&scene, "box")));
+
+    // One second in, both upper joints have turned by 0.6 about z. The top belongs to the last one alone.
+    let pose = scene.pose_at(&scene.animations[0], 1.0);
+    let mesh = &scene.meshes[scene.nodes[tube].mesh.unwrap()];
+    let positions = scene.positions_in_world(tube, mesh, &pose);
+    let (gap, turn) = (DVec3::Y * parade::TUBE_M / 3.0, DQuat::from_rotation_z(0.6));
+    let foot = DVec3::new(-0.45, 0.0, -0.6);
+    let mut tops = 0;
+    for (rest, position) in mesh.positions.iter().zip(&positions) {
+        let rest = glam::Vec3::from(*rest).as_dvec3();
+        if rest.y < parade::TUBE_M {
+            continue;
+        }
+        tops += 1;
+        let expected = foot + gap + turn * (gap + turn * (rest - 2.0 * gap));
+        // f32 positions and keys of size 1: 1e-7.
+        assert!((*position - expected).length() < 5e-7);
+        assert!((*position - (foot + rest)).length() > 0.3);
+    }
+    assert!(tops > 16);
+    // Half way through the morph (2 s of 4 is its height) the ball is the mean of both shapes.
+    let ball = node(&scene, "ball");
+    let mesh = &scene.meshes[scene.nodes[ball].mesh.unwrap()];
+    let at =
+        |time_s| scene.positions_in_world(ball, mesh, &scene.pose_at(&scene.animations[0], time_s));
+    let (round, half, bent) = (at(0.0), at(1.0), at(2.0));
+    let mut moved = 0.0f64;
+    for ((round, half), bent) in round.iter().zip(&half).zip(&bent) {
+        assert!((0.5 * (*round + *bent) - *half).length() < 1e-12);
+        moved = moved.max((*bent - *round).length());
+    }
+    assert!(moved > 0.1);
+}
+
+#[test]
+fn frames_the_skin_where_its_joints_are() {
+    let scene = Scene::builtin("parade").unwrap();
+    let bounds = scene.bounds_in_world().unwrap();
+    let far = altered(|json, _| {
+        for node in json["nodes"].as_array_mut().unwrap() {
+            match node["name"].as_str() {
+                Some("joint 0") => node["translation"] = json!([100.0, 0.0, 0.0]),
+                // What a skinned node's own transform says does not count.
+                Some("tube") => node["translation"] = json!([0.0, 500.0, 0.0]),
+                _ => {}
+            }
+        }
+    })
+    .unwrap();
+    let moved = far.bounds_in_world().unwrap();
+    assert!((moved.max.x - 100.13).abs() < 1e-3, "{moved:?}");
+    assert_eq!(moved.max.y, bounds.max.y);
+}
+
+#[test]
+fn eight_influences_are_cut_to_four_that_sum_to_one() {
+    let plain = Scene::builtin("parade").unwrap();
+    // The same four once more: shares halve, places stay.
+    let twice = altered(|json, _| {
+        for mesh in json["meshes"].as_array_mut().unwrap() {
+            let attributes = &mut mesh["primitives"][0]["attributes"];
+            if attributes.get("JOINTS_0").is_some() {
+                attributes["JOINTS_1"] = attributes["JOINTS_0"].clone();
+                attributes["WEIGHTS_1"] = attributes["WEIGHTS_0"].clone();
+            }
+        }
+    })
+    .unwrap();
+    let tube = node(&plain, "tube");
+    let positions = |scene: &Scene| {
+        let pose = scene.pose_at(&scene.animations[0], 0.7);
+        let mesh = &scene.meshes[scene.nodes[tube].mesh.unwrap()];
+        scene.positions_in_world(tube, mesh, &pose)
+    };
+    for (a, b) in positions(&plain).iter().zip(positions(&twice)) {
+        assert!((*a - b).length() < 1e-6, "{a} {b}");
+    }
+}
+
+#[test]
+fn channels_of_extensions_are_left_out_and_said() {
+    let scene = altered(|json, _| {
+        json["animations"][1]["channels"][0]["target"] = json!({ "path": "pointer" });
+    })
+    .unwrap();
+    assert_eq!(scene.animations[1].nodes.len(), 1);
+    let needs = Needs::of(&scene);
+    let said = needs
+        .left_out
+        .iter()
+        .any(|left| left.feature == "animation channels");
+    assert!(said, "{:?}", needs.left_out);
+}
+
+#[test]
+fn every_fault_of_motion_is_one_clear_line() {
+    type Change = fn(&mut Value, &mut Vec<u8>);
+    let cases: &[(Change, &str)] = &[
+        (
+            |json, _| json["animations"][0]["channels"][0]["sampler"] = json!(99),
+            "animations[0].channels[0].sampler: 99 is out of range",
+        ),
+        (
+            |json, _| json["animations"][0]["channels"][0]["target"]["node"] = json!(-1),
+            "animations[0].channels[0].target.node: -1 is out of range",
+        ),
+        (
+            |json, _| json["animations"][0]["channels"][0]["target"]["path"] = json!("colour"),
+            "path must be translation, rotation, scale or weights",
+        ),
+        (
+            |json, _| json["animations"][0]["samplers"][0]["interpolation"] = json!("SPLINE"),
+            "animations[0].samplers[0].interpolation: must be",
+        ),
+        (
+            |json, _| json["animations"][0]["samplers"][0]["input"] = json!(4_294_967_296_u64),
+            "animations[0].samplers[0].input: 4294967296 is out of range",
+        ),
+        (
+            |json, _| {
+                let input = &json["animations"][0]["samplers"][1]["input"];
+                json["animations"][0]["samplers"][3]["input"] = input.clone();
+            },
+            "animations[0].samplers[3].output: 3 numbers do not fit 5 keys",
+        ),
+        (
+            |json, _| {
+                let output = json["animations"][0]["samplers"][1]["output"].clone();
+                json["animations"][0]["samplers"][0]["output"] = output;
+            },
+            "4 components per element",
+        ),
+        (
+            |json, _| {
+                let channel = json["animations"][0]["channels"][0].clone();
+                json["animations"][0]["channels"]
+                    .as_array_mut()
+                    .unwrap()
+                    .push(channel);
+            },
+            "a second channel for the translation",
+        ),
+        (
+            |json, bin| set_key_time(json, bin, 1, 9f32),
+            "times must ascend, but key 1 is at 9 s and the next at 2 s",
+        ),
+        (
+            |json, bin| set_key_time(json, bin, 0, f32::NAN),
+            "key 0 is at NaN s",
+        ),
+        (
+            |json, _| {
+                let target = &json["animations"][0]["channels"][0]["target"]["node"];
+                let moved = target.as_u64().unwrap() as usize;
+                let node = json["nodes"][moved].as_object_mut().unwrap();
+                node.remove("translation");
+                let identity = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+                node.insert("matrix".to_owned(), json!(identity));
+            },
+            "animates a node that has a matrix",
+        ),
+        (
+            |json, _| {
+                let ball = json["animations"][0]["channels"][3]["target"]["node"].clone();
+                json["meshes"]
+                    .as_array_mut()
+                    .unwrap()
+                    .iter_mut()
+                    .for_each(|mesh| {
+                        mesh["primitives"][0]
+                            .as_object_mut()
+                            .unwrap()
+                            .remove("targets");
+                    });
+                assert!(ball.is_u64());
+            },
+            "morph weights of a node whose mesh has no morph targets",
+        ),
+        (
+            |json, _| json["skins"][0]["joints"] = json!([]),
+            "skins[0]: has no joints",
+        ),
+        (
+            |json, _| json["skins"][0]["joints"][1] = json!(77),
+            "skins[0].joints[1]: 77 is out of range",
+        ),
+        (
+            |json, _| json["skins"][0]["joints"] = json!([0, 1]),
+            "names joint 2, the skin has 2",
+        ),
+        (
+            |json, _| {
+                let joints: Vec<u32> = (0..9).collect();
+                json["skins"][0]["joints"] = json!(joints);
+            },
+            "3 matrices for 9 joints",
+        ),
+        (
+            |json, _| json["skins"][0]["inverseBindMatrices"] = json!(0),
+            "must hold 4x4 matrices of floats",
+        ),
+        (
+            |json, _| {
+                for node in json["nodes"].as_array_mut().unwrap() {
+                    if node.get("skin").is_some() {
+                        node["skin"] = json!(3);
+                    }
+                }
+            },
+            "'tube'.skin: 3 is out of range",
+        ),
+        (
+            |json, _| {
+                for mesh in json["meshes"].as_array_mut().unwrap() {
+                    let attributes = mesh["primitives"][0]["attributes"].as_object_mut();
+                    attributes.unwrap().remove("WEIGHTS_0");
+                }
+            },
+            "JOINTS_0 and WEIGHTS_0 go together",
+        ),
+        (
+            |json, _| {
+                for mesh in json["meshes"].as_array_mut().unwrap() {
+                    if mesh["primitives"][0].get("targets").is_some() {
+                        mesh["primitives"][0]["targets"][0]["POSITION"] = json!(0);
+                    }
+                }
+            },
+            "POSITION has",
+        ),
+        (
+            |json, _| {
+                for mesh in json["meshes"].as_array_mut().unwrap() {
+                    if mesh["primitives"][0].get("targets").is_some() {
+                        mesh["weights"] = json!([0.5, 0.5]);
+                    }
+                }
+            },
+            "2 weights for 1 morph targets",
+        ),
+    ];
+    for (change, expected) in cases {
+        let Err(message) = altered(change) else {
+            panic!("nothing was said about: {expected}");
+        };
+        assert!(
+            message.contains(expected),
+            "{message} (expected: {expected})"
+        );
+        assert!(!message.contains('\n'), "{message}");
+    }
+    assert!(altered(|_, _| ()).is_ok());
+}
