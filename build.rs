@@ -12,11 +12,11 @@ const RENDER_CODE: &[&str] = &[
     "crates/gpu",
     "crates/images/src/images.rs",
     "crates/scene",
+    "crates/settings",
+    "crates/xr/src/view.rs",
     "shaders",
     "src/frame",
     "src/renderer",
-    "src/settings",
-    "src/xr/view.rs",
 ];
 /// What decides how images are measured, beside that; not how figures are laid out.
 const BENCH_CODE: &[&str] = &[
@@ -26,13 +26,13 @@ const BENCH_CODE: &[&str] = &[
     "crates/report/src/rounds.rs",
     "crates/report/src/samples.rs",
     "crates/report/src/statistics.rs",
+    "crates/xr",
     "src/bench/correspondence.rs",
     "src/bench/instance_motion.rs",
     "src/bench/measure.rs",
     "src/bench/reference.rs",
     "src/bench/scenes.rs",
     "src/bench/variant_statistics.rs",
-    "src/xr",
 ];
 
 fn main() -> io::Result<()> {

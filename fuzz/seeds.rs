@@ -5,7 +5,7 @@ use std::io::Cursor;
 use glam::DVec3;
 use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
-use stereolux::options::Extent;
+use stereolux::options::{Extent, SettingsFile as _};
 use stereolux::scene::builtin;
 use stereolux::settings::{Quality, RenderSettings, Settings};
 use stereolux::viewer::window_state::WindowState;

@@ -46,7 +46,7 @@ NEVER = 1000000
 
 
 def relative(squares, truth):
-    """Mean of `squares` over the reference's, as src/metrics/comparison.rs has it."""
+    """Mean of `squares` over the reference's, as crates/images/src/metrics/comparison.rs has it."""
     return float(np.mean(squares / (truth**2 + 0.01 * np.mean(truth**2))))
 
 

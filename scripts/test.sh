@@ -17,7 +17,10 @@ has_libraries libX11.so.6 libX11-xcb.so.1 libxcb.so.1 libXcursor.so.1 libXi.so.6
     apt_install libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0
 scripts/monado.sh --fetch
 # The fake runtime has no tests of its own.
-documented=(-p stereolux -p stereolux-base -p stereolux-bvh -p stereolux-gpu -p stereolux-images -p stereolux-report -p stereolux-scene)
+documented=(-p stereolux)
+for crate in base bvh gpu images report scene settings xr; do
+    documented+=(-p "stereolux-$crate")
+done
 # It turns `internals` on, which users' documentation is without.
 packages=("${documented[@]}" -p stereolux-isa)
 cargo fmt --all --check

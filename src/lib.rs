@@ -54,14 +54,15 @@
 //!
 //! - `commands`, `options`, `settings`: the program's commands, their checked options, every setting;
 //! - `app`: an application's trait, its input, its world;
-//! - `frame_loop`, `xr`, `output`, `mirror`, `interrupt`: frames from a session to files, a headset, a window;
+//! - `frame_loop`, `xr`, `output`, `mirror`: frames from a session to files, a headset, a window;
 //! - `viewer`: the same loop in a window in which a scene is walked through and edited;
 //! - `renderer`, `frame`, `gpu`: images from views;
 //! - `scene`, `bvh`: what is rendered;
 //! - `chrome_trace`: host and device times of a run on one clock;
-//! - `limits`: limits on reading files;
-//! - `metrics`, `images`, `exr_file`, `tone`, `false_color`: errors against a reference, image files, pictures of views;
+//! - `metrics`, `images`, `tone`, `false_color`: errors against a reference, image files, pictures of views;
 //! - `bench`: speed against error.
+//!
+//! `settings`, `xr`, `gpu`, `scene`, `bvh`, `metrics` and `images` are crates of their own (`crates/`).
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
 
@@ -102,10 +103,6 @@ pub mod frame;
 mod frame_loop;
 #[cfg(feature = "internals")]
 pub mod frame_loop;
-#[cfg(not(feature = "internals"))]
-mod interrupt;
-#[cfg(feature = "internals")]
-pub mod interrupt;
 #[cfg_attr(not(feature = "mirror"), path = "no_mirror.rs")]
 #[cfg(not(feature = "internals"))]
 mod mirror;
@@ -126,10 +123,6 @@ mod renderer;
 pub mod renderer;
 mod scene_loading;
 #[cfg(not(feature = "internals"))]
-mod settings;
-#[cfg(feature = "internals")]
-pub mod settings;
-#[cfg(not(feature = "internals"))]
 mod tone;
 #[cfg(feature = "internals")]
 pub mod tone;
@@ -139,25 +132,21 @@ mod viewer;
 pub mod viewer;
 #[cfg(feature = "mirror")]
 mod windowing;
-#[cfg(not(feature = "internals"))]
-mod xr;
-#[cfg(feature = "internals")]
-pub mod xr;
 
 use stereolux_base::{files, foreign_errors, pose, printable};
 #[cfg(not(feature = "internals"))]
 use {
-    stereolux_base::limits,
+    stereolux_base::{interrupt, limits},
     stereolux_bvh as bvh, stereolux_gpu as gpu,
     stereolux_images::{exr_file, images, metrics},
-    stereolux_scene as scene,
+    stereolux_scene as scene, stereolux_settings as settings, stereolux_xr as xr,
 };
 #[cfg(feature = "internals")]
 pub use {
-    stereolux_base::limits,
+    stereolux_base::{interrupt, limits},
     stereolux_bvh as bvh, stereolux_gpu as gpu,
     stereolux_images::{exr_file, images, metrics},
-    stereolux_scene as scene,
+    stereolux_scene as scene, stereolux_settings as settings, stereolux_xr as xr,
 };
 
 // Scenes.

@@ -5,21 +5,19 @@ use glam::{Mat3, Vec3};
 use crate::images::{ImageRgb, ImageRgb8, aces_filmic, to_bytes};
 use crate::settings::Tone;
 
-impl Tone {
-    /// Display light, 0 to 1, of linear RGB. NaN and negative values count as 0.
-    #[must_use]
-    pub fn apply(self, linear: [f32; 3]) -> [f32; 3] {
-        // Beyond 1e4 every curve is white; the bound keeps powers finite. A NaN is not above 0.
-        let bounded = |channel: f32| if channel > 0.0 { channel.min(1e4) } else { 0.0 };
-        let linear = linear.map(bounded);
-        let shown = match self {
-            Self::Aces => linear.map(aces_filmic),
-            Self::Agx => agx(linear.into()).to_array(),
-            Self::Neutral => neutral(linear.into()).to_array(),
-            Self::Linear => linear,
-        };
-        shown.map(|channel| channel.clamp(0.0, 1.0))
-    }
+/// Display light, 0 to 1, of linear RGB. NaN and negative values count as 0.
+#[must_use]
+pub fn shown(tone: Tone, linear: [f32; 3]) -> [f32; 3] {
+    // Beyond 1e4 every curve is white; the bound keeps powers finite. A NaN is not above 0.
+    let bounded = |channel: f32| if channel > 0.0 { channel.min(1e4) } else { 0.0 };
+    let linear = linear.map(bounded);
+    let shown = match tone {
+        Tone::Aces => linear.map(aces_filmic),
+        Tone::Agx => agx(linear.into()).to_array(),
+        Tone::Neutral => neutral(linear.into()).to_array(),
+        Tone::Linear => linear,
+    };
+    shown.map(|channel| channel.clamp(0.0, 1.0))
 }
 
 /// AgX (T. Sobotka 2022) by the fit of B. Wrensch ("Minimal AgX Implementation", 2023): primaries moved inwards, 16.5 stops
@@ -69,7 +67,7 @@ fn neutral(linear: Vec3) -> Vec3 {
 #[must_use]
 pub fn tone_map_by(image: &ImageRgb, exposure: f64, tone: Tone) -> ImageRgb8 {
     let exposure = exposure as f32;
-    to_bytes(image, |pixel| tone.apply(pixel.map(|c| c * exposure)))
+    to_bytes(image, |pixel| shown(tone, pixel.map(|c| c * exposure)))
 }
 
 #[cfg(test)]
@@ -82,7 +80,7 @@ mod tests {
         for tone in Tone::ALL {
             let mut last = -1.0;
             for step in 0..4000 {
-                let [red, green, blue] = tone.apply([step as f32 * 0.01; 3]);
+                let [red, green, blue] = shown(*tone, [step as f32 * 0.01; 3]);
                 // The rows of AgX's matrix sum to 1 within 1.4e-4; encoded light differs by as much on each of the two ways,
                 // and the power of 2.2 makes 6e-4 of it.
                 let spread = (red - green).abs().max((red - blue).abs());
@@ -98,25 +96,25 @@ mod tests {
             }
             assert!(last > 0.9, "{tone}: white is {last}");
             for odd in [f32::NAN, f32::NEG_INFINITY, -1.0] {
-                assert!(tone.apply([odd; 3])[0] < 1e-3, "{tone} of {odd}");
+                assert!(shown(*tone, [odd; 3])[0] < 1e-3, "{tone} of {odd}");
             }
-            assert!(tone.apply([f32::INFINITY; 3])[0] > 0.9, "{tone}");
+            assert!(shown(*tone, [f32::INFINITY; 3])[0] > 0.9, "{tone}");
         }
     }
 
     #[test]
     fn known_values() {
-        assert_eq!(Tone::Linear.apply([0.25, 2.0, 0.0]), [0.25, 1.0, 0.0]);
+        assert_eq!(shown(Tone::Linear, [0.25, 2.0, 0.0]), [0.25, 1.0, 0.0]);
         // Less 4 %, the rest as it is; the dark end is a parabola.
-        let [r, g, b] = Tone::Neutral.apply([0.5, 0.3, 0.2]);
+        let [r, g, b] = shown(Tone::Neutral, [0.5, 0.3, 0.2]);
         assert!((r - 0.46).abs() < 1e-6 && (g - 0.26).abs() < 1e-6 && (b - 0.16).abs() < 1e-6);
-        let [dark, ..] = Tone::Neutral.apply([0.04; 3]);
+        let [dark, ..] = shown(Tone::Neutral, [0.04; 3]);
         assert!((dark - 6.25 * 0.04 * 0.04).abs() < 1e-6);
         // The specification's own example of its end: a peak of 1 goes to 1 - 0.24^2 / (1 - 0.04 + 0.24 - 0.76).
-        let [white, ..] = Tone::Neutral.apply([1.0; 3]);
+        let [white, ..] = shown(Tone::Neutral, [1.0; 3]);
         assert!((white - (1.0 - 0.0576 / 0.44)).abs() < 1e-5, "{white}");
         // AgX shows middle grey, 0.18, at half of the encoded light of a 2.2 display; the fit is good to a few thousandths.
-        let [grey, ..] = Tone::Agx.apply([0.18; 3]);
+        let [grey, ..] = shown(Tone::Agx, [0.18; 3]);
         assert!((grey - 0.5_f32.powf(2.2)).abs() < 0.01, "{grey}");
     }
 }

@@ -52,6 +52,7 @@ mod suite {
         pub mod seeds;
     }
 
+    #[allow(dead_code)]
     #[path = "../../crates/base/tests/shared/folders.rs"]
     pub mod folders;
 

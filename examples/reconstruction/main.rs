@@ -23,6 +23,7 @@ use stereolux::bench::RENDER_CODE;
 use stereolux::bench::correspondence::left_from_right;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb, read_image, tone_map, write_exr, write_png};
+use stereolux::options::SettingsFile as _;
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse, Settings};

@@ -7,9 +7,9 @@ use clap::{Args, Parser, Subcommand};
 
 use super::setting_flags::{BENCH, COMPARE, INFO, RUN, SHARED, SettingFlags};
 use super::values::{self, choice, real, whole};
-use crate::settings::choices::choices;
 use crate::settings::{Eyes, LimitsSettings, Settings};
 use crate::xr::{Fov, Pose, TraceBody, TraceUp};
+use stereolux_settings::choices;
 
 pub(super) const STATUS_HELP: &str = "\
 Exit status: 0 done, 1 failed while running, 2 unusable arguments or input.";

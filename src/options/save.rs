@@ -66,11 +66,39 @@ fn toml_line(setting: &Setting, value: &Value, mark: &str) -> Option<String> {
     Some(format!("\n# {doc} ({range})\n{mark}{key} = {written}\n"))
 }
 
-impl Settings {
+/// Settings as files, and changed one by one.
+pub trait SettingsFile: Sized {
     /// The settings as TOML: by section, in the registry's order, each below a comment of what it is, its unit and range.
-    /// [`Layers::add_toml`] reads equal settings back. Paths are written as they are; see [`Settings::with_paths_in`].
+    /// [`Layers::add_toml`] reads equal settings back. Paths are written as they are; see [`SettingsFile::with_paths_in`].
     #[must_use]
-    pub fn to_toml(&self, extent: Extent) -> String {
+    fn to_toml(&self, extent: Extent) -> String;
+
+    /// The settings with relative paths made absolute, taken from `folder`: scene file, environment map, headset profile in
+    /// a file (`.toml`) and shader folder. Embedded scenes and profiles keep their names.
+    #[must_use]
+    fn with_paths_in(&self, folder: &Path) -> Self;
+
+    /// Writes the settings to a file that `--config` reads from whatever folder: relative paths are taken from the working
+    /// directory and written in full. The file is written beside its place and renamed.
+    ///
+    /// # Errors
+    /// One line: why the file cannot be written.
+    fn save(&self, path: &Path, extent: Extent) -> Result<(), OptionsError>;
+
+    /// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.
+    /// `null` unsets a setting that may be unset.
+    ///
+    /// # Errors
+    /// [`OptionsError`]: an unknown key, a value that the setting does not take, or settings that do not go together.
+    fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError>;
+
+    /// Whether a setting's text is the path of a file or folder.
+    #[must_use]
+    fn is_path(key: &str) -> bool;
+}
+
+impl SettingsFile for Settings {
+    fn to_toml(&self, extent: Extent) -> String {
         let mut text = String::from("# Settings of stereolux, for --config.\n");
         for section in registry::sections() {
             let lines: String = section
@@ -105,10 +133,7 @@ impl Settings {
         text
     }
 
-    /// The settings with relative paths made absolute, taken from `folder`: scene file, environment map, headset profile in
-    /// a file (`.toml`) and shader folder. Embedded scenes and profiles keep their names.
-    #[must_use]
-    pub fn with_paths_in(&self, folder: &Path) -> Self {
+    fn with_paths_in(&self, folder: &Path) -> Self {
         let mut settings = self.clone();
         let absolute = |text: &mut String| {
             let path = PathBuf::from(&*text);
@@ -132,12 +157,7 @@ impl Settings {
         settings
     }
 
-    /// Writes the settings to a file that `--config` reads from whatever folder: relative paths are taken from the working
-    /// directory and written in full. The file is written beside its place and renamed.
-    ///
-    /// # Errors
-    /// One line: why the file cannot be written.
-    pub fn save(&self, path: &Path, extent: Extent) -> Result<(), OptionsError> {
+    fn save(&self, path: &Path, extent: Extent) -> Result<(), OptionsError> {
         let unwritable = |error: std::io::Error| OptionsError::Unwritable {
             path: path.display().to_string(),
             reason: error.to_string(),
@@ -147,20 +167,13 @@ impl Settings {
         write_beside(path, |out| out.write_all(text.as_bytes())).map_err(unwritable)
     }
 
-    /// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.
-    /// `null` unsets a setting that may be unset.
-    ///
-    /// # Errors
-    /// [`OptionsError`]: an unknown key, a value that the setting does not take, or settings that do not go together.
-    pub fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError> {
+    fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError> {
         let mut layers = Layers::of(self);
         layers.add_value(key, value)?;
         layers.finish()
     }
 
-    /// Whether a setting's text is the path of a file or folder.
-    #[must_use]
-    pub fn is_path(key: &str) -> bool {
+    fn is_path(key: &str) -> bool {
         key == "scene" || PATHS.contains(&key)
     }
 }

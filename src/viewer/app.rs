@@ -19,6 +19,7 @@ use super::textures::Pictures;
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
 use crate::options::Extent;
+use crate::options::SettingsFile as _;
 use crate::scene::edit::{Document, Edit};
 use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose};

@@ -1,7 +1,8 @@
 //! What every crate of stereolux stands on.
 //!
-//! - [`limits`], [`files`], [`decoding`]: reading what others made within limits, writing files that are whole or not there;
-//! - [`printable`], [`foreign_errors`]: messages of one line;
+//! - [`limits`], [`files`] and [`decoding`]: what others made is read within limits; files are whole or not there;
+//! - [`printable`] and [`foreign_errors`]: messages of one line;
+//! - [`interrupt`]: what Ctrl-C asks for;
 //! - [`features`]: the words that shaders are specialised by;
 //! - [`quantiles`]: medians of measured figures;
 //! - [`pose`]: where something is and how it is turned.
@@ -12,6 +13,7 @@ pub mod decoding;
 pub mod features;
 pub mod files;
 pub mod foreign_errors;
+pub mod interrupt;
 pub mod limits;
 pub mod pose;
 pub mod printable;

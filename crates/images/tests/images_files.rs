@@ -1,4 +1,5 @@
 //! Image files: what is written reads back, bytes repeat, faults are named, nothing half-written stays.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
 use std::path::Path;

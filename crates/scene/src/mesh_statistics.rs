@@ -91,7 +91,7 @@ impl SceneStatistics {
         }
     }
 
-    /// Area of all instances in the world, m^2, front sides only, from each mesh's [`AreaSketch`]: as
+    /// Area of all instances in the world, m^2, front sides only, from each mesh's `AreaSketch`: as
     /// [`Scene::surface_area_m2`] where scaling is uniform or faces look along few directions. Meshes that deform count as
     /// their first joint moves them.
     pub fn area_m2(&self, scene: &Scene) -> f64 {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use egui::{CollapsingHeader, Color32, ComboBox, DragValue, Key, RichText, TextEdit, Ui};
 use serde_json::{Value, json};
 
+use crate::options::SettingsFile as _;
 use crate::settings::{Kind, Setting, Settings, registry};
 use crate::viewer::app::App;
 use crate::viewer::layout::Layout;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use stereolux::options::layers::Layers;
-use stereolux::options::{Extent, example_toml};
+use stereolux::options::{Extent, SettingsFile as _, example_toml};
 use stereolux::settings::registry::{self, sections};
 use stereolux::settings::{Kind, Settings};
 

@@ -1,0 +1,398 @@
+//! Headset profiles: what an eye sees, where the eyes sit in the head, how often the display refreshes.
+//!
+//! Profiles are TOML files in `config/headsets/`, embedded in the binary; a user's own file works the
+//! same way. Angles are degrees in the file and radians here.
+
+use super::view::{Fov, Pose, View};
+use super::{InputError, XrError, validation};
+use glam::{DQuat, DVec3, EulerRot};
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::Path;
+use stereolux_base::files;
+use stereolux_settings::registry::MAX_SIZE;
+use toml::Spanned;
+
+/// The embedded profiles: name and text.
+const PROFILES: [(&str, &str); 4] = [
+    (
+        "quest3",
+        include_str!("../../../config/headsets/quest3.toml"),
+    ),
+    ("index", include_str!("../../../config/headsets/index.toml")),
+    ("vive", include_str!("../../../config/headsets/vive.toml")),
+    (
+        "symmetric",
+        include_str!("../../../config/headsets/symmetric.toml"),
+    ),
+];
+
+/// A profile is a page of text; anything larger is some other file.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// One eye of a headset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadsetEye {
+    /// Eye in head: position in metres (left eye at negative x) and cant.
+    pub head_from_eye: Pose,
+    /// What it sees.
+    pub fov: Fov,
+}
+
+/// A headset: everything that turns a head pose into two views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Headset {
+    /// Short name, as `--headset` takes it.
+    pub name: String,
+    /// Where the figures come from.
+    pub source: String,
+    /// Pixels per eye: width, height.
+    pub size: [u32; 2],
+    /// Refresh rate in use, hertz.
+    pub refresh_hz: f64,
+    /// All refresh rates that the headset offers, hertz.
+    pub refresh_rates_hz: Vec<f64>,
+    /// Distance between the eyes, metres.
+    pub ipd_m: f64,
+    /// Left eye, right eye.
+    pub eyes: [HeadsetEye; 2],
+}
+
+impl Headset {
+    /// Names of the embedded profiles.
+    #[must_use]
+    pub fn names() -> Vec<&'static str> {
+        PROFILES.iter().map(|(name, _)| *name).collect()
+    }
+
+    /// A profile by name, or from a file if the argument ends in `.toml` or holds a path separator.
+    ///
+    /// # Errors
+    /// An unknown name (the message lists the known ones), an unreadable file, or a fault in it, with
+    /// file, line and field.
+    pub fn load(name_or_path: &str) -> Result<Self, XrError> {
+        let is_path = name_or_path.ends_with(".toml")
+            || name_or_path.contains(['/', std::path::MAIN_SEPARATOR]);
+        if is_path {
+            return Ok(Self::from_file(Path::new(name_or_path))?);
+        }
+        for (name, text) in PROFILES {
+            if name == name_or_path {
+                return Ok(Self::from_toml(
+                    &format!("config/headsets/{name}.toml"),
+                    text,
+                )?);
+            }
+        }
+        Err(super::ArgumentError(format!(
+            "unknown headset {name_or_path:?}{}; known: {}; or the path of a .toml profile",
+            stereolux_base::printable::did_you_mean(name_or_path, Self::names()),
+            Self::names().join(", ")
+        ))
+        .into())
+    }
+
+    fn from_file(path: &Path) -> Result<Self, InputError> {
+        let file = path.display().to_string();
+        let bytes = files::read_at_most(path, MAX_FILE_BYTES)
+            .map_err(|cause| InputError::file(&file, format!("cannot be read: {cause}")))?
+            .ok_or_else(|| {
+                InputError::file(&file, "larger than 1 MiB; this is not a headset profile")
+            })?;
+        let Ok(text) = std::str::from_utf8(&bytes) else {
+            return Err(InputError::file(
+                &file,
+                "not UTF-8 text; this is not a headset profile",
+            ));
+        };
+        Self::from_toml(&file, text.strip_prefix('\u{feff}').unwrap_or(text))
+    }
+
+    /// A profile from TOML text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// Syntax, unknown or missing keys, or values out of range, with line and field.
+    pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
+        let profile: ProfileToml = toml::from_str(text).map_err(|error| {
+            let span = error.span().unwrap_or(0..0);
+            let (line, field) = locate(text, span.start);
+            InputError {
+                field,
+                ..InputError::line(file, line, error.message().replace('\n', " "))
+            }
+        })?;
+        profile.check(file, text)
+    }
+
+    /// Both eyes of a head at `world_from_head`.
+    #[must_use]
+    pub fn views_from_head(&self, world_from_head: &Pose) -> [View; 2] {
+        self.eyes.map(|eye| {
+            let world_from_eye = world_from_head.then(&eye.head_from_eye);
+            View {
+                position_in_world: world_from_eye.position,
+                // The product of unit quaternions drifts by rounding; see validation::unit_quaternion.
+                orientation: world_from_eye.orientation.normalize(),
+                fov: eye.fov,
+            }
+        })
+    }
+
+    /// Parallel eyes `ipd_m` metres apart, at (-ipd/2, 0, 0) and (+ipd/2, 0, 0): replaces the profile's
+    /// eye offsets and cant. The angles stay.
+    ///
+    /// # Errors
+    /// `ipd_m` is negative, over 1 m, or not finite.
+    pub fn with_ipd(mut self, ipd_m: f64) -> Result<Self, XrError> {
+        if !(0.0..=MAX_IPD_M).contains(&ipd_m) {
+            return Err(super::ArgumentError(format!(
+                "interpupillary distance {ipd_m} m is not between 0 and {MAX_IPD_M} m"
+            ))
+            .into());
+        }
+        self.ipd_m = ipd_m;
+        self.make_parallel();
+        Ok(self)
+    }
+
+    /// The same field of view for both eyes, with parallel eyes: replaces the profile's angles, eye offsets and cant. The
+    /// distance between the eyes stays.
+    ///
+    /// # Errors
+    /// Angles out of order or beyond +-89 degrees.
+    pub fn with_fov(mut self, fov: Fov) -> Result<Self, XrError> {
+        validation::check_fov(&fov)
+            .map_err(|fault| super::ArgumentError(format!("field of view, {fault}")))?;
+        for eye in &mut self.eyes {
+            eye.fov = fov;
+        }
+        self.make_parallel();
+        Ok(self)
+    }
+
+    /// Another number of pixels per eye.
+    ///
+    /// # Errors
+    /// A side is 0 or over 16,384.
+    pub fn with_size(mut self, width: u32, height: u32) -> Result<Self, XrError> {
+        if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
+            return Err(super::ArgumentError(format!(
+                "size {width}x{height}: each side must be between 1 and {MAX_SIZE} pixels"
+            ))
+            .into());
+        }
+        self.size = [width, height];
+        Ok(self)
+    }
+
+    /// Another refresh rate; any rate, not only those that the real display offers.
+    ///
+    /// # Errors
+    /// Not between 1 and 1000 Hz.
+    pub fn with_refresh_hz(mut self, refresh_hz: f64) -> Result<Self, XrError> {
+        if !REFRESH_RANGE_HZ.contains(&refresh_hz) {
+            return Err(super::ArgumentError(format!(
+                "refresh rate {refresh_hz} Hz is not between 1 and 1000 Hz"
+            ))
+            .into());
+        }
+        self.refresh_hz = refresh_hz;
+        Ok(self)
+    }
+
+    fn make_parallel(&mut self) {
+        let half = 0.5 * self.ipd_m;
+        // 0 - half and not -half: at IPD 0 both eyes sit at +0.
+        for (eye, x) in self.eyes.iter_mut().zip([0.0 - half, half]) {
+            eye.head_from_eye = Pose::new(DVec3::new(x, 0.0, 0.0), DQuat::IDENTITY);
+        }
+    }
+}
+
+/// Largest distance between the eyes, metres. Human IPDs end at 80 mm (Dodgson 2004); experiments may go far beyond, a metre is a mistaken unit.
+pub const MAX_IPD_M: f64 = 1.0;
+
+/// Refresh rates that make sense, hertz; written by hand or not, they divide a second.
+pub(super) const REFRESH_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProfileToml {
+    name: Spanned<String>,
+    source: String,
+    size: Spanned<[u32; 2]>,
+    refresh_hz: Spanned<f64>,
+    #[serde(default)]
+    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
+    ipd_m: Spanned<f64>,
+    left: EyeToml,
+    right: EyeToml,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EyeToml {
+    fov_deg: Spanned<FovToml>,
+    #[serde(default)]
+    cant_deg: Option<Spanned<CantToml>>,
+    #[serde(default)]
+    offset_m: Option<Spanned<[f64; 3]>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FovToml {
+    left: f64,
+    right: f64,
+    up: f64,
+    down: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CantToml {
+    #[serde(default)]
+    yaw: f64,
+    #[serde(default)]
+    pitch: f64,
+    #[serde(default)]
+    roll: f64,
+}
+
+impl ProfileToml {
+    fn check(self, file: &str, text: &str) -> Result<Headset, InputError> {
+        let fault = |span: Range<usize>, field: &str, what: String| {
+            InputError::field(file, locate(text, span.start).0, field, what)
+        };
+        if self.name.get_ref().trim().is_empty() {
+            return Err(fault(self.name.span(), "name", "is empty".into()));
+        }
+        let size = *self.size.get_ref();
+        if size.iter().any(|side| !(1..=MAX_SIZE).contains(side)) {
+            let what = format!("each side must be between 1 and {MAX_SIZE} pixels");
+            return Err(fault(self.size.span(), "size", what));
+        }
+        let ipd_m = *self.ipd_m.get_ref();
+        if !(0.0..=MAX_IPD_M).contains(&ipd_m) {
+            let what = format!("{ipd_m} m is not between 0 and {MAX_IPD_M} m");
+            return Err(fault(self.ipd_m.span(), "ipd_m", what));
+        }
+        let refresh_hz = *self.refresh_hz.get_ref();
+        if !REFRESH_RANGE_HZ.contains(&refresh_hz) {
+            let what = format!("{refresh_hz} Hz is not between 1 and 1000 Hz");
+            return Err(fault(self.refresh_hz.span(), "refresh_hz", what));
+        }
+        let refresh_rates_hz = match self.refresh_rates_hz {
+            None => vec![refresh_hz],
+            Some(rates) => {
+                let ok = rates
+                    .get_ref()
+                    .iter()
+                    .all(|hz| REFRESH_RANGE_HZ.contains(hz))
+                    && rates.get_ref().contains(&refresh_hz);
+                if !ok {
+                    let what = format!(
+                        "must hold rates between 1 and 1000 Hz, and refresh_hz ({refresh_hz}) among them"
+                    );
+                    return Err(fault(rates.span(), "refresh_rates_hz", what));
+                }
+                rates.into_inner()
+            }
+        };
+        let eye = |name: &str, toml: EyeToml, x: f64| -> Result<HeadsetEye, InputError> {
+            let span = toml.fov_deg.span();
+            let fov = toml.fov_deg.into_inner();
+            let fov = Fov::from_degrees(fov.left, fov.right, fov.up, fov.down);
+            validation::check_fov(&fov)
+                .map_err(|f| fault(span, &format!("{name}.fov_deg.{}", f.field), f.what))?;
+            let mut orientation = DQuat::IDENTITY;
+            if let Some(cant) = toml.cant_deg {
+                let span = cant.span();
+                let CantToml { yaw, pitch, roll } = cant.into_inner();
+                if [yaw, pitch, roll]
+                    .iter()
+                    .any(|a| a.is_nan() || a.abs() > 90.0)
+                {
+                    let what = "each angle must be within +-90 degrees".into();
+                    return Err(fault(span, &format!("{name}.cant_deg"), what));
+                }
+                orientation = DQuat::from_euler(
+                    EulerRot::YXZ,
+                    yaw.to_radians(),
+                    pitch.to_radians(),
+                    roll.to_radians(),
+                )
+                .normalize();
+            }
+            let mut offset = DVec3::ZERO;
+            if let Some(spanned) = toml.offset_m {
+                offset = DVec3::from_array(*spanned.get_ref());
+                if !offset.is_finite() || offset.abs().max_element() > MAX_IPD_M {
+                    let what = format!("each coordinate must be within +-{MAX_IPD_M} m");
+                    return Err(fault(spanned.span(), &format!("{name}.offset_m"), what));
+                }
+            }
+            Ok(HeadsetEye {
+                head_from_eye: Pose::new(DVec3::new(x, 0.0, 0.0) + offset, orientation),
+                fov,
+            })
+        };
+        let eyes = [
+            eye("left", self.left, -0.5 * ipd_m)?,
+            eye("right", self.right, 0.5 * ipd_m)?,
+        ];
+        Ok(Headset {
+            name: self.name.into_inner(),
+            source: self.source,
+            size,
+            refresh_hz,
+            refresh_rates_hz,
+            ipd_m,
+            eyes,
+        })
+    }
+}
+
+/// The 1-based line of byte `offset`, and the key that is set there, with its table.
+fn locate(text: &str, offset: usize) -> (usize, Option<String>) {
+    let (mut table, mut key) = (String::new(), None);
+    let mut line = 0;
+    let mut start = 0;
+    for (index, content) in text.split_inclusive('\n').enumerate() {
+        line = index + 1;
+        let trimmed = content.trim();
+        if let Some(header) = trimmed.strip_prefix('[') {
+            table = header.split(']').next().unwrap_or("").trim().to_owned();
+            key = (!table.is_empty()).then(|| table.clone());
+        } else if !trimmed.starts_with('#')
+            && let Some((name, _)) = trimmed.split_once('=')
+        {
+            let name = name.trim();
+            key = Some(if table.is_empty() {
+                name.to_owned()
+            } else {
+                format!("{table}.{name}")
+            });
+        }
+        start += content.len();
+        if start > offset {
+            break;
+        }
+    }
+    (line.max(1), key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::locate;
+
+    #[test]
+    fn bytes_are_located_by_line_and_key() {
+        let text = "a = 1\n# b = 2\n[left]\nfov = { left = 1,\n right = 2 }\n";
+        let at = |needle: &str| locate(text, text.find(needle).unwrap_or(0));
+        assert_eq!(at("a ="), (1, Some("a".into())));
+        assert_eq!(at("[left"), (3, Some("left".into())));
+        assert_eq!(at("fov"), (4, Some("left.fov".into())));
+        assert_eq!(locate("", 0), (1, None));
+    }
+}

@@ -1,0 +1,480 @@
+//! What the wearer does: hands, buttons, gaze.
+//!
+//! A session locates it for the time at which the frame is seen, as it does with the eyes
+//! ([`super::XrSession::locate_input`]). Everything an application can react to is in here, and a recording holds all of
+//! it, so that a replay drives the application through the same frames.
+
+use glam::{DQuat, DVec2, DVec3};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::trace::Fields;
+use super::validation::{Fault, check_position, unit_quaternion};
+use stereolux_base::pose::Pose;
+
+/// What the wearer does in one frame. At rest, with nothing tracked, it equals `Input::default()`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Input {
+    /// Left hand, right hand.
+    pub hands: [Hand; 2],
+    /// World from gaze: -Z is where the eyes look; `None` where nothing tracks them.
+    pub gaze: Option<Pose>,
+}
+
+/// Which hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+impl Side {
+    /// Both, in the order of [`Input::hands`].
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
+
+    /// `left` or `right`, as files say it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// A hand, or the controller in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hand {
+    /// Where the palm holds things (OpenXR 1.1, section 6.3.2 "Standard pose identifiers", `grip`); `None`: not tracked.
+    pub grip: Option<Tracked>,
+    /// Where the hand points: along -Z; `None`: not tracked.
+    pub aim: Option<Tracked>,
+    /// How far the trigger is pulled, 0 to 1.
+    pub trigger: f64,
+    /// How far the grip button is squeezed, 0 to 1.
+    pub squeeze: f64,
+    /// Stick or pad: right and forward, each -1 to 1.
+    pub stick: DVec2,
+    /// Buttons that are held down.
+    pub pressed: Buttons,
+    /// Buttons that a finger rests on; none where the controller does not feel it.
+    pub touched: Buttons,
+    /// Joints of the tracked hand; `None` where the runtime tracks none.
+    pub joints: Option<Box<[Joint; JOINTS]>>,
+}
+
+/// Joints of a hand, in the order of `XrHandJointEXT`: palm, wrist, then thumb to little finger from the root to the tip.
+pub const JOINTS: usize = 26;
+
+/// A pose with how it changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tracked {
+    /// World from hand.
+    pub pose: Pose,
+    /// Metres per second in the world; 0 where the runtime does not say.
+    pub linear_velocity: DVec3,
+    /// Radians per second about the world's axes; 0 where the runtime does not say.
+    pub angular_velocity: DVec3,
+}
+
+impl Tracked {
+    /// At rest.
+    #[must_use]
+    pub fn still(pose: Pose) -> Self {
+        Self {
+            pose,
+            linear_velocity: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
+        }
+    }
+
+    /// Where it points: its -Z axis in the world.
+    #[must_use]
+    pub fn direction(&self) -> DVec3 {
+        self.pose.orientation * DVec3::NEG_Z
+    }
+}
+
+/// One joint of a hand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// World from joint.
+    pub pose: Pose,
+    /// Distance from the joint to the skin, metres.
+    pub radius_m: f64,
+}
+
+/// A button of a controller. What a controller lacks is never pressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Button {
+    /// Under the index finger; `select` of a simple controller, a pinch of a tracked hand.
+    Trigger,
+    /// Under the middle finger; a tracked hand's fist.
+    Squeeze,
+    /// The stick or the pad, pushed in.
+    Stick,
+    /// X on the left, A on the right.
+    Primary,
+    /// Y on the left, B on the right.
+    Secondary,
+    /// Menu.
+    Menu,
+}
+
+impl Button {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::Trigger,
+        Self::Squeeze,
+        Self::Stick,
+        Self::Primary,
+        Self::Secondary,
+        Self::Menu,
+    ];
+
+    /// Its name in files.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Trigger => "trigger",
+            Self::Squeeze => "squeeze",
+            Self::Stick => "stick",
+            Self::Primary => "primary",
+            Self::Secondary => "secondary",
+            Self::Menu => "menu",
+        }
+    }
+
+    /// The button of that name, or which names there are.
+    pub fn named(word: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|button| button.word() == word);
+        found.ok_or_else(|| {
+            let known = Self::ALL.map(Self::word).join(", ");
+            format!("{word:?} is no button; known here: {known}")
+        })
+    }
+}
+
+/// A set of buttons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Buttons(u8);
+
+impl Buttons {
+    /// Whether a button is among them.
+    #[must_use]
+    pub fn has(self, button: Button) -> bool {
+        self.0 & (1 << button as u8) != 0
+    }
+
+    /// With this button as well, if `is_in`.
+    #[must_use]
+    pub fn with(self, button: Button, is_in: bool) -> Self {
+        Self(self.0 | (u8::from(is_in) << button as u8))
+    }
+
+    /// Those that are not in `other`.
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// The names in files.
+    fn words(self) -> Vec<&'static str> {
+        let all = Button::ALL.into_iter();
+        all.filter(|button| self.has(*button))
+            .map(Button::word)
+            .collect()
+    }
+}
+
+impl FromIterator<Button> for Buttons {
+    fn from_iter<I: IntoIterator<Item = Button>>(buttons: I) -> Self {
+        let all = buttons.into_iter();
+        all.fold(Self::default(), |set, button| set.with(button, true))
+    }
+}
+
+impl Input {
+    /// The hand of a side.
+    #[must_use]
+    pub fn hand(&self, side: Side) -> &Hand {
+        &self.hands[side as usize]
+    }
+
+    /// Checks what comes from outside and returns it with unit quaternions.
+    ///
+    /// # Errors
+    /// The first fault, its field named as in a recording (`input.left.grip.orientation`).
+    pub fn checked(&self) -> Result<Self, Fault> {
+        let mut checked = self.clone();
+        for (side, hand) in Side::BOTH.into_iter().zip(&mut checked.hands) {
+            hand.check()
+                .map_err(|fault| fault.under(side.word()).under("input"))?;
+        }
+        if let Some(gaze) = &mut checked.gaze {
+            check_pose(gaze).map_err(|fault| fault.under("input.gaze"))?;
+        }
+        Ok(checked)
+    }
+
+    /// As a recording holds it: only what is not at rest. `None`: nothing.
+    pub(super) fn json(&self) -> Option<InputJson> {
+        let [left, right] = &self.hands;
+        (*self != Self::default()).then(|| InputJson {
+            left: left.json(),
+            right: right.json(),
+            gaze: self.gaze.as_ref().map(PoseJson::of),
+        })
+    }
+
+    /// Reads what [`Input::json`] wrote; `value` is the field `input`.
+    pub(super) fn read(value: &Value) -> Result<Self, Fault> {
+        let fields = Fields::of("input", value, &["left", "right", "gaze"])?;
+        let hand = |key| fields.optional(key, Hand::read);
+        let input = Self {
+            hands: [
+                hand("left")?.unwrap_or_default(),
+                hand("right")?.unwrap_or_default(),
+            ],
+            gaze: fields.optional("gaze", |path, value| {
+                let fields = Fields::of(path, value, &["position", "orientation"])?;
+                read_pose(&fields)
+            })?,
+        };
+        input.checked()
+    }
+}
+
+impl Hand {
+    fn check(&mut self) -> Result<(), Fault> {
+        for (name, tracked) in [("grip", &mut self.grip), ("aim", &mut self.aim)] {
+            if let Some(tracked) = tracked {
+                check_pose(&mut tracked.pose).map_err(|fault| fault.under(name))?;
+                for (velocity, value) in [
+                    ("linear_velocity", tracked.linear_velocity),
+                    ("angular_velocity", tracked.angular_velocity),
+                ] {
+                    if !value.is_finite() {
+                        let fault = Fault::new(velocity, format!("{value} is not finite"));
+                        return Err(fault.under(name));
+                    }
+                }
+            }
+        }
+        let within = |name: &str, value: f64, low: f64| {
+            // NaN lies in no range.
+            if (low..=1.0).contains(&value) {
+                return Ok(());
+            }
+            let what = format!("{value} is not between {low} and 1");
+            Err(Fault::new(name, what))
+        };
+        within("trigger", self.trigger, 0.0)?;
+        within("squeeze", self.squeeze, 0.0)?;
+        within("stick[0]", self.stick.x, -1.0)?;
+        within("stick[1]", self.stick.y, -1.0)?;
+        let joints = self.joints.iter_mut().flat_map(|joints| joints.iter_mut());
+        for (index, joint) in joints.enumerate() {
+            let name = format!("joints[{index}]");
+            check_pose(&mut joint.pose).map_err(|fault| fault.under(&name))?;
+            if !(0.0..=1.0).contains(&joint.radius_m) {
+                let what = format!("{} m is not between 0 and 1", joint.radius_m);
+                return Err(Fault::new("radius_m", what).under(&name));
+            }
+        }
+        Ok(())
+    }
+
+    fn json(&self) -> Option<HandJson> {
+        let joint = |joint: &Joint| JointJson {
+            pose: PoseJson::of(&joint.pose),
+            radius_m: joint.radius_m,
+        };
+        (*self != Self::default()).then(|| HandJson {
+            grip: self.grip.as_ref().map(TrackedJson::of),
+            aim: self.aim.as_ref().map(TrackedJson::of),
+            trigger: self.trigger,
+            squeeze: self.squeeze,
+            stick: self.stick.to_array(),
+            pressed: self.pressed.words(),
+            touched: self.touched.words(),
+            joints: self
+                .joints
+                .as_ref()
+                .map(|joints| joints.iter().map(joint).collect()),
+        })
+    }
+
+    fn read(path: &str, value: &Value) -> Result<Self, Fault> {
+        let known = [
+            "grip", "aim", "trigger", "squeeze", "stick", "pressed", "touched", "joints",
+        ];
+        let fields = Fields::of(path, value, &known)?;
+        let share = |key| fields.optional(key, |_, _| fields.number(key));
+        let buttons = |key| fields.optional(key, read_buttons);
+        Ok(Self {
+            grip: fields.optional("grip", read_tracked)?,
+            aim: fields.optional("aim", read_tracked)?,
+            trigger: share("trigger")?.unwrap_or_default(),
+            squeeze: share("squeeze")?.unwrap_or_default(),
+            stick: fields
+                .optional("stick", |_, _| fields.numbers("stick"))?
+                .map_or(DVec2::ZERO, DVec2::from_array),
+            pressed: buttons("pressed")?.unwrap_or_default(),
+            touched: buttons("touched")?.unwrap_or_default(),
+            joints: fields.optional("joints", read_joints)?,
+        })
+    }
+}
+
+fn check_pose(pose: &mut Pose) -> Result<(), Fault> {
+    check_position(pose.position)?;
+    let q = pose.orientation;
+    pose.orientation =
+        unit_quaternion(q.x, q.y, q.z, q.w).map_err(|what| Fault::new("orientation", what))?;
+    Ok(())
+}
+
+fn read_pose(fields: &Fields<'_>) -> Result<Pose, Fault> {
+    // `Input::checked` looks at the numbers.
+    Ok(Pose::new(
+        DVec3::from_array(fields.numbers("position")?),
+        DQuat::from_array(fields.numbers("orientation")?),
+    ))
+}
+
+fn read_tracked(path: &str, value: &Value) -> Result<Tracked, Fault> {
+    let known = [
+        "position",
+        "orientation",
+        "linear_velocity",
+        "angular_velocity",
+    ];
+    let fields = Fields::of(path, value, &known)?;
+    let velocity = |key| {
+        let numbers = fields.optional(key, |_, _| fields.numbers(key));
+        numbers.map(|numbers| numbers.map_or(DVec3::ZERO, DVec3::from_array))
+    };
+    Ok(Tracked {
+        pose: read_pose(&fields)?,
+        linear_velocity: velocity("linear_velocity")?,
+        angular_velocity: velocity("angular_velocity")?,
+    })
+}
+
+fn read_buttons(path: &str, value: &Value) -> Result<Buttons, Fault> {
+    let words = value.as_array().ok_or_else(|| {
+        let what = format!("{value} is not an array of buttons' names");
+        Fault::new(path, what)
+    })?;
+    let button = |word: &Value| match word.as_str() {
+        Some(word) => Button::named(word).map_err(|what| Fault::new(path, what)),
+        None => Err(Fault::new(path, format!("{word} is not a button's name"))),
+    };
+    words.iter().map(button).collect()
+}
+
+fn read_joints(path: &str, value: &Value) -> Result<Box<[Joint; JOINTS]>, Fault> {
+    let wrong = |what: String| Fault::new(path, what);
+    let values = value
+        .as_array()
+        .ok_or_else(|| wrong(format!("is not an array of {JOINTS} joints")))?;
+    let mut joints = Vec::with_capacity(JOINTS);
+    for (index, value) in values.iter().enumerate() {
+        let path = format!("{path}[{index}]");
+        let fields = Fields::of(&path, value, &["position", "orientation", "radius_m"])?;
+        joints.push(Joint {
+            pose: read_pose(&fields)?,
+            radius_m: fields.number("radius_m")?,
+        });
+    }
+    let count = joints.len();
+    joints
+        .try_into()
+        .map_err(|_| wrong(format!("holds {count} joints, not {JOINTS}")))
+}
+
+/// `input` of a frame's line.
+#[derive(Serialize)]
+pub(super) struct InputJson {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left: Option<HandJson>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    right: Option<HandJson>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaze: Option<PoseJson>,
+}
+
+#[derive(Serialize)]
+struct HandJson {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    grip: Option<TrackedJson>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    aim: Option<TrackedJson>,
+    #[serde(skip_serializing_if = "is_zero")]
+    trigger: f64,
+    #[serde(skip_serializing_if = "is_zero")]
+    squeeze: f64,
+    #[serde(skip_serializing_if = "are_zero")]
+    stick: [f64; 2],
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pressed: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    touched: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joints: Option<Vec<JointJson>>,
+}
+
+#[derive(Serialize)]
+struct PoseJson {
+    position: [f64; 3],
+    orientation: [f64; 4],
+}
+
+impl PoseJson {
+    fn of(pose: &Pose) -> Self {
+        Self {
+            position: pose.position.to_array(),
+            orientation: pose.orientation.to_array(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct TrackedJson {
+    #[serde(flatten)]
+    pose: PoseJson,
+    #[serde(skip_serializing_if = "are_zero")]
+    linear_velocity: [f64; 3],
+    #[serde(skip_serializing_if = "are_zero")]
+    angular_velocity: [f64; 3],
+}
+
+impl TrackedJson {
+    fn of(tracked: &Tracked) -> Self {
+        Self {
+            pose: PoseJson::of(&tracked.pose),
+            linear_velocity: tracked.linear_velocity.to_array(),
+            angular_velocity: tracked.angular_velocity.to_array(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct JointJson {
+    #[serde(flatten)]
+    pose: PoseJson,
+    radius_m: f64,
+}
+
+/// Whether a number may be left out; -0 may not, so that what is read and written again gives the same bytes.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_zero(value: &f64) -> bool {
+    value.to_bits() == 0
+}
+
+fn are_zero<const N: usize>(values: &[f64; N]) -> bool {
+    values.iter().all(is_zero)
+}

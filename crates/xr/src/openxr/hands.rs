@@ -1,0 +1,332 @@
+//! Hands as OpenXR has them: poses, buttons, sticks and vibration of both controllers, in an action set of their own.
+
+use glam::{DVec2, DVec3};
+use openxr as xr;
+
+use super::{pose_of, vector_of};
+use crate::input::{Button, Buttons, Hand, Input, Side, Tracked};
+use stereolux_base::pose::Pose;
+use stereolux_gpu::vulkan_interop::openxr as interop;
+
+/// Deflection from which a trigger or a squeeze counts as pressed.
+const PRESSED_FROM: f32 = 0.5;
+
+/// Sources of one interaction profile, below `/user/hand/SIDE/input/`; empty: the controller has none. Where left and right
+/// differ, both are given, left first. Every profile has grip, aim and haptics besides.
+struct Sources {
+    trigger: &'static str,
+    squeeze: &'static str,
+    stick: &'static str,
+    buttons: &'static [(Button, [&'static str; 2])],
+    touches: &'static [(Button, [&'static str; 2])],
+}
+
+const fn both(path: &'static str) -> [&'static str; 2] {
+    [path, path]
+}
+
+/// Interaction profiles of the OpenXR 1.0 core.
+const PROFILES: &[(&str, Sources)] = &[
+    (
+        "/interaction_profiles/khr/simple_controller",
+        Sources {
+            trigger: "select/click",
+            squeeze: "",
+            stick: "",
+            buttons: &[(Button::Menu, both("menu/click"))],
+            touches: &[],
+        },
+    ),
+    (
+        "/interaction_profiles/oculus/touch_controller",
+        Sources {
+            trigger: "trigger/value",
+            squeeze: "squeeze/value",
+            stick: "thumbstick",
+            buttons: &[
+                (Button::Stick, both("thumbstick/click")),
+                (Button::Primary, ["x/click", "a/click"]),
+                (Button::Secondary, ["y/click", "b/click"]),
+                (Button::Menu, ["menu/click", ""]),
+            ],
+            touches: &[
+                (Button::Trigger, both("trigger/touch")),
+                (Button::Stick, both("thumbstick/touch")),
+                (Button::Primary, ["x/touch", "a/touch"]),
+                (Button::Secondary, ["y/touch", "b/touch"]),
+            ],
+        },
+    ),
+    (
+        "/interaction_profiles/valve/index_controller",
+        Sources {
+            trigger: "trigger/value",
+            squeeze: "squeeze/value",
+            stick: "thumbstick",
+            buttons: &[
+                (Button::Stick, both("thumbstick/click")),
+                (Button::Primary, both("a/click")),
+                (Button::Secondary, both("b/click")),
+            ],
+            touches: &[
+                (Button::Trigger, both("trigger/touch")),
+                (Button::Stick, both("thumbstick/touch")),
+                (Button::Primary, both("a/touch")),
+                (Button::Secondary, both("b/touch")),
+            ],
+        },
+    ),
+    (
+        "/interaction_profiles/htc/vive_controller",
+        Sources {
+            trigger: "trigger/value",
+            squeeze: "squeeze/click",
+            stick: "trackpad",
+            buttons: &[
+                (Button::Stick, both("trackpad/click")),
+                (Button::Menu, both("menu/click")),
+            ],
+            touches: &[(Button::Stick, both("trackpad/touch"))],
+        },
+    ),
+    (
+        "/interaction_profiles/microsoft/motion_controller",
+        Sources {
+            trigger: "trigger/value",
+            squeeze: "squeeze/click",
+            stick: "thumbstick",
+            buttons: &[
+                (Button::Stick, both("thumbstick/click")),
+                (Button::Menu, both("menu/click")),
+            ],
+            touches: &[],
+        },
+    ),
+];
+
+/// The actions, and where the hands are.
+pub(super) struct Hands {
+    pub(super) set: xr::ActionSet,
+    /// `/user/hand/left`, `/user/hand/right`.
+    paths: [xr::Path; 2],
+    poses: [xr::Action<xr::Posef>; 2],
+    trigger: xr::Action<f32>,
+    squeeze: xr::Action<f32>,
+    stick: xr::Action<xr::Vector2f>,
+    /// In the order of [`Button::ALL`]; trigger and squeeze go by how far they are pulled.
+    pressed: Vec<(Button, xr::Action<bool>)>,
+    touched: Vec<(Button, xr::Action<bool>)>,
+    haptic: xr::Action<xr::Haptic>,
+    /// Grip and aim of each hand, once the actions are attached.
+    spaces: Option<[[xr::Space; 2]; 2]>,
+}
+
+impl Hands {
+    pub(super) fn new(instance: &xr::Instance) -> xr::Result<Self> {
+        let set = instance.create_action_set("hands", "Hands", 0)?;
+        let paths = [
+            instance.string_to_path("/user/hand/left")?,
+            instance.string_to_path("/user/hand/right")?,
+        ];
+        let of_buttons = |buttons: &[Button], suffix: &str, says: &str| {
+            buttons
+                .iter()
+                .map(|button| {
+                    let name = format!("{}_{suffix}", button.word());
+                    let shown = format!("{} {says}", button.word());
+                    Ok((*button, set.create_action(&name, &shown, &paths)?))
+                })
+                .collect::<xr::Result<Vec<_>>>()
+        };
+        let [_, _, clicked @ ..] = Button::ALL;
+        let felt = [
+            Button::Trigger,
+            Button::Stick,
+            Button::Primary,
+            Button::Secondary,
+        ];
+        Ok(Self {
+            poses: [
+                set.create_action("grip", "Grip", &paths)?,
+                set.create_action("aim", "Aim", &paths)?,
+            ],
+            trigger: set.create_action("trigger", "Trigger", &paths)?,
+            squeeze: set.create_action("squeeze", "Squeeze", &paths)?,
+            stick: set.create_action("stick", "Stick", &paths)?,
+            pressed: of_buttons(&clicked, "click", "pressed")?,
+            touched: of_buttons(&felt, "touch", "touched")?,
+            haptic: set.create_action("haptic", "Vibration", &paths)?,
+            paths,
+            spaces: None,
+            set,
+        })
+    }
+
+    /// What to suggest for a profile, beside the other actions' bindings.
+    pub(super) fn bindings<'a>(
+        &'a self,
+        instance: &xr::Instance,
+        profile: &str,
+    ) -> xr::Result<Vec<xr::Binding<'a>>> {
+        let known = PROFILES.iter().find(|(name, _)| *name == profile);
+        let Some((_, sources)) = known else {
+            return Ok(Vec::new());
+        };
+        let mut bindings = Vec::new();
+        for side in Side::BOTH {
+            let hand = format!("/user/hand/{}", side.word());
+            let path = |source: &str| instance.string_to_path(&format!("{hand}/{source}"));
+            let input = |source: &str| path(&format!("input/{source}"));
+            bindings.push(xr::Binding::new(&self.poses[0], input("grip/pose")?));
+            bindings.push(xr::Binding::new(&self.poses[1], input("aim/pose")?));
+            bindings.push(xr::Binding::new(&self.haptic, path("output/haptic")?));
+            for (action, source) in [
+                (&self.trigger, sources.trigger),
+                (&self.squeeze, sources.squeeze),
+            ] {
+                if !source.is_empty() {
+                    bindings.push(xr::Binding::new(action, input(source)?));
+                }
+            }
+            if !sources.stick.is_empty() {
+                bindings.push(xr::Binding::new(&self.stick, input(sources.stick)?));
+            }
+            for (actions, sources) in [
+                (&self.pressed, sources.buttons),
+                (&self.touched, sources.touches),
+            ] {
+                for (button, by_side) in sources {
+                    let source = by_side[side as usize];
+                    let action = actions.iter().find(|(known, _)| known == button);
+                    if let Some((_, action)) = action.filter(|_| !source.is_empty()) {
+                        bindings.push(xr::Binding::new(action, input(source)?));
+                    }
+                }
+            }
+        }
+        Ok(bindings)
+    }
+
+    /// Makes the spaces of grips and aims, when the set is attached.
+    pub(super) fn attached<G>(&mut self, session: &xr::Session<G>) -> xr::Result<()> {
+        let space = |pose: usize, hand: usize| {
+            self.poses[pose].create_space(session, self.paths[hand], xr::Posef::IDENTITY)
+        };
+        self.spaces = Some([[space(0, 0)?, space(1, 0)?], [space(0, 1)?, space(1, 1)?]]);
+        Ok(())
+    }
+
+    /// What the hands do at `time`, from the last sync: `base` lies in the world at `world_from_base`.
+    pub(super) fn read<G>(
+        &self,
+        session: &xr::Session<G>,
+        base: &xr::Space,
+        world_from_base: &Pose,
+        time: xr::Time,
+    ) -> xr::Result<Input> {
+        let mut input = Input::default();
+        let Some(spaces) = &self.spaces else {
+            return Ok(input);
+        };
+        for ((hand, path), [grip, aim]) in input.hands.iter_mut().zip(self.paths).zip(spaces) {
+            hand.grip = tracked(grip, base, world_from_base, time)?;
+            hand.aim = tracked(aim, base, world_from_base, time)?;
+            self.read_buttons(session, path, hand)?;
+        }
+        Ok(input)
+    }
+
+    fn read_buttons<G>(
+        &self,
+        session: &xr::Session<G>,
+        path: xr::Path,
+        hand: &mut Hand,
+    ) -> xr::Result<()> {
+        let pull = |action: &xr::Action<f32>| {
+            let state = action.state(session, path)?;
+            let pull = if state.is_active {
+                within(state.current_state, 0.0)
+            } else {
+                0.0
+            };
+            Ok::<_, xr::sys::Result>(pull)
+        };
+        let [trigger, squeeze] = [pull(&self.trigger)?, pull(&self.squeeze)?];
+        let stick = self.stick.state(session, path)?;
+        if stick.is_active {
+            let xr::Vector2f { x, y } = stick.current_state;
+            let axis = |value: f32| f64::from(within(value, -1.0));
+            hand.stick = DVec2::new(axis(x), axis(y));
+        }
+        let held = |actions: &[(Button, xr::Action<bool>)]| {
+            let mut buttons = Buttons::default();
+            for (button, action) in actions {
+                let state = action.state(session, path)?;
+                buttons = buttons.with(*button, state.is_active && state.current_state);
+            }
+            Ok::<_, xr::sys::Result>(buttons)
+        };
+        hand.trigger = f64::from(trigger);
+        hand.squeeze = f64::from(squeeze);
+        hand.pressed = held(&self.pressed)?
+            .with(Button::Trigger, trigger >= PRESSED_FROM)
+            .with(Button::Squeeze, squeeze >= PRESSED_FROM);
+        hand.touched = held(&self.touched)?;
+        Ok(())
+    }
+
+    /// Lets a controller vibrate; the runtime ignores it where none can.
+    pub(super) fn vibrate<G>(
+        &self,
+        session: &xr::Session<G>,
+        side: Side,
+        duration: xr::Duration,
+        amplitude: f32,
+    ) -> xr::Result<()> {
+        let event = xr::HapticVibration::new()
+            .duration(duration)
+            .frequency(xr::FREQUENCY_UNSPECIFIED)
+            .amplitude(amplitude);
+        self.haptic
+            .apply_feedback(session, self.paths[side as usize], &event)
+    }
+}
+
+/// A runtime's value between `low` and 1; 0 for NaN.
+fn within(value: f32, low: f32) -> f32 {
+    if value.is_nan() {
+        0.0
+    } else {
+        value.clamp(low, 1.0)
+    }
+}
+
+/// A space in the world; `None` while the runtime does not know where it is.
+fn tracked(
+    space: &xr::Space,
+    base: &xr::Space,
+    world_from_base: &Pose,
+    time: xr::Time,
+) -> xr::Result<Option<Tracked>> {
+    let (location, velocity) = interop::relate(space, base, time)?;
+    let known = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
+    if !location.location_flags.contains(known) {
+        return Ok(None);
+    }
+    let in_world = |flag, v: xr::Vector3f| {
+        let is_known = velocity.velocity_flags.contains(flag);
+        let known = is_known.then(|| world_from_base.orientation * vector_of(v));
+        known.unwrap_or(DVec3::ZERO)
+    };
+    Ok(Some(Tracked {
+        pose: world_from_base.then(&pose_of(&location.pose)),
+        linear_velocity: in_world(
+            xr::SpaceVelocityFlags::LINEAR_VALID,
+            velocity.linear_velocity,
+        ),
+        angular_velocity: in_world(
+            xr::SpaceVelocityFlags::ANGULAR_VALID,
+            velocity.angular_velocity,
+        ),
+    }))
+}

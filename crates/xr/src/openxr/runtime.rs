@@ -1,0 +1,348 @@
+//! The runtime before a session: loader, instance, headset, and the adapter that it dictates.
+
+use openxr as xr;
+use serde_json::{Value, json};
+
+use stereolux_base::printable;
+use stereolux_gpu::vulkan_interop::openxr as interop;
+use stereolux_gpu::{GpuContext, GpuError};
+use stereolux_settings::registry::MAX_SIZE;
+
+/// The one view configuration that this program drives.
+pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+
+/// Why there is no runtime to render to; one line each.
+#[derive(Debug, thiserror::Error)]
+pub enum RuntimeError {
+    /// No loader library.
+    #[error(
+        "no OpenXR loader was found ({0}); install a runtime and its loader (on Debian: libopenxr-loader1), or use --session simulated"
+    )]
+    NoLoader(String),
+    /// The loader finds or reaches no runtime.
+    #[error(
+        "no OpenXR runtime answers ({0}); start one, or point XR_RUNTIME_JSON to its manifest, or use --session simulated"
+    )]
+    NoRuntime(String),
+    /// The runtime cannot work with Vulkan.
+    #[error(
+        "the OpenXR runtime offers no Vulkan (XR_KHR_vulkan_enable2); choose another runtime with XR_RUNTIME_JSON"
+    )]
+    NoVulkan,
+    /// The runtime has no headset.
+    #[error("OpenXR runtime {runtime:?} has no headset ({reason}); connect one and switch it on")]
+    NoHeadset {
+        /// Name of the runtime.
+        runtime: String,
+        /// The runtime's words.
+        reason: String,
+    },
+    /// The headset does not show two views.
+    #[error("{system:?} offers no stereo view configuration (two views, left and right)")]
+    NoStereo {
+        /// Name of the headset.
+        system: String,
+    },
+    /// `--adapter` names another adapter than the runtime.
+    #[error("--adapter {wanted:?}: the OpenXR runtime requires {adapter:?}; leave --adapter out")]
+    OtherAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// What the runtime dictates.
+        adapter: String,
+    },
+    /// The runtime names no usable size.
+    #[error(
+        "{system:?} asks for images of {}x{} pixels per eye and takes at most {}x{}; give a size that it takes with --size, or use another runtime",
+        recommended[0], recommended[1], most[0], most[1]
+    )]
+    NoSize {
+        /// Name of the headset.
+        system: String,
+        /// What the runtime recommends.
+        recommended: [u32; 2],
+        /// The runtime's limit.
+        most: [u32; 2],
+    },
+    /// `--size` is more than the runtime takes.
+    #[error("--size {}x{}: the OpenXR runtime takes at most {}x{} pixels per eye", size[0], size[1], most[0], most[1])]
+    TooLarge {
+        /// What was asked for.
+        size: [u32; 2],
+        /// The runtime's limit.
+        most: [u32; 2],
+    },
+    /// Vulkan through the runtime failed.
+    #[error("Vulkan through the OpenXR runtime: {0}")]
+    Vulkan(String),
+    /// Any other call.
+    #[error("{call}: {reason}")]
+    Call {
+        /// The function.
+        call: &'static str,
+        /// The runtime's words.
+        reason: String,
+    },
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+impl RuntimeError {
+    /// True for unusable arguments (exit status 2).
+    #[must_use]
+    pub fn is_unusable_input(&self) -> bool {
+        matches!(self, Self::OtherAdapter { .. } | Self::TooLarge { .. })
+    }
+}
+
+/// For `map_err`: an error of `call`.
+pub(super) fn failed(call: &'static str) -> impl FnOnce(xr::sys::Result) -> RuntimeError {
+    move |result| RuntimeError::Call {
+        call,
+        reason: result.to_string(),
+    }
+}
+
+/// Optional extensions in use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Offered {
+    pub(super) depth_layer: bool,
+    pub(super) visibility_mask: bool,
+    pub(super) refresh_rate: bool,
+}
+
+/// A runtime with a headset, ready for a session.
+pub struct Runtime {
+    pub(super) instance: xr::Instance,
+    pub(super) system: xr::SystemId,
+    pub(super) offered: Offered,
+    pub(super) blend_mode: xr::EnvironmentBlendMode,
+    views: [xr::ViewConfigurationView; 2],
+    name: String,
+    version: String,
+    headset: String,
+    extensions: Vec<String>,
+}
+
+impl Runtime {
+    /// Finds loader, runtime and headset.
+    ///
+    /// # Errors
+    /// [`RuntimeError`], saying which of them is missing.
+    pub fn find() -> Result<Self, RuntimeError> {
+        let entry =
+            interop::load_entry().map_err(|error| RuntimeError::NoLoader(one_line(&error)))?;
+        let no_runtime = |error: xr::sys::Result| RuntimeError::NoRuntime(error.to_string());
+        let available = entry.enumerate_extensions().map_err(no_runtime)?;
+        if !available.khr_vulkan_enable2 {
+            return Err(RuntimeError::NoVulkan);
+        }
+        let offered = Offered {
+            depth_layer: available.khr_composition_layer_depth,
+            visibility_mask: available.khr_visibility_mask,
+            refresh_rate: available.fb_display_refresh_rate,
+        };
+        let mut enabled = xr::ExtensionSet::default();
+        enabled.khr_vulkan_enable2 = true;
+        enabled.khr_composition_layer_depth = offered.depth_layer;
+        enabled.khr_visibility_mask = offered.visibility_mask;
+        enabled.fb_display_refresh_rate = offered.refresh_rate;
+        let application = xr::ApplicationInfo {
+            application_name: "stereolux",
+            application_version: 1,
+            engine_name: "stereolux",
+            engine_version: 1,
+            // 1.0: nothing newer is used, and older runtimes refuse 1.1.
+            api_version: xr::Version::new(1, 0, 0),
+        };
+        let instance = entry
+            .create_instance(&application, &enabled, &[], &())
+            .map_err(no_runtime)?;
+        let properties = instance
+            .properties()
+            .map_err(failed("xrGetInstanceProperties"))?;
+        let name = one_line(&properties.runtime_name);
+        let system = instance
+            .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
+            .map_err(|error| RuntimeError::NoHeadset {
+                runtime: name.clone(),
+                reason: error.to_string(),
+            })?;
+        let headset = one_line(
+            &instance
+                .system_properties(system)
+                .map_err(failed("xrGetSystemProperties"))?
+                .system_name,
+        );
+        let no_stereo = || RuntimeError::NoStereo {
+            system: headset.clone(),
+        };
+        let configurations = instance
+            .enumerate_view_configurations(system)
+            .map_err(failed("xrEnumerateViewConfigurations"))?;
+        if !configurations.contains(&STEREO) {
+            return Err(no_stereo());
+        }
+        let views = instance
+            .enumerate_view_configuration_views(system, STEREO)
+            .map_err(failed("xrEnumerateViewConfigurationViews"))?;
+        let views = <[_; 2]>::try_from(views).map_err(|_| no_stereo())?;
+        // A scene that fills the view: the first mode that does not show the room, else what there is.
+        let modes = instance
+            .enumerate_environment_blend_modes(system, STEREO)
+            .map_err(failed("xrEnumerateEnvironmentBlendModes"))?;
+        let blend_mode = modes
+            .iter()
+            .find(|mode| **mode == xr::EnvironmentBlendMode::OPAQUE)
+            .or(modes.first())
+            .copied()
+            .unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
+        let extensions = available
+            .names()
+            .into_iter()
+            .map(|name| {
+                String::from_utf8_lossy(name)
+                    .trim_end_matches('\0')
+                    .to_owned()
+            })
+            .collect();
+        Ok(Self {
+            system,
+            offered,
+            blend_mode,
+            views,
+            version: properties.runtime_version.to_string(),
+            name,
+            headset,
+            extensions,
+            instance,
+        })
+    }
+
+    /// Name and version.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("{} {}", self.name, self.version)
+    }
+
+    /// The headset's name.
+    #[must_use]
+    pub fn headset(&self) -> &str {
+        &self.headset
+    }
+
+    /// Pixels per eye that the runtime recommends, within what it takes. Both eyes get the same, as everywhere in this
+    /// program: the larger. [`Runtime::size`] refuses what makes no sense.
+    #[must_use]
+    pub fn recommended_size(&self) -> [u32; 2] {
+        let [left, right] = &self.views;
+        let most = self.largest_size();
+        [
+            left.recommended_image_rect_width
+                .max(right.recommended_image_rect_width)
+                .min(most[0]),
+            left.recommended_image_rect_height
+                .max(right.recommended_image_rect_height)
+                .min(most[1]),
+        ]
+    }
+
+    /// Pixels per eye that it takes at most.
+    #[must_use]
+    pub fn largest_size(&self) -> [u32; 2] {
+        let [left, right] = &self.views;
+        [
+            left.max_image_rect_width.min(right.max_image_rect_width),
+            left.max_image_rect_height.min(right.max_image_rect_height),
+        ]
+    }
+
+    /// The size to render: `wanted`, or what the runtime recommends.
+    ///
+    /// # Errors
+    /// [`RuntimeError::TooLarge`], [`RuntimeError::NoSize`].
+    pub fn size(&self, wanted: Option<[u32; 2]>) -> Result<[u32; 2], RuntimeError> {
+        let most = self.largest_size();
+        let size = wanted.unwrap_or_else(|| self.recommended_size());
+        if size.iter().chain(&most).any(|side| *side == 0)
+            || size.iter().any(|side| *side > MAX_SIZE)
+        {
+            return Err(RuntimeError::NoSize {
+                system: self.headset.clone(),
+                recommended: self.recommended_size(),
+                most,
+            });
+        }
+        if size[0] > most[0] || size[1] > most[1] {
+            return Err(RuntimeError::TooLarge { size, most });
+        }
+        Ok(size)
+    }
+
+    /// The device on the adapter that the runtime dictates; `wanted` is `--adapter`.
+    ///
+    /// # Errors
+    /// [`RuntimeError::OtherAdapter`], [`RuntimeError::Vulkan`] or [`RuntimeError::Gpu`].
+    pub fn open_device(&self, wanted: Option<&str>) -> Result<GpuContext, RuntimeError> {
+        // The specification wants this asked before a session is made.
+        self.instance
+            .graphics_requirements::<xr::Vulkan>(self.system)
+            .map_err(failed("xrGetVulkanGraphicsRequirements2KHR"))?;
+        let (instance, adapter) = interop::adapter_of_runtime(&self.instance, self.system)
+            .map_err(RuntimeError::Vulkan)?;
+        let info = adapter.get_info();
+        if let Some(wanted) = wanted
+            && !info.name.to_lowercase().contains(&wanted.to_lowercase())
+        {
+            return Err(RuntimeError::OtherAdapter {
+                wanted: wanted.to_owned(),
+                adapter: info.name,
+            });
+        }
+        let descriptor = GpuContext::device_descriptor(&adapter)?;
+        let (device, queue) =
+            interop::open_device(&self.instance, self.system, &adapter, &descriptor)
+                .map_err(RuntimeError::Vulkan)?;
+        Ok(GpuContext::from_device(instance, adapter, device, queue))
+    }
+
+    /// For `info`.
+    #[must_use]
+    pub fn report(&self) -> Value {
+        json!({
+            "runtime": self.name,
+            "version": self.version,
+            "system": self.headset,
+            "views": self.views.iter().map(|view| json!({
+                "recommended_size": [view.recommended_image_rect_width, view.recommended_image_rect_height],
+                "largest_size": [view.max_image_rect_width, view.max_image_rect_height],
+            })).collect::<Vec<_>>(),
+            "extensions": self.extensions,
+            "used_extensions": self
+                .instance_extensions()
+                .iter()
+                .map(|name| (*name).to_owned())
+                .collect::<Vec<String>>(),
+        })
+    }
+
+    fn instance_extensions(&self) -> Vec<&'static str> {
+        let mut names = vec!["XR_KHR_vulkan_enable2"];
+        if self.offered.depth_layer {
+            names.push("XR_KHR_composition_layer_depth");
+        }
+        if self.offered.visibility_mask {
+            names.push("XR_KHR_visibility_mask");
+        }
+        if self.offered.refresh_rate {
+            names.push("XR_FB_display_refresh_rate");
+        }
+        names
+    }
+}
+
+/// A runtime's or a linker's words as one line, fit for a terminal.
+fn one_line(text: &impl ToString) -> String {
+    printable::line(&stereolux_base::foreign_errors::one_line(&text.to_string()))
+}

@@ -1,0 +1,750 @@
+//! The native trace: what is written reads back to the bit, what is broken says where.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use std::path::Path;
+use stereolux_settings::{Quality, RenderSettings};
+use stereolux_xr::input::JOINTS;
+use stereolux_xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
+use stereolux_xr::{
+    Button, Buttons, Fov, FrameSubmission, Hand, HandScript, Headset, HiddenArea, Input,
+    InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions, ReplaySession, Side,
+    SimulatedSession, Tracked, View, XrError, XrSession,
+};
+
+use crate::folders::TemporaryFile;
+
+const HEADER: &str =
+    r#"{"format":"stereolux-trace","version":1,"headset":"quest3","refresh_hz":90.0}"#;
+const FRAME: &str = r#"{"t_ns":0,"views":[{"position":[-0.03,1.6,0.0],"orientation":[0.0,0.0,0.0,1.0],"fov":{"left":-0.9,"right":0.8,"up":0.9,"down":-0.9}},{"position":[0.03,1.6,0.0],"orientation":[0.0,0.0,0.0,1.0],"fov":{"left":-0.8,"right":0.9,"up":0.9,"down":-0.9}}],"flags":{"position_valid":true,"orientation_valid":true}}"#;
+
+fn read(text: &str) -> Result<Trace, InputError> {
+    Trace::from_reader("t.jsonl", text.as_bytes())
+}
+
+fn frame_at(t_ns: i64) -> String {
+    FRAME.replacen("\"t_ns\":0", &format!("\"t_ns\":{t_ns}"), 1)
+}
+
+fn write(trace: &Trace) -> String {
+    let frames = trace.frames.iter().map(TraceFrame::version);
+    let version = frames.fold(trace.header.version(), u64::max);
+    let mut text = header_line(&trace.header, version).unwrap();
+    for frame in &trace.frames {
+        text += &frame_line(frame).unwrap();
+    }
+    text
+}
+
+#[test]
+fn the_documented_lines_read_and_write_back() {
+    let text = format!("{HEADER}\n{FRAME}\n{}\n", frame_at(11_111_111));
+    let trace = read(&text).unwrap();
+    assert_eq!(
+        trace.header,
+        TraceHeader {
+            headset: "quest3".into(),
+            refresh_hz: 90.0,
+            hidden: None,
+        }
+    );
+    assert_eq!(trace.frames.len(), 2);
+    assert_eq!(trace.frames[1].t_ns, 11_111_111);
+    let left = trace.frames[0].views.left();
+    assert_eq!(left.position_in_world, DVec3::new(-0.03, 1.6, 0.0));
+    assert_eq!(
+        left.fov,
+        Fov {
+            angle_left: -0.9,
+            angle_right: 0.8,
+            angle_up: 0.9,
+            angle_down: -0.9
+        }
+    );
+    assert!(trace.warnings.is_empty());
+    assert_eq!(write(&trace), text);
+}
+
+#[test]
+fn windows_line_ends_byte_order_mark_and_blank_lines() {
+    let text = format!("\u{feff}{HEADER}\r\n\r\n{FRAME}\r\n  \r\n");
+    assert_eq!(
+        read(&text).unwrap(),
+        read(&format!("{HEADER}\n{FRAME}")).unwrap()
+    );
+}
+
+#[test]
+fn a_cut_anywhere_in_the_last_line_loses_that_line_only() {
+    let text = format!("{HEADER}\n{FRAME}\n{}", frame_at(7));
+    let whole = read(&text).unwrap();
+    assert_eq!(whole.frames.len(), 2);
+    let last = text.len() - frame_at(7).len();
+    for end in last + 1..text.len() {
+        let cut = read(&text[..end]).unwrap();
+        assert_eq!(cut.frames, whole.frames[..1], "cut at byte {end}");
+        assert_eq!(cut.warnings.len(), 1);
+        assert!(cut.warnings[0].contains("line 3"), "{}", cut.warnings[0]);
+    }
+    assert!(read(&text[..last]).unwrap().warnings.is_empty());
+    // The control: the same damage before the last line is an error there.
+    let error = read(&format!("{HEADER}\n{}\n{}\n", &FRAME[..100], frame_at(7))).unwrap_err();
+    assert_eq!(error.line, Some(2));
+    // Damage that is no cut is an error on the last line too.
+    let error = read(&format!(
+        "{HEADER}\n{FRAME}\n{}",
+        frame_at(7).replacen(':', ";", 1)
+    ))
+    .unwrap_err();
+    assert_eq!(error.line, Some(3));
+}
+
+#[test]
+fn a_trace_without_a_whole_frame_is_unusable() {
+    for text in [
+        "",
+        "\n\n",
+        "\u{feff}",
+        HEADER,
+        &HEADER[..30],
+        &format!("{HEADER}\n{}", &FRAME[..50]),
+    ] {
+        let error = read(text).unwrap_err().to_string();
+        assert!(error.starts_with("t.jsonl"), "{error}");
+        assert!(!error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn header_faults() {
+    let field = |from: &str, to: &str| {
+        assert!(HEADER.contains(from), "{from}");
+        let error = read(&format!("{}\n{FRAME}\n", HEADER.replacen(from, to, 1))).unwrap_err();
+        assert_eq!(error.line, Some(1));
+        error.field.unwrap_or_default()
+    };
+    assert_eq!(field("stereolux-trace", "other"), "format");
+    assert_eq!(field("\"format\":\"stereolux-trace\",", ""), "format");
+    assert_eq!(field("\"version\":1", "\"version\":3"), "version");
+    assert_eq!(field("\"version\":1,", ""), "version");
+    assert_eq!(field("\"quest3\"", "3"), "headset");
+    assert_eq!(field("90.0", "0.0"), "refresh_hz");
+    assert_eq!(field("90.0", "-90.0"), "refresh_hz");
+    assert_eq!(field("90.0", "\"90\""), "refresh_hz");
+    assert_eq!(field("90.0", "null"), "refresh_hz");
+    assert_eq!(field("\"version\"", "\"extra\":0,\"version\""), "extra");
+    assert_eq!(field("{\"format\"", "[\"format\""), "");
+    assert_eq!(
+        read(FRAME).unwrap_err().field.as_deref(),
+        Some("format"),
+        "no header at all"
+    );
+}
+
+#[test]
+fn frame_faults_name_line_and_field() {
+    let field = |from: &str, to: &str| {
+        assert!(FRAME.contains(from), "{from}");
+        let broken = FRAME
+            .replacen(from, to, 1)
+            .replacen("\"t_ns\":0", "\"t_ns\":5", 1);
+        let error = read(&format!("{HEADER}\n{FRAME}\n{broken}\n{}\n", frame_at(9))).unwrap_err();
+        assert_eq!(error.line, Some(3), "{error}");
+        assert!(!error.to_string().contains('\n'), "{error}");
+        error.field.unwrap_or_default()
+    };
+    assert_eq!(field("\"t_ns\":0", "\"t_ns\":0.5"), "t_ns");
+    assert_eq!(
+        field("\"t_ns\":0", "\"t_ns\":-1"),
+        "t_ns",
+        "before the frame before"
+    );
+    assert_eq!(field("\"t_ns\":0", "\"t_ns\":99999999999999999999"), "t_ns");
+    assert_eq!(field("\"t_ns\":0,", ""), "t_ns");
+    assert_eq!(field("[-0.03,1.6,0.0]", "[-0.03,1.6]"), "views[0].position");
+    assert_eq!(
+        field("[0.03,1.6,0.0]", "[0.03,\"1.6\",0.0]"),
+        "views[1].position[1]"
+    );
+    assert_eq!(
+        field("[0.03,1.6,0.0]", "[0.03,null,0.0]"),
+        "views[1].position[1]"
+    );
+    assert_eq!(field("[-0.03,1.6,0.0]", "7"), "views[0].position");
+    assert_eq!(
+        field("[0.0,0.0,0.0,1.0]", "[0.0,0.0,0.0,1.1]"),
+        "views[0].orientation"
+    );
+    assert_eq!(
+        field("[0.0,0.0,0.0,1.0]", "[0.0,0.0,0.0,0.0]"),
+        "views[0].orientation"
+    );
+    assert_eq!(
+        field("\"left\":-0.9", "\"left\":-1.7"),
+        "views[0].fov.left",
+        "beyond 89 degrees"
+    );
+    assert_eq!(
+        field("\"left\":-0.9", "\"left\":0.9"),
+        "views[0].fov.left",
+        "left over right"
+    );
+    assert_eq!(
+        field("\"left\":-0.8", "\"left\":-170.0"),
+        "views[1].fov.left",
+        "degrees by mistake"
+    );
+    assert_eq!(field("\"down\":-0.9", "\"down\":0.9"), "views[0].fov.down");
+    assert_eq!(field("\"up\":0.9,", ""), "views[0].fov.up");
+    assert_eq!(field("\"up\":0.9", "\"top\":0.9"), "views[0].fov.top");
+    assert_eq!(
+        field("\"position_valid\":true", "\"position_valid\":false"),
+        "flags.position_valid"
+    );
+    assert_eq!(
+        field("\"orientation_valid\":true", "\"orientation_valid\":false"),
+        "flags.orientation_valid"
+    );
+    assert_eq!(
+        field("\"orientation_valid\":true", "\"orientation_valid\":1"),
+        "flags.orientation_valid"
+    );
+    assert_eq!(field("\"flags\"", "\"flag\""), "flag");
+    // Not JSON: the line is named, no field.
+    assert_eq!(field("[0.03,1.6,0.0]", "[NaN,1.6,0.0]"), "");
+    assert_eq!(field("[0.03,1.6,0.0]", "[1e999,1.6,0.0]"), "");
+    assert_eq!(field("\"views\":[", "\"views\":"), "");
+}
+
+#[test]
+fn an_error_is_one_line_whatever_the_file_holds() {
+    let broken = FRAME.replacen("\"flags\"", "\"fl\\nags\"", 1);
+    let error = read(&format!("{HEADER}\n{broken}\n")).unwrap_err();
+    assert_eq!(error.field.as_deref(), Some("fl\nags"));
+    assert!(!error.to_string().contains('\n'), "{error}");
+}
+
+#[test]
+fn one_view_or_three_are_refused() {
+    let value: serde_json::Value = serde_json::from_str(FRAME).unwrap();
+    for count in [0, 1, 3] {
+        let mut value = value.clone();
+        let view = value["views"][0].clone();
+        value["views"] = serde_json::Value::Array(vec![view; count]);
+        let error = read(&format!("{HEADER}\n{value}\n")).unwrap_err();
+        assert_eq!(error.field.as_deref(), Some("views"), "{error}");
+    }
+}
+
+#[test]
+fn a_repeated_time_is_refused() {
+    let error = read(&format!("{HEADER}\n{FRAME}\n{FRAME}\n")).unwrap_err();
+    assert_eq!(
+        (error.line, error.field.as_deref()),
+        (Some(3), Some("t_ns"))
+    );
+}
+
+#[test]
+fn unusable_files() {
+    let error = Trace::read(Path::new("/nowhere/t.jsonl"))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("/nowhere/t.jsonl"), "{error}");
+    assert!(
+        Trace::read(&std::env::temp_dir())
+            .unwrap_err()
+            .to_string()
+            .contains("directory")
+    );
+    // A sparse terabyte of zero bytes: refused at once.
+    let huge = TemporaryFile::new("huge.jsonl");
+    std::fs::File::create(&huge.0)
+        .unwrap()
+        .set_len(1 << 40)
+        .unwrap();
+    assert!(
+        Trace::read(&huge.0)
+            .unwrap_err()
+            .to_string()
+            .contains("64 KiB")
+    );
+}
+
+fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
+    let mut frames = Vec::new();
+    while let Some(frame) = session.wait_frame().unwrap() {
+        session.begin_frame().unwrap();
+        let t_ns = frame.predicted_display_time_ns;
+        let views = session.locate_views(t_ns).unwrap().unwrap();
+        let input = session.locate_input(t_ns).unwrap();
+        session
+            .end_frame(FrameSubmission::new(t_ns, Some(&views)))
+            .unwrap();
+        frames.push(TraceFrame {
+            t_ns,
+            views,
+            located: None,
+            switch_reuse: frame.switch_reuse,
+            quality: None,
+            input,
+        });
+    }
+    frames
+}
+
+fn simulated(frames: u64) -> SimulatedSession {
+    let start = Pose::new(DVec3::new(0.1, 1.6, 1e6), DQuat::from_rotation_y(0.4));
+    SimulatedSession::new(
+        Headset::load("index").unwrap(),
+        Motion::Sway,
+        start,
+        Some(frames),
+    )
+    .with_seed(5)
+}
+
+#[test]
+fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
+    let (first, second) = (
+        TemporaryFile::new("first.jsonl"),
+        TemporaryFile::new("second.jsonl"),
+    );
+    let mut recorder = Recorder::create(&first.0, simulated(200)).unwrap();
+    let used = play(&mut recorder);
+    assert_eq!(recorder.frames(), 200);
+    let options = || ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
+    let replay = ReplaySession::open(&first.0, options()).unwrap();
+    assert_eq!(
+        replay.info().headset,
+        "index",
+        "the trace's headset, not the option's"
+    );
+    let mut recorder = Recorder::create(&second.0, Box::new(replay) as Box<dyn XrSession>).unwrap();
+    let replayed = play(&mut recorder);
+    let bits = |frame: &TraceFrame| {
+        frame
+            .views
+            .views
+            .map(|v| v.orientation.to_array().map(f64::to_bits))
+    };
+    assert_eq!(used, replayed);
+    assert!(used.iter().map(bits).eq(replayed.iter().map(bits)));
+    assert_eq!(first.text(), second.text());
+    assert_eq!(first.text().lines().count(), 201);
+}
+
+#[test]
+fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
+    let file = TemporaryFile::new("stream.jsonl");
+    let mut recorder = Recorder::create(&file.0, simulated(10)).unwrap();
+    assert_eq!(
+        file.text().lines().count(),
+        1,
+        "the header is there before the first frame"
+    );
+    for k in 0..4_u64 {
+        let t_ns = recorder
+            .wait_frame()
+            .unwrap()
+            .unwrap()
+            .predicted_display_time_ns;
+        recorder.begin_frame().unwrap();
+        let views = recorder.locate_views(t_ns).unwrap();
+        let rendered = if k == 2 { None } else { views.as_ref() };
+        recorder
+            .end_frame(FrameSubmission::new(t_ns, rendered))
+            .unwrap();
+        let lines = [1, 2, 3, 3, 4][k as usize + 1];
+        assert_eq!(file.text().lines().count(), lines);
+        assert!(file.text().ends_with('\n'));
+    }
+    // As after a kill: never closed, readable.
+    std::mem::forget(recorder);
+    assert_eq!(Trace::read(&file.0).unwrap().frames.len(), 3);
+}
+
+#[test]
+fn the_views_that_were_used_are_recorded_not_those_located() {
+    let file = TemporaryFile::new("used.jsonl");
+    let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
+    let t_ns = recorder
+        .wait_frame()
+        .unwrap()
+        .unwrap()
+        .predicted_display_time_ns;
+    recorder.begin_frame().unwrap();
+    let mut views = recorder.locate_views(t_ns).unwrap().unwrap();
+    views.views[0].position_in_world.x += 1.0;
+    recorder
+        .end_frame(FrameSubmission::new(t_ns, Some(&views)))
+        .unwrap();
+    assert_eq!(Trace::read(&file.0).unwrap().frames[0].views, views);
+}
+
+/// What is set is written when it is another, and again when the wearer has switched reuse meanwhile.
+#[test]
+fn quality_is_written_where_it_changes() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let switched = frame_at(3).replace("}}]", "}}],\"switch_reuse\":true");
+    let [source, file] = ["source.jsonl", "changes.jsonl"].map(TemporaryFile::new);
+    let frames = [frame_at(1), frame_at(2), switched, frame_at(4), frame_at(5)];
+    let switching = frames[2].contains("switch_reuse");
+    assert!(switching);
+    std::fs::write(&source.0, format!("{header}\n{}\n", frames.join("\n"))).unwrap();
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
+    let session = ReplaySession::open(&source.0, options).unwrap();
+    let mut recorder = Recorder::create(&file.0, session).unwrap();
+    let first = Quality::of(&RenderSettings::default());
+    let second = Quality {
+        max_depth: 3,
+        ..first
+    };
+    let told = [Some(first), Some(first), Some(first), None, Some(second)];
+    for quality in told {
+        let t_ns = recorder.wait_frame().unwrap().unwrap();
+        let t_ns = t_ns.predicted_display_time_ns;
+        recorder.begin_frame().unwrap();
+        let views = recorder.locate_views(t_ns).unwrap().unwrap();
+        let submission = FrameSubmission::new(t_ns, Some(&views));
+        recorder
+            .end_frame(submission.with_quality(quality))
+            .unwrap();
+    }
+    let written = Trace::read(&file.0).unwrap();
+    let written: Vec<_> = written.frames.iter().map(|frame| frame.quality).collect();
+    assert_eq!(
+        written,
+        [Some(first), None, Some(first), None, Some(second)]
+    );
+}
+
+#[test]
+fn unwritable_recordings() {
+    for path in [Path::new("/nowhere/at/all.jsonl"), &std::env::temp_dir()] {
+        let error = Recorder::create(path, simulated(1)).unwrap_err();
+        assert!(error.is_unusable_input());
+        let text = error.to_string();
+        assert!(
+            text.contains(&path.display().to_string()) && text.contains("--record"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn what_could_not_be_read_back_is_not_written() {
+    let file = TemporaryFile::new("nan.jsonl");
+    let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
+    let t_ns = recorder
+        .wait_frame()
+        .unwrap()
+        .unwrap()
+        .predicted_display_time_ns;
+    recorder.begin_frame().unwrap();
+    let mut views = recorder.locate_views(t_ns).unwrap().unwrap();
+    views.views[1].position_in_world.x = f64::NAN;
+    let error = recorder
+        .end_frame(FrameSubmission::new(t_ns, Some(&views)))
+        .unwrap_err();
+    assert!(
+        matches!(error, XrError::RecordWrite { frames: 0, .. }),
+        "{error}"
+    );
+    assert!(!error.is_unusable_input());
+    assert_eq!(file.text().lines().count(), 1);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_reported() {
+    let error = Recorder::create(Path::new("/dev/full"), simulated(1)).unwrap_err();
+    assert!(matches!(error, XrError::RecordCreate { .. }), "{error}");
+}
+
+prop_compose! {
+    fn any_view()(
+        x in -1e7..1e7_f64, y in -1e-7..1e-7_f64, z in prop::num::f64::NORMAL | prop::num::f64::ZERO | prop::num::f64::SUBNORMAL,
+        q in [0.01..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64],
+        left in -1.55..1.5_f64, width in 0.001..3.0_f64, down in -1.55..1.5_f64, height in 0.001..3.0_f64,
+    ) -> View {
+        View {
+            position_in_world: DVec3::new(x, y, z),
+            orientation: DQuat::from_array(q).normalize(),
+            fov: Fov {
+                angle_left: left,
+                angle_right: (left + width).min(1.55),
+                angle_up: (down + height).min(1.55),
+                angle_down: down,
+            },
+        }
+    }
+}
+
+fn any_pose() -> impl Strategy<Value = Pose> {
+    any_view().prop_map(|view| Pose::new(view.position_in_world, view.orientation))
+}
+
+fn any_vector() -> impl Strategy<Value = DVec3> {
+    [prop::num::f64::NORMAL | prop::num::f64::ZERO; 3].prop_map(DVec3::from_array)
+}
+
+prop_compose! {
+    fn any_tracked()(pose in any_pose(), linear_velocity in any_vector(), angular_velocity in any_vector()) -> Tracked {
+        Tracked { pose, linear_velocity, angular_velocity }
+    }
+}
+
+fn any_buttons() -> impl Strategy<Value = Buttons> {
+    any::<[bool; 6]>().prop_map(|held| {
+        let all = Button::ALL.into_iter().zip(held);
+        all.fold(Buttons::default(), |set, (button, is_in)| {
+            set.with(button, is_in)
+        })
+    })
+}
+
+prop_compose! {
+    fn any_hand()(
+        grip in prop::option::of(any_tracked()), aim in prop::option::of(any_tracked()),
+        pulls in [0.0..=1.0_f64, 0.0..=1.0_f64], stick in [-1.0..=1.0_f64, -1.0..=1.0_f64],
+        pressed in any_buttons(), touched in any_buttons(),
+        joints in prop::option::weighted(0.2, prop::collection::vec((any_pose(), 0.0..=1.0_f64), JOINTS)),
+    ) -> Hand {
+        let joint = |(pose, radius_m): (Pose, f64)| Joint { pose, radius_m };
+        let joints = joints.map(|joints| joints.into_iter().map(joint).collect::<Vec<_>>());
+        Hand {
+            grip, aim, trigger: pulls[0], squeeze: pulls[1], stick: stick.into(), pressed, touched,
+            joints: joints.map(|joints| joints.try_into().unwrap()),
+        }
+    }
+}
+
+prop_compose! {
+    fn any_input()(
+        hands in [prop::option::of(any_hand()), prop::option::of(any_hand())], gaze in prop::option::of(any_pose()),
+    ) -> Input {
+        Input { hands: hands.map(Option::unwrap_or_default), gaze }
+    }
+}
+
+prop_compose! {
+    fn any_quality()(
+        scale in 0.1_f32..=1.0, counts in [0..=67_108_864_u32, 1..=64, 1..=64, 1..=16, 0..=8],
+        half_rate in any::<bool>(), reuse in any::<bool>(),
+    ) -> Quality {
+        let [photons_per_frame, photon_shares, max_depth, light_candidates, filter_passes] = counts;
+        Quality {
+            resolution_scale: scale, photons_per_frame, photon_shares, max_depth, light_candidates, half_rate,
+            filter_passes, reuse,
+        }
+    }
+}
+
+#[test]
+fn quality_is_checked_and_named_by_file_line_and_field() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let quality = r#""quality":{"resolution_scale":0.7,"photons_per_frame":9,"photon_shares":1,"max_depth":3,"light_candidates":2,"half_rate":false,"filter_passes":0,"reuse":true}"#;
+    let line = |quality: &str| FRAME.replace("\"t_ns\":0", &format!("\"t_ns\":0,{quality}"));
+    let text = |quality: &str| format!("{header}\n{}\n", line(quality));
+    let back = read(&text(quality)).unwrap().frames[0].quality.unwrap();
+    assert_eq!(
+        (back.resolution_scale, back.max_depth, back.reuse),
+        (0.7, 3, true)
+    );
+    for (from, to, field) in [
+        ("0.7", "0.05", "quality.resolution_scale"),
+        ("0.7", "true", "quality.resolution_scale"),
+        (
+            "\"photons_per_frame\":9",
+            "\"photons_per_frame\":-1",
+            "quality.photons_per_frame",
+        ),
+        (
+            "\"photon_shares\":1",
+            "\"photon_shares\":0",
+            "quality.photon_shares",
+        ),
+        ("\"max_depth\":3", "\"max_depth\":3.5", "quality.max_depth"),
+        (
+            "\"light_candidates\":2",
+            "\"light_candidates\":17",
+            "quality.light_candidates",
+        ),
+        (",\"reuse\":true", "", "quality.reuse"),
+        ("\"reuse\"", "\"rense\"", "quality.rense"),
+    ] {
+        assert!(quality.contains(from), "{from}");
+        let refused = read(&text(&quality.replace(from, to))).unwrap_err();
+        assert_eq!(
+            (refused.line, refused.field.as_deref()),
+            (Some(2), Some(field)),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn a_file_states_the_lowest_version_that_can_hold_it() {
+    let plain = |switch_reuse, input| TraceFrame {
+        t_ns: 0,
+        views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
+        located: None,
+        switch_reuse,
+        quality: None,
+        input,
+    };
+    let gaze = Input {
+        gaze: Some(Pose::IDENTITY),
+        ..Input::default()
+    };
+    assert_eq!(plain(false, Input::default()).version(), 1);
+    assert_eq!(plain(true, Input::default()).version(), 2);
+    assert_eq!(plain(false, gaze.clone()).version(), 2);
+    let changed = TraceFrame {
+        quality: Some(Quality::of(&RenderSettings::default())),
+        ..plain(false, Input::default())
+    };
+    assert_eq!(changed.version(), 2);
+    let line = frame_line(&changed).unwrap();
+    let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
+    assert_eq!(refused.field.as_deref(), Some("quality"), "{refused}");
+    // A reader of version 1 knows no input, and one of version 2 both.
+    let line = frame_line(&plain(false, gaze)).unwrap();
+    let refused = read(&format!("{HEADER}\n{line}")).unwrap_err();
+    assert_eq!(refused.field.as_deref(), Some("input"), "{refused}");
+    let second = HEADER.replace("\"version\":1", "\"version\":2");
+    assert!(read(&format!("{second}\n{line}")).is_ok());
+    assert!(read(&format!("{second}\n{FRAME}\n")).is_ok());
+}
+
+#[test]
+fn malformed_input_is_named_by_file_line_and_field() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let field_of = |input: &str| {
+        let frame = FRAME.replacen('{', &format!("{{\"input\":{input},"), 1);
+        let error = read(&format!("{header}\n{frame}\n")).unwrap_err();
+        assert_eq!(error.line, Some(2), "{error}");
+        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+        error.field.unwrap_or_default()
+    };
+    let grip = r#""grip":{"position":[0,0,0],"orientation":[0,0,0,2]}"#;
+    assert_eq!(field_of("3"), "input");
+    assert_eq!(field_of(r#"{"middle":{}}"#), "input.middle");
+    assert_eq!(
+        field_of(r#"{"left":{"trigger":1.5}}"#),
+        "input.left.trigger"
+    );
+    assert_eq!(
+        field_of(r#"{"left":{"squeeze":"a"}}"#),
+        "input.left.squeeze"
+    );
+    assert_eq!(
+        field_of(r#"{"right":{"stick":[0,-2]}}"#),
+        "input.right.stick[1]"
+    );
+    assert_eq!(field_of(r#"{"right":{"stick":[0]}}"#), "input.right.stick");
+    assert_eq!(
+        field_of(r#"{"right":{"pressed":["trigga"]}}"#),
+        "input.right.pressed"
+    );
+    assert_eq!(
+        field_of(r#"{"right":{"pressed":[1]}}"#),
+        "input.right.pressed"
+    );
+    assert_eq!(field_of(r#"{"right":{"joints":[]}}"#), "input.right.joints");
+    assert_eq!(
+        field_of(&format!("{{\"left\":{{{grip}}}}}")),
+        "input.left.grip.orientation"
+    );
+    assert_eq!(
+        field_of(r#"{"gaze":{"position":[0,0,0]}}"#),
+        "input.gaze.orientation"
+    );
+}
+
+#[test]
+fn what_simulated_hands_do_is_recorded_and_replayed() {
+    let script = "[[left]]\nat_s = 0.01\nposition_m = [1, 2, 3]\n[[left]]\nat_s = 0.03\npress = ['menu']\n\
+                  point_at = 'a'\n[[right]]\nat_s = 0.02\nstick = [0.5, -1]\nwave = true\n";
+    let place_of = |_: &str| Ok(DVec3::new(0.3, 0.2, 0.1));
+    let hands = HandScript::parse("hands.toml", script, &Pose::IDENTITY, &place_of).unwrap();
+    let file = TemporaryFile::new("hands.jsonl");
+    let recorded = play(&mut Recorder::create(&file.0, simulated(5).with_hands(hands)).unwrap());
+    assert!(recorded[4].input.hand(Side::Left).pressed.has(Button::Menu));
+    assert_eq!(recorded[4].input.hand(Side::Right).stick.y, -1.0);
+    assert!(
+        file.text()
+            .starts_with("{\"format\":\"stereolux-trace\",\"version\":2,")
+    );
+    let options = ReplayOptions::new(Headset::load("index").unwrap(), Pose::IDENTITY);
+    let mut replay = ReplaySession::open(&file.0, options).unwrap();
+    assert_eq!(play(&mut replay), recorded);
+    // Without hands it is a file of version 1.
+    play(&mut Recorder::create(&file.0, simulated(5)).unwrap());
+    assert!(
+        file.text()
+            .starts_with(HEADER.split("\"headset").next().unwrap())
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, rng_seed: RngSeed::Fixed(1),
+        failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_views_survive_the_file_to_the_bit(
+        views in prop::collection::vec([any_view(), any_view()], 1..5),
+        step_ns in 1..i64::MAX / 8,
+        headset in "\\PC{0,12}",
+        refresh_hz in 1.0..1000.0_f64,
+        triangles in prop::collection::vec(any::<[[i16; 2]; 3]>(), 0..4),
+        inputs in prop::collection::vec(any_input(), 1..4),
+        qualities in prop::collection::vec(prop::option::of(any_quality()), 1..4),
+        located in [any_view(), any_view()],
+    ) {
+        let hidden = (!triangles.is_empty()).then(|| {
+            let eye = |scale: f64| HiddenArea::from_triangles(
+                triangles.iter().map(|t| t.map(|corner| corner.map(|c| f64::from(c) * scale))).collect(),
+            );
+            [eye(1e-4), eye(0.3e-4)]
+        });
+        let frames = views.into_iter().enumerate().map(|(k, views)| TraceFrame {
+            t_ns: k as i64 * step_ns,
+            views: LocatedViews::valid(views),
+            located: (k % 4 == 2).then_some(located),
+            switch_reuse: k % 3 == 1,
+            quality: qualities[k % qualities.len()],
+            input: inputs[k % inputs.len()].clone(),
+        });
+        let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
+        let text = write(&trace);
+        let back = read(&text).unwrap();
+        prop_assert_eq!(&back, &trace);
+        prop_assert_eq!(write(&back), text);
+    }
+
+    #[test]
+    fn damage_never_panics(
+        cuts in prop::collection::vec((0..900_usize, "[ -~\n]{0,3}"), 1..6),
+    ) {
+        let mut text = format!("{HEADER}\n{FRAME}\n{}\n", frame_at(7));
+        for (at, with) in cuts {
+            let at = at.min(text.len() - 1);
+            text.replace_range(at..=at, &with);
+            if text.is_empty() { break; }
+        }
+        if let Err(error) = read(&text) {
+            prop_assert!(error.to_string().starts_with("t.jsonl"));
+            prop_assert!(!error.to_string().contains('\n'));
+        }
+    }
+
+    #[test]
+    fn any_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = Trace::from_reader("t.jsonl", bytes.as_slice());
+    }
+}
