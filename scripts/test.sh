@@ -10,6 +10,8 @@ cd "$(dirname "$0")/.."
 ensure_build_tools
 ensure_vulkan
 ensure_radv
+# The validator of SPIR-V.
+command -v spirv-val >/dev/null || apt_install spirv-tools
 # The OpenXR tests run against Monado, fetched once into a cache folder, and read its picture off a virtual screen.
 command -v Xvfb >/dev/null || apt_install xvfb
 # What windows of the desktop mirror are opened with.

@@ -5,17 +5,18 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 use super::{Failure, load_scene, print_line};
-use crate::frame::listing::list;
+use crate::frame::listing::{list, memory};
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::shader_library;
 use crate::gpu::context::{AdapterSummary, adapters};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
 use crate::printable;
-use crate::renderer::{automatic_radius_m, plan_of_scene, shader_features};
+use crate::renderer::{PlannedScene, automatic_radius_m, plan_of_scene, shader_features};
 use crate::scene::Needs;
 use crate::scene_loading::Loaded;
 use crate::settings::{Settings, registry};
+use crate::xr::Headset;
 
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
@@ -125,6 +126,16 @@ fn brief(report: &Value) -> String {
             scene["automatic_radius_m"].as_f64().unwrap_or_default()
         ),
     );
+    let memory = &scene["memory"];
+    say(
+        "memory",
+        format!(
+            "{:.2} GB for frames of 2 x {}x{} pixels, and the scene's own",
+            memory["total_bytes"].as_f64().unwrap_or_default() * 1e-9,
+            memory["size"][0],
+            memory["size"][1]
+        ),
+    );
     let warnings = scene["warnings"].as_array();
     for warning in warnings.into_iter().flatten() {
         say("warning", text(warning));
@@ -135,17 +146,28 @@ fn brief(report: &Value) -> String {
 fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure> {
     let Loaded {
         scene,
-        settings,
+        mut settings,
         light,
     } = load_scene(settings)?;
+    // As `run` does.
+    settings.render.decide_reconstruction(true);
     let settings = &settings;
     let needs = Needs::of(&scene);
     let features = shader_features(&needs, &settings.render);
-    let (mut stages, frame_features) =
-        plan_of_scene(&scene, &settings.render, is_software).map_err(Failure::failed)?;
-    stages.extend(on_demand(&settings.render));
+    let PlannedScene {
+        mut stages,
+        features: frame_features,
+        maps,
+    } = plan_of_scene(&scene, &settings.render, is_software).map_err(Failure::failed)?;
+    let size = match settings.size {
+        Some(size) => size,
+        None => Headset::load(&settings.headset)?.size,
+    };
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
+    let memory =
+        memory(&stages, &frame_features, &library, size, &maps).map_err(Failure::failed)?;
+    stages.extend(on_demand(&settings.render));
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
@@ -159,6 +181,7 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
         "automatic_radius_m": automatic_radius_m(&scene, settings.render.photon.count),
         "needs": needs,
         "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
+        "memory": memory,
         "frame": list(&stages, &frame_features, &library).map_err(Failure::failed)?,
     }))
 }

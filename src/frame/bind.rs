@@ -92,6 +92,28 @@ impl Use {
         self.is_written |= kind == BindingKind::ReadWrite;
         self.is_copied |= kind == BindingKind::Texels;
     }
+
+    /// Bytes of the buffer; `None` for one that is declared and never written.
+    fn bytes(
+        self,
+        row: &BufferRow,
+        whose: Whose,
+        image: &ImageLayout,
+        maps: &[MapLayout],
+    ) -> Option<u64> {
+        (self.is_written || row.host_writes).then(|| bytes_of(row, whose, image, maps))
+    }
+}
+
+/// The buffer's name for people.
+#[must_use]
+pub fn label((whose, name): Place) -> String {
+    let owner = match whose {
+        Whose::Eye(eye) => eye.name(),
+        Whose::Frame => "shared",
+        Whose::Map(kind) | Whose::Batch(kind, _) => kind.label(),
+    };
+    format!("{owner} {}", name.replace('_', " "))
 }
 
 struct Held {
@@ -126,8 +148,7 @@ impl Buffers {
             let Some(row) = buffers::row(name) else {
                 continue;
             };
-            let bytes =
-                (usage.is_written || row.host_writes).then(|| bytes_of(row, whose, image, maps));
+            let bytes = usage.bytes(row, whose, image, maps);
             self.hold(context, (whose, name), row, bytes)?;
             if let Some(held) = self
                 .held
@@ -158,12 +179,7 @@ impl Buffers {
         }
         let is_token = bytes.is_none();
         let bytes = bytes.unwrap_or(TOKEN_BYTES);
-        let owner = match place.0 {
-            Whose::Eye(eye) => eye.name(),
-            Whose::Frame => "shared",
-            Whose::Map(kind) | Whose::Batch(kind, _) => kind.label(),
-        };
-        let label = format!("{owner} {}", row.name.replace('_', " "));
+        let label = label(place);
         let count = if row.takes_turns { 2 } else { 1 };
         let turns = (0..count).map(|_| storage_buffer(context, &label, bytes));
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
@@ -175,6 +191,13 @@ impl Buffers {
         };
         self.held.insert(place, held);
         Ok(())
+    }
+
+    /// Bytes that all buffers have on the device, copies in textures aside.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let turns = self.held.values().flat_map(|held| &held.turns);
+        turns.map(wgpu::Buffer::size).sum()
     }
 
     /// Drops the images of the eyes, for another size.
@@ -276,6 +299,22 @@ impl Buffers {
             context.queue.write_buffer(&held.turns[0], 0, data);
         }
     }
+}
+
+/// Bytes on the device of every buffer that is used, both of those that take turns and copies in textures with it.
+#[must_use]
+pub fn bytes_held(
+    uses: &BTreeMap<Place, Use>,
+    image: &ImageLayout,
+    maps: &[MapLayout],
+) -> BTreeMap<Place, u64> {
+    let held = uses.iter().filter_map(|(&(whose, name), usage)| {
+        let row = buffers::row(name)?;
+        let bytes = allocated_bytes(usage.bytes(row, whose, image, maps).unwrap_or(TOKEN_BYTES));
+        let times = if row.takes_turns { 2 } else { 1 } + u64::from(usage.is_copied);
+        Some(((whose, name), bytes * times))
+    });
+    held.collect()
 }
 
 fn bytes_of(row: &BufferRow, whose: Whose, image: &ImageLayout, maps: &[MapLayout]) -> u64 {

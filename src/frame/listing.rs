@@ -2,11 +2,15 @@
 
 use serde::Serialize;
 
-use super::bind::{Whose, meaning};
-use super::run::{named, specialised};
+use std::collections::BTreeMap;
+
+use super::bind::{Whose, bytes_held, label, meaning};
+use super::buffers::ImageLayout;
+use super::photon_layout::MapLayout;
+use super::run::{named, note_uses, specialised};
 use super::step::{PlannedStage, Step};
 use crate::gpu::kernel::{BindingKind, reflect_bindings};
-use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
+use crate::gpu::{GpuError, Resources, ShaderFeatures, ShaderLibrary};
 
 /// A stage of the frame.
 #[derive(Debug, Clone, Serialize)]
@@ -35,6 +39,83 @@ pub struct ListedPass {
     /// Those of `reads` that hold the previous frame's data.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub keeps: Vec<String>,
+}
+
+/// Memory that a frame's buffers take on the device, bytes; what the scene itself takes comes on top.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Memory {
+    /// Width and height of an eye's image, pixels.
+    pub size: [u32; 2],
+    /// All of it.
+    pub total_bytes: u64,
+    /// Both eyes' own buffers.
+    pub eyes_bytes: u64,
+    /// What the eyes use in turn.
+    pub shared_bytes: u64,
+    /// Photon maps.
+    pub photons_bytes: u64,
+    /// The largest buffers.
+    pub largest: Vec<HeldBuffer>,
+}
+
+/// A buffer and its bytes.
+#[derive(Debug, Clone, Serialize)]
+pub struct HeldBuffer {
+    /// Owner and name.
+    pub buffer: String,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+/// Counts the memory of `stages`' buffers without allocating it.
+///
+/// # Errors
+/// As [`list`].
+pub fn memory(
+    stages: &[PlannedStage],
+    features: &ShaderFeatures,
+    library: &ShaderLibrary,
+    size: [u32; 2],
+    maps: &[MapLayout],
+) -> Result<Memory, GpuError> {
+    /// How many of the largest buffers are named.
+    const NAMED: usize = 10;
+    let mut uses = BTreeMap::new();
+    for step in stages.iter().flat_map(|planned| &planned.steps) {
+        let Some(pass) = step.pass() else { continue };
+        let features = specialised(pass, features, step.runs_from_list());
+        let shader = library.compile(&pass.shader_name(), &features)?;
+        let given = Resources::default();
+        note_uses(step, &reflect_bindings(&shader)?, &given, &mut uses);
+    }
+    let image = ImageLayout {
+        size,
+        ..ImageLayout::default()
+    };
+    let held = bytes_held(&uses, &image, maps);
+    let mut memory = Memory {
+        size,
+        ..Memory::default()
+    };
+    for ((whose, _), bytes) in &held {
+        let part = match whose {
+            Whose::Eye(_) => &mut memory.eyes_bytes,
+            Whose::Frame => &mut memory.shared_bytes,
+            Whose::Map(_) | Whose::Batch(..) => &mut memory.photons_bytes,
+        };
+        *part += bytes;
+        memory.total_bytes += bytes;
+    }
+    let mut largest: Vec<_> = held.into_iter().collect();
+    largest.sort_by_key(|(_, bytes)| std::cmp::Reverse(*bytes));
+    let named = largest.into_iter().take(NAMED);
+    memory.largest = named
+        .map(|(place, bytes)| HeldBuffer {
+            buffer: label(place),
+            bytes,
+        })
+        .collect();
+    Ok(memory)
 }
 
 /// Lists `stages`, whose shaders are specialised by `features`.

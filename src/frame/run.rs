@@ -1,7 +1,8 @@
 //! Runs a plan: compiles its passes, allocates and binds their buffers, and records stages.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+
+use rayon::prelude::*;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
@@ -164,24 +165,33 @@ impl FrameRun {
         (pass.name.to_string(), features)
     }
 
-    /// Compiles the passes of `steps` that are not compiled yet.
+    /// Compiles the passes of all `steps` that are not compiled yet, side by side.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] or [`GpuError::Validation`], naming the pass.
+    /// [`GpuError::Shader`] or [`GpuError::Validation`], naming the first pass that fails.
     pub fn compile<'s>(
         &mut self,
         context: &GpuContext,
         library: &ShaderLibrary,
-        stage: Stage,
-        steps: impl IntoIterator<Item = &'s Step>,
+        steps: impl IntoIterator<Item = (Stage, &'s Step)>,
     ) -> Result<(), GpuError> {
-        for step in steps {
+        let mut missing = BTreeMap::new();
+        for (stage, step) in steps {
             let Some(pass) = step.pass() else { continue };
-            if let Entry::Vacant(place) = self.kernels.entry(self.key(step, pass, stage)) {
-                let features = place.key().1;
-                let kernel = Kernel::new(context, library, &pass.shader_name(), &features)?;
-                place.insert(kernel);
+            let key = self.key(step, pass, stage);
+            if !self.kernels.contains_key(&key) {
+                missing.insert(key, pass.shader_name());
             }
+        }
+        let compiled: Vec<Result<_, GpuError>> = missing
+            .into_par_iter()
+            .map(|(key, shader)| {
+                let kernel = Kernel::new(context, library, &shader, &key.1)?;
+                Ok((key, kernel))
+            })
+            .collect();
+        for kernel in compiled {
+            self.kernels.extend([kernel?]);
         }
         Ok(())
     }
@@ -519,7 +529,7 @@ pub fn named(step: &Step, binding: &str) -> String {
 }
 
 /// How the passes of a plan use which buffers.
-fn note_uses(
+pub fn note_uses(
     step: &Step,
     bindings: &[Binding],
     given: &Resources<'_>,

@@ -11,6 +11,16 @@ use crate::gpu::{GpuContext, GpuError, ShaderFeatures};
 use crate::scene::{Needs, Scene};
 use crate::settings::{Force, Loads, Method, RenderSettings, Reuse, Search};
 
+/// A scene's first frame.
+pub struct PlannedScene {
+    /// Its stages.
+    pub stages: Vec<PlannedStage>,
+    /// What their shaders are specialised by.
+    pub features: ShaderFeatures,
+    /// Its photon maps.
+    pub maps: Vec<MapLayout>,
+}
+
 /// The stages of a scene's first frame on a hardware or a software adapter, and what their shaders are specialised by. No
 /// device is needed to know. Of shapes that change, boxes are refitted once per level of the deepest hierarchy, which is
 /// named once here.
@@ -21,7 +31,7 @@ pub fn plan_of_scene(
     scene: &Scene,
     settings: &RenderSettings,
     is_software: bool,
-) -> Result<(Vec<PlannedStage>, ShaderFeatures), GpuError> {
+) -> Result<PlannedScene, GpuError> {
     let needs = Needs::of(scene);
     let features = frame_features(&needs, settings, true, is_software);
     let shapes = scene
@@ -32,13 +42,14 @@ pub fn plan_of_scene(
     let has_lights = shines(&needs);
     let maps = map_configs(settings, &features, has_lights, (is_software, 0));
     let reconstruct = &settings.reconstruct;
+    let maps: Vec<MapLayout> = maps.into_iter().map(layout).collect::<Result<_, _>>()?;
     let stages = plan(&FrameSpec {
         settings,
         features,
         both: true,
         reuse: settings.reuse,
         samples_per_dispatch: 1,
-        maps: maps.into_iter().map(layout).collect::<Result<_, _>>()?,
+        maps: maps.clone(),
         slices: GatherSlices::ONE,
         shapes: shapes.then(|| ShapeCounts {
             levels: vec![[0, 0]],
@@ -46,7 +57,11 @@ pub fn plan_of_scene(
         }),
         keeps_previous: reconstruct.follows_motion() || settings.output.motion,
     });
-    Ok((stages, features))
+    Ok(PlannedScene {
+        stages,
+        features,
+        maps,
+    })
 }
 
 /// What the shaders of a renderer's frames are specialised by; who sees hidden areas adds that.

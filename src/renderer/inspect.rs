@@ -110,7 +110,8 @@ impl Inspector {
             .with("reconstruction", &motion);
         let given = of_frame.give(given, owner, &["hidden_pixels"]);
         let stage = Stage::Inspect;
-        self.run.compile(context, library, stage, &steps)?;
+        let staged = steps.iter().map(|step| (stage, step));
+        self.run.compile(context, library, staged)?;
         let planned = inspection(steps);
         self.run
             .bind(context, &[planned], &given, &renderer.image, &[])?;

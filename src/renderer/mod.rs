@@ -65,7 +65,7 @@ pub use editing::{Applied, InPlace};
 pub use features::{
     chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
 };
-pub use frame_spec::plan_of_scene;
+pub use frame_spec::{PlannedScene, plan_of_scene};
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
 pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
@@ -255,10 +255,11 @@ impl Renderer {
         let is_given = |name: &str| given.get(name).is_some();
         let passes = &self.settings.user_passes;
         user_passes::check(passes, &stages, library, self.features(), is_given)?;
-        for PlannedStage { stage, steps, .. } in self.plans().into_iter().flatten() {
-            let frame = &mut self.frame;
-            frame.compile(&self.context, library, stage, &steps)?;
-        }
+        let planned: Vec<PlannedStage> = self.plans().into_iter().flatten().collect();
+        let steps = planned
+            .iter()
+            .flat_map(|planned| planned.steps.iter().map(|step| (planned.stage, step)));
+        self.frame.compile(&self.context, library, steps)?;
         self.allocate_at(self.full_size)?;
         self.bind()?;
         self.context
@@ -278,6 +279,13 @@ impl Renderer {
     #[must_use]
     pub fn plan(&self) -> Vec<PlannedStage> {
         self.plan_with(&self.settings, self.reuse)
+    }
+
+    /// Bytes of the frame's buffers on the device.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
+    #[must_use]
+    pub fn frame_bytes(&self) -> u64 {
+        self.frame.buffers.bytes()
     }
 
     /// The plan with other settings of the present passes.

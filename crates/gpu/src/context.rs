@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use stereolux_base::foreign_errors::{caught, one_line};
 
-/// Storage buffers that the largest kernel binds; the device is asked for no more.
+/// Storage buffers that the largest kernel binds by default; a device with fewer is not used.
 const STORAGE_BUFFERS_PER_STAGE: u32 = 24;
 /// Threads of the largest workgroup that a shader declares.
 const WORKGROUP_INVOCATIONS: u32 = 256;
@@ -200,6 +200,31 @@ pub fn instance_flags() -> wgpu::InstanceFlags {
         .with_env()
 }
 
+/// What the first of `candidates` opens as that can be opened.
+///
+/// # Errors
+/// Why the first cannot be, if none can.
+fn first_usable<A, T>(
+    candidates: impl IntoIterator<Item = A>,
+    mut open: impl FnMut(A) -> Result<T, GpuError>,
+) -> Result<T, GpuError> {
+    let mut fault = None;
+    for candidate in candidates {
+        match open(candidate) {
+            Ok(opened) => {
+                if let Some(fault) = fault {
+                    log::warn!("{fault}; the next adapter is used");
+                }
+                return Ok(opened);
+            }
+            Err(error) => {
+                fault.get_or_insert(error);
+            }
+        }
+    }
+    Err(fault.unwrap_or(GpuError::NoAdapter))
+}
+
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::PRIMARY;
@@ -218,11 +243,12 @@ pub fn adapters() -> Vec<AdapterSummary> {
 }
 
 impl GpuContext {
-    /// Opens the preferred adapter, or the first whose name holds `wanted` (any case).
+    /// Opens the preferred adapter, or the first whose name holds `wanted` (any case). One that cannot be used is passed over
+    /// with a warning, if another can.
     ///
     /// # Errors
-    /// [`GpuError::NoAdapter`], [`GpuError::NoMatchingAdapter`], [`GpuError::Missing`] (one line that names all
-    /// that is missing) and [`GpuError::Device`].
+    /// [`GpuError::NoAdapter`], [`GpuError::NoMatchingAdapter`]; of the first adapter, if none can be used,
+    /// [`GpuError::Missing`] (one line that names all that is missing) or [`GpuError::Device`].
     pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
         let instance = instance();
         let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -230,26 +256,23 @@ impl GpuContext {
             return Err(GpuError::NoAdapter);
         }
         found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
-        let wanted = wanted.filter(|name| !name.is_empty());
-        let adapter = match wanted {
-            None => found.into_iter().next().ok_or(GpuError::NoAdapter)?,
-            Some(wanted) => {
-                let needle = wanted.to_lowercase();
-                let available = found
-                    .iter()
-                    .map(|adapter| adapter.get_info().name)
-                    .collect::<Vec<_>>()
-                    .join(", ");
-                found
-                    .into_iter()
-                    .find(|adapter| adapter.get_info().name.to_lowercase().contains(&needle))
-                    .ok_or_else(|| GpuError::NoMatchingAdapter {
-                        wanted: wanted.to_owned(),
-                        available,
-                    })?
+        if let Some(wanted) = wanted.filter(|name| !name.is_empty()) {
+            let names: Vec<String> = found
+                .iter()
+                .map(|adapter| adapter.get_info().name)
+                .collect();
+            let needle = wanted.to_lowercase();
+            found.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&needle));
+            if found.is_empty() {
+                return Err(GpuError::NoMatchingAdapter {
+                    wanted: wanted.to_owned(),
+                    available: names.join(", "),
+                });
             }
-        };
-        Self::from_adapter(instance, adapter)
+        }
+        first_usable(found, |adapter| {
+            Self::from_adapter(instance.clone(), adapter)
+        })
     }
 
     fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
@@ -274,19 +297,14 @@ impl GpuContext {
     ) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
         let info = adapter.get_info();
         let offered = adapter.limits();
-        let required_limits = wgpu::Limits {
+        let least = wgpu::Limits {
             max_storage_buffers_per_shader_stage: STORAGE_BUFFERS_PER_STAGE,
             max_compute_invocations_per_workgroup: WORKGROUP_INVOCATIONS,
             max_compute_workgroup_size_x: WORKGROUP_INVOCATIONS,
-            // How much a scene or a photon map may hold depends on these two, so take what there is.
-            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-            max_buffer_size: offered.max_buffer_size,
-            max_texture_dimension_2d: offered.max_texture_dimension_2d,
-            max_storage_textures_per_shader_stage: offered.max_storage_textures_per_shader_stage,
             ..wgpu::Limits::downlevel_defaults()
         };
         let mut missing = Vec::new();
-        required_limits.check_limits_with_fail_fn(&offered, false, |name, needed, allowed| {
+        least.check_limits_with_fail_fn(&offered, false, |name, needed, allowed| {
             missing.push(format!("limit {name} of {needed} (has {allowed})"));
         });
         if !missing.is_empty() {
@@ -295,6 +313,17 @@ impl GpuContext {
                 missing: missing.join(", "),
             });
         }
+        // What a scene, a photon map or a kernel may hold depends on these, so take what there is.
+        let required_limits = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: offered.max_storage_buffers_per_shader_stage,
+            max_buffers_and_acceleration_structures_per_shader_stage: offered
+                .max_buffers_and_acceleration_structures_per_shader_stage,
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            max_buffer_size: offered.max_buffer_size,
+            max_texture_dimension_2d: offered.max_texture_dimension_2d,
+            max_storage_textures_per_shader_stage: offered.max_storage_textures_per_shader_stage,
+            ..least
+        };
         // Timing is a diagnostic: without the features the renderer runs and says that it cannot time.
         let timing =
             wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
@@ -492,4 +521,24 @@ fn set_once(slot: &Mutex<Option<String>>, message: String) {
 
 fn take(slot: &Mutex<Option<String>>) -> Option<String> {
     slot.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{GpuError, first_usable};
+
+    #[test]
+    fn an_adapter_that_lacks_something_gives_way_to_the_next() {
+        let open = |has_enough: bool| has_enough.then_some("device").ok_or(GpuError::NoAdapter);
+        assert_eq!(first_usable([false, true], open).ok(), Some("device"));
+        let missing = |adapter: &str| -> Result<(), GpuError> {
+            Err(GpuError::Missing {
+                adapter: adapter.to_owned(),
+                missing: "all".to_owned(),
+            })
+        };
+        let fault = first_usable(["first", "second"], missing).err();
+        let said = fault.map(|fault| fault.to_string());
+        assert!(said.is_some_and(|said| said.contains("first")));
+    }
 }

@@ -232,6 +232,22 @@ pub fn bind_group<'a>(
     })
 }
 
+/// Whether a stage that may have `limit` buffers takes these bindings.
+fn check_buffers(pass: &str, bindings: &[Binding], limit: u32) -> Result<(), GpuError> {
+    let buffers = bindings
+        .iter()
+        .filter(|binding| binding.kind != BindingKind::Texels);
+    let count = buffers.count();
+    if count > limit as usize {
+        return Err(GpuError::TooManyBuffers {
+            pass: pass.to_owned(),
+            count,
+            limit,
+        });
+    }
+    Ok(())
+}
+
 impl Kernel {
     /// Compiles shader `name` of `library` with `features` and builds its pipeline.
     ///
@@ -270,17 +286,7 @@ impl Kernel {
             })?;
         let limits = context.device.limits();
         let limit = limits.max_buffers_and_acceleration_structures_per_shader_stage;
-        let buffers = bindings
-            .iter()
-            .filter(|binding| binding.kind != BindingKind::Texels)
-            .count();
-        if buffers > limit as usize {
-            return Err(GpuError::TooManyBuffers {
-                pass: pass.to_owned(),
-                count: buffers,
-                limit,
-            });
-        }
+        check_buffers(pass, &bindings, limit)?;
         context.count_made();
         context.guarded(pass, || {
             let device = &context.device;
@@ -414,5 +420,32 @@ impl DispatchTable {
         };
         let buffer = context.device.create_buffer_init(&descriptor);
         Self { entries, buffer }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Binding, BindingKind, check_buffers};
+
+    #[test]
+    fn too_many_buffers_are_an_error_that_says_what_to_do() {
+        let binding = |slot| Binding {
+            name: format!("buffer {slot}"),
+            slot,
+            kind: BindingKind::Read,
+        };
+        let mut bindings: Vec<Binding> = (0..24).map(binding).collect();
+        bindings.push(Binding {
+            kind: BindingKind::Texels,
+            ..binding(24)
+        });
+        assert!(check_buffers("eye_fused", &bindings, 24).is_ok());
+        bindings.push(binding(25));
+        let line = check_buffers("eye_fused", &bindings, 24).map_err(|error| error.to_string());
+        assert!(
+            line.is_err_and(
+                |line| line.contains("eye_fused has 25 buffers") && line.contains("split")
+            )
+        );
     }
 }

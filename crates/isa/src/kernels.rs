@@ -9,9 +9,9 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use stereolux::frame::passes::{self, Domain, Pass};
 use stereolux::frame::run::specialised;
-use stereolux::gpu::kernel::{Binding, reflect_bindings};
+use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
 use stereolux::gpu::{CompiledShader, ShaderFeatures, ShaderLibrary};
-use stereolux::renderer::plan_of_scene;
+use stereolux::renderer::{PlannedScene, plan_of_scene};
 use stereolux::{
     AlphaMode, Environment, Filter, Method, RenderSettings, Scene, Texture, TextureImage,
     TextureRef, Wrap, load_environment,
@@ -47,7 +47,8 @@ pub struct Kernel {
     pub frame: Frame,
     /// Name of the pass; `+list` follows if it is an eye's pass over a list of pixels.
     pub pass: String,
-    shader: Arc<CompiledShader>,
+    /// As it is compiled.
+    pub shader: Arc<CompiledShader>,
 }
 
 /// Loads `NAME=SCENE[+SKY]`: `builtin:NAME`, `like:helmet` ([`like_helmet`]) or a glTF file, and an environment map.
@@ -143,7 +144,9 @@ pub fn kernels_of(
             ..RenderSettings::default()
         };
         settings.decide_reconstruction(true);
-        let (stages, features) = plan_of_scene(scene, &settings, false)?;
+        let PlannedScene {
+            stages, features, ..
+        } = plan_of_scene(scene, &settings, false)?;
         others = features;
         for step in stages.iter().flat_map(|stage| &stage.steps) {
             if let Some(pass) = step.pass() {
@@ -189,6 +192,15 @@ impl Kernel {
             }
         };
         module.global_variables.iter().map(|(_, v)| of(v)).sum()
+    }
+
+    /// Buffers that the pass binds.
+    pub fn buffers(&self) -> Result<usize> {
+        let bindings = reflect_bindings(&self.shader)?;
+        let buffers = bindings
+            .iter()
+            .filter(|binding| binding.kind != BindingKind::Texels);
+        Ok(buffers.count())
     }
 
     /// SPIR-V as wgpu-hal 30 has naga write it for a Vulkan 1.3 device with robustness2 (`Adapter::open` of its Vulkan

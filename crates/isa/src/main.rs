@@ -4,6 +4,7 @@
 mod card;
 mod check;
 mod kernels;
+mod languages;
 mod table;
 
 use std::collections::HashSet;
@@ -39,7 +40,8 @@ struct Arguments {
     /// How the table is written to stdout
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
-    /// Fails where a kernel breaks a limit, or has over 5 % more instructions than crates/isa/instructions.csv says
+    /// Fails where a kernel breaks a limit, has over 5 % more instructions than crates/isa/instructions.csv says, is no valid
+    /// SPIR-V, or cannot be written in HLSL or MSL
     #[arg(long)]
     check: bool,
     /// Writes crates/isa/instructions.csv anew
@@ -108,6 +110,7 @@ fn run() -> Result<()> {
         check::store(&cards, &rows)?;
     }
     if arguments.check {
+        languages::check(&kernels)?;
         check::check(&cards, &rows)?;
     }
     Ok(())

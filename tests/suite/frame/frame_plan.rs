@@ -3,13 +3,14 @@
 use std::collections::BTreeSet;
 
 use stereolux::frame::bind::meaning;
+use stereolux::frame::listing::memory;
 use stereolux::frame::plan::on_demand;
 use stereolux::frame::run::{named, specialised};
 use stereolux::frame::step::Action;
 use stereolux::frame::{Only, PlannedStage, Stage, Step};
 use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::renderer::{Renderer, plan_of_scene};
+use stereolux::renderer::{PlannedScene, Renderer, plan_of_scene};
 use stereolux::settings::{
     DirectLight, Force, Loads, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
 };
@@ -144,7 +145,11 @@ fn faults(step: &Step, features: &ShaderFeatures, library: &ShaderLibrary) -> Ve
 
 fn planned(settings: &RenderSettings, scene: &str) -> (Vec<PlannedStage>, ShaderFeatures) {
     let scene = builtin(scene);
-    let (mut stages, features) = plan_of_scene(&scene, settings, true).unwrap();
+    let PlannedScene {
+        mut stages,
+        features,
+        ..
+    } = plan_of_scene(&scene, settings, true).unwrap();
     stages.extend(on_demand(settings));
     (stages, features)
 }
@@ -163,6 +168,32 @@ fn every_name_of_every_plan_means_a_buffer_and_no_pass_writes_what_it_reads() {
                     assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn memory_is_counted_as_it_is_allocated() {
+    let size = [40, 24];
+    for way in ["photons", "paths", "half rate", "everything shown"] {
+        let change = WAYS.iter().find(|(name, _)| *name == way).unwrap().1;
+        let mut settings = settings(change);
+        // Copies in textures have whole rows.
+        settings.force.record_texels = Force::Off;
+        for name in ["cornell", "gallery"] {
+            let scene = builtin(name);
+            let renderer = renderer(&scene, &settings, size);
+            let planned = plan_of_scene(&scene, &settings, true).unwrap();
+            let library = ShaderLibrary::embedded();
+            let (stages, features) = (&planned.stages, &planned.features);
+            let counted = memory(stages, features, &library, size, &planned.maps).unwrap();
+            assert_eq!(
+                counted.total_bytes,
+                renderer.frame_bytes(),
+                "{way} in {name}"
+            );
+            let parts = counted.eyes_bytes + counted.shared_bytes + counted.photons_bytes;
+            assert_eq!(parts, counted.total_bytes);
         }
     }
 }

@@ -426,25 +426,6 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         });
         assert!(split == fused, "{name}, {direct:?}, {reuse:?}");
     }
-    // A scene that needs everything, a sky too, has more buffers than a kernel may, where
-    // records are read from buffers: that is said, and what to do.
-    let refused = Renderer::new(
-        context(),
-        &ShaderLibrary::embedded(),
-        &builtin("gallery"),
-        &settings(|s| {
-            FUSED(s);
-            s.force.record_texels = Force::Off;
-            s.force.environment = Force::On;
-        }),
-        Eyes::Both,
-        [8, 8],
-    );
-    let line = refused.err().expect("too many buffers").to_string();
-    assert!(
-        line.contains("eye_fused has 26 buffers") && line.contains("split"),
-        "{line}"
-    );
 }
 
 /// Where photons and tree lie must not show.
