@@ -17,6 +17,7 @@
 //!
 //! | value | in a session |
 //! |---|---|
+//! | `profiles`, `no_extensions` | with every extension that brings controllers, or none: says on standard error which bindings are suggested |
 //! | `wild_hands` | hands that are tracked at no place, triggers pulled by NaN |
 //! | `wild_rates` | refresh rates that are no numbers, negative, infinite, and 75 Hz |
 //! | `no_rates` | no refresh rate that makes sense |
@@ -43,7 +44,7 @@
 pub mod device_lost_layer;
 mod vulkan;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::ffi::{CStr, c_char};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -63,6 +64,8 @@ const SIZE: u32 = 32;
 pub(crate) struct State {
     events: VecDeque<Event>,
     next_handle: u64,
+    /// What paths and actions are called, by handle.
+    names: BTreeMap<u64, String>,
     shown: u64,
     waited: u64,
     is_running: bool,
@@ -79,6 +82,7 @@ enum Event {
 static STATE: Mutex<State> = Mutex::new(State {
     events: VecDeque::new(),
     next_handle: 100,
+    names: BTreeMap::new(),
     shown: 0,
     waited: 0,
     is_running: false,
@@ -95,6 +99,13 @@ impl State {
     pub(crate) fn handle(&mut self) -> u64 {
         self.next_handle += 1;
         self.next_handle
+    }
+
+    unsafe fn name(&mut self, text: *const c_char) -> u64 {
+        let name = CStr::from_ptr(text).to_string_lossy().into_owned();
+        let handle = self.handle();
+        self.names.insert(handle, name);
+        handle
     }
 
     fn enter(&mut self, states: &[S]) {
@@ -166,8 +177,7 @@ unsafe extern "system" fn get_instance_proc_addr(
                 // The other functions of the core do nothing, with success: the ABI lets a C function ignore what it
                 // is passed.
                 "xrDestroyInstance" | "xrDestroySession" | "xrDestroySpace" | "xrDestroyActionSet"
-                | "xrDestroyAction" | "xrSuggestInteractionProfileBindings"
-                | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
+                | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
                 | "xrReleaseSwapchainImage" | "xrResultToString" | "xrStructureTypeToString" => {
                     Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
                 }
@@ -192,6 +202,7 @@ unsafe extern "system" fn get_instance_proc_addr(
         StringToPath = string_to_path,
         CreateActionSet = create_action_set,
         CreateAction = create_action,
+        SuggestInteractionProfileBindings = suggest_bindings,
         GetActionStateBoolean = boolean_state,
         GetActionStateVector2f = vector_state,
         CreateSession = create_session,
@@ -243,6 +254,12 @@ unsafe extern "system" fn enumerate_extensions(
         &["XR_KHR_opengl_enable"]
     } else if asked_for("wild_rates") || asked_for("no_rates") {
         &["XR_KHR_vulkan_enable2", "XR_FB_display_refresh_rate"]
+    } else if asked_for("profiles") {
+        &[
+            "XR_KHR_vulkan_enable2",
+            "XR_META_touch_controller_plus",
+            "XR_EXT_hand_interaction",
+        ]
     } else if asked_for("wild_mask") {
         &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
     } else {
@@ -398,10 +415,10 @@ unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuf
 
 unsafe extern "system" fn string_to_path(
     _: xr::Instance,
-    _: *const c_char,
+    text: *const c_char,
     out: *mut xr::Path,
 ) -> R {
-    out.write(xr::Path::from_raw(state().handle()));
+    out.write(xr::Path::from_raw(state().name(text)));
     R::SUCCESS
 }
 
@@ -416,10 +433,33 @@ unsafe extern "system" fn create_action_set(
 
 unsafe extern "system" fn create_action(
     _: xr::ActionSet,
-    _: *const xr::ActionCreateInfo,
+    info: *const xr::ActionCreateInfo,
     out: *mut xr::Action,
 ) -> R {
-    out.write(xr::Action::from_raw(state().handle()));
+    let name = (*info).action_name.as_ptr();
+    out.write(xr::Action::from_raw(state().name(name)));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn suggest_bindings(
+    _: xr::Instance,
+    suggested: *const xr::InteractionProfileSuggestedBinding,
+) -> R {
+    if !asked_for("profiles") && !asked_for("no_extensions") {
+        return R::SUCCESS;
+    }
+    let names = &state().names;
+    let name = |handle: u64| names.get(&handle).map_or("?", String::as_str);
+    let count = (*suggested).count_suggested_bindings as usize;
+    for at in 0..count {
+        let binding = (*suggested).suggested_bindings.add(at).read();
+        eprintln!(
+            "suggested: {} {} {}",
+            name((*suggested).interaction_profile.into_raw()),
+            name(binding.action.into_raw()),
+            name(binding.binding.into_raw())
+        );
+    }
     R::SUCCESS
 }
 

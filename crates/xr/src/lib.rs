@@ -39,6 +39,8 @@ pub mod hidden_area;
 pub mod input;
 #[cfg(not(target_vendor = "apple"))]
 pub mod openxr;
+#[cfg(not(target_vendor = "apple"))]
+mod profiles;
 pub mod recorder;
 pub mod replay;
 pub mod simulated;

@@ -363,3 +363,59 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         }
     }
 }
+
+/// Which bindings are suggested, on a runtime that has every extension and on one that has none.
+#[test]
+fn bindings_are_suggested_for_the_profiles_that_the_runtime_has() {
+    let folder = Folder::new("openxr-profiles");
+    let suggested = |behaviour: &str| {
+        let (out, trace) = (folder.join("out"), folder.join("trace.jsonl"));
+        let args = small_run(&out, &trace, 2);
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let output = on_fake(&folder, behaviour, &[], &args);
+        assert_status(&output, 0);
+        let text = stderr(&output);
+        let lines = text.lines();
+        let bindings = lines.filter_map(|line| line.strip_prefix("suggested: "));
+        bindings.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let all = suggested("profiles");
+    let of = |profile: &str| -> Vec<&str> {
+        let profile = format!("/interaction_profiles/{profile} ");
+        let bindings = all.iter().filter_map(|line| line.strip_prefix(&*profile));
+        bindings.collect()
+    };
+    let touch = of("oculus/touch_controller");
+    assert_eq!(touch, of("meta/touch_controller_plus"));
+    for expected in [
+        "haptic /user/hand/right/output/haptic",
+        "primary_click /user/hand/left/input/x/click",
+        "walk /user/hand/left/input/thumbstick",
+    ] {
+        assert!(touch.contains(&expected), "{expected}: {touch:?}");
+    }
+    let mut hands = of("ext/hand_interaction_ext");
+    hands.sort_unstable();
+    // All of it: hands have no vibration, no sticks and no menu.
+    let expected = [
+        "advance /user/hand/left/input/grasp_ext/value",
+        "aim /user/hand/left/input/aim/pose",
+        "aim /user/hand/right/input/aim/pose",
+        "grip /user/hand/left/input/grip/pose",
+        "grip /user/hand/right/input/grip/pose",
+        "squeeze /user/hand/left/input/grasp_ext/value",
+        "squeeze /user/hand/right/input/grasp_ext/value",
+        "trigger /user/hand/left/input/pinch_ext/value",
+        "trigger /user/hand/right/input/pinch_ext/value",
+        "turn_right /user/hand/right/input/grasp_ext/value",
+    ];
+    assert_eq!(hands, expected);
+    let profiles: std::collections::BTreeSet<&str> = all
+        .iter()
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert_eq!(profiles.len(), 7);
+    let plain = suggested("no_extensions");
+    let without_extension = |line: &&String| !line.contains("/meta/") && !line.contains("/ext/");
+    assert!(plain.iter().eq(all.iter().filter(without_extension)));
+}

@@ -331,6 +331,27 @@ fn every_failure_is_one_line_and_leaves_nothing() {
     assert!(out.join("run.json").exists());
 }
 
+/// Monado knows every profile and checks each path against its own list of what the profile has.
+#[test]
+fn monado_takes_the_bindings_of_every_profile() {
+    let folder = Folder::new("openxr-bindings");
+    let out = folder.join("out");
+    let mut args = vec!["run", "--session", "openxr", "--frames", "2"];
+    args.extend(["--size", "16x16", "--photons", "10", "--scene"]);
+    args.extend(["builtin:plane", "--out", out.to_str().unwrap()]);
+    let mut command = monado(&[]);
+    command.arg(PROGRAM).args(args).env("RUST_LOG", "debug");
+    let output = output_on_monado(&mut command);
+    assert_status(&output, 0);
+    let said = stderr(&output);
+    assert!(said.contains("OpenXR session: "), "{said}");
+    let refused: Vec<&str> = said
+        .lines()
+        .filter(|line| line.contains("/interaction_profiles/"))
+        .collect();
+    assert!(refused.is_empty(), "{refused:?}");
+}
+
 #[test]
 fn info_names_the_runtime_or_why_there_is_none() {
     let report = |output: &std::process::Output| -> Value {
@@ -348,6 +369,8 @@ fn info_names_the_runtime_or_why_there_is_none() {
         serde_json::json!([320, 240])
     );
     assert!(there["extensions"].as_array().unwrap().len() > 10);
+    let used = there["used_extensions"].as_array().unwrap();
+    assert!(used.contains(&Value::from("XR_EXT_hand_interaction")));
     let absent = report(&stereolux_on_monado(&["--no-service"], &["info"]));
     assert!(absent["runtime"].is_null());
     assert!(

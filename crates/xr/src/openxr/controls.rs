@@ -4,6 +4,8 @@ use glam::DVec2;
 use openxr as xr;
 
 use super::hands::Hands;
+use super::runtime::Runtime;
+use crate::profiles::{Drives, PROFILES};
 
 /// What the wearer does in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,67 +19,6 @@ pub(super) struct Wishes {
     /// The button was pressed since the last frame.
     pub(super) quit: bool,
 }
-
-/// Which action a source drives.
-#[derive(Clone, Copy)]
-enum Drives {
-    Walk,
-    Turn,
-    Advance,
-    TurnRight,
-    SwitchReuse,
-    Quit,
-}
-
-/// Interaction profiles of the OpenXR 1.0 core, with what drives which action. A controller without sticks walks and
-/// turns by its buttons.
-const BINDINGS: &[(&str, &[(Drives, &str)])] = &[
-    (
-        "/interaction_profiles/khr/simple_controller",
-        &[
-            (Drives::Advance, "/user/hand/left/input/select/click"),
-            (Drives::TurnRight, "/user/hand/right/input/select/click"),
-            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
-            (Drives::Quit, "/user/hand/right/input/menu/click"),
-        ],
-    ),
-    (
-        "/interaction_profiles/oculus/touch_controller",
-        &[
-            (Drives::Walk, "/user/hand/left/input/thumbstick"),
-            (Drives::Turn, "/user/hand/right/input/thumbstick"),
-            (Drives::SwitchReuse, "/user/hand/left/input/x/click"),
-            (Drives::Quit, "/user/hand/left/input/menu/click"),
-        ],
-    ),
-    (
-        "/interaction_profiles/valve/index_controller",
-        &[
-            (Drives::Walk, "/user/hand/left/input/thumbstick"),
-            (Drives::Turn, "/user/hand/right/input/thumbstick"),
-            (Drives::SwitchReuse, "/user/hand/left/input/a/click"),
-            (Drives::Quit, "/user/hand/left/input/b/click"),
-        ],
-    ),
-    (
-        "/interaction_profiles/htc/vive_controller",
-        &[
-            (Drives::Walk, "/user/hand/left/input/trackpad"),
-            (Drives::Turn, "/user/hand/right/input/trackpad"),
-            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
-            (Drives::Quit, "/user/hand/right/input/menu/click"),
-        ],
-    ),
-    (
-        "/interaction_profiles/microsoft/motion_controller",
-        &[
-            (Drives::Walk, "/user/hand/left/input/thumbstick"),
-            (Drives::Turn, "/user/hand/right/input/thumbstick"),
-            (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
-            (Drives::Quit, "/user/hand/right/input/menu/click"),
-        ],
-    ),
-];
 
 /// The actions, attached to a session.
 pub(super) struct Controls {
@@ -98,10 +39,11 @@ impl Controls {
     /// Makes the actions, suggests bindings for the profiles that the runtime knows, and attaches them. Without `moves` the
     /// wearer neither walks nor turns: an application has the sticks for itself.
     pub(super) fn new<G>(
-        instance: &xr::Instance,
+        runtime: &Runtime,
         session: &xr::Session<G>,
         moves: bool,
     ) -> xr::Result<Self> {
+        let instance = &runtime.instance;
         let set = instance.create_action_set("stereolux", "stereolux", 0)?;
         let mut controls = Self {
             hands: Hands::new(instance)?,
@@ -114,9 +56,14 @@ impl Controls {
             quit: set.create_action("quit", "Quit", &[])?,
             set,
         };
-        for (profile, sources) in BINDINGS {
+        let used = runtime.used_extensions();
+        let is_there = |extension: &str| used.contains(&extension);
+        for profile in PROFILES {
+            if !profile.extension.is_none_or(is_there) {
+                continue;
+            }
             let mut bindings = controls.hands.bindings(instance, profile)?;
-            for (drives, source) in *sources {
+            for (drives, source) in profile.drives {
                 let path = instance.string_to_path(source)?;
                 bindings.push(match drives {
                     Drives::Walk => xr::Binding::new(&controls.walk, path),
@@ -127,12 +74,10 @@ impl Controls {
                     Drives::Quit => xr::Binding::new(&controls.quit, path),
                 });
             }
-            let profile_path = instance.string_to_path(profile)?;
-            if let Err(error) =
-                instance.suggest_interaction_profile_bindings(profile_path, &bindings)
-            {
+            let path = instance.string_to_path(profile.path)?;
+            if let Err(error) = instance.suggest_interaction_profile_bindings(path, &bindings) {
                 // A runtime need not know every controller.
-                log::debug!("{profile}: {error}");
+                log::debug!("{}: {error}", profile.path);
             }
         }
         session.attach_action_sets(&[&controls.set, &controls.hands.set])?;

@@ -5,104 +5,12 @@ use openxr as xr;
 
 use super::{pose_of, vector_of};
 use crate::input::{Button, Buttons, Hand, Input, Side, Tracked};
+use crate::profiles::Profile;
 use stereolux_base::pose::Pose;
 use stereolux_gpu::vulkan_interop::openxr as interop;
 
 /// Deflection from which a trigger or a squeeze counts as pressed.
 const PRESSED_FROM: f32 = 0.5;
-
-/// Sources of one interaction profile, below `/user/hand/SIDE/input/`; empty: the controller has none. Where left and right
-/// differ, both are given, left first. Every profile has grip, aim and haptics besides.
-struct Sources {
-    trigger: &'static str,
-    squeeze: &'static str,
-    stick: &'static str,
-    buttons: &'static [(Button, [&'static str; 2])],
-    touches: &'static [(Button, [&'static str; 2])],
-}
-
-const fn both(path: &'static str) -> [&'static str; 2] {
-    [path, path]
-}
-
-/// Interaction profiles of the OpenXR 1.0 core.
-const PROFILES: &[(&str, Sources)] = &[
-    (
-        "/interaction_profiles/khr/simple_controller",
-        Sources {
-            trigger: "select/click",
-            squeeze: "",
-            stick: "",
-            buttons: &[(Button::Menu, both("menu/click"))],
-            touches: &[],
-        },
-    ),
-    (
-        "/interaction_profiles/oculus/touch_controller",
-        Sources {
-            trigger: "trigger/value",
-            squeeze: "squeeze/value",
-            stick: "thumbstick",
-            buttons: &[
-                (Button::Stick, both("thumbstick/click")),
-                (Button::Primary, ["x/click", "a/click"]),
-                (Button::Secondary, ["y/click", "b/click"]),
-                (Button::Menu, ["menu/click", ""]),
-            ],
-            touches: &[
-                (Button::Trigger, both("trigger/touch")),
-                (Button::Stick, both("thumbstick/touch")),
-                (Button::Primary, ["x/touch", "a/touch"]),
-                (Button::Secondary, ["y/touch", "b/touch"]),
-            ],
-        },
-    ),
-    (
-        "/interaction_profiles/valve/index_controller",
-        Sources {
-            trigger: "trigger/value",
-            squeeze: "squeeze/value",
-            stick: "thumbstick",
-            buttons: &[
-                (Button::Stick, both("thumbstick/click")),
-                (Button::Primary, both("a/click")),
-                (Button::Secondary, both("b/click")),
-            ],
-            touches: &[
-                (Button::Trigger, both("trigger/touch")),
-                (Button::Stick, both("thumbstick/touch")),
-                (Button::Primary, both("a/touch")),
-                (Button::Secondary, both("b/touch")),
-            ],
-        },
-    ),
-    (
-        "/interaction_profiles/htc/vive_controller",
-        Sources {
-            trigger: "trigger/value",
-            squeeze: "squeeze/click",
-            stick: "trackpad",
-            buttons: &[
-                (Button::Stick, both("trackpad/click")),
-                (Button::Menu, both("menu/click")),
-            ],
-            touches: &[(Button::Stick, both("trackpad/touch"))],
-        },
-    ),
-    (
-        "/interaction_profiles/microsoft/motion_controller",
-        Sources {
-            trigger: "trigger/value",
-            squeeze: "squeeze/click",
-            stick: "thumbstick",
-            buttons: &[
-                (Button::Stick, both("thumbstick/click")),
-                (Button::Menu, both("menu/click")),
-            ],
-            touches: &[],
-        },
-    ),
-];
 
 /// The actions, and where the hands are.
 pub(super) struct Hands {
@@ -166,12 +74,8 @@ impl Hands {
     pub(super) fn bindings<'a>(
         &'a self,
         instance: &xr::Instance,
-        profile: &str,
+        profile: &Profile,
     ) -> xr::Result<Vec<xr::Binding<'a>>> {
-        let known = PROFILES.iter().find(|(name, _)| *name == profile);
-        let Some((_, sources)) = known else {
-            return Ok(Vec::new());
-        };
         let mut bindings = Vec::new();
         for side in Side::BOTH {
             let hand = format!("/user/hand/{}", side.word());
@@ -179,21 +83,23 @@ impl Hands {
             let input = |source: &str| path(&format!("input/{source}"));
             bindings.push(xr::Binding::new(&self.poses[0], input("grip/pose")?));
             bindings.push(xr::Binding::new(&self.poses[1], input("aim/pose")?));
-            bindings.push(xr::Binding::new(&self.haptic, path("output/haptic")?));
+            if profile.vibrates {
+                bindings.push(xr::Binding::new(&self.haptic, path("output/haptic")?));
+            }
             for (action, source) in [
-                (&self.trigger, sources.trigger),
-                (&self.squeeze, sources.squeeze),
+                (&self.trigger, profile.trigger),
+                (&self.squeeze, profile.squeeze),
             ] {
                 if !source.is_empty() {
                     bindings.push(xr::Binding::new(action, input(source)?));
                 }
             }
-            if !sources.stick.is_empty() {
-                bindings.push(xr::Binding::new(&self.stick, input(sources.stick)?));
+            if !profile.stick.is_empty() {
+                bindings.push(xr::Binding::new(&self.stick, input(profile.stick)?));
             }
             for (actions, sources) in [
-                (&self.pressed, sources.buttons),
-                (&self.touched, sources.touches),
+                (&self.pressed, profile.buttons),
+                (&self.touched, profile.touches),
             ] {
                 for (button, by_side) in sources {
                     let source = by_side[side as usize];

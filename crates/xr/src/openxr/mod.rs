@@ -112,7 +112,7 @@ impl OpenXrSession {
             .map_err(failed("xrCreateReferenceSpace"))?;
         let refresh_hz = refresh_rate(&runtime, &session, options.settings.refresh_hz);
         let hidden = hidden_areas(&runtime, &session, &options.settings);
-        let controls = Controls::new(&runtime.instance, &session, options.settings.locomotion)
+        let controls = Controls::new(&runtime, &session, options.settings.locomotion)
             .map_err(failed("action set"))?;
         let with_depth = options.settings.depth_layer && runtime.offered.depth_layer;
         let eyes = EyeSwapchains::pair(

@@ -110,6 +110,8 @@ pub(super) struct Offered {
     pub(super) depth_layer: bool,
     pub(super) visibility_mask: bool,
     pub(super) refresh_rate: bool,
+    touch_plus: bool,
+    hand_interaction: bool,
 }
 
 /// A runtime with a headset, ready for a session.
@@ -142,12 +144,16 @@ impl Runtime {
             depth_layer: available.khr_composition_layer_depth,
             visibility_mask: available.khr_visibility_mask,
             refresh_rate: available.fb_display_refresh_rate,
+            touch_plus: available.meta_touch_controller_plus,
+            hand_interaction: available.ext_hand_interaction,
         };
         let mut enabled = xr::ExtensionSet::default();
         enabled.khr_vulkan_enable2 = true;
         enabled.khr_composition_layer_depth = offered.depth_layer;
         enabled.khr_visibility_mask = offered.visibility_mask;
         enabled.fb_display_refresh_rate = offered.refresh_rate;
+        enabled.meta_touch_controller_plus = offered.touch_plus;
+        enabled.ext_hand_interaction = offered.hand_interaction;
         let application = xr::ApplicationInfo {
             application_name: "stereolux",
             application_version: 1,
@@ -319,26 +325,23 @@ impl Runtime {
                 "largest_size": [view.max_image_rect_width, view.max_image_rect_height],
             })).collect::<Vec<_>>(),
             "extensions": self.extensions,
-            "used_extensions": self
-                .instance_extensions()
-                .iter()
-                .map(|name| (*name).to_owned())
-                .collect::<Vec<String>>(),
+            "used_extensions": self.used_extensions(),
         })
     }
 
-    fn instance_extensions(&self) -> Vec<&'static str> {
-        let mut names = vec!["XR_KHR_vulkan_enable2"];
-        if self.offered.depth_layer {
-            names.push("XR_KHR_composition_layer_depth");
-        }
-        if self.offered.visibility_mask {
-            names.push("XR_KHR_visibility_mask");
-        }
-        if self.offered.refresh_rate {
-            names.push("XR_FB_display_refresh_rate");
-        }
-        names
+    /// Extensions that the instance was made with.
+    pub(super) fn used_extensions(&self) -> Vec<&'static str> {
+        let optional = [
+            (self.offered.depth_layer, "XR_KHR_composition_layer_depth"),
+            (self.offered.visibility_mask, "XR_KHR_visibility_mask"),
+            (self.offered.refresh_rate, "XR_FB_display_refresh_rate"),
+            (self.offered.touch_plus, "XR_META_touch_controller_plus"),
+            (self.offered.hand_interaction, "XR_EXT_hand_interaction"),
+        ];
+        let offered = optional.into_iter().filter(|(is_offered, _)| *is_offered);
+        std::iter::once("XR_KHR_vulkan_enable2")
+            .chain(offered.map(|(_, name)| name))
+            .collect()
     }
 }
 
