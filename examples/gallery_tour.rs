@@ -1,5 +1,6 @@
-//! A tour of the embedded gallery: the right hand's trigger takes what it points at of the vase and the two spheres, the
-//! left stick dims and brightens the spots, the left hand's primary button (X, or A) switches day and night.
+//! A tour of the embedded gallery: the right hand takes what it points at of the vase and the two spheres, the left stick dims
+//! and brightens the spots, a button of the left hand switches day and night. Which buttons these are on which controller
+//! stands in examples/gallery_tour_actions.toml; simulated hands hold Touch controllers: trigger, left stick, Y.
 //!
 //! `cargo run --release --example gallery_tour -- --frames 24 --size 256x256` plays what simulated hands do and writes its
 //! images to out/. The flags are those of `stereolux run`:
@@ -8,7 +9,7 @@
 use std::process::ExitCode;
 
 use glam::DAffine3;
-use stereolux::{App, AppError, Button, FrameInput, Side, World, run_app};
+use stereolux::{Actions, App, AppError, FrameInput, Side, World, run_app};
 
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
@@ -47,15 +48,15 @@ impl Tour {
             return Ok(());
         };
         let world_from_grip = grip.pose.affine();
-        if frame.pressed(Side::Right, Button::Trigger)
+        if frame.action_pressed("take")?
             && let Some(hit) = world.cast_ray(origin, direction, REACH_M)
             && let Some(thing) = hit.node.filter(|node| self.things.contains(node))
         {
             let grip_from_thing = world_from_grip.inverse() * world.world_from_node(thing)?;
             self.held = Some((thing, grip_from_thing));
-            world.vibrate(Side::Right, 0.05, 0.5);
+            world.vibrate_action("taken", 0.05, 0.5)?;
         }
-        if frame.released(Side::Right, Button::Trigger) {
+        if frame.action_released("take")? {
             self.held = None;
         }
         if let Some((thing, grip_from_thing)) = self.held {
@@ -66,6 +67,11 @@ impl Tour {
 }
 
 impl App for Tour {
+    fn actions(&self) -> Result<Actions, AppError> {
+        let text = include_str!("gallery_tour_actions.toml");
+        Ok(Actions::parse("gallery_tour_actions.toml", text)?)
+    }
+
     fn start(&mut self, world: &mut World) -> Result<(), AppError> {
         for name in THINGS {
             self.things.push(world.node(name)?);
@@ -87,17 +93,17 @@ impl App for Tour {
 
     fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
         self.carry(frame, world)?;
-        if frame.pressed(Side::Left, Button::Primary) {
+        if frame.action_pressed("day_and_night")? {
             self.is_night = !self.is_night;
             let share = if self.is_night { MOONLIGHT } else { 1.0 };
             for (material, day) in &self.sky {
                 world.change_material(*material, |sky| sky.emission = day.map(|c| c * share))?;
             }
         }
-        let stick = frame.hand(Side::Left).stick.y;
-        if stick.abs() > 0.2 {
+        let brighten = frame.input.actions.float("brighten")?;
+        if brighten.abs() > 0.2 {
             let seconds = frame.period_ns as f64 * 1e-9;
-            let factor = (DIM_PER_S * stick * seconds).exp() as f32;
+            let factor = (DIM_PER_S * brighten * seconds).exp() as f32;
             for spot in &self.spots {
                 world.change_light(*spot, |light| {
                     light.intensity = light.intensity.map(|c| c * factor);

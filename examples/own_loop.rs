@@ -61,7 +61,9 @@ pub fn run<S: XrSession>(
 /// On the headset of the OpenXR runtime.
 #[cfg(not(target_vendor = "apple"))]
 fn on_headset(settings: &RenderSettings, start: Pose) -> Result<ImageRgb8, Box<dyn Error>> {
-    use stereolux::{OpenXrOptions, OpenXrRuntime, OpenXrSession, OpenXrSettings, Validated};
+    use stereolux::{
+        Actions, OpenXrOptions, OpenXrRuntime, OpenXrSession, OpenXrSettings, Validated,
+    };
     let runtime = OpenXrRuntime::find()?;
     let (size, gpu) = (runtime.recommended_size(), runtime.open_device(None)?);
     let options = OpenXrOptions {
@@ -69,6 +71,7 @@ fn on_headset(settings: &RenderSettings, start: Pose) -> Result<ImageRgb8, Box<d
         start,
         frame_limit: None,
         settings: OpenXrSettings::default(),
+        actions: Actions::default(),
     };
     let session = OpenXrSession::create(runtime, &gpu, options)?;
     run(gpu, Validated::new(session), settings, size)

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::app::{AppError, Application, FrameInput};
+use crate::app::{AppError, Application, FrameInput, Held};
 use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
@@ -25,8 +25,7 @@ use crate::renderer::{
 use crate::scene::Scene;
 use crate::settings::{Aov, Eyes, Quality, RenderSettings};
 use crate::xr::{
-    Buttons, FrameState, FrameSubmission, LocatedViews, QualityFrom, RenderTargets, XrError,
-    XrSession,
+    FrameState, FrameSubmission, LocatedViews, QualityFrom, RenderTargets, XrError, XrSession,
 };
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
@@ -463,7 +462,7 @@ pub struct FrameLoop<S> {
     renderer: Renderer,
     library: ShaderLibrary,
     next_frame: u32,
-    held: [Buttons; 2],
+    held: Held,
 }
 
 impl<S: XrSession> FrameLoop<S> {
@@ -489,7 +488,7 @@ impl<S: XrSession> FrameLoop<S> {
             renderer,
             library,
             next_frame: 0,
-            held: Default::default(),
+            held: Held::default(),
         })
     }
 

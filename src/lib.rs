@@ -201,11 +201,12 @@ pub use xr::openxr::{
 };
 pub use xr::validation::Fault;
 pub use xr::{
-    ArgumentError, Button, Buttons, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset,
-    HiddenArea, Input, InputError, Joint, LocatedViews, Pacing, Pose, Pulse, QualityFrom,
-    RayInWorld, Recorder, RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo,
-    Side, SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags,
-    XrError, XrSession,
+    Action, ActionError, ActionKind, ActionValue, ActionValues, Actions, ArgumentError, Button,
+    Buttons, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset, HiddenArea, Input,
+    InputError, Joint, LocatedViews, Pacing, Pose, Pulse, PulseOf, QualityFrom, RayInWorld,
+    Recorder, RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo, Side,
+    SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags, XrError,
+    XrSession,
 };
 
 #[doc(hidden)]

@@ -16,7 +16,7 @@ use crate::pose::Pose;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side};
-use crate::xr::{FrameState, LocatedViews, Pulse, View};
+use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, Pulse, View};
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use world::Kept;
@@ -27,6 +27,14 @@ pub type AppError = Box<dyn Error + Send + Sync>;
 
 /// An application on the frame loop.
 pub trait App {
+    /// The actions of its own ([`FrameInput::action_pressed`], [`Input::actions`]); called once, before the session begins.
+    ///
+    /// # Errors
+    /// Ends the program with exit status 2: a declaration that cannot be.
+    fn actions(&self) -> Result<Actions, AppError> {
+        Ok(Actions::default())
+    }
+
     /// Called once, before the scene is uploaded: look up what `update` will need, add what the scene lacks.
     ///
     /// # Errors
@@ -68,10 +76,16 @@ pub struct FrameInput {
     pub period_ns: i64,
     /// Left eye, right eye.
     pub views: [View; 2],
-    /// Hands, buttons and gaze.
+    /// Hands, buttons, gaze, and the application's own actions.
     pub input: Input,
-    /// Buttons of the frame before.
-    held_before: [Buttons; 2],
+    before: Held,
+}
+
+/// What was held in the frame before.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Held {
+    buttons: [Buttons; 2],
+    actions: ActionValues,
 }
 
 impl FrameInput {
@@ -82,14 +96,17 @@ impl FrameInput {
             period_ns: state.period_ns,
             views: views.views,
             input,
-            held_before: Default::default(),
+            before: Held::default(),
         }
     }
 
     /// Knows what was held in the frame before, and notes what is held now.
-    pub(crate) fn after(mut self, held: &mut [Buttons; 2]) -> Self {
-        let now = self.input.hands.each_ref().map(|hand| hand.pressed);
-        self.held_before = std::mem::replace(held, now);
+    pub(crate) fn after(mut self, held: &mut Held) -> Self {
+        let now = Held {
+            buttons: self.input.hands.each_ref().map(|hand| hand.pressed),
+            actions: self.input.actions.clone(),
+        };
+        self.before = std::mem::replace(held, now);
         self
     }
 
@@ -118,14 +135,30 @@ impl FrameInput {
     #[must_use]
     pub fn pressed(&self, side: Side, button: Button) -> bool {
         let now = self.hand(side).pressed;
-        now.without(self.held_before[side as usize]).has(button)
+        now.without(self.before.buttons[side as usize]).has(button)
     }
 
     /// Whether a button went up in this frame.
     #[must_use]
     pub fn released(&self, side: Side, button: Button) -> bool {
-        let before = self.held_before[side as usize];
+        let before = self.before.buttons[side as usize];
         before.without(self.hand(side).pressed).has(button)
+    }
+
+    /// Whether an action of kind bool has begun in this frame.
+    ///
+    /// # Errors
+    /// No such action, or one of another kind.
+    pub fn action_pressed(&self, name: &str) -> Result<bool, ActionError> {
+        Ok(self.input.actions.held(name)? && !self.before.actions.is_held(name))
+    }
+
+    /// Whether an action of kind bool has ended in this frame.
+    ///
+    /// # Errors
+    /// As [`FrameInput::action_pressed`].
+    pub fn action_released(&self, name: &str) -> Result<bool, ActionError> {
+        Ok(!self.input.actions.held(name)? && self.before.actions.is_held(name))
     }
 
     /// Where a hand points: origin and unit direction in the world; `None` while it is not tracked.
@@ -140,7 +173,7 @@ impl FrameInput {
 pub struct Application<'a> {
     app: &'a mut dyn App,
     kept: Kept,
-    held: [Buttons; 2],
+    held: Held,
 }
 
 impl<'a> Application<'a> {
@@ -148,14 +181,18 @@ impl<'a> Application<'a> {
     ///
     /// # Errors
     /// The application's own.
-    pub(crate) fn start(app: &'a mut dyn App, scene: Scene) -> Result<Self, AppError> {
-        let mut kept = Kept::new(scene);
+    pub(crate) fn start(
+        app: &'a mut dyn App,
+        actions: Actions,
+        scene: Scene,
+    ) -> Result<Self, AppError> {
+        let mut kept = Kept::new(scene, actions);
         app.start(&mut World::new(&mut kept, None))?;
         kept.settled();
         Ok(Self {
             app,
             kept,
-            held: Default::default(),
+            held: Held::default(),
         })
     }
 
@@ -174,8 +211,10 @@ impl<'a> Application<'a> {
     pub(crate) fn update(
         &mut self,
         renderer: &mut Renderer,
-        frame: FrameInput,
+        mut frame: FrameInput,
     ) -> Result<(), LoopError> {
+        let actions = frame.input.actions.of(self.kept.actions());
+        frame.input.actions = actions.map_err(|error| LoopError::App(error.into()))?;
         renderer.animate(frame.display_time_ns);
         let frame = frame.after(&mut self.held);
         let mut world = World::new(&mut self.kept, Some(renderer));

@@ -13,7 +13,7 @@ use crate::renderer::{Applied, PreparedPart, RayHit, RenderError, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
 use crate::scene::{Material, Node, PunctualLight, Scene, ScenePart};
 use crate::settings::Quality;
-use crate::xr::{Pulse, Side};
+use crate::xr::{ActionError, ActionKind, Actions, Pulse, PulseOf, Side};
 
 /// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
 /// ([`World::scene`]) and keep them for good.
@@ -45,6 +45,7 @@ enum PartChange {
 /// What of a world outlives a call of the application.
 pub(crate) struct Kept {
     scene: Scene,
+    actions: Actions,
     /// The scene differs from what the renderer shows.
     is_changed: bool,
     /// The scene part that came or went in this frame.
@@ -76,6 +77,9 @@ pub enum WorldError {
     /// A quality that the renderer was not made for, or a question that comes too early.
     #[error("{}", line(.0))]
     Quality(String),
+    /// An action that was not declared, or one of another kind.
+    #[error(transparent)]
+    Action(#[from] ActionError),
     /// A number that is none of the scene's, or a value that no scene can have.
     #[error(transparent)]
     Edit(#[from] EditError),
@@ -351,8 +355,27 @@ impl<'a> World<'a> {
 
     /// Lets a controller vibrate for a while, `amplitude` 0 to 1; nothing happens where there is none that can.
     pub fn vibrate(&mut self, side: Side, duration_s: f64, amplitude: f64) {
+        self.pulse(PulseOf::Hand(side), duration_s, amplitude);
+    }
+
+    /// As [`World::vibrate`], of what an action of kind haptic is bound to.
+    ///
+    /// # Errors
+    /// [`WorldError::Action`]: no such action, or one of another kind.
+    pub fn vibrate_action(
+        &mut self,
+        action: &str,
+        duration_s: f64,
+        amplitude: f64,
+    ) -> Result<(), WorldError> {
+        self.kept.actions.known(action, ActionKind::Haptic)?;
+        self.pulse(PulseOf::Action(action.to_owned()), duration_s, amplitude);
+        Ok(())
+    }
+
+    fn pulse(&mut self, of: PulseOf, duration_s: f64, amplitude: f64) {
         self.kept.pulses.push(Pulse {
-            side,
+            of,
             duration_s: duration_s.max(0.0),
             amplitude: amplitude.clamp(0.0, 1.0),
         });
@@ -365,9 +388,10 @@ impl<'a> World<'a> {
 }
 
 impl Kept {
-    pub(crate) fn new(scene: Scene) -> Self {
+    pub(crate) fn new(scene: Scene, actions: Actions) -> Self {
         Self {
             scene,
+            actions,
             is_changed: false,
             part: None,
             needs_rebuild: None,
@@ -375,6 +399,10 @@ impl Kept {
             pulses: Vec::new(),
             is_over: false,
         }
+    }
+
+    pub(crate) fn actions(&self) -> &Actions {
+        &self.actions
     }
 
     pub(crate) fn scene(&self) -> &Scene {

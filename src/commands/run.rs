@@ -25,8 +25,8 @@ use crate::settings::{
 };
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
-    Fov, HandScript, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions, ReplaySession,
-    SimulatedSession, Validated, XrSession,
+    Actions, Fov, HandScript, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions,
+    ReplaySession, SimulatedSession, Validated, XrSession,
 };
 
 /// Frames of a simulated run without `--frames`.
@@ -58,13 +58,15 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
         .then(MirrorWindow::open)
         .transpose()?;
     let hands = hand_script(&options.settings, &loaded.scene, &start)?;
-    let source = source(options, &headset, start, hands)?;
+    let actions = app.actions().map_err(Failure::unusable)?;
+    let source = source(options, &headset, start, hands, &actions)?;
     interrupt::catch();
     let hurries = options.session.realtime || source.context.is_some();
     render_session(
         source,
         loaded,
         app,
+        actions,
         &Job {
             eyes: Eyes::Both,
             range: options
@@ -146,6 +148,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         },
         loaded,
         &mut SceneAlone,
+        Actions::default(),
         &Job {
             eyes: options.view.eyes,
             range: None,
@@ -208,9 +211,11 @@ fn source(
     headset: &Headset,
     start: Pose,
     hands: HandScript,
+    actions: &Actions,
 ) -> Result<Source, Failure> {
     let unavailable = match options.session.choice {
-        SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start) {
+        SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start, actions)
+        {
             Ok(mut source) => {
                 if options.session.choice == SessionChoice::Auto {
                     source.announcement = Some(format!("session: {}", source.name));
@@ -222,7 +227,7 @@ fn source(
         },
         SessionChoice::Simulated | SessionChoice::Replay => None,
     };
-    let (session, name) = session(options, headset, start, hands)?;
+    let (session, name) = session(options, headset, start, hands, actions)?;
     let size = options
         .settings
         .size
@@ -238,7 +243,7 @@ fn source(
 }
 
 #[cfg(not(target_vendor = "apple"))]
-fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
+fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result<Source, Failure> {
     use crate::xr::openxr::{OpenXrSession, Runtime, SessionOptions};
 
     let settings = &options.settings;
@@ -254,6 +259,7 @@ fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
             start,
             frame_limit: options.session.frames.map(u64::from),
             settings: settings.openxr.clone(),
+            actions: actions.clone(),
         },
     )?;
     if let Some((format, with_depth)) = session.image_format() {
@@ -273,7 +279,7 @@ fn openxr_source(options: &RunOptions, start: Pose) -> Result<Source, Failure> {
 }
 
 #[cfg(target_vendor = "apple")]
-fn openxr_source(_: &RunOptions, _: Pose) -> Result<Source, Failure> {
+fn openxr_source(_: &RunOptions, _: Pose, _: &Actions) -> Result<Source, Failure> {
     Err(Failure::failed(
         "no OpenXR runtime for Metal exists; use --session simulated",
     ))
@@ -284,6 +290,7 @@ fn session(
     headset: &Headset,
     start: Pose,
     hands: HandScript,
+    actions: &Actions,
 ) -> Result<(Box<dyn XrSession>, String), Failure> {
     let pacing = if options.session.realtime {
         Pacing::RealTime
@@ -310,6 +317,7 @@ fn session(
             let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
                 .with_seed(u64::from(settings.render.seed))
                 .with_hands(hands)
+                .with_actions(actions.clone())
                 .with_pacing(pacing);
             let source = session.info().source.clone();
             Ok((Box::new(session), source))
@@ -331,6 +339,7 @@ fn render_session(
     source: Source,
     loaded: Loaded,
     app: &mut dyn App,
+    actions: Actions,
     job: &Job<'_>,
     window: Option<MirrorWindow>,
 ) -> Result<(), Failure> {
@@ -363,7 +372,7 @@ fn render_session(
     }
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
-    let mut application = Application::start(app, scene).map_err(Failure::unusable)?;
+    let mut application = Application::start(app, actions, scene).map_err(Failure::unusable)?;
     let scene = application.kept().scene();
     let needs = Needs::of(scene);
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;

@@ -4,10 +4,13 @@
 //! ([`super::XrSession::locate_input`]). Everything an application can react to is in here, and a recording holds all of
 //! it, so that a replay drives the application through the same frames.
 
+use std::collections::BTreeMap;
+
 use glam::{DQuat, DVec2, DVec3};
 use serde::Serialize;
 use serde_json::Value;
 
+use super::action_values::{ActionValues, ValueJson};
 use super::trace::Fields;
 use super::validation::{Fault, check_position, unit_quaternion};
 use stereolux_base::pose::Pose;
@@ -19,7 +22,13 @@ pub struct Input {
     pub hands: [Hand; 2],
     /// World from gaze: -Z is where the eyes look; `None` where nothing tracks them.
     pub gaze: Option<Pose>,
+    /// The application's own actions: all that it declares, or, in a loop of one's own, those that are not at rest
+    /// ([`ActionValues::of`] completes them).
+    pub actions: ActionValues,
 }
+
+/// How far a trigger or a squeeze is pulled where it counts as pressed.
+pub const PRESSED_FROM: f64 = 0.5;
 
 /// Which hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +97,19 @@ impl Tracked {
             linear_velocity: DVec3::ZERO,
             angular_velocity: DVec3::ZERO,
         }
+    }
+
+    pub(super) fn check(&mut self) -> Result<(), Fault> {
+        check_pose(&mut self.pose)?;
+        for (velocity, value) in [
+            ("linear_velocity", self.linear_velocity),
+            ("angular_velocity", self.angular_velocity),
+        ] {
+            if !value.is_finite() {
+                return Err(Fault::new(velocity, format!("{value} is not finite")));
+            }
+        }
+        Ok(())
     }
 
     /// Where it points: its -Z axis in the world.
@@ -216,22 +238,25 @@ impl Input {
         if let Some(gaze) = &mut checked.gaze {
             check_pose(gaze).map_err(|fault| fault.under("input.gaze"))?;
         }
+        let actions = checked.actions.check();
+        actions.map_err(|fault| fault.under("input.actions"))?;
         Ok(checked)
     }
 
     /// As a recording holds it: only what is not at rest. `None`: nothing.
-    pub(super) fn json(&self) -> Option<InputJson> {
+    pub(super) fn json(&self) -> Option<InputJson<'_>> {
         let [left, right] = &self.hands;
         (*self != Self::default()).then(|| InputJson {
             left: left.json(),
             right: right.json(),
             gaze: self.gaze.as_ref().map(PoseJson::of),
+            actions: self.actions.json(),
         })
     }
 
     /// Reads what [`Input::json`] wrote; `value` is the field `input`.
     pub(super) fn read(value: &Value) -> Result<Self, Fault> {
-        let fields = Fields::of("input", value, &["left", "right", "gaze"])?;
+        let fields = Fields::of("input", value, &["left", "right", "gaze", "actions"])?;
         let hand = |key| fields.optional(key, Hand::read);
         let input = Self {
             hands: [
@@ -242,6 +267,9 @@ impl Input {
                 let fields = Fields::of(path, value, &["position", "orientation"])?;
                 read_pose(&fields)
             })?,
+            actions: fields
+                .optional("actions", ActionValues::read)?
+                .unwrap_or_default(),
         };
         input.checked()
     }
@@ -251,16 +279,7 @@ impl Hand {
     fn check(&mut self) -> Result<(), Fault> {
         for (name, tracked) in [("grip", &mut self.grip), ("aim", &mut self.aim)] {
             if let Some(tracked) = tracked {
-                check_pose(&mut tracked.pose).map_err(|fault| fault.under(name))?;
-                for (velocity, value) in [
-                    ("linear_velocity", tracked.linear_velocity),
-                    ("angular_velocity", tracked.angular_velocity),
-                ] {
-                    if !value.is_finite() {
-                        let fault = Fault::new(velocity, format!("{value} is not finite"));
-                        return Err(fault.under(name));
-                    }
-                }
+                tracked.check().map_err(|fault| fault.under(name))?;
             }
         }
         let within = |name: &str, value: f64, low: f64| {
@@ -345,7 +364,7 @@ fn read_pose(fields: &Fields<'_>) -> Result<Pose, Fault> {
     ))
 }
 
-fn read_tracked(path: &str, value: &Value) -> Result<Tracked, Fault> {
+pub(super) fn read_tracked(path: &str, value: &Value) -> Result<Tracked, Fault> {
     let known = [
         "position",
         "orientation",
@@ -398,13 +417,15 @@ fn read_joints(path: &str, value: &Value) -> Result<Box<[Joint; JOINTS]>, Fault>
 
 /// `input` of a frame's line.
 #[derive(Serialize)]
-pub(super) struct InputJson {
+pub(super) struct InputJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     left: Option<HandJson>,
     #[serde(skip_serializing_if = "Option::is_none")]
     right: Option<HandJson>,
     #[serde(skip_serializing_if = "Option::is_none")]
     gaze: Option<PoseJson>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actions: Option<BTreeMap<&'a str, ValueJson>>,
 }
 
 #[derive(Serialize)]
@@ -443,7 +464,7 @@ impl PoseJson {
 }
 
 #[derive(Serialize)]
-struct TrackedJson {
+pub(super) struct TrackedJson {
     #[serde(flatten)]
     pose: PoseJson,
     #[serde(skip_serializing_if = "are_zero")]
@@ -453,7 +474,7 @@ struct TrackedJson {
 }
 
 impl TrackedJson {
-    fn of(tracked: &Tracked) -> Self {
+    pub(super) fn of(tracked: &Tracked) -> Self {
         Self {
             pose: PoseJson::of(&tracked.pose),
             linear_velocity: tracked.linear_velocity.to_array(),

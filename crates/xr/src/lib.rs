@@ -31,6 +31,8 @@
 //! [`input`] (hands, buttons, gaze), [`trace`] (the native recording and its reader), [`recorder`], [`trajectory`] (TUM and EuRoC head
 //! motion), [`replay`], [`openxr`], [`hidden_area`], [`validation`].
 
+mod action_values;
+mod actions;
 mod all_frames;
 mod error;
 mod frame_clock;
@@ -39,7 +41,10 @@ pub mod hidden_area;
 pub mod input;
 #[cfg(not(target_vendor = "apple"))]
 pub mod openxr;
-#[cfg(not(target_vendor = "apple"))]
+#[cfg_attr(
+    target_vendor = "apple",
+    allow(dead_code, reason = "no runtime to suggest all of it to")
+)]
 mod profiles;
 pub mod recorder;
 pub mod replay;
@@ -51,6 +56,8 @@ pub mod trajectory;
 pub mod validation;
 pub mod view;
 
+pub use action_values::{ActionValue, ActionValues};
+pub use actions::{Action, ActionError, ActionKind, Actions};
 pub use all_frames::all_frames;
 pub use error::{ArgumentError, InputError, XrError};
 pub use frame_clock::Pacing;
@@ -139,11 +146,20 @@ pub trait XrSession {
     }
 }
 
-/// A vibration of one controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What vibrates.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PulseOf {
+    /// The controller in a hand.
+    Hand(Side),
+    /// What the application's action of that name, of kind haptic, is bound to.
+    Action(String),
+}
+
+/// A vibration.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Pulse {
-    /// Whose.
-    pub side: Side,
+    /// Of what.
+    pub of: PulseOf,
     /// How long, seconds; 0: the shortest that the controller can do.
     pub duration_s: f64,
     /// How strong, 0 to 1.

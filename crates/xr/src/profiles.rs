@@ -39,7 +39,8 @@ const fn both(path: &'static str) -> [&'static str; 2] {
     [path, path]
 }
 
-const TOUCH: Profile = Profile {
+/// The controllers that simulated hands hold.
+pub const TOUCH: Profile = Profile {
     path: "/interaction_profiles/oculus/touch_controller",
     extension: None,
     trigger: "trigger/value",

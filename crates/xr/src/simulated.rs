@@ -8,8 +8,8 @@
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::view::Pose;
 use super::{
-    FrameState, FrameSubmission, HandScript, Headset, Input, LocatedViews, QualityFrom,
-    RenderTargets, SessionInfo, XrError, XrSession,
+    ActionValues, Actions, FrameState, FrameSubmission, HandScript, Headset, Input, LocatedViews,
+    QualityFrom, RenderTargets, SessionInfo, XrError, XrSession,
 };
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
@@ -123,6 +123,7 @@ pub struct SimulatedSession {
     /// x, y, z, yaw, pitch, roll; only sway uses them.
     noise: [Noise; 6],
     hands: HandScript,
+    actions: Actions,
     frame_limit: Option<u64>,
     next_frame: u64,
     order: FrameOrder,
@@ -147,6 +148,7 @@ impl SimulatedSession {
             start,
             noise: sway_noise(0),
             hands: HandScript::default(),
+            actions: Actions::default(),
             frame_limit,
             next_frame: 0,
             order: FrameOrder::default(),
@@ -166,6 +168,13 @@ impl SimulatedSession {
     #[must_use]
     pub fn with_hands(mut self, hands: HandScript) -> Self {
         self.hands = hands;
+        self
+    }
+
+    /// What the application's actions are: the hands hold Touch controllers, and what is bound to those drives them.
+    #[must_use]
+    pub fn with_actions(mut self, actions: Actions) -> Self {
+        self.actions = actions;
         self
     }
 
@@ -264,7 +273,9 @@ impl XrSession for SimulatedSession {
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate()?;
-        Ok(self.hands.at(display_time_ns))
+        let mut input = self.hands.at(display_time_ns);
+        input.actions = ActionValues::of_touch(&self.actions, &input.hands);
+        Ok(input)
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

@@ -146,7 +146,7 @@ impl HandScript {
         };
         Input {
             hands: self.hands.each_ref().map(hand),
-            gaze: None,
+            ..Input::default()
         }
     }
 }

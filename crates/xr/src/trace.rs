@@ -290,7 +290,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-fn number(field: &str, value: &Value) -> Result<f64, Fault> {
+pub(super) fn number(field: &str, value: &Value) -> Result<f64, Fault> {
     match value.as_f64() {
         Some(number) if number.is_finite() => Ok(number),
         _ => Err(wrong_kind(field, value, "a finite number")),
@@ -502,7 +502,7 @@ struct HeaderJson<'a> {
 }
 
 #[derive(Serialize)]
-struct FrameJson {
+struct FrameJson<'a> {
     t_ns: i64,
     views: [ViewJson; 2],
     flags: FlagsJson,
@@ -513,7 +513,7 @@ struct FrameJson {
     #[serde(skip_serializing_if = "Option::is_none")]
     quality: Option<Quality>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    input: Option<InputJson>,
+    input: Option<InputJson<'a>>,
 }
 
 #[derive(Serialize)]

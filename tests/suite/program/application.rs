@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use glam::{DAffine3, DVec3};
 use stereolux::images::read_image;
 use stereolux::{
-    App, AppError, Edit, FrameInput, NewContent, PartLoading, Quality, ScenePart, Side, World,
-    WorldError, run_app_with,
+    Actions, App, AppError, Edit, FrameInput, NewContent, PartLoading, Quality, ScenePart, Side,
+    World, WorldError, run_app_with,
 };
 use stereolux::{Fov, Headset, ImageRgb8, Motion, RenderSettings, Scene, SimulatedSession};
 
@@ -145,6 +145,10 @@ struct Watched<A> {
 }
 
 impl<A: App> App for Watched<A> {
+    fn actions(&self) -> Result<Actions, AppError> {
+        self.inner.actions()
+    }
+
     fn start(&mut self, world: &mut World) -> Result<(), AppError> {
         self.inner.start(world)
     }

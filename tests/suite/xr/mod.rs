@@ -3,6 +3,7 @@
 // What the tests here take from other subjects.
 use crate::suite::support;
 
+pub mod actions;
 pub mod late_views;
 pub mod openxr_failures;
 pub mod openxr_picture;

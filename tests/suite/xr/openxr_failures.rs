@@ -61,6 +61,17 @@ fn device_lost_after(folder: &Folder, after: u32) -> Vec<(&'static str, String)>
 
 /// Runs the program on the fake runtime with `behaviour`, the OpenXR loader and the driver being Monado's folder's.
 fn on_fake(folder: &Folder, behaviour: &str, more: &[(&str, String)], args: &[&str]) -> Output {
+    program_on_fake(PROGRAM, folder, behaviour, more, args)
+}
+
+/// As `on_fake`, another program.
+pub fn program_on_fake(
+    program: &str,
+    folder: &Folder,
+    behaviour: &str,
+    more: &[(&str, String)],
+    args: &[&str],
+) -> Output {
     let manifest = runtime_manifest(folder);
     let mut command = monado(&["--no-service"]);
     command.arg("env");
@@ -72,7 +83,7 @@ fn on_fake(folder: &Folder, behaviour: &str, more: &[(&str, String)], args: &[&s
         .arg(format!("XR_RUNTIME_JSON={}", manifest.display()))
         .arg(format!("FAKE_RUNTIME={behaviour}"))
         .args(["bash", "-c"])
-        .arg(format!("exec $MONADO_RUN {PROGRAM} {}", args.join(" ")));
+        .arg(format!("exec $MONADO_RUN {program} {}", args.join(" ")));
     command.output().unwrap()
 }
 

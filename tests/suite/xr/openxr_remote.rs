@@ -26,7 +26,7 @@ fn pose(orientation: [f32; 4], position: [f32; 3]) -> Pose {
 }
 
 /// Canted eyes, four different angles each, head turned and rolled; `step` moves it.
-fn scripted(step: usize) -> Remote {
+pub fn scripted(step: usize) -> Remote {
     let t = (step % 64) as f64;
     Remote {
         eyes: [

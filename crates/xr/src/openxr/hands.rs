@@ -1,16 +1,14 @@
 //! Hands as OpenXR has them: poses, buttons, sticks and vibration of both controllers, in an action set of their own.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use openxr as xr;
 
+use super::states::{held, pull, stick};
 use super::{pose_of, vector_of};
-use crate::input::{Button, Buttons, Hand, Input, Side, Tracked};
+use crate::input::{Button, Buttons, Hand, Input, PRESSED_FROM, Side, Tracked};
 use crate::profiles::Profile;
 use stereolux_base::pose::Pose;
 use stereolux_gpu::vulkan_interop::openxr as interop;
-
-/// Deflection from which a trigger or a squeeze counts as pressed.
-const PRESSED_FROM: f32 = 0.5;
 
 /// The actions, and where the hands are.
 pub(super) struct Hands {
@@ -148,67 +146,31 @@ impl Hands {
         path: xr::Path,
         hand: &mut Hand,
     ) -> xr::Result<()> {
-        let pull = |action: &xr::Action<f32>| {
-            let state = action.state(session, path)?;
-            let pull = if state.is_active {
-                within(state.current_state, 0.0)
-            } else {
-                0.0
-            };
-            Ok::<_, xr::sys::Result>(pull)
-        };
-        let [trigger, squeeze] = [pull(&self.trigger)?, pull(&self.squeeze)?];
-        let stick = self.stick.state(session, path)?;
-        if stick.is_active {
-            let xr::Vector2f { x, y } = stick.current_state;
-            let axis = |value: f32| f64::from(within(value, -1.0));
-            hand.stick = DVec2::new(axis(x), axis(y));
-        }
-        let held = |actions: &[(Button, xr::Action<bool>)]| {
+        hand.trigger = pull(&self.trigger, session, path, 0.0)?;
+        hand.squeeze = pull(&self.squeeze, session, path, 0.0)?;
+        hand.stick = stick(&self.stick, session, path)?;
+        let among = |actions: &[(Button, xr::Action<bool>)]| {
             let mut buttons = Buttons::default();
             for (button, action) in actions {
-                let state = action.state(session, path)?;
-                buttons = buttons.with(*button, state.is_active && state.current_state);
+                buttons = buttons.with(*button, held(action, session, path)?);
             }
             Ok::<_, xr::sys::Result>(buttons)
         };
-        hand.trigger = f64::from(trigger);
-        hand.squeeze = f64::from(squeeze);
-        hand.pressed = held(&self.pressed)?
-            .with(Button::Trigger, trigger >= PRESSED_FROM)
-            .with(Button::Squeeze, squeeze >= PRESSED_FROM);
-        hand.touched = held(&self.touched)?;
+        hand.pressed = among(&self.pressed)?
+            .with(Button::Trigger, hand.trigger >= PRESSED_FROM)
+            .with(Button::Squeeze, hand.squeeze >= PRESSED_FROM);
+        hand.touched = among(&self.touched)?;
         Ok(())
     }
 
-    /// Lets a controller vibrate; the runtime ignores it where none can.
-    pub(super) fn vibrate<G>(
-        &self,
-        session: &xr::Session<G>,
-        side: Side,
-        duration: xr::Duration,
-        amplitude: f32,
-    ) -> xr::Result<()> {
-        let event = xr::HapticVibration::new()
-            .duration(duration)
-            .frequency(xr::FREQUENCY_UNSPECIFIED)
-            .amplitude(amplitude);
-        self.haptic
-            .apply_feedback(session, self.paths[side as usize], &event)
-    }
-}
-
-/// A runtime's value between `low` and 1; 0 for NaN.
-fn within(value: f32, low: f32) -> f32 {
-    if value.is_nan() {
-        0.0
-    } else {
-        value.clamp(low, 1.0)
+    /// What lets a controller vibrate: the action, and the path of the hand.
+    pub(super) fn haptic(&self, side: Side) -> (&xr::Action<xr::Haptic>, xr::Path) {
+        (&self.haptic, self.paths[side as usize])
     }
 }
 
 /// A space in the world; `None` while the runtime does not know where it is.
-fn tracked(
+pub(super) fn tracked(
     space: &xr::Space,
     base: &xr::Space,
     world_from_base: &Pose,

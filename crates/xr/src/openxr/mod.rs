@@ -11,7 +11,9 @@ mod controls;
 mod hands;
 mod lifecycle;
 mod locomotion;
+mod own_actions;
 mod runtime;
+mod states;
 mod swapchain;
 
 use std::time::{Duration, Instant};
@@ -30,7 +32,7 @@ use super::frame_clock::FrameOrder;
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, QualityFrom, RenderTargets,
+    Actions, FrameState, FrameSubmission, Input, LocatedViews, Pulse, QualityFrom, RenderTargets,
     RuntimeTargets, SessionInfo, ViewFlags, XrError, XrSession,
 };
 use stereolux_gpu::GpuContext;
@@ -59,6 +61,8 @@ pub struct SessionOptions {
     pub frame_limit: Option<u64>,
     /// Space, format, layers, locomotion.
     pub settings: OpenXrSettings,
+    /// The application's own actions.
+    pub actions: Actions,
 }
 
 /// A session. Fields are dropped in order: images before their session, the session before its instance.
@@ -112,8 +116,8 @@ impl OpenXrSession {
             .map_err(failed("xrCreateReferenceSpace"))?;
         let refresh_hz = refresh_rate(&runtime, &session, options.settings.refresh_hz);
         let hidden = hidden_areas(&runtime, &session, &options.settings);
-        let controls = Controls::new(&runtime, &session, options.settings.locomotion)
-            .map_err(failed("action set"))?;
+        let moves = options.settings.locomotion;
+        let controls = Controls::new(&runtime, &session, moves, &options.actions)?;
         let with_depth = options.settings.depth_layer && runtime.offered.depth_layer;
         let eyes = EyeSwapchains::pair(
             &session,
@@ -391,7 +395,7 @@ impl XrSession for OpenXrSession {
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate()?;
-        let read = self.controls.hands.read(
+        let read = self.controls.locate(
             &self.session,
             &self.space,
             &self.locomotion.world_from_space(),
@@ -401,14 +405,7 @@ impl XrSession for OpenXrSession {
     }
 
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
-        let nanoseconds = (pulse.duration_s * 1e9).min(1e18) as i64;
-        let duration = match nanoseconds {
-            0 => xr::Duration::MIN_HAPTIC,
-            more => xr::Duration::from_nanos(more),
-        };
-        let hands = &self.controls.hands;
-        let amplitude = pulse.amplitude as f32;
-        let sent = hands.vibrate(&self.session, pulse.side, duration, amplitude);
+        let sent = self.controls.vibrate(&self.session, pulse);
         sent.map_err(|error| self.lost("xrApplyHapticFeedback", error))
     }
 

@@ -75,6 +75,20 @@ pub enum RuntimeError {
     /// Vulkan through the runtime failed.
     #[error("Vulkan through the OpenXR runtime: {0}")]
     Vulkan(String),
+    /// The runtime does not take a binding of the application's.
+    #[error(
+        "action '{action}': the OpenXR runtime does not take {source_path} of {profile} ({reason}); suggest a source that the profile has"
+    )]
+    Binding {
+        /// The action's name.
+        action: String,
+        /// What should drive it.
+        source_path: String,
+        /// With which controller.
+        profile: &'static str,
+        /// The runtime's words.
+        reason: String,
+    },
     /// Any other call.
     #[error("{call}: {reason}")]
     Call {
@@ -92,7 +106,10 @@ impl RuntimeError {
     /// True for unusable arguments (exit status 2).
     #[must_use]
     pub fn is_unusable_input(&self) -> bool {
-        matches!(self, Self::OtherAdapter { .. } | Self::TooLarge { .. })
+        matches!(
+            self,
+            Self::OtherAdapter { .. } | Self::TooLarge { .. } | Self::Binding { .. }
+        )
     }
 }
 

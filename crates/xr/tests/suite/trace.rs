@@ -10,9 +10,9 @@ use stereolux_settings::{Quality, RenderSettings};
 use stereolux_xr::input::JOINTS;
 use stereolux_xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux_xr::{
-    Button, Buttons, Fov, FrameSubmission, Hand, HandScript, Headset, HiddenArea, Input,
-    InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions, ReplaySession, Side,
-    SimulatedSession, Tracked, View, XrError, XrSession,
+    ActionValue, ActionValues, Button, Buttons, Fov, FrameSubmission, Hand, HandScript, Headset,
+    HiddenArea, Input, InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions,
+    ReplaySession, Side, SimulatedSession, Tracked, View, XrError, XrSession,
 };
 
 use crate::folders::TemporaryFile;
@@ -523,11 +523,25 @@ prop_compose! {
     }
 }
 
+fn any_action_value() -> impl Strategy<Value = ActionValue> {
+    prop_oneof![
+        any::<bool>().prop_map(ActionValue::Bool),
+        (-1.0..=1.0_f64).prop_map(ActionValue::Float),
+        [-1.0..=1.0_f64, -1.0..=1.0_f64].prop_map(|axes| ActionValue::Vec2(axes.into())),
+        any_tracked().prop_map(|tracked| ActionValue::Pose(Some(tracked))),
+    ]
+}
+
 prop_compose! {
     fn any_input()(
         hands in [prop::option::of(any_hand()), prop::option::of(any_hand())], gaze in prop::option::of(any_pose()),
+        told in prop::collection::vec(("[a-z_.-]{1,5}", any_action_value()), 0..4),
     ) -> Input {
-        Input { hands: hands.map(Option::unwrap_or_default), gaze }
+        let mut actions = ActionValues::default();
+        for (name, value) in told {
+            actions.set(&name, value);
+        }
+        Input { hands: hands.map(Option::unwrap_or_default), gaze, actions }
     }
 }
 
@@ -660,6 +674,18 @@ fn malformed_input_is_named_by_file_line_and_field() {
         field_of(&format!("{{\"left\":{{{grip}}}}}")),
         "input.left.grip.orientation"
     );
+    for (actions, field) in [
+        ("3", ""),
+        (r#"{"take":"yes"}"#, ".take"),
+        (r#"{"take":[1]}"#, ".take"),
+        (r#"{"take":2}"#, ".take"),
+        (r#"{"take":[0,-2]}"#, ".take"),
+        (r#"{"take":[0,"a"]}"#, ".take[1]"),
+        (r#"{"take":{"position":[0,0,0]}}"#, ".take.orientation"),
+    ] {
+        let expected = format!("input.actions{field}");
+        assert_eq!(field_of(&format!("{{\"actions\":{actions}}}")), expected);
+    }
     assert_eq!(
         field_of(r#"{"gaze":{"position":[0,0,0]}}"#),
         "input.gaze.orientation"
