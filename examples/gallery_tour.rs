@@ -1,6 +1,7 @@
 //! A tour of the embedded gallery: the right hand takes what it points at of the vase and the two spheres, the left stick dims
-//! and brightens the spots, a button of the left hand switches day and night. Which buttons these are on which controller
-//! stands in examples/gallery_tour_actions.toml; simulated hands hold Touch controllers: trigger, left stick, Y.
+//! and brightens the spots, a button of the left hand switches day and night, one of the right hand teleports along an arc.
+//! Which buttons these are on which controller stands in examples/gallery_tour_actions.toml; simulated hands hold Touch
+//! controllers: trigger, left stick, Y, A.
 //!
 //! `cargo run --release --example gallery_tour -- --frames 24 --size 256x256` plays what simulated hands do and writes its
 //! images to out/. The flags are those of `stereolux run`:
@@ -8,7 +9,7 @@
 
 use std::process::ExitCode;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use stereolux::{Actions, App, AppError, FrameInput, Side, World, run_app};
 
 /// Scene and settings, unless the command line has others.
@@ -26,6 +27,9 @@ const REACH_M: f64 = 6.0;
 const MOONLIGHT: f32 = 0.02;
 /// By how much the stick changes the spots in a second.
 const DIM_PER_S: f64 = 4.0;
+
+/// How fast an arc leaves the hand; along it the wearer teleports.
+const THROW_M_PER_S: f64 = 4.0;
 
 /// The application's state.
 #[derive(Default)]
@@ -66,6 +70,18 @@ impl Tour {
     }
 }
 
+/// Takes the wearer to where an arc from the right hand comes down, if one can stand there.
+fn teleport(frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+    if let Some((origin, direction)) = frame.aim(Side::Right)
+        && let Some(landing) = world.cast_arc(origin, THROW_M_PER_S * direction)
+        && landing.normal_in_world.y > 0.7
+    {
+        let way = landing.point_in_world - frame.head().position;
+        world.move_wearer(DVec3::new(way.x, 0.0, way.z))?;
+    }
+    Ok(())
+}
+
 impl App for Tour {
     fn actions(&self) -> Result<Actions, AppError> {
         let text = include_str!("gallery_tour_actions.toml");
@@ -93,6 +109,9 @@ impl App for Tour {
 
     fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
         self.carry(frame, world)?;
+        if frame.action_pressed("teleport")? {
+            teleport(frame, world)?;
+        }
         if frame.action_pressed("day_and_night")? {
             self.is_night = !self.is_night;
             let share = if self.is_night { MOONLIGHT } else { 1.0 };

@@ -688,6 +688,7 @@ fn run_frames(
             Role::Last => return Ok(()),
             Role::Skipped => match skip(session, renderer, index, application)? {
                 Some(()) => {
+                    session.move_wearer(application.take_move());
                     index += 1;
                     continue;
                 }
@@ -703,6 +704,7 @@ fn run_frames(
         for pulse in application.take_pulses() {
             session.vibrate(&pulse)?;
         }
+        session.move_wearer(application.take_move());
         let mut frame = match turn {
             Step::Ended => return Ok(()),
             Step::Hidden => continue,

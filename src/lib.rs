@@ -168,7 +168,7 @@ pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
     Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
     Quality, ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space,
-    StereoSettings, Technique, TextureSettings, TimingSettings, UserDomain, UserPass,
+    StereoSettings, Technique, TextureSettings, TimingSettings, Turn, UserDomain, UserPass,
 };
 
 // Devices and images.

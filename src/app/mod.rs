@@ -5,6 +5,7 @@
 //! Everything that it can see is in [`FrameInput`] and [`World`] and is recorded with `--record`, so that `--trace` drives
 //! it to the same pixels without a headset. An application that keeps to that takes no other clock and no other dice.
 
+mod kept;
 mod world;
 
 use std::error::Error;
@@ -19,7 +20,7 @@ use crate::xr::input::{Button, Buttons, Hand, Input, Side};
 use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, Pulse, View};
 
 pub use crate::commands::{run_app, run_app_with};
-pub(crate) use world::Kept;
+pub(crate) use kept::Kept;
 pub use world::{PartLoading, World, WorldError};
 
 /// Why an application gives up; its text is one line.
@@ -226,6 +227,11 @@ impl<'a> Application<'a> {
     /// The controllers' vibrations that it asked for.
     pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
         self.kept.take_pulses()
+    }
+
+    /// How far it moves the wearer.
+    pub(crate) fn take_move(&mut self) -> DVec3 {
+        self.kept.take_move()
     }
 
     pub(crate) fn end(&mut self) {

@@ -7,13 +7,19 @@ use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
 use super::AppError;
-use crate::gpu::ShaderLibrary;
+use super::kept::{Kept, PartChange};
 use crate::printable::{did_you_mean, line};
-use crate::renderer::{Applied, PreparedPart, RayHit, RenderError, Renderer};
+use crate::renderer::{PreparedPart, RayHit, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
 use crate::scene::{Material, Node, PunctualLight, Scene, ScenePart};
 use crate::settings::Quality;
-use crate::xr::{ActionError, ActionKind, Actions, Pulse, PulseOf, Side};
+use crate::xr::{ActionError, ActionKind, Pulse, PulseOf, Side};
+
+/// What falls along an arc, and for how long: 2 m/s upwards from a hand come down within half of it.
+const GRAVITY_M_PER_S2: f64 = 9.81;
+const ARC_S: f64 = 2.0;
+/// Straight pieces of an arc; each is within 0.3 mm of the parabola (g dt^2 / 8).
+const ARC_STEPS: u32 = 128;
 
 /// The scene that is shown, to be changed between frames. Nodes, materials and lights are numbers into the scene's lists
 /// ([`World::scene`]) and keep them for good.
@@ -36,28 +42,6 @@ impl PartLoading {
     }
 }
 
-/// A part of the scene that comes or goes.
-enum PartChange {
-    Added(ScenePart, Box<PreparedPart>),
-    Removed(ScenePart),
-}
-
-/// What of a world outlives a call of the application.
-pub(crate) struct Kept {
-    scene: Scene,
-    actions: Actions,
-    /// The scene differs from what the renderer shows.
-    is_changed: bool,
-    /// The scene part that came or went in this frame.
-    part: Option<PartChange>,
-    /// Why the renderer cannot show it.
-    needs_rebuild: Option<String>,
-    /// The quality that was set in this frame.
-    quality: Option<Quality>,
-    pulses: Vec<Pulse>,
-    is_over: bool,
-}
-
 /// What an application asked for and cannot have; one line.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum WorldError {
@@ -77,6 +61,9 @@ pub enum WorldError {
     /// A quality that the renderer was not made for, or a question that comes too early.
     #[error("{}", line(.0))]
     Quality(String),
+    /// A way that nobody can be moved by.
+    #[error("moving the wearer: {0}")]
+    Move(String),
     /// An action that was not declared, or one of another kind.
     #[error(transparent)]
     Action(#[from] ActionError),
@@ -317,6 +304,42 @@ impl<'a> World<'a> {
             .cast_ray(origin_in_world, direction, max_distance_m)
     }
 
+    /// Where something lands that is thrown from a hand: what a parabola meets first that leaves `origin_in_world` with this
+    /// velocity and falls for two seconds; its `distance_m` is along the way. A place to teleport to
+    /// ([`World::move_wearer`]), if its normal points up. Otherwise as [`World::cast_ray`].
+    #[must_use]
+    pub fn cast_arc(&self, origin_in_world: DVec3, velocity_m_per_s: DVec3) -> Option<RayHit> {
+        let at = |step: u32| {
+            let seconds = f64::from(step) * ARC_S / f64::from(ARC_STEPS);
+            let fallen_m = 0.5 * GRAVITY_M_PER_S2 * seconds * seconds;
+            origin_in_world + velocity_m_per_s * seconds - DVec3::Y * fallen_m
+        };
+        let mut way_m = 0.0;
+        for step in 0..ARC_STEPS {
+            let (from, to) = (at(step), at(step + 1));
+            let length_m = from.distance(to);
+            if let Some(mut hit) = self.cast_ray(from, to - from, length_m) {
+                hit.distance_m += way_m;
+                return Some(hit);
+            }
+            way_m += length_m;
+        }
+        None
+    }
+
+    /// Moves the wearer, eyes and hands, through the world from the next frame on. A replay shows the recorded views, in which
+    /// the move is.
+    ///
+    /// # Errors
+    /// [`WorldError::Move`]: not finite.
+    pub fn move_wearer(&mut self, by_m: DVec3) -> Result<(), WorldError> {
+        if !by_m.is_finite() {
+            return Err(WorldError::Move(format!("{by_m} is not finite")));
+        }
+        self.kept.moved_m += by_m;
+        Ok(())
+    }
+
     /// The quality of the frame under way, as far as it was set; in a replay, as it was recorded.
     ///
     /// # Errors
@@ -384,97 +407,6 @@ impl<'a> World<'a> {
     /// Ends the run after the frame under way.
     pub fn quit(&mut self) {
         self.kept.is_over = true;
-    }
-}
-
-impl Kept {
-    pub(crate) fn new(scene: Scene, actions: Actions) -> Self {
-        Self {
-            scene,
-            actions,
-            is_changed: false,
-            part: None,
-            needs_rebuild: None,
-            quality: None,
-            pulses: Vec::new(),
-            is_over: false,
-        }
-    }
-
-    pub(crate) fn actions(&self) -> &Actions {
-        &self.actions
-    }
-
-    pub(crate) fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
-    pub(crate) fn is_over(&self) -> bool {
-        self.is_over
-    }
-
-    pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
-        std::mem::take(&mut self.pulses)
-    }
-
-    /// Notes a part that came or went; the second in a frame is one too many to be shown in place.
-    fn note(&mut self, change: Option<PartChange>) {
-        self.is_changed = true;
-        if self.part.is_some() {
-            self.needs_rebuild = Some("several parts came or went in one frame".to_owned());
-        }
-        self.part = change;
-    }
-
-    /// The renderer to come is made from the scene as it is.
-    pub(crate) fn settled(&mut self) {
-        self.is_changed = false;
-        self.part = None;
-        self.needs_rebuild = None;
-    }
-
-    /// Shows what was changed, as far as the renderer can.
-    ///
-    /// # Errors
-    /// As [`Renderer::apply_scene`].
-    pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
-        if let Some(quality) = self.quality.take() {
-            renderer.set_quality(&quality)?;
-        }
-        let part = self.part.take();
-        // What waits for another renderer is all in the scene.
-        if std::mem::take(&mut self.is_changed) && self.needs_rebuild.is_none() {
-            let scene = &self.scene;
-            let applied = match part {
-                None => renderer.apply_scene(scene)?,
-                Some(PartChange::Added(part, prepared)) => {
-                    renderer.add_part(scene, &part, &prepared)?
-                }
-                Some(PartChange::Removed(part)) => renderer.remove_part(scene, &part)?,
-            };
-            if let Applied::NeedsRebuild { why } = applied {
-                self.needs_rebuild = Some(why);
-            }
-        }
-        Ok(())
-    }
-
-    /// Makes the renderer anew where the last frame's changes asked for it.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
-    pub(crate) fn rebuild(
-        &mut self,
-        renderer: &mut Renderer,
-        library: &ShaderLibrary,
-    ) -> Result<(), RenderError> {
-        if let Some(why) = self.needs_rebuild.take() {
-            log::info!("the renderer is made anew: {why}");
-            let successor = renderer.rebuild().build(library, &self.scene)?;
-            renderer.succeed_by(successor)?;
-            self.is_changed = false;
-        }
-        Ok(())
     }
 }
 

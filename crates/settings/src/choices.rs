@@ -258,6 +258,14 @@ choices! {
         Stage = "stage",
     }
 
+    /// How the right stick turns the wearer (`openxr.turn`).
+    pub enum Turn {
+        /// By `openxr.snap_turn_deg` at each push
+        Snap = "snap",
+        /// Evenly while it is pushed, by `openxr.turn_deg_per_s` at full deflection
+        Smooth = "smooth",
+    }
+
     /// Swapchain colour format (`openxr.format`).
     pub enum ImageFormat {
         /// The runtime's preference among the two

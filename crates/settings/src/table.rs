@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::choices::{
     Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight, ImageFormat,
     Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
-    Space, Switch, Technique, Tone,
+    Space, Switch, Technique, Tone, Turn,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -422,8 +422,12 @@ settings! {
             locomotion: bool = true;
             /// walking speed at full deflection of the stick
             move_m_per_s: f64 = 1.5, real(0.0, 100.0), "m/s";
+            /// how the right stick turns
+            turn: Turn = Turn::Snap;
             /// angle of one snap turn
             snap_turn_deg: f64 = 30.0, real(0.0, 180.0), "degrees";
+            /// rate of a smooth turn at full deflection of the stick
+            turn_deg_per_s: f64 = 90.0, real(0.0, 720.0), "degrees/s";
         }
     }
 

@@ -144,6 +144,12 @@ pub trait XrSession {
         let _ = pulse;
         Ok(())
     }
+
+    /// Moves the wearer, eyes and hands, to another place in the world from the next frame on; called between frames. A
+    /// replay shows what was recorded, moves and all, and does nothing here.
+    fn move_wearer(&mut self, by_m: DVec3) {
+        let _ = by_m;
+    }
 }
 
 /// What vibrates.
@@ -197,6 +203,10 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
 
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
         (**self).vibrate(pulse)
+    }
+
+    fn move_wearer(&mut self, by_m: DVec3) {
+        (**self).move_wearer(by_m);
     }
 
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {

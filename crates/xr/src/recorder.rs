@@ -11,6 +11,8 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
 /// Any session, with each frame's views written to a native trace (`trace`) as the frame ends. A
 /// frame that rendered nothing leaves no line. Each line is handed to the system in one write before the
 /// frame ends, so a killed run loses at most the line that it was writing.
@@ -159,6 +161,10 @@ impl<S: XrSession> XrSession for Recorder<S> {
 
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
         self.inner.vibrate(pulse)
+    }
+
+    fn move_wearer(&mut self, by_m: DVec3) {
+        self.inner.move_wearer(by_m);
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

@@ -124,6 +124,8 @@ pub struct SimulatedSession {
     noise: [Noise; 6],
     hands: HandScript,
     actions: Actions,
+    /// How far the application has moved the wearer.
+    moved_m: DVec3,
     frame_limit: Option<u64>,
     next_frame: u64,
     order: FrameOrder,
@@ -149,6 +151,7 @@ impl SimulatedSession {
             noise: sway_noise(0),
             hands: HandScript::default(),
             actions: Actions::default(),
+            moved_m: DVec3::ZERO,
             frame_limit,
             next_frame: 0,
             order: FrameOrder::default(),
@@ -185,7 +188,7 @@ impl SimulatedSession {
         self
     }
 
-    /// World from head at a time, nanoseconds.
+    /// World from head at a time, nanoseconds, as long as nothing moves the wearer.
     #[must_use]
     pub fn head_at(&self, time_ns: i64) -> Pose {
         let offset = self.offset_at(time_ns as f64 * 1e-9);
@@ -265,7 +268,8 @@ impl XrSession for SimulatedSession {
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
         self.order.may_locate()?;
-        let head = self.head_at(display_time_ns);
+        let mut head = self.head_at(display_time_ns);
+        head.position += self.moved_m;
         Ok(Some(LocatedViews::valid(
             self.headset.views_from_head(&head),
         )))
@@ -274,8 +278,19 @@ impl XrSession for SimulatedSession {
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate()?;
         let mut input = self.hands.at(display_time_ns);
+        let hands = input.hands.iter_mut();
+        for tracked in hands
+            .flat_map(|hand| [&mut hand.grip, &mut hand.aim])
+            .flatten()
+        {
+            tracked.pose.position += self.moved_m;
+        }
         input.actions = ActionValues::of_touch(&self.actions, &input.hands);
         Ok(input)
+    }
+
+    fn move_wearer(&mut self, by_m: DVec3) {
+        self.moved_m += by_m;
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

@@ -277,6 +277,15 @@ impl<S: XrSession> XrSession for Validated<S> {
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
         self.inner.vibrate(pulse)
     }
+
+    fn move_wearer(&mut self, by_m: DVec3) {
+        // The last good views move along, should they have to be shown again.
+        let views = self.last_good.iter_mut().flat_map(|good| &mut good.views);
+        for view in views {
+            view.position_in_world += by_m;
+        }
+        self.inner.move_wearer(by_m);
+    }
 }
 
 impl<S> Validated<S> {

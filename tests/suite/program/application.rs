@@ -43,7 +43,7 @@ fn a_loop_of_ones_own_shows_what_turns() {
 }
 
 /// Runs an application at little cost, with more arguments; images of every frame go to `out`.
-fn run(app: &mut dyn App, defaults: &[&str], out: &Path, more: &[&str]) -> ExitCode {
+pub fn run(app: &mut dyn App, defaults: &[&str], out: &Path, more: &[&str]) -> ExitCode {
     let out = out.to_str().unwrap();
     let adapter = support::adapter_name();
     let fixed = [
@@ -66,7 +66,7 @@ fn run(app: &mut dyn App, defaults: &[&str], out: &Path, more: &[&str]) -> ExitC
     run_app_with(app, defaults, args)
 }
 
-fn with_trace(word: &str, path: &Path) -> String {
+pub fn with_trace(word: &str, path: &Path) -> String {
     format!("--{word}={}", path.display())
 }
 

@@ -15,4 +15,5 @@ pub mod options_settings;
 pub mod out_folder;
 pub mod ranges;
 pub mod scene_options;
+pub mod teleport;
 pub mod trace_file;

@@ -161,6 +161,23 @@ fn info_says_why_a_runtime_cannot_be_used() {
     assert!(reason.contains("has no headset"), "{reason}");
 }
 
+#[test]
+fn info_says_what_a_runtime_does_not_offer() {
+    let folder = Folder::new("openxr-not-offered");
+    for (behaviour, expected) in [
+        (
+            "no_extensions",
+            &["bare_hands", "hand_joints", "gaze", "controller_models"][..],
+        ),
+        ("profiles", &["hand_joints", "gaze", "controller_models"]),
+    ] {
+        let output = on_fake(&folder, behaviour, &[], &["info"]);
+        assert_status(&output, 0);
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(report["openxr"]["not_offered"], json!(expected));
+    }
+}
+
 /// A library of the loader's name that is no library: no machine's own loader can help out.
 #[test]
 fn without_a_loader_the_run_says_so_and_auto_goes_on_without() {

@@ -371,6 +371,8 @@ fn info_names_the_runtime_or_why_there_is_none() {
     assert!(there["extensions"].as_array().unwrap().len() > 10);
     let used = there["used_extensions"].as_array().unwrap();
     assert!(used.contains(&Value::from("XR_EXT_hand_interaction")));
+    let missing = there["not_offered"].as_array().unwrap();
+    assert!(!missing.contains(&Value::from("bare_hands")), "{missing:?}");
     let absent = report(&stereolux_on_monado(&["--no-service"], &["info"]));
     assert!(absent["runtime"].is_null());
     assert!(

@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec2, DVec3};
 
 use crate::view::Pose;
+use stereolux_settings::{OpenXrSettings, Turn};
 
 /// Deflection of a stick below which it rests, as a share of the full way.
 const DEAD_ZONE: f64 = 0.2;
@@ -17,23 +18,32 @@ const LONGEST_STEP_S: f64 = 0.1;
 pub(super) struct Locomotion {
     world_from_space: Pose,
     speed_m_per_s: f64,
+    turn: Turn,
     snap_turn_rad: f64,
+    turn_rad_per_s: f64,
     turn_is_due: bool,
 }
 
 impl Locomotion {
-    /// Starts with the space at `world_from_space`. Speed at full deflection, m/s; one snap turn, radians.
-    pub(super) fn new(world_from_space: Pose, speed_m_per_s: f64, snap_turn_rad: f64) -> Self {
+    /// Starts with the space at `world_from_space`.
+    pub(super) fn new(world_from_space: Pose, settings: &OpenXrSettings) -> Self {
         Self {
             world_from_space,
-            speed_m_per_s,
-            snap_turn_rad,
+            speed_m_per_s: settings.move_m_per_s,
+            turn: settings.turn,
+            snap_turn_rad: settings.snap_turn_deg.to_radians(),
+            turn_rad_per_s: settings.turn_deg_per_s.to_radians(),
             turn_is_due: true,
         }
     }
 
     pub(super) fn world_from_space(&self) -> Pose {
         self.world_from_space
+    }
+
+    /// Moves the space in the world.
+    pub(super) fn move_by(&mut self, by_m: DVec3) {
+        self.world_from_space.position += by_m;
     }
 
     /// Walks along the horizontal direction in which `head` (world from head) looks; `stick` is right and forward,
@@ -53,24 +63,43 @@ impl Locomotion {
         self.world_from_space.position += heading * DVec3::new(stick.x, 0.0, -stick.y) * step_m;
     }
 
-    /// Turns about the head's vertical by one snap if the stick (right positive) has just been pushed; true if so. The
-    /// head itself stays where it is.
-    pub(super) fn snap_turn(&mut self, head: &Pose, stick_x: f64) -> bool {
+    /// Turns about the head's vertical, as the stick (right positive) has stood for `seconds`; the head itself stays where
+    /// it is.
+    pub(super) fn turn(&mut self, head: &Pose, stick_x: f64, seconds: f64) {
+        let right_rad = match self.turn {
+            Turn::Snap => self.snap_rad(stick_x),
+            Turn::Smooth if stick_x.abs() >= DEAD_ZONE => {
+                let seconds = seconds.clamp(0.0, LONGEST_STEP_S);
+                stick_x.clamp(-1.0, 1.0) * self.turn_rad_per_s * seconds
+            }
+            Turn::Smooth => 0.0,
+        };
+        // Nothing that rounds while the stick rests.
+        if right_rad != 0.0 {
+            self.turn_right(head, right_rad);
+        }
+    }
+
+    /// One snap to the right or left if the stick has just been pushed, else 0.
+    fn snap_rad(&mut self, stick_x: f64) -> f64 {
         if stick_x.abs() < SNAP_AGAIN_UNDER {
             self.turn_is_due = true;
         }
         if stick_x.is_nan() || stick_x.abs() < SNAP_AT || !self.turn_is_due {
-            return false;
+            return 0.0;
         }
         self.turn_is_due = false;
+        stick_x.signum() * self.snap_turn_rad
+    }
+
+    fn turn_right(&mut self, head: &Pose, right_rad: f64) {
         // A positive angle about +Y turns left.
-        let turn = DQuat::from_rotation_y(-stick_x.signum() * self.snap_turn_rad);
+        let turn = DQuat::from_rotation_y(-right_rad);
         let from_head = self.world_from_space.position - head.position;
         self.world_from_space = Pose::new(
             head.position + turn * from_head,
             (turn * self.world_from_space.orientation).normalize(),
         );
-        true
     }
 }
 
@@ -79,7 +108,11 @@ mod tests {
     use super::*;
 
     fn at_start() -> Locomotion {
-        Locomotion::new(Pose::IDENTITY, 2.0, 30_f64.to_radians())
+        let settings = OpenXrSettings {
+            move_m_per_s: 2.0,
+            ..OpenXrSettings::default()
+        };
+        Locomotion::new(Pose::IDENTITY, &settings)
     }
 
     #[test]
@@ -109,17 +142,50 @@ mod tests {
         let in_space = Pose::new(DVec3::new(0.4, 1.6, -0.3), DQuat::IDENTITY);
         let mut locomotion = at_start();
         let head = |l: &Locomotion| l.world_from_space().then(&in_space);
-        let before = head(&locomotion);
-        assert!(locomotion.snap_turn(&before, 0.9));
-        let after = head(&locomotion);
-        assert!((after.position - before.position).length() < 1e-12);
-        // Right is negative.
-        assert!((after.heading_rad() + 30_f64.to_radians()).abs() < 1e-12);
-        assert!(!locomotion.snap_turn(&after, 1.0), "held");
-        assert!(!locomotion.snap_turn(&after, 0.5), "not back yet");
-        assert!(!locomotion.snap_turn(&after, 0.8), "not back yet");
-        assert!(!locomotion.snap_turn(&after, 0.0));
-        assert!(locomotion.snap_turn(&after, -0.9));
-        assert!(head(&locomotion).heading_rad().abs() < 1e-12);
+        let mut heading_after = |stick_x: f64| {
+            let before = head(&locomotion);
+            locomotion.turn(&before, stick_x, 0.01);
+            let after = head(&locomotion);
+            assert!((after.position - before.position).length() < 1e-12);
+            after.heading_rad().to_degrees()
+        };
+        // Right is negative. Held, and not yet back, it turns no further.
+        for (stick_x, heading_deg) in [
+            (0.9, -30.0),
+            (1.0, -30.0),
+            (0.5, -30.0),
+            (0.8, -30.0),
+            (f64::NAN, -30.0),
+            (0.0, -30.0),
+            (-0.9, 0.0),
+        ] {
+            let found = heading_after(stick_x);
+            assert!((found - heading_deg).abs() < 1e-9, "{stick_x}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_smooth_turn_goes_on_about_the_head_while_the_stick_is_pushed() {
+        let in_space = Pose::new(DVec3::new(0.4, 1.6, -0.3), DQuat::IDENTITY);
+        let mut locomotion = Locomotion {
+            turn: Turn::Smooth,
+            ..at_start()
+        };
+        let place = |l: &Locomotion| l.world_from_space().then(&in_space);
+        // 90 degrees a second at full deflection: ten steps of 0.02 s turn by 18 degrees, half of it half as far.
+        for (stick_x, heading_deg) in [(1.0, -18.0), (-0.5, -9.0), (0.1, -9.0), (f64::NAN, -9.0)] {
+            for _ in 0..10 {
+                let head = place(&locomotion);
+                locomotion.turn(&head, stick_x, 0.02);
+            }
+            let head = place(&locomotion);
+            let found = head.heading_rad().to_degrees();
+            assert!((found - heading_deg).abs() < 1e-9, "{stick_x}: {found}");
+            assert!((head.position - in_space.position).length() < 1e-12);
+        }
+        let head = place(&locomotion);
+        locomotion.turn(&head, -1.0, 60.0);
+        // A pause is no whirl: a tenth of a second.
+        assert!(place(&locomotion).heading_rad().abs() < 1e-9);
     }
 }

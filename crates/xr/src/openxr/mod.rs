@@ -138,8 +138,7 @@ impl OpenXrSession {
                 world_from_space,
                 DQuat::from_rotation_y(options.start.heading_rad()),
             ),
-            options.settings.move_m_per_s,
-            options.settings.snap_turn_deg.to_radians(),
+            &options.settings,
         );
         Ok(Self {
             info,
@@ -297,7 +296,7 @@ impl OpenXrSession {
         if let Some(head) = self.last_head {
             // Turned first: the head stays where it is, and the walk goes where it then looks.
             let in_space = inverse(&self.locomotion.world_from_space()).then(&head);
-            self.locomotion.snap_turn(&head, input.turn);
+            self.locomotion.turn(&head, input.turn, seconds);
             let head = self.locomotion.world_from_space().then(&in_space);
             self.locomotion.walk(&head, input.walk, seconds);
             // The head of this frame is not known yet; the last one has moved along.
@@ -407,6 +406,13 @@ impl XrSession for OpenXrSession {
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
         let sent = self.controls.vibrate(&self.session, pulse);
         sent.map_err(|error| self.lost("xrApplyHapticFeedback", error))
+    }
+
+    fn move_wearer(&mut self, by_m: DVec3) {
+        self.locomotion.move_by(by_m);
+        if let Some(head) = &mut self.last_head {
+            head.position += by_m;
+        }
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

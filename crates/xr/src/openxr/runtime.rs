@@ -131,6 +131,17 @@ pub(super) struct Offered {
     hand_interaction: bool,
 }
 
+/// What a machine may lack without harm, with the extensions that offer it.
+const MAY_LACK: [(&str, &[&str]); 4] = [
+    ("bare_hands", &["XR_EXT_hand_interaction"]),
+    ("hand_joints", &["XR_EXT_hand_tracking"]),
+    ("gaze", &["XR_EXT_eye_gaze_interaction"]),
+    (
+        "controller_models",
+        &["XR_MSFT_controller_model", "XR_FB_render_model"],
+    ),
+];
+
 /// A runtime with a headset, ready for a session.
 pub struct Runtime {
     pub(super) instance: xr::Instance,
@@ -343,7 +354,17 @@ impl Runtime {
             })).collect::<Vec<_>>(),
             "extensions": self.extensions,
             "used_extensions": self.used_extensions(),
+            "not_offered": self.not_offered(),
         })
+    }
+
+    /// What of [`MAY_LACK`] the runtime does not offer.
+    fn not_offered(&self) -> Vec<&'static str> {
+        let is_there = |name: &&str| self.extensions.iter().any(|known| known == name);
+        let missing = MAY_LACK
+            .iter()
+            .filter(|(_, extensions)| !extensions.iter().any(is_there));
+        missing.map(|(what, _)| *what).collect()
     }
 
     /// Extensions that the instance was made with.

@@ -1,0 +1,129 @@
+//! What of a world outlives a call of the application, and how it comes to be shown.
+
+use glam::DVec3;
+
+use crate::gpu::ShaderLibrary;
+use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
+use crate::scene::{Scene, ScenePart};
+use crate::settings::Quality;
+use crate::xr::{Actions, Pulse};
+
+/// A part of the scene that comes or goes.
+pub(super) enum PartChange {
+    Added(ScenePart, Box<PreparedPart>),
+    Removed(ScenePart),
+}
+
+/// What of a world outlives a call of the application.
+pub(crate) struct Kept {
+    pub(super) scene: Scene,
+    pub(super) actions: Actions,
+    /// The scene differs from what the renderer shows.
+    pub(super) is_changed: bool,
+    /// The scene part that came or went in this frame.
+    pub(super) part: Option<PartChange>,
+    /// Why the renderer cannot show it.
+    pub(super) needs_rebuild: Option<String>,
+    /// The quality that was set in this frame.
+    pub(super) quality: Option<Quality>,
+    pub(super) pulses: Vec<Pulse>,
+    /// How far the wearer is moved.
+    pub(super) moved_m: DVec3,
+    pub(super) is_over: bool,
+}
+
+impl Kept {
+    pub(crate) fn new(scene: Scene, actions: Actions) -> Self {
+        Self {
+            scene,
+            actions,
+            is_changed: false,
+            part: None,
+            needs_rebuild: None,
+            quality: None,
+            pulses: Vec::new(),
+            moved_m: DVec3::ZERO,
+            is_over: false,
+        }
+    }
+
+    pub(crate) fn actions(&self) -> &Actions {
+        &self.actions
+    }
+
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    pub(crate) fn take_move(&mut self) -> DVec3 {
+        std::mem::take(&mut self.moved_m)
+    }
+
+    pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
+        std::mem::take(&mut self.pulses)
+    }
+
+    /// Notes a part that came or went; the second in a frame is one too many to be shown in place.
+    pub(super) fn note(&mut self, change: Option<PartChange>) {
+        self.is_changed = true;
+        if self.part.is_some() {
+            self.needs_rebuild = Some("several parts came or went in one frame".to_owned());
+        }
+        self.part = change;
+    }
+
+    /// The renderer to come is made from the scene as it is.
+    pub(crate) fn settled(&mut self) {
+        self.is_changed = false;
+        self.part = None;
+        self.needs_rebuild = None;
+    }
+
+    /// Shows what was changed, as far as the renderer can.
+    ///
+    /// # Errors
+    /// As [`Renderer::apply_scene`].
+    pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
+        if let Some(quality) = self.quality.take() {
+            renderer.set_quality(&quality)?;
+        }
+        let part = self.part.take();
+        // What waits for another renderer is all in the scene.
+        if std::mem::take(&mut self.is_changed) && self.needs_rebuild.is_none() {
+            let scene = &self.scene;
+            let applied = match part {
+                None => renderer.apply_scene(scene)?,
+                Some(PartChange::Added(part, prepared)) => {
+                    renderer.add_part(scene, &part, &prepared)?
+                }
+                Some(PartChange::Removed(part)) => renderer.remove_part(scene, &part)?,
+            };
+            if let Applied::NeedsRebuild { why } = applied {
+                self.needs_rebuild = Some(why);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes the renderer anew where the last frame's changes asked for it.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn rebuild(
+        &mut self,
+        renderer: &mut Renderer,
+        library: &ShaderLibrary,
+    ) -> Result<(), RenderError> {
+        if let Some(why) = self.needs_rebuild.take() {
+            log::info!("the renderer is made anew: {why}");
+            let successor = renderer.rebuild().build(library, &self.scene)?;
+            renderer.succeed_by(successor)?;
+            self.is_changed = false;
+        }
+        Ok(())
+    }
+}
