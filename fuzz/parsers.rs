@@ -13,7 +13,7 @@ use stereolux::scene::{LightKind, Needs, PunctualLight, Scene, Trs, load_environ
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::validation::check_views;
 use stereolux::xr::{
-    Fov, Headset, HiddenArea, LocatedViews, Pose, ReplayOptions, ReplaySession, View,
+    Actions, Fov, Headset, HiddenArea, LocatedViews, Pose, ReplayOptions, ReplaySession, View,
     XrSession as _,
 };
 use stereolux_report::journal::Journal;
@@ -40,6 +40,8 @@ pub enum Parser {
     Trace,
     /// Headset profiles.
     Headset,
+    /// Actions of an application.
+    Actions,
     /// Files of settings.
     Settings,
     /// `--set`.
@@ -56,7 +58,7 @@ pub enum Parser {
 
 impl Parser {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::GltfTree,
         Self::GltfText,
         Self::Glb,
@@ -65,6 +67,7 @@ impl Parser {
         Self::Pictures,
         Self::Trace,
         Self::Headset,
+        Self::Actions,
         Self::Settings,
         Self::Set,
         Self::Journal,
@@ -109,6 +112,7 @@ impl Feeder {
             .concat(),
             Parser::Trace => seeds::traces(),
             Parser::Headset => seeds::profiles(),
+            Parser::Actions => seeds::actions(),
             Parser::Settings => seeds::settings(),
             Parser::Journal => seeds::journals(),
             Parser::Layout => seeds::layouts(),
@@ -177,6 +181,8 @@ impl Feeder {
             Parser::Trace => self.write(&mut random) && replay(&self.file),
             Parser::Headset => text(&self.mutated(&mut random))
                 .is_some_and(|text| one_line(Headset::from_toml("profile", &text)).is_some()),
+            Parser::Actions => text(&self.mutated(&mut random))
+                .is_some_and(|text| one_line(Actions::parse("actions", &text)).is_some()),
             Parser::Settings => text(&self.mutated(&mut random)).is_some_and(|text| {
                 let mut layers = Layers::default();
                 one_line(layers.add_toml(&text, "settings")).is_some() && layers.finish().is_ok()

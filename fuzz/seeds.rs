@@ -221,6 +221,11 @@ pub fn profiles() -> Vec<Vec<u8>> {
     .into()
 }
 
+/// Actions of an application.
+pub fn actions() -> Vec<Vec<u8>> {
+    vec![include_bytes!("../examples/gallery_tour_actions.toml").to_vec()]
+}
+
 /// Settings files.
 pub fn settings() -> Vec<Vec<u8>> {
     let all = Settings::default().to_toml(Extent::All);

@@ -27,9 +27,10 @@ fn slice(parsers: &[Parser], cases: u64) {
     }
 }
 
-const TEXT: [Parser; 6] = [
+const TEXT: [Parser; 7] = [
     Parser::Trace,
     Parser::Headset,
+    Parser::Actions,
     Parser::Settings,
     Parser::Set,
     Parser::Journal,
