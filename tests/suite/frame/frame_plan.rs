@@ -1,12 +1,12 @@
 //! The plan is what runs: its passes in its order, every name bound, nothing written that is read.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use stereolux::frame::bind::meaning;
 use stereolux::frame::listing::memory;
 use stereolux::frame::plan::on_demand;
 use stereolux::frame::run::{named, specialised};
-use stereolux::frame::step::Action;
+use stereolux::frame::step::{Action, Eye};
 use stereolux::frame::{Only, PlannedStage, Stage, Step};
 use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
@@ -170,6 +170,61 @@ fn every_name_of_every_plan_means_a_buffer_and_no_pass_writes_what_it_reads() {
             }
         }
     }
+}
+
+/// Buffers of a sample that the eyes use in turn, under names that say whose contents are meant.
+const IN_TURN: [&str; 8] = [
+    "hit_paths",
+    "hit_surfaces",
+    "end_rays",
+    "first_albedo",
+    "emitted_light",
+    "direct_light",
+    "indirect_light",
+    "caustic_light",
+];
+
+/// Passes that read one of [`IN_TURN`] when the other eye has written it last.
+fn read_too_late(stages: &[PlannedStage], features: &ShaderFeatures) -> Vec<String> {
+    let library = ShaderLibrary::embedded();
+    let mut writer = BTreeMap::new();
+    let mut faults = Vec::new();
+    for step in stages.iter().flat_map(|planned| &planned.steps) {
+        let Some(pass) = step.pass() else { continue };
+        let features = specialised(pass, features, step.runs_from_list());
+        let shader = library.compile(&pass.shader_name(), &features).unwrap();
+        for binding in reflect_bindings(&shader).unwrap() {
+            let name = named(step, &binding.name);
+            let (eye, bare) = match name.strip_prefix("left_") {
+                Some(bare) => (Eye::Left, bare),
+                None => (step.owner.eye, name.as_str()),
+            };
+            let Some(shared) = IN_TURN.into_iter().find(|shared| *shared == bare) else {
+                continue;
+            };
+            if binding.kind == BindingKind::ReadWrite {
+                writer.insert(shared, eye);
+            } else if writer.get(shared).is_some_and(|writer| *writer != eye) {
+                faults.push(format!("{} reads {name}", step.label));
+            }
+        }
+    }
+    faults
+}
+
+#[test]
+fn what_the_eyes_use_in_turn_is_read_before_the_other_eye_writes_it() {
+    for (way, change) in WAYS {
+        for scene in ["gallery", "cornell"] {
+            let (stages, features) = planned(&settings(*change), scene);
+            let faults = read_too_late(&stages, &features);
+            assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
+        }
+    }
+    let (mut stages, features) = planned(&settings(|_| ()), "gallery");
+    let right = stages.iter_mut().find(|stage| stage.stage == Stage::Right);
+    right.unwrap().steps.reverse();
+    assert!(!read_too_late(&stages, &features).is_empty());
 }
 
 #[test]
