@@ -1,11 +1,12 @@
-//! Resolves the names that shaders declare to buffers, by owner and name, with six rules:
+//! Resolves the names that shaders declare to buffers, by owner and name, with seven rules:
 //!
 //! 1. A step may rename.
 //! 2. `dispatch` is the stage's table; scene and uniforms are given.
 //! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list.
 //! 4. Any other name belongs to the step's eye, its photon map, or the frame.
 //! 5. `left_NAME` is the left eye's, `other_NAME` the other eye's.
-//! 6. `NAME_before` is the previous frame's `NAME`, which is double-buffered.
+//! 6. A name without a buffer of its own lies in another's ([`buffers::LODGERS`]).
+//! 7. `NAME_before` is the previous frame's `NAME`, which is double-buffered.
 
 use std::collections::BTreeMap;
 
@@ -44,10 +45,10 @@ pub struct Meaning {
     pub takes_turns: bool,
 }
 
-/// Resolves `name` for `owner` by rules 4 to 6; `None` if there is no such buffer.
+/// Resolves `name` for `owner` by rules 4 to 7; `None` if there is no such buffer.
 #[must_use]
 pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
-    if let Some(row) = buffers::row(name) {
+    if let Some(row) = buffers::row(name).or_else(|| buffers::lodging(name, owner.eye)) {
         return Some(Meaning {
             place: (whose(row, owner), row.name),
             is_before: false,
@@ -352,6 +353,9 @@ mod tests {
             of("other_moments"),
             Some((Whose::Eye(Eye::Left), "moments"))
         );
+        let shared = |name| Some((Whose::Frame, name));
+        assert_eq!(of("direct_ping"), shared("indirect_light"));
+        assert_eq!(of("other_direct_ping"), shared("direct_light"));
         assert_eq!(of("provenance"), Some((Whose::Frame, "provenance")));
         assert_eq!(
             of("photons"),

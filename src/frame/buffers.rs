@@ -4,6 +4,7 @@
 //! [`TOKEN_BYTES`]. A buffer has a texture copy if a shader declares a texture under its name.
 
 use super::photon_layout::MapLayout;
+use super::step::Eye;
 use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
 use crate::renderer::records::stereo::StereoCounters;
 
@@ -185,11 +186,7 @@ pub const BUFFERS: &[BufferRow] = &[
     // Moments and lengths before the eyes share.
     per_pixel!(Eye, "own_moments", 16),
     per_pixel!(Eye, "own_history_length", 4),
-    // Two that the filter goes back and forth between, and the one that the next frame reads.
-    per_pixel!(Eye, "direct_ping", 16),
-    per_pixel!(Eye, "indirect_ping", 16),
-    per_pixel!(Eye, "direct_pong", 16),
-    per_pixel!(Eye, "indirect_pong", 16),
+    // What the next frame reads; the filter also goes back and forth through it and what lies elsewhere ([`LODGERS`]).
     per_pixel!(Eye, "direct_history", 16),
     per_pixel!(Eye, "indirect_history", 16),
     per_pixel!(Eye, "still_sum", 16),
@@ -236,6 +233,26 @@ pub const BUFFERS: &[BufferRow] = &[
     map("kd_nodes", |map| u64::from(map.capacity) * 16),
 ];
 
+/// Names that have no buffer of their own, and where the left and the right eye's lie: the filter's light lies where samples were,
+/// which nobody reads once they are summed up.
+pub const LODGERS: [(&str, [&str; 2]); 4] = [
+    ("direct_ping", ["direct_light", "indirect_light"]),
+    ("indirect_ping", ["caustic_light", "emitted_light"]),
+    ("direct_pong", ["hit_surfaces", "end_rays"]),
+    ("indirect_pong", ["hit_paths", "first_albedo"]),
+];
+
+/// The buffer in which `name` lies for `eye`, if it has none of its own.
+#[must_use]
+pub fn lodging(name: &str, eye: Eye) -> Option<&'static BufferRow> {
+    let (_, hosts) = LODGERS.iter().find(|(lodger, _)| *lodger == name)?;
+    let [left, right] = *hosts;
+    row(match eye {
+        Eye::Left => left,
+        Eye::Right => right,
+    })
+}
+
 /// The row of a buffer.
 #[must_use]
 pub fn row(name: &str) -> Option<&'static BufferRow> {
@@ -257,5 +274,17 @@ mod tests {
             assert!(row(one.name).is_some());
         }
         assert!(row("no_such_buffer").is_none());
+        let image = ImageLayout {
+            size: [3, 2],
+            ..ImageLayout::default()
+        };
+        let hosts: Vec<_> = LODGERS.iter().flat_map(|(_, hosts)| hosts).collect();
+        for (index, host) in hosts.iter().enumerate() {
+            assert!(!hosts[..index].contains(host), "{host} is taken twice");
+            // Shared by the eyes, a vec4 of f32 per pixel, and not cleared while a lodger is in it.
+            let found = row(host).unwrap();
+            assert!(matches!(found.scope, Scope::Frame(bytes) if bytes(&image) == 16 * 6));
+            assert!(found.cleared.is_empty() && !found.takes_turns);
+        }
     }
 }

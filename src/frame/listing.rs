@@ -151,10 +151,14 @@ fn listed(
     let shader = library.compile(&pass.shader_name(), &features)?;
     let (mut reads, mut writes, mut keeps) = (Vec::new(), Vec::new(), Vec::new());
     for binding in reflect_bindings(&shader)? {
-        let Some(found) = meaning(&named(step, &binding.name), step.owner) else {
+        let declared = named(step, &binding.name);
+        let Some(found) = meaning(&declared, step.owner) else {
             continue;
         };
         let name = match found.place {
+            (_, host) if !declared.contains(host) => {
+                format!("{declared} (in {host})")
+            }
             (Whose::Eye(eye), name) if eye != step.owner.eye => format!("{}_{name}", eye.name()),
             (_, name) => name.to_owned(),
         };
