@@ -20,15 +20,15 @@ RAW = [word for key in ("svgf", "taa", "still") for word in ("--set", f"reconstr
 RUNS = [
     ("cornell", ["--scene", "builtin:cornell"]),
     ("cornell, photons every frame", ["--scene", "builtin:cornell", *EVERY]),
-    ("cornell, photons every frame, two separate eyes", ["--scene", "builtin:cornell", "--reuse", "off", *EVERY]),
+    ("cornell, photons every frame, two separate eyes", ["--scene", "builtin:cornell", "--set", "reuse=off", *EVERY]),
     ("gallery", ["--scene", "builtin:gallery"]),
     ("gallery, no filters", ["--scene", "builtin:gallery", *RAW]),
     ("gallery, photons every frame", ["--scene", "builtin:gallery", *EVERY]),
-    ("gallery, photons every frame, lookup", ["--scene", "builtin:gallery", "--reuse", "lookup", *EVERY]),
-    ("gallery, photons every frame, two separate eyes", ["--scene", "builtin:gallery", "--reuse", "off", *EVERY]),
-    ("gallery, paths", ["--scene", "builtin:gallery", "--method", "path"]),
+    ("gallery, photons every frame, lookup", ["--scene", "builtin:gallery", "--set", "reuse=lookup", *EVERY]),
+    ("gallery, photons every frame, two separate eyes", ["--scene", "builtin:gallery", "--set", "reuse=off", *EVERY]),
+    ("gallery, paths", ["--scene", "builtin:gallery", "--set", "method=path"]),
     ("parade, everything moves", ["--scene", "builtin:parade", *EVERY]),
-    ("terrain, 1.7 million triangles, paths", ["--scene", "builtin:terrain", "--method", "path"]),
+    ("terrain, 1.7 million triangles, paths", ["--scene", "builtin:terrain", "--set", "method=path"]),
 ]
 SORT = ("photon_bounds", "grid_setup", "cell_count", "radix_count", "radix_scatter", "scan_blocks", "scan_sums", "scan_add",
         "photon_reorder")
@@ -142,13 +142,7 @@ def memory_table(options):
     for name, arguments in RUNS:
         if "every frame" in name and "separate" not in name:
             continue  # as the map that stays
-        words = [word for word in arguments if word not in ("--method", "--reuse")]
-        settings = []
-        for flag, value in zip(arguments, arguments[1:]):
-            if flag in ("--method", "--reuse"):
-                settings += ["--set", f"{flag[2:]}={value}"]
-                words.remove(value)
-        said = call([options.program, "info", *words, *settings, "--set", f"size={options.size}"])
+        said = call([options.program, "info", *arguments, "--set", f"size={options.size}"])
         memory = json.loads(said)["scene"]["memory"]
         parts = ("total", "eyes", "shared", "photons")
         rows.append([name] + [f"{memory[f'{part}_bytes'] * 1e-9:.2f}" for part in parts])

@@ -36,6 +36,7 @@ cargo build --release --locked --bin stereolux
 program="${CARGO_TARGET_DIR:-target}/release/stereolux"
 log=""
 if [ "$tests" = yes ]; then
+    ensure_test_tools
     log="$out/tests.log"
     # What fails is in the report; measuring goes on.
     STEREOLUX_TEST_ADAPTER="${adapter:-any}" cargo test --release --locked --test suite -- --test-threads 1 2>&1 |

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes sure that a Vulkan adapter answers; on Debian and Ubuntu it installs the software driver if none does.
-# Sourced by demo.sh and test.sh.
+# Sourced by demo.sh, test.sh and gpu_report.sh.
 
 # Whether the dynamic linker knows all these libraries.
 has_libraries() {
@@ -58,4 +58,14 @@ ensure_build_tools() {
     fi
     # The FLIP metric is C++.
     command -v c++ >/dev/null || apt_install g++
+}
+
+# What tests need beside a driver: a validator of SPIR-V, a virtual screen, what windows are opened with there, and Monado,
+# fetched once into a cache folder, as OpenXR runtime.
+ensure_test_tools() {
+    command -v spirv-val >/dev/null || apt_install spirv-tools
+    command -v Xvfb >/dev/null || apt_install xvfb
+    has_libraries libX11.so.6 libX11-xcb.so.1 libxcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0 ||
+        apt_install libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0
+    scripts/monado.sh --fetch
 }

@@ -10,14 +10,7 @@ cd "$(dirname "$0")/.."
 ensure_build_tools
 ensure_vulkan
 ensure_radv
-# The validator of SPIR-V.
-command -v spirv-val >/dev/null || apt_install spirv-tools
-# The OpenXR tests run against Monado, fetched once into a cache folder, and read its picture off a virtual screen.
-command -v Xvfb >/dev/null || apt_install xvfb
-# What windows of the desktop mirror are opened with.
-has_libraries libX11.so.6 libX11-xcb.so.1 libxcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0 ||
-    apt_install libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0
-scripts/monado.sh --fetch
+ensure_test_tools
 # The fake runtime has no tests of its own.
 documented=(-p stereolux)
 for crate in base bvh gpu images report scene settings xr; do

@@ -134,20 +134,21 @@ pub mod viewer;
 mod windowing;
 
 use stereolux_base::{files, foreign_errors, pose, printable};
+/// Crates under the names that modules here go by.
+macro_rules! rooms {
+    ($visibility:vis) => {
+        $visibility use {
+            stereolux_base::{interrupt, limits},
+            stereolux_bvh as bvh, stereolux_gpu as gpu,
+            stereolux_images::{exr_file, images, metrics},
+            stereolux_scene as scene, stereolux_settings as settings, stereolux_xr as xr,
+        };
+    };
+}
 #[cfg(not(feature = "internals"))]
-use {
-    stereolux_base::{interrupt, limits},
-    stereolux_bvh as bvh, stereolux_gpu as gpu,
-    stereolux_images::{exr_file, images, metrics},
-    stereolux_scene as scene, stereolux_settings as settings, stereolux_xr as xr,
-};
+rooms!(pub(crate));
 #[cfg(feature = "internals")]
-pub use {
-    stereolux_base::{interrupt, limits},
-    stereolux_bvh as bvh, stereolux_gpu as gpu,
-    stereolux_images::{exr_file, images, metrics},
-    stereolux_scene as scene, stereolux_settings as settings, stereolux_xr as xr,
-};
+rooms!(pub);
 
 // Scenes.
 pub use bvh::BvhError;

@@ -232,12 +232,16 @@ pub fn bind_group<'a>(
     })
 }
 
+/// Buffers among the bindings, uniforms too: what adapters limit per stage.
+#[must_use]
+pub fn buffer_count(bindings: &[Binding]) -> usize {
+    let is_buffer = |binding: &&Binding| binding.kind != BindingKind::Texels;
+    bindings.iter().filter(is_buffer).count()
+}
+
 /// Whether a stage that may have `limit` buffers takes these bindings.
 fn check_buffers(pass: &str, bindings: &[Binding], limit: u32) -> Result<(), GpuError> {
-    let buffers = bindings
-        .iter()
-        .filter(|binding| binding.kind != BindingKind::Texels);
-    let count = buffers.count();
+    let count = buffer_count(bindings);
     if count > limit as usize {
         return Err(GpuError::TooManyBuffers {
             pass: pass.to_owned(),

@@ -9,7 +9,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use stereolux::frame::passes::{self, Domain, Pass};
 use stereolux::frame::run::specialised;
-use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
+use stereolux::gpu::kernel::{Binding, buffer_count, reflect_bindings};
 use stereolux::gpu::{CompiledShader, ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::{PlannedScene, plan_of_scene};
 use stereolux::{
@@ -196,11 +196,7 @@ impl Kernel {
 
     /// Buffers that the pass binds.
     pub fn buffers(&self) -> Result<usize> {
-        let bindings = reflect_bindings(&self.shader)?;
-        let buffers = bindings
-            .iter()
-            .filter(|binding| binding.kind != BindingKind::Texels);
-        Ok(buffers.count())
+        Ok(buffer_count(&reflect_bindings(&self.shader)?))
     }
 
     /// SPIR-V as wgpu-hal 30 has naga write it for a Vulkan 1.3 device with robustness2 (`Adapter::open` of its Vulkan

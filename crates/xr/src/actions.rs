@@ -21,8 +21,8 @@ use serde::Deserialize;
 use thiserror::Error;
 use toml::Spanned;
 
-use super::InputError;
 use super::profiles::PROFILES;
+use super::{InputError, toml_files};
 use stereolux_base::printable::{did_you_mean, line};
 
 /// Longest name that OpenXR takes, bytes.
@@ -129,9 +129,7 @@ impl Actions {
     /// # Errors
     /// An unreadable file, or the first fault in it, with file, line and field.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| InputError::file(&name, format!("cannot be read: {error}")))?;
+        let (name, text) = toml_files::read(path, "declaration of actions")?;
         Self::parse(&name, &text)
     }
 
@@ -140,14 +138,7 @@ impl Actions {
     /// # Errors
     /// The first fault, with file, line and field.
     pub fn parse(file: &str, text: &str) -> Result<Self, InputError> {
-        let line_at = |byte: usize| 1 + text.bytes().take(byte).filter(|b| *b == b'\n').count();
-        let read: File = toml::from_str(text).map_err(|error| {
-            let what = error.message().to_owned();
-            match error.span() {
-                Some(span) => InputError::line(file, line_at(span.start), what),
-                None => InputError::file(file, what),
-            }
-        })?;
+        let read: File = toml_files::parsed(file, text)?;
         let mut actions = Self {
             drops_locomotion: !read.locomotion,
             ..Self::default()
@@ -164,7 +155,8 @@ impl Actions {
             });
             let added = actions.add(name, *kind, sources);
             added.map_err(|(field, what)| {
-                InputError::field(file, line_at(action.span().start), field, what)
+                let line = toml_files::line_at(text, action.span().start);
+                InputError::field(file, line, field, what)
             })?;
         }
         Ok(actions)
@@ -182,7 +174,10 @@ impl Actions {
         self.drops_locomotion
     }
 
-    /// The action of that name, if it is of one of these kinds.
+    /// Whether an action of that name and kind is declared.
+    ///
+    /// # Errors
+    /// It is not, or is of another kind.
     pub fn known(&self, name: &str, kind: ActionKind) -> Result<(), ActionError> {
         let found = self.declared.iter().find(|action| action.name == name);
         match found {

@@ -4,12 +4,11 @@
 //! same way. Angles are degrees in the file and radians here.
 
 use super::view::{Fov, Pose, View};
-use super::{InputError, XrError, validation};
+use super::{InputError, XrError, toml_files, validation};
 use glam::{DQuat, DVec3, EulerRot};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
-use stereolux_base::files;
 use stereolux_settings::registry::MAX_SIZE;
 use toml::Spanned;
 
@@ -26,9 +25,6 @@ const PROFILES: [(&str, &str); 4] = [
         include_str!("../../../config/headsets/symmetric.toml"),
     ),
 ];
-
-/// A profile is a page of text; anything larger is some other file.
-const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// One eye of a headset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,7 +70,8 @@ impl Headset {
         let is_path = name_or_path.ends_with(".toml")
             || name_or_path.contains(['/', std::path::MAIN_SEPARATOR]);
         if is_path {
-            return Ok(Self::from_file(Path::new(name_or_path))?);
+            let (file, text) = toml_files::read(Path::new(name_or_path), "headset profile")?;
+            return Ok(Self::from_toml(&file, &text)?);
         }
         for (name, text) in PROFILES {
             if name == name_or_path {
@@ -92,36 +89,12 @@ impl Headset {
         .into())
     }
 
-    fn from_file(path: &Path) -> Result<Self, InputError> {
-        let file = path.display().to_string();
-        let bytes = files::read_at_most(path, MAX_FILE_BYTES)
-            .map_err(|cause| InputError::file(&file, format!("cannot be read: {cause}")))?
-            .ok_or_else(|| {
-                InputError::file(&file, "larger than 1 MiB; this is not a headset profile")
-            })?;
-        let Ok(text) = std::str::from_utf8(&bytes) else {
-            return Err(InputError::file(
-                &file,
-                "not UTF-8 text; this is not a headset profile",
-            ));
-        };
-        Self::from_toml(&file, text.strip_prefix('\u{feff}').unwrap_or(text))
-    }
-
     /// A profile from TOML text; `file` names it in errors.
     ///
     /// # Errors
     /// Syntax, unknown or missing keys, or values out of range, with line and field.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
-        let profile: ProfileToml = toml::from_str(text).map_err(|error| {
-            let span = error.span().unwrap_or(0..0);
-            let (line, field) = locate(text, span.start);
-            InputError {
-                field,
-                ..InputError::line(file, line, error.message().replace('\n', " "))
-            }
-        })?;
-        profile.check(file, text)
+        toml_files::parsed::<ProfileToml>(file, text)?.check(file, text)
     }
 
     /// Both eyes of a head at `world_from_head`.
@@ -262,7 +235,7 @@ struct CantToml {
 impl ProfileToml {
     fn check(self, file: &str, text: &str) -> Result<Headset, InputError> {
         let fault = |span: Range<usize>, field: &str, what: String| {
-            InputError::field(file, locate(text, span.start).0, field, what)
+            InputError::field(file, toml_files::line_at(text, span.start), field, what)
         };
         if self.name.get_ref().trim().is_empty() {
             return Err(fault(self.name.span(), "name", "is empty".into()));
@@ -350,49 +323,5 @@ impl ProfileToml {
             ipd_m,
             eyes,
         })
-    }
-}
-
-/// The 1-based line of byte `offset`, and the key that is set there, with its table.
-fn locate(text: &str, offset: usize) -> (usize, Option<String>) {
-    let (mut table, mut key) = (String::new(), None);
-    let mut line = 0;
-    let mut start = 0;
-    for (index, content) in text.split_inclusive('\n').enumerate() {
-        line = index + 1;
-        let trimmed = content.trim();
-        if let Some(header) = trimmed.strip_prefix('[') {
-            table = header.split(']').next().unwrap_or("").trim().to_owned();
-            key = (!table.is_empty()).then(|| table.clone());
-        } else if !trimmed.starts_with('#')
-            && let Some((name, _)) = trimmed.split_once('=')
-        {
-            let name = name.trim();
-            key = Some(if table.is_empty() {
-                name.to_owned()
-            } else {
-                format!("{table}.{name}")
-            });
-        }
-        start += content.len();
-        if start > offset {
-            break;
-        }
-    }
-    (line.max(1), key)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::locate;
-
-    #[test]
-    fn bytes_are_located_by_line_and_key() {
-        let text = "a = 1\n# b = 2\n[left]\nfov = { left = 1,\n right = 2 }\n";
-        let at = |needle: &str| locate(text, text.find(needle).unwrap_or(0));
-        assert_eq!(at("a ="), (1, Some("a".into())));
-        assert_eq!(at("[left"), (3, Some("left".into())));
-        assert_eq!(at("fov"), (4, Some("left.fov".into())));
-        assert_eq!(locate("", 0), (1, None));
     }
 }

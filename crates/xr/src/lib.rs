@@ -51,6 +51,7 @@ pub mod replay;
 pub mod simulated;
 pub mod simulated_hands;
 mod text_lines;
+mod toml_files;
 pub mod trace;
 pub mod trajectory;
 pub mod validation;

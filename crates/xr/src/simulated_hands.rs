@@ -25,7 +25,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::input::{Button, Buttons, Hand, Input, Side, Tracked};
-use super::{InputError, validation};
+use super::{InputError, toml_files, validation};
 use stereolux_base::pose::Pose;
 
 /// Where a hand rests, in the frame of the head's heading: right (left for the left hand), up, back; metres.
@@ -88,9 +88,7 @@ impl HandScript {
     /// # Errors
     /// An unreadable file, or the first fault in it, with file, line and field.
     pub fn load(path: &Path, start: &Pose, place_of: &PlaceOf<'_>) -> Result<Self, InputError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| InputError::file(&name, format!("cannot be read: {error}")))?;
+        let (name, text) = toml_files::read(path, "script of hands")?;
         Self::parse(&name, &text, start, place_of)
     }
 
@@ -104,14 +102,7 @@ impl HandScript {
         start: &Pose,
         place_of: &PlaceOf<'_>,
     ) -> Result<Self, InputError> {
-        let line_at = |byte: usize| 1 + text.bytes().take(byte).filter(|b| *b == b'\n').count();
-        let read: File = toml::from_str(text).map_err(|error| {
-            let what = error.message().to_owned();
-            match error.span() {
-                Some(span) => InputError::line(file, line_at(span.start), what),
-                None => InputError::file(file, what),
-            }
-        })?;
+        let read: File = toml_files::parsed(file, text)?;
         let plan = |side: Side, steps: &[Spanned<Step>]| {
             if steps.is_empty() {
                 return Ok(None);
@@ -122,7 +113,8 @@ impl HandScript {
                 let added = plan.add(step.get_ref(), last_s, place_of);
                 added.map_err(|(field, what)| {
                     let field = format!("{}.{field}", side.word());
-                    InputError::field(file, line_at(step.span().start), &field, what)
+                    let line = toml_files::line_at(text, step.span().start);
+                    InputError::field(file, line, &field, what)
                 })?;
                 last_s = step.get_ref().at_s;
             }

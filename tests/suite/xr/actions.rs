@@ -249,11 +249,16 @@ fn declarations_that_cannot_be_are_one_error_each() {
             "bindings",
             "none",
         ),
-        (action("b", "boolean", TOUCH, TRIGGER), 7, "", "boolean"),
+        (
+            action("b", "boolean", TOUCH, TRIGGER),
+            7,
+            "action.kind",
+            "boolean",
+        ),
         (
             "[[action]]\nname = 'b'\nkind = 'bool'\nkeys = 3\n".to_owned(),
             8,
-            "",
+            "action.keys",
             "keys",
         ),
     ] {
