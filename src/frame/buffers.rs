@@ -168,6 +168,7 @@ pub const BUFFERS: &[BufferRow] = &[
     // Reuse of the left eye's samples.
     // The left eye's: `shaders/shared/light_samples.wesl`.
     per_pixel!(Frame, "light_samples", 24),
+    per_pixel!(Frame, "light_places", 16),
     per_pixel!(Frame, "scatter_targets", 8),
     per_pixel!(Frame, "scatter_nearest", 4).cleared(&[Moment::Reuse]),
     per_pixel!(Frame, "scatter_winners", 4).cleared(&[Moment::Reuse]),

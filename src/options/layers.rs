@@ -246,8 +246,7 @@ impl Layers {
     pub fn finish(self) -> Result<Settings, OptionsError> {
         self.settings
             .render
-            .photon
-            .check_gather()
+            .check()
             .map_err(OptionsError::Conflict)?;
         let aovs = self.settings.output.aov_list();
         aovs.map_err(OptionsError::Conflict)?;

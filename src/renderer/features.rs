@@ -108,7 +108,8 @@ pub fn light_candidates(
     }
 }
 
-/// Whether the right eye's glossy surfaces take light over: the left eye must know in which directions it found light.
+/// Whether the right eye scatters the left one's light anew, on glossy surfaces or, with shadow rays, on all: the left eye
+/// must know in which directions it found light.
 pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
     let has_samples = match settings.method {
         Method::Path => settings.path.technique == Technique::Mis,
@@ -117,10 +118,8 @@ pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bo
                 && settings.photon.schedule == Schedule::Split
         }
     };
-    (features.glossy || features.dielectric)
-        && has_samples
-        && settings.reuse != Reuse::Off
-        && settings.stereo.max_lobe_shift > 0.0
+    let glossy = (features.glossy || features.dielectric) && settings.stereo.max_lobe_shift > 0.0;
+    has_samples && settings.reuse != Reuse::Off && (glossy || settings.stereo.shadow_rays)
 }
 
 #[cfg(test)]

@@ -81,6 +81,7 @@ pub(super) fn frame_features(
         scatters: both && settings.reuse == Reuse::Scatter,
         reuse_glossy,
         reuse_paths: reuse_glossy && settings.method == Method::Path,
+        reuse_shadow_rays: reuse_glossy && settings.stereo.shadow_rays,
         one_sample: settings.spp == 1,
         keeps_samples: both && settings.reuse != Reuse::Off,
         ..features

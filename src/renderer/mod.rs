@@ -181,8 +181,7 @@ impl Renderer {
         hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<Self, RenderError> {
         check_user_bsdfs(library, scene)?;
-        let photon = &settings.photon;
-        photon.check_gather().map_err(RenderError::Settings)?;
+        settings.check().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
         let needs = Needs::with_statistics(scene, &edit_base.statistics);
         let both = eye_choice == EyeChoice::Both;

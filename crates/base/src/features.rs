@@ -105,6 +105,7 @@ features! {
         scatters: "left hits that are scattered into the right image",
         reuse_glossy: "light on glossy surfaces, carried to the right eye",
         reuse_paths: "light that whole paths found, carried to the right eye",
+        reuse_shadow_rays: "shadow rays of the right eye for light that is carried to it",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples for the right eye",
     }

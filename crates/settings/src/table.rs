@@ -291,6 +291,8 @@ settings! {
             max_view_dependence: f64 = 0.0, SHARE;
             /// glossy surfaces take light over where their lobe moves by no more between the eyes; 0 never
             max_lobe_shift: f64 = 1.0, NOT_NEGATIVE, "lobe widths";
+            /// the right eye tests one of the light samples that it takes over by a shadow ray of its own: no bias by visibility
+            shadow_rays: bool = false;
         }
     }
 
@@ -530,6 +532,31 @@ impl PhotonSettings {
             _ => return Ok(()),
         };
         Err(format!("{set} needs {needs}; change one of them"))
+    }
+}
+
+impl RenderSettings {
+    /// Checks that the settings can be combined.
+    ///
+    /// # Errors
+    /// One line: which cannot, and what to change.
+    pub fn check(&self) -> Result<(), String> {
+        self.photon.check_gather()?;
+        // The left eye must keep the light samples that are tested.
+        let needs = match self.method {
+            Method::Path if self.path.technique != Technique::Mis => "path.technique = \"mis\"",
+            Method::Photon if self.photon.direct != DirectLight::Nee => "photon.direct = \"nee\"",
+            Method::Photon if self.photon.schedule == Schedule::Fused => {
+                "photon.schedule = \"split\""
+            }
+            _ => return Ok(()),
+        };
+        if !self.stereo.shadow_rays {
+            return Ok(());
+        }
+        Err(format!(
+            "stereo.shadow_rays needs {needs}; change one of them"
+        ))
     }
 }
 

@@ -22,13 +22,24 @@ pub fn every_feature() -> ShaderFeatures {
     }
 }
 
-/// Lambert scenes, each feature alone, everything.
+/// Lambert scenes, each feature alone, everything, with and without shadow rays of the right eye.
 pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
-    let mut kinds = vec![features(&[]), features(&["emitters"]), every_feature()];
+    let without = ShaderFeatures {
+        reuse_shadow_rays: false,
+        ..every_feature()
+    };
+    let mut kinds = vec![
+        features(&[]),
+        features(&["emitters"]),
+        every_feature(),
+        without,
+    ];
     kinds.extend(every_feature().select(WORDS).map(|word| {
         // Maps and second coordinates come with textures.
         if word.ends_with("_maps") || matches!(word, "uv1" | "mips") {
             features(&[word, "textures", "emitters"])
+        } else if word == "reuse_shadow_rays" {
+            features(&[word, "reuse_glossy", "emitters"])
         } else {
             features(&[word, "emitters"])
         }
