@@ -291,7 +291,7 @@ settings! {
             max_view_dependence: f64 = 0.0, SHARE;
             /// glossy surfaces take light over where their lobe moves by no more between the eyes; 0 never
             max_lobe_shift: f64 = 1.0, NOT_NEGATIVE, "lobe widths";
-            /// the right eye tests one of the light samples that it takes over by a shadow ray of its own: no bias by visibility
+            /// the right eye tests a sample by the lights that it takes over by a shadow ray of its own, on all surfaces
             shadow_rays: bool = false;
         }
     }

@@ -185,12 +185,12 @@ fn glossy_surfaces_take_light_over(by: Method) {
     eprintln!("relMSE {with:.5} with light taken over, {without:.5} without; share {share:.3}");
     assert!(share > 0.8, "{stereo:?}");
     assert!(with <= 1.05 * without, "{with} against {without}");
-    // One light sample of four with the right eye's own visibility, without samples by the surface: more noise, no less light.
+    // One sample by the lights of four, with the right eye's own visibility.
     let own = |s: &mut RenderSettings| s.stereo.shadow_rays = true;
     let (image, _) = right(Reuse::Lookup, 0.5, 0.063, &own);
     let tested = rel_mse(&image, &truth, &all);
     eprintln!("relMSE {tested:.5} with shadow rays");
-    assert!(tested <= 1.5 * without, "{tested} against {without}");
+    assert!(tested <= 1.05 * without, "{tested} against {without}");
     assert!(bits(&image) != bits(&carried));
     // Switched off, nothing is taken over, and the image is the native one bit for bit.
     let off = |s: &mut RenderSettings| s.stereo.max_lobe_shift = 0.0;
