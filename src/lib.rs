@@ -134,6 +134,7 @@ pub mod viewer;
 mod windowing;
 
 use stereolux_base::{files, foreign_errors, pose, printable};
+
 /// Crates under the names that modules here go by.
 macro_rules! rooms {
     ($visibility:vis) => {
@@ -145,6 +146,7 @@ macro_rules! rooms {
         };
     };
 }
+
 #[cfg(not(feature = "internals"))]
 rooms!(pub(crate));
 #[cfg(feature = "internals")]

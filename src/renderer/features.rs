@@ -111,15 +111,10 @@ pub fn light_candidates(
 /// Whether the right eye scatters the left one's light anew, on glossy surfaces or, with shadow rays, on all: the left eye
 /// must know in which directions it found light.
 pub fn reuses_glossy(settings: &RenderSettings, features: &ShaderFeatures) -> bool {
-    let has_samples = match settings.method {
-        Method::Path => settings.path.technique == Technique::Mis,
-        Method::Photon => {
-            settings.photon.direct == DirectLight::Nee
-                && settings.photon.schedule == Schedule::Split
-        }
-    };
     let glossy = (features.glossy || features.dielectric) && settings.stereo.max_lobe_shift > 0.0;
-    has_samples && settings.reuse != Reuse::Off && (glossy || settings.stereo.shadow_rays)
+    settings.no_light_samples().is_none()
+        && settings.reuse != Reuse::Off
+        && (glossy || settings.stereo.shadow_rays)
 }
 
 #[cfg(test)]

@@ -542,21 +542,30 @@ impl RenderSettings {
     /// One line: which cannot, and what to change.
     pub fn check(&self) -> Result<(), String> {
         self.photon.check_gather()?;
-        // The left eye must keep the light samples that are tested.
-        let needs = match self.method {
-            Method::Path if self.path.technique != Technique::Mis => "path.technique = \"mis\"",
-            Method::Photon if self.photon.direct != DirectLight::Nee => "photon.direct = \"nee\"",
-            Method::Photon if self.photon.schedule == Schedule::Fused => {
-                "photon.schedule = \"split\""
-            }
-            _ => return Ok(()),
-        };
-        if !self.stereo.shadow_rays {
-            return Ok(());
+        match self.no_light_samples() {
+            Some(needs) if self.stereo.shadow_rays => Err(format!(
+                "stereo.shadow_rays needs {needs}; change one of them"
+            )),
+            _ => Ok(()),
         }
-        Err(format!(
-            "stereo.shadow_rays needs {needs}; change one of them"
-        ))
+    }
+
+    /// The setting that light samples need, which the left eye keeps for the right one, where it is another; `None`: they are
+    /// kept.
+    #[must_use]
+    pub fn no_light_samples(&self) -> Option<&'static str> {
+        match self.method {
+            Method::Path if self.path.technique != Technique::Mis => {
+                Some("path.technique = \"mis\"")
+            }
+            Method::Photon if self.photon.direct != DirectLight::Nee => {
+                Some("photon.direct = \"nee\"")
+            }
+            Method::Photon if self.photon.schedule == Schedule::Fused => {
+                Some("photon.schedule = \"split\"")
+            }
+            _ => None,
+        }
     }
 }
 

@@ -323,7 +323,7 @@ fn striped_floor() -> Scene {
 /// Where samples of a dark and a bright surface are mixed, what the layer above them reflects at that angle must be in
 /// what their light is divided by.
 #[test]
-fn light_is_carried_between_surfaces_of_different_reflectance_without_bias() {
+fn light_is_carried_between_surfaces_by_what_they_reflect_towards_the_eye() {
     const SIZE: [u32; 2] = [64, 64];
     let scene = striped_floor();
     let views = parallel_views(Pose::IDENTITY, 0.05, square_fov(30.0));
