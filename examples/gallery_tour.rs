@@ -1,5 +1,6 @@
 //! A tour of the embedded gallery: the right hand takes what it points at of the vase and the two spheres, the left stick dims
 //! and brightens the spots, a button of the left hand switches day and night, one of the right hand teleports along an arc.
+//! A panel has the frame's figures and switches day and night too, clicked by the trigger.
 //! Which buttons these are on which controller stands in examples/gallery_tour_actions.toml; simulated hands hold Touch
 //! controllers: trigger, left stick, Y, A.
 //!
@@ -9,8 +10,10 @@
 
 use std::process::ExitCode;
 
-use glam::{DAffine3, DVec3};
-use stereolux::{Actions, App, AppError, FrameInput, Side, World, run_app};
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::{
+    Actions, App, AppError, FrameInput, Panel, PanelSpec, Pose, Side, World, egui, run_app,
+};
 
 /// Scene and settings, unless the command line has others.
 pub const DEFAULTS: &[&str] = &[
@@ -39,6 +42,9 @@ pub struct Tour {
     sky: Vec<(usize, [f32; 3])>,
     spots: Vec<usize>,
     is_night: bool,
+    panel: Option<Panel>,
+    /// How bright the spots are, as a share of the scene's.
+    spots_share: f64,
     /// What is held, and where it is in the hand.
     held: Option<(usize, DAffine3)>,
 }
@@ -67,6 +73,48 @@ impl Tour {
             world.place(thing, world_from_grip * grip_from_thing)?;
         }
         Ok(())
+    }
+}
+
+impl Tour {
+    /// Figures of the frame; true if its button was clicked. No time that a clock says: a replay shows the same.
+    fn show_figures(&self, frame: &FrameInput, world: &mut World) -> Result<bool, AppError> {
+        let Some(panel) = self.panel else {
+            return Ok(false);
+        };
+        let head = frame.head().position;
+        let quality = world.quality()?;
+        let held = self.held.map(|(thing, _)| &world.scene().nodes[thing].name);
+        let rows = [
+            ("frame", frame.frame.to_string()),
+            ("shown at", format!("{:.3} s", frame.time_s())),
+            ("refresh", format!("{:.0} Hz", 1e9 / frame.period_ns as f64)),
+            (
+                "head",
+                format!("{:.2}, {:.2}, {:.2} m", head.x, head.y, head.z),
+            ),
+            ("photons", quality.photons_per_frame.to_string()),
+            ("triangles", world.scene().triangle_count().to_string()),
+            ("spots", format!("{:.0} %", 100.0 * self.spots_share)),
+            (
+                "in the hand",
+                held.map_or("nothing", |name| name).to_owned(),
+            ),
+        ];
+        let label = if self.is_night { "Day" } else { "Night" };
+        let mut is_clicked = false;
+        world.panel(panel, |ui| {
+            ui.heading("Gallery");
+            egui::Grid::new("figures").striped(true).show(ui, |ui| {
+                for (name, value) in &rows {
+                    ui.label(*name);
+                    ui.label(value);
+                    ui.end_row();
+                }
+            });
+            is_clicked |= ui.button(label).clicked();
+        })?;
+        Ok(is_clicked)
     }
 }
 
@@ -104,6 +152,14 @@ impl App for Tour {
         ] {
             self.spots.push(world.light(name)?);
         }
+        self.spots_share = 1.0;
+        self.panel = Some(world.add_panel(&PanelSpec {
+            name: "figures".to_owned(),
+            world_from_panel: Pose::new(DVec3::new(-0.8, 1.6, 4.2), DQuat::from_rotation_y(0.6)),
+            width_m: 0.6,
+            pixels: [240, 240],
+            radiance: 3.0,
+        })?);
         Ok(())
     }
 
@@ -112,7 +168,8 @@ impl App for Tour {
         if frame.action_pressed("teleport")? {
             teleport(frame, world)?;
         }
-        if frame.action_pressed("day_and_night")? {
+        let is_clicked = self.show_figures(frame, world)?;
+        if is_clicked || frame.action_pressed("day_and_night")? {
             self.is_night = !self.is_night;
             let share = if self.is_night { MOONLIGHT } else { 1.0 };
             for (material, day) in &self.sky {
@@ -122,10 +179,11 @@ impl App for Tour {
         let brighten = frame.input.actions.float("brighten")?;
         if brighten.abs() > 0.2 {
             let seconds = frame.period_ns as f64 * 1e-9;
-            let factor = (DIM_PER_S * brighten * seconds).exp() as f32;
+            let factor = (DIM_PER_S * brighten * seconds).exp();
+            self.spots_share *= factor;
             for spot in &self.spots {
                 world.change_light(*spot, |light| {
-                    light.intensity = light.intensity.map(|c| c * factor);
+                    light.intensity = light.intensity.map(|c| c * factor as f32);
                 })?;
             }
         }

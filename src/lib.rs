@@ -193,6 +193,11 @@ pub use renderer::{
 pub use glam;
 
 pub use app::{App, AppError, FrameInput, PartLoading, World, WorldError, run_app, run_app_with};
+#[cfg(feature = "panels")]
+pub use app::{Panel, PanelSpec};
+/// The crate that panels are made with.
+#[cfg(feature = "panels")]
+pub use egui;
 
 // Sessions and their frames.
 pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};

@@ -24,6 +24,14 @@ pub(crate) struct Kept {
     pub(super) part: Option<PartChange>,
     /// Why the renderer cannot show it.
     pub(super) needs_rebuild: Option<String>,
+    /// The surroundings are others.
+    pub(super) has_other_surroundings: bool,
+    /// The clip that plays from this frame on: name, speed, where it begins in seconds.
+    pub(super) clip: Option<(String, f64, f64)>,
+    /// Images of the scene that have other texels now.
+    pub(super) repainted: Vec<usize>,
+    #[cfg(feature = "panels")]
+    pub(super) panels: Vec<Option<super::panels::Kept>>,
     /// The quality that was set in this frame.
     pub(super) quality: Option<Quality>,
     pub(super) pulses: Vec<Pulse>,
@@ -40,6 +48,11 @@ impl Kept {
             is_changed: false,
             part: None,
             needs_rebuild: None,
+            has_other_surroundings: false,
+            clip: None,
+            repainted: Vec::new(),
+            #[cfg(feature = "panels")]
+            panels: Vec::new(),
             quality: None,
             pulses: Vec::new(),
             moved_m: DVec3::ZERO,
@@ -81,13 +94,19 @@ impl Kept {
         self.is_changed = false;
         self.part = None;
         self.needs_rebuild = None;
+        self.has_other_surroundings = false;
+        self.repainted.clear();
     }
 
     /// Shows what was changed, as far as the renderer can.
     ///
     /// # Errors
     /// As [`Renderer::apply_scene`].
-    pub(crate) fn show(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
+    pub(crate) fn show(
+        &mut self,
+        renderer: &mut Renderer,
+        display_time_ns: i64,
+    ) -> Result<(), RenderError> {
         if let Some(quality) = self.quality.take() {
             renderer.set_quality(&quality)?;
         }
@@ -104,6 +123,20 @@ impl Kept {
             };
             if let Applied::NeedsRebuild { why } = applied {
                 self.needs_rebuild = Some(why);
+            }
+        }
+        if std::mem::take(&mut self.has_other_surroundings) && self.needs_rebuild.is_none() {
+            let applied = renderer.replace_surroundings(&self.scene)?;
+            if let Applied::NeedsRebuild { why } = applied {
+                self.needs_rebuild = Some(why);
+            }
+        }
+        if let Some((clip, speed, time_s)) = self.clip.take() {
+            renderer.play_clip(&self.scene, &clip, speed, time_s, display_time_ns)?;
+        }
+        for image in self.repainted.drain(..) {
+            if self.needs_rebuild.is_none() {
+                renderer.repaint_image(&self.scene, image)?;
             }
         }
         Ok(())

@@ -6,6 +6,8 @@
 //! it to the same pixels without a headset. An application that keeps to that takes no other clock and no other dice.
 
 mod kept;
+#[cfg(feature = "panels")]
+mod panels;
 mod world;
 
 use std::error::Error;
@@ -21,6 +23,8 @@ use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, Pu
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use kept::Kept;
+#[cfg(feature = "panels")]
+pub use panels::{Panel, PanelSpec};
 pub use world::{PartLoading, World, WorldError};
 
 /// Why an application gives up; its text is one line.
@@ -188,7 +192,7 @@ impl<'a> Application<'a> {
         scene: Scene,
     ) -> Result<Self, AppError> {
         let mut kept = Kept::new(scene, actions);
-        app.start(&mut World::new(&mut kept, None))?;
+        app.start(&mut World::new(&mut kept, None, None))?;
         kept.settled();
         Ok(Self {
             app,
@@ -218,10 +222,10 @@ impl<'a> Application<'a> {
         frame.input.actions = actions.map_err(|error| LoopError::App(error.into()))?;
         renderer.animate(frame.display_time_ns);
         let frame = frame.after(&mut self.held);
-        let mut world = World::new(&mut self.kept, Some(renderer));
+        let mut world = World::new(&mut self.kept, Some(renderer), Some(&frame));
         let updated = self.app.update(&frame, &mut world);
         updated.map_err(LoopError::App)?;
-        Ok(self.kept.show(renderer)?)
+        Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }
 
     /// The controllers' vibrations that it asked for.
@@ -235,6 +239,6 @@ impl<'a> Application<'a> {
     }
 
     pub(crate) fn end(&mut self) {
-        self.app.end(&mut World::new(&mut self.kept, None));
+        self.app.end(&mut World::new(&mut self.kept, None, None));
     }
 }

@@ -6,12 +6,12 @@ use std::thread::JoinHandle;
 use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
-use super::AppError;
 use super::kept::{Kept, PartChange};
+use super::{AppError, FrameInput};
 use crate::printable::{did_you_mean, line};
 use crate::renderer::{PreparedPart, RayHit, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
-use crate::scene::{Material, Node, PunctualLight, Scene, ScenePart};
+use crate::scene::{Environment, Material, Node, PunctualLight, Scene, ScenePart};
 use crate::settings::Quality;
 use crate::xr::{ActionError, ActionKind, Pulse, PulseOf, Side};
 
@@ -29,6 +29,7 @@ const ARC_STEPS: u32 = 128;
 pub struct World<'a> {
     kept: &'a mut Kept,
     renderer: Option<&'a Renderer>,
+    frame: Option<&'a FrameInput>,
 }
 
 /// A glTF file that is being loaded ([`World::load_part`]).
@@ -45,10 +46,10 @@ impl PartLoading {
 /// What an application asked for and cannot have; one line.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum WorldError {
-    /// No node, material or light of that name.
+    /// No node, material, light or clip of that name.
     #[error("{}", line(&format!("the scene has no {what} '{name}'{hint}")))]
     Unknown {
-        /// `node`, `material`, `light`.
+        /// `node`, `material`, `light`, `clip`.
         what: &'static str,
         /// What was asked for.
         name: String,
@@ -58,6 +59,15 @@ pub enum WorldError {
     /// A part that cannot be loaded or prepared.
     #[error("{}", line(.0))]
     Part(String),
+    /// A clip that cannot be played so.
+    #[error("clip: {}", line(.0))]
+    Clip(String),
+    /// Surroundings that cannot be.
+    #[error("surroundings: {}", line(.0))]
+    Surroundings(String),
+    /// A panel that cannot be, or was removed.
+    #[error("panel: {}", line(.0))]
+    Panel(String),
     /// A quality that the renderer was not made for, or a question that comes too early.
     #[error("{}", line(.0))]
     Quality(String),
@@ -73,9 +83,17 @@ pub enum WorldError {
 }
 
 impl<'a> World<'a> {
-    /// `renderer`: who shows it, once there is one.
-    pub(crate) fn new(kept: &'a mut Kept, renderer: Option<&'a Renderer>) -> Self {
-        Self { kept, renderer }
+    /// `renderer`: who shows it, once there is one. `frame`: the one under way.
+    pub(super) fn new(
+        kept: &'a mut Kept,
+        renderer: Option<&'a Renderer>,
+        frame: Option<&'a FrameInput>,
+    ) -> Self {
+        Self {
+            kept,
+            renderer,
+            frame,
+        }
     }
 
     /// The scene as it is now.
@@ -239,6 +257,75 @@ impl<'a> World<'a> {
         Ok(())
     }
 
+    /// Plays one of the scene's clips from the frame under way on, `speed` times as fast (0: stands, below 0: backwards), with
+    /// `time_s` in that frame; it repeats. In place of what played before: nodes of that clip alone go back to where the
+    /// scene has them.
+    ///
+    /// # Errors
+    /// [`WorldError::Unknown`]; [`WorldError::Clip`]: a speed or time that is not finite.
+    pub fn play_clip(&mut self, name: &str, speed: f64, time_s: f64) -> Result<(), WorldError> {
+        let clips = &self.kept.scene.animations;
+        numbered("clip", name, clips.iter().map(|clip| &*clip.name))?;
+        if !(speed.is_finite() && time_s.is_finite()) {
+            let fault = format!("speed {speed} and time {time_s} s are not both finite");
+            return Err(WorldError::Clip(fault));
+        }
+        self.kept.clip = Some((name.to_owned(), speed, time_s));
+        Ok(())
+    }
+
+    /// The clip that plays, and where in it the frame under way is, seconds; what was asked for in this frame counts.
+    #[must_use]
+    pub fn clip(&self) -> Option<(&str, f64)> {
+        if let Some((name, _, time_s)) = &self.kept.clip {
+            return Some((name, *time_s));
+        }
+        let frame = self.frame?;
+        self.renderer?.clip_at(frame.display_time_ns)
+    }
+
+    /// Lets the clip that plays stand where it is.
+    ///
+    /// # Errors
+    /// As [`World::play_clip`].
+    pub fn stop_clip(&mut self) -> Result<(), WorldError> {
+        match self.clip().map(|(name, time_s)| (name.to_owned(), time_s)) {
+            Some((name, time_s)) => self.play_clip(&name, 0.0, time_s),
+            None => Ok(()),
+        }
+    }
+
+    /// Puts other surroundings around the scene, from the frame under way on: [`crate::load_environment`] reads one from a file
+    /// or makes an embedded one (on a thread of the application's own, if frames are not to wait), [`Environment::scaled`]
+    /// makes it brighter or darker. The frame waits for the map to be packed and uploaded, and where the scene had none,
+    /// for compiling.
+    ///
+    /// # Errors
+    /// [`WorldError::Surroundings`]: radiance that is negative or not finite, or not as much as its size says.
+    pub fn set_surroundings(&mut self, surroundings: Environment) -> Result<(), WorldError> {
+        let Environment {
+            width,
+            height,
+            radiance,
+            name,
+        } = &surroundings;
+        let texels = u64::from(*width) * u64::from(*height);
+        if texels == 0 || radiance.len() as u64 != texels {
+            let count = radiance.len();
+            let fault = format!("{name}: {count} texels are not {width} x {height}, or none");
+            return Err(WorldError::Surroundings(fault));
+        }
+        let is_radiance = |channel: &f32| channel.is_finite() && *channel >= 0.0;
+        if !radiance.as_flattened().iter().all(is_radiance) {
+            let fault = format!("{name}: radiance that is negative or not finite");
+            return Err(WorldError::Surroundings(fault));
+        }
+        let had_some = self.kept.scene.environment.replace(surroundings).is_some();
+        self.kept.has_other_surroundings |= had_some;
+        self.kept.is_changed |= !had_some;
+        Ok(())
+    }
+
     /// Begins to load a glTF file on another thread, which also prepares it for the renderer.
     #[must_use]
     pub fn load_part(&self, path: impl Into<PathBuf>) -> PartLoading {
@@ -267,11 +354,22 @@ impl<'a> World<'a> {
         let loaded =
             loaded.map_err(|_| WorldError::Part("the thread that loads it ended".into()))?;
         let in_words = |error: AppError| WorldError::Part(error.to_string());
-        let (scene, mut prepared) = loaded.map_err(in_words)?;
+        let (scene, prepared) = loaded.map_err(in_words)?;
+        self.insert(scene, prepared, name, world_from_part)
+    }
+
+    /// Adds a scene below a new node, prepared or not.
+    pub(super) fn insert(
+        &mut self,
+        scene: Scene,
+        mut prepared: Option<PreparedPart>,
+        name: &str,
+        world_from_part: DAffine3,
+    ) -> Result<ScenePart, WorldError> {
         if let (None, Some(renderer)) = (&prepared, self.renderer) {
             // It was loaded before there was a renderer.
             let now = renderer.part_preparation().prepare(&scene);
-            prepared = Some(now.map_err(|error| in_words(error.into()))?);
+            prepared = Some(now.map_err(|error| WorldError::Part(error.to_string()))?);
         }
         let at = Placement::of(world_from_part);
         let part = self.kept.scene.add_part(scene, name, None, at)?;
@@ -288,6 +386,25 @@ impl<'a> World<'a> {
         self.kept.scene.remove_part(part)?;
         self.kept.note(Some(PartChange::Removed(part.clone())));
         Ok(())
+    }
+
+    /// Gives an image of the scene other texels, as many as it has.
+    #[cfg(feature = "panels")]
+    pub(super) fn repaint(&mut self, image: usize, rgba8: Vec<u8>) {
+        if let Some(known) = self.kept.scene.images.get_mut(image) {
+            known.rgba8 = rgba8;
+            self.kept.repainted.push(image);
+        }
+    }
+
+    #[cfg(feature = "panels")]
+    pub(super) fn panels(&mut self) -> &mut Vec<Option<super::panels::Kept>> {
+        &mut self.kept.panels
+    }
+
+    #[cfg(feature = "panels")]
+    pub(super) fn frame(&self) -> Option<&'a FrameInput> {
+        self.frame
     }
 
     /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The

@@ -18,9 +18,9 @@ use super::{
 };
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
-use crate::renderer::packing::LightKinds;
+use crate::renderer::packing::{LightKinds, pack_environment};
 use crate::scene::mesh_statistics::MeshStatistics;
-use crate::scene::{Material, Needs, PunctualLight, Scene, ScenePose, SceneStatistics};
+use crate::scene::{Material, Needs, Player, PunctualLight, Scene, ScenePose, SceneStatistics};
 
 /// What became of an edited scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,9 +59,12 @@ pub(super) struct EditBase {
     lit_nodes: Vec<(usize, usize)>,
     repainted: Vec<Vec<[u32; 2]>>,
     counts: [usize; 4],
+    image_sizes: Vec<[u32; 2]>,
     has_environment: bool,
     shines: bool,
     most_user_bsdf: u32,
+    /// The surroundings are others than those that light samples were packed for.
+    relights: bool,
     /// Photons are of the scene before an edit.
     pub(super) outdates_photons: bool,
 }
@@ -104,7 +107,10 @@ impl EditBase {
             .map(|mesh| mesh.repainted.clone())
             .collect();
         self.counts = counts(scene);
+        let sizes = scene.images.iter().map(|image| [image.width, image.height]);
+        self.image_sizes = sizes.collect();
         self.has_environment = scene.environment.is_some();
+        self.relights = false;
     }
 
     /// Why the scene is none that the one shown can be edited into.
@@ -196,6 +202,23 @@ impl Renderer {
         }
         self.take_over(scene, &needs, &changes)
             .map(Applied::InPlace)
+    }
+
+    /// Shows other texels of an image of the scene from the next frame on; its size is as it was. Costs what its texels do:
+    /// nothing is compiled, and no light sample or photon is traced for it, so that a picture that shines goes on to light
+    /// its surroundings as it did when photons were last traced.
+    ///
+    /// # Errors
+    /// [`RenderError::Settings`]: no such image, or one of another size.
+    pub fn repaint_image(&mut self, scene: &Scene, image: usize) -> Result<(), RenderError> {
+        let size = scene.images.get(image).map(|of| [of.width, of.height]);
+        if size.is_none() || size != self.edit_base.image_sizes.get(image).copied() {
+            return Err(RenderError::Settings(format!(
+                "image {image} of the scene cannot be repainted: it is none of those shown, or of another size"
+            )));
+        }
+        self.scene.write_image(&self.context, scene, image);
+        Ok(())
     }
 
     /// By mesh: whether its triangles' records change, and whether what they emit does.
@@ -301,7 +324,8 @@ impl Renderer {
         [repainted, glow]: &[Vec<bool>; 2],
     ) -> Result<InPlace, RenderError> {
         let base = &self.edit_base;
-        let lights = base.lights != scene.lights || base.lit_nodes != lit_nodes(scene);
+        let lights =
+            base.relights || base.lights != scene.lights || base.lit_nodes != lit_nodes(scene);
         let pose = self.player.as_mut().and_then(|player| {
             player.follow(scene);
             player.last_pose()
@@ -377,6 +401,57 @@ impl Renderer {
             let pose = player.pose_at(display_time_ns);
             self.scene.set_pose(&pose);
         }
+    }
+
+    /// Plays a clip of the scene from the frame on that is shown at `display_time_ns`, `speed` times as fast, with `time_s` in
+    /// that frame; speed 0 stands there. In place of the one that played before.
+    ///
+    /// # Errors
+    /// [`RenderError::Settings`]: no such clip.
+    pub fn play_clip(
+        &mut self,
+        scene: &Scene,
+        clip: &str,
+        speed: f64,
+        time_s: f64,
+        display_time_ns: i64,
+    ) -> Result<(), RenderError> {
+        let unknown = || RenderError::Settings(format!("the scene has no clip {clip:?}"));
+        let found = scene.animations.iter().find(|known| known.name == clip);
+        let found = found.ok_or_else(unknown)?;
+        if self.player.is_none() {
+            let made = Player::new(scene, clip, speed, time_s);
+            self.player = made.map_err(|error| RenderError::Settings(error.to_string()))?;
+        }
+        let player = self.player.as_mut().ok_or_else(unknown)?;
+        player.play(found, speed, time_s, display_time_ns);
+        // What the clip before has moved and this one does not stands where the scene has it.
+        self.animate(display_time_ns);
+        Ok(())
+    }
+
+    /// Name of the clip that plays, and where in it the frame is that is shown at `display_time_ns`, seconds.
+    #[must_use]
+    pub fn clip_at(&self, display_time_ns: i64) -> Option<(&str, f64)> {
+        let player = self.player.as_ref();
+        player.map(|player| player.clip_at(display_time_ns))
+    }
+
+    /// Shows the surroundings that the scene has by now in place of those before, from the next frame on, and all else that
+    /// [`Renderer::apply_scene`] takes over. Costs what the map's texels do; nothing is compiled.
+    /// [`Applied::NeedsRebuild`], with everything as it was: there were none before, or none are left.
+    ///
+    /// # Errors
+    /// As [`Renderer::apply_scene`]; a map that the adapter cannot bind.
+    pub fn replace_surroundings(&mut self, scene: &Scene) -> Result<Applied, RenderError> {
+        let packed = scene.environment.as_ref().and_then(pack_environment);
+        let Some(packed) = packed.filter(|_| self.features().environment) else {
+            let why = "there were no surroundings that shine, or none are left".to_owned();
+            return Ok(Applied::NeedsRebuild { why });
+        };
+        self.is_bound &= !self.scene.write_environment(&self.context, &packed)?;
+        self.edit_base.relights = true;
+        self.apply_scene(scene)
     }
 
     /// Shows the scene in another pose from the next frame on: instances and lights of nodes go where it has them. Work

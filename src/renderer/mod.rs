@@ -586,7 +586,7 @@ impl Renderer {
                 frame,
                 self.origin_in_world,
                 &self.settings,
-                self.scene.scene_moved(),
+                self.scene.scene_moved() | self.scene.take_repainted_image(),
             );
         }
         let new_recorder = || FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");

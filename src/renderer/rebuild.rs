@@ -63,8 +63,14 @@ impl Renderer {
         successor.reuse_from_now_on(quality.reuse);
         successor.frames_begun = self.frames_begun;
         successor.frames_before = self.frames_begun;
-        if let (Some(player), Some(before)) = (&mut successor.player, &self.player) {
-            player.take_over_clock(before);
+        if successor.player.is_none() {
+            // Played though no clip was to be at the start.
+            successor.player = self.player.take();
+        }
+        if let Some(player) = &mut successor.player {
+            if let Some(before) = &self.player {
+                player.take_over(before);
+            }
             if let Some(pose) = player.last_pose() {
                 successor.scene.set_pose(&pose);
             }

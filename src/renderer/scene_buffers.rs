@@ -19,8 +19,8 @@ use crate::gpu::{
     storage_buffer, storage_buffer_with_data,
 };
 use crate::renderer::packing::{
-    LightKinds, LightSources, PackedLights, PackedTextures, TriangleOrder, pack_environment,
-    pack_lights, pack_textures, pack_vertices,
+    LightKinds, LightSources, PackedEnvironment, PackedLights, PackedTextures, TriangleOrder,
+    pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
 use crate::scene::{Scene, ScenePose};
@@ -38,6 +38,8 @@ pub struct SceneBuffers {
     lights_moved: bool,
     /// Any instance has left the place that it had in the scene.
     has_moved: bool,
+    /// A texture has another picture since the last frame.
+    has_repainted_image: bool,
     last_upload_bytes: u64,
     hierarchies: MeshHierarchies,
     deformer: Option<Deformer>,
@@ -78,6 +80,17 @@ const COPIED: [(&str, &str); 9] = [
 const PLACED: [&str; 4] = ["top_nodes", "instances", "lights", "light_alias"];
 /// All of an array.
 const WHOLE: Range<u64> = 0..u64::MAX;
+
+/// Texels of the surroundings, and the tables that they are sampled by.
+fn environment_buffers(
+    context: &GpuContext,
+    packed: &PackedEnvironment,
+) -> Result<(wgpu::Buffer, wgpu::Buffer), GpuError> {
+    Ok((
+        storage_buffer_with_data(context, "environment texels", &packed.texels)?,
+        storage_buffer_with_data(context, "environment cdf", &packed.cdf)?,
+    ))
+}
 
 impl SceneBuffers {
     /// Packs and uploads `scene`. What no feature asks for is not allocated.
@@ -158,10 +171,7 @@ impl SceneBuffers {
         let places = parts::Taken::of(&hierarchies, &packed_vertices, &packed_textures);
         packed_textures.texels = Vec::new();
         let environment = match &environment {
-            Some(packed) => Some((
-                storage_buffer_with_data(context, "environment texels", &packed.texels)?,
-                storage_buffer_with_data(context, "environment cdf", &packed.cdf)?,
-            )),
+            Some(packed) => Some(environment_buffers(context, packed)?),
             // The map is black, or the feature is forced in without one: the shaders read no texel of it, but bind them.
             None if features.environment => Some((
                 storage_buffer(context, "environment texels", 16)?,
@@ -197,6 +207,7 @@ impl SceneBuffers {
             node_lights_moved: false,
             lights_moved: false,
             has_moved: false,
+            has_repainted_image: false,
             last_upload_bytes: 0,
             hierarchies,
             deformer,

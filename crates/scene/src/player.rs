@@ -12,6 +12,8 @@ pub struct Player {
     start_s: f64,
     first_ns: Option<i64>,
     last_ns: Option<i64>,
+    /// Something else is played than it was made for.
+    is_told: bool,
 }
 
 impl Player {
@@ -37,6 +39,7 @@ impl Player {
             start_s,
             first_ns: None,
             last_ns: None,
+            is_told: false,
         }))
     }
 
@@ -44,15 +47,33 @@ impl Player {
     /// the differences of display times alone, so that a replay shows the same.
     pub fn pose_at(&mut self, display_time_ns: i64) -> ScenePose {
         self.last_ns = Some(display_time_ns);
-        let first = *self.first_ns.get_or_insert(display_time_ns);
-        let elapsed_s = display_time_ns.wrapping_sub(first) as f64 * 1e-9;
-        self.skeleton
-            .pose_at(&self.clip, self.start_s + self.speed * elapsed_s)
+        self.first_ns.get_or_insert(display_time_ns);
+        let (_, time_s) = self.clip_at(display_time_ns);
+        self.skeleton.pose_at(&self.clip, time_s)
     }
 
-    /// Goes on where another player stands.
-    pub fn take_over_clock(&mut self, before: &Self) {
+    /// Goes on where another player stands; with its clip, speed and time too, where they were set since it was made.
+    pub fn take_over(&mut self, before: &Self) {
         (self.first_ns, self.last_ns) = (before.first_ns, before.last_ns);
+        if before.is_told {
+            self.clip.clone_from(&before.clip);
+            (self.speed, self.start_s, self.is_told) = (before.speed, before.start_s, true);
+        }
+    }
+
+    /// Plays a clip `speed` times as fast, with `time_s` in the frame that is shown at `display_time_ns`. Speed 0 stands there.
+    pub fn play(&mut self, clip: &Animation, speed: f64, time_s: f64, display_time_ns: i64) {
+        self.clip.clone_from(clip);
+        (self.speed, self.start_s, self.is_told) = (speed, time_s, true);
+        self.first_ns = Some(display_time_ns);
+    }
+
+    /// Name of the clip, and where in it a frame is, seconds.
+    #[must_use]
+    pub fn clip_at(&self, display_time_ns: i64) -> (&str, f64) {
+        let first = self.first_ns.unwrap_or(display_time_ns);
+        let elapsed_s = display_time_ns.wrapping_sub(first) as f64 * 1e-9;
+        (&self.clip.name, self.start_s + self.speed * elapsed_s)
     }
 
     /// The pose that was asked for last; `None` before the first.

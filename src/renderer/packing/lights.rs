@@ -156,6 +156,15 @@ struct Surround {
     size: [u32; 2],
 }
 
+impl Surround {
+    fn of(environment: &PackedEnvironment) -> Self {
+        Self {
+            integral: environment.integral,
+            size: [environment.width, environment.height],
+        }
+    }
+}
+
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
 pub fn emitter_ordinals(scene: &Scene, mesh: &Mesh) -> Vec<u32> {
     let mut next = 0;
@@ -192,10 +201,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
         environment: sources
             .environment
             .filter(|_| sources.kinds.environment)
-            .map(|environment| Surround {
-                integral: environment.integral,
-                size: [environment.width, environment.height],
-            }),
+            .map(Surround::of),
         emitters: (0..scene.meshes.len())
             .map(|mesh| {
                 let leaf_of = sources.order.leaf_of_triangle.get(mesh);
@@ -234,6 +240,11 @@ fn mesh_emitters(scene: &Scene, mesh: &Mesh, leaf_of: &[u32]) -> Vec<Emitter> {
 }
 
 impl PackedLights {
+    /// Another map is around the scene, as there was one before. For [`PackedLights::repack`].
+    pub fn set_environment(&mut self, environment: &PackedEnvironment) {
+        self.environment = Some(Surround::of(environment));
+    }
+
     /// Makes all records from the scene's lights and `instances`, whose numbers are their places in the list, and weighs
     /// them. Nothing but the emissive triangles of meshes is kept of what was there.
     fn place_all(&mut self, scene: &Scene, instances: &[Instance], sphere: (DVec3, f64)) {

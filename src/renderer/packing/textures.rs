@@ -6,7 +6,7 @@ use crate::renderer::records::material::{
     TEXTURE_LEVELS_SHIFT, TEXTURE_NEAREST_BIT, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR,
     TEXTURE_WRAP_REPEAT, TextureInfo,
 };
-use crate::scene::{Filter, Material, Scene, Texture, Wrap};
+use crate::scene::{Filter, Image, Material, Scene, Texture, Wrap};
 
 use super::PackError;
 use super::mips::{self, Averaging};
@@ -28,6 +28,20 @@ impl PackedTextures {
     pub fn info(&self, material: &Material, slot: &str, texture: u32) -> Option<u32> {
         let averaging = averaging_of(material, slot, self.has_levels);
         self.info_of_texture.get(&(texture, averaging)).copied()
+    }
+
+    /// Where the levels of an image begin among the texels, once for each thing that textures of it stand for.
+    pub fn places_of_image(&self, scene: &Scene, image: usize) -> BTreeSet<(u32, Averaging)> {
+        let known = self.info_of_texture.iter();
+        let own = known.filter(|((texture, _), _)| {
+            let texture = scene.textures.get(*texture as usize);
+            texture.is_some_and(|texture| texture.image as usize == image)
+        });
+        own.filter_map(|((_, averaging), info)| {
+            let info = self.infos.get(*info as usize)?;
+            Some((info.offset, *averaging))
+        })
+        .collect()
     }
 
     /// Takes the textures of a part over, which were packed alone: the infos of its texture 0 are to lie at `info` and its texels
@@ -157,6 +171,13 @@ pub fn pack_textures(
         }
     }
     Ok(packed)
+}
+
+/// All levels of an image, finest first.
+pub fn image_levels(image: &Image, averaging: Averaging) -> Vec<u32> {
+    let mut texels = Vec::new();
+    mips::add_levels(image, averaging, &mut texels);
+    texels
 }
 
 /// Textures that materials on placed triangles refer to, and what they stand for there.

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::SceneBuffers;
+use super::{SceneBuffers, environment_buffers};
 use crate::bvh::{InstanceSource, MaterialMarks};
 use crate::gpu::GpuContext;
-use crate::renderer::packing::{LightKinds, pack_materials};
+use crate::renderer::packing::{LightKinds, PackedEnvironment, image_levels, pack_materials};
 use crate::renderer::records::material::Material;
 use crate::renderer::{InstanceId, RenderError};
 use crate::scene::{self, Instance, Scene, ScenePose, SceneStatistics};
@@ -55,6 +55,58 @@ impl SceneBuffers {
         let image = scene.textures.get(texture as usize);
         let image = image.and_then(|texture| scene.images.get(texture.image as usize));
         is_packed || image.is_none_or(|image| image.width == 0 || image.height == 0)
+    }
+
+    /// Uploads another map of surroundings; light records follow with the next edit. True if its buffers are others now.
+    ///
+    /// # Errors
+    /// A map that the adapter cannot bind; the buffers then hold what they held.
+    pub(in crate::renderer) fn write_environment(
+        &mut self,
+        context: &GpuContext,
+        packed: &PackedEnvironment,
+    ) -> Result<bool, RenderError> {
+        let Some((texels, cdf)) = &self.environment else {
+            return Ok(false);
+        };
+        let bytes: [&[u8]; 2] = [
+            bytemuck::cast_slice(&packed.texels),
+            bytemuck::cast_slice(&packed.cdf),
+        ];
+        let fits = [texels, cdf].map(wgpu::Buffer::size) == bytes.map(|of| of.len() as u64);
+        if fits {
+            context.queue.write_buffer(texels, 0, bytes[0]);
+            context.queue.write_buffer(cdf, 0, bytes[1]);
+        } else {
+            self.environment = Some(environment_buffers(context, packed)?);
+        }
+        self.packed_lights.set_environment(packed);
+        Ok(!fits)
+    }
+
+    /// Uploads an image of the scene that has other texels now, of the same size, with its coarser levels, to where textures
+    /// in use have it.
+    pub(in crate::renderer) fn write_image(
+        &mut self,
+        context: &GpuContext,
+        scene: &Scene,
+        image: usize,
+    ) {
+        let (Some((_, texels)), Some(source)) = (&self.textures, scene.images.get(image)) else {
+            return;
+        };
+        for (offset, averaging) in self.packed_textures.places_of_image(scene, image) {
+            let levels = image_levels(source, averaging);
+            let first = u64::from(offset) * 4;
+            let bytes = bytemuck::cast_slice(&levels);
+            context.queue.write_buffer(texels.buffer(), first, bytes);
+            self.has_repainted_image = true;
+        }
+    }
+
+    /// Whether a texture has another picture than in the last frame, said once.
+    pub(in crate::renderer) fn take_repainted_image(&mut self) -> bool {
+        std::mem::take(&mut self.has_repainted_image)
     }
 
     /// Whether every instance is one of a node, as it is unless the application added or removed some.

@@ -85,13 +85,13 @@ fn images(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// The left eye's radiance in a frame: files of other frames differ by their attributes alone.
-fn left(folder: &Path, frame: usize) -> Vec<[f32; 3]> {
+pub fn left(folder: &Path, frame: usize) -> Vec<[f32; 3]> {
     let path = folder.join(format!("frame_{frame:04}_left.exr"));
     read_image(&path).unwrap().pixels
 }
 
 /// Records a run, replays it, and compares the images of all frames.
-fn replays_to_the_bit<A: App + Default>(name: &str, defaults: &[&str], frames: usize) {
+pub fn replays_to_the_bit<A: App + Default>(name: &str, defaults: &[&str], frames: usize) {
     let folder = support::Folder::new(name);
     let [first, second, trace] =
         ["first", "second", "trace.jsonl"].map(|name| folder.path().join(name));
@@ -106,7 +106,7 @@ fn replays_to_the_bit<A: App + Default>(name: &str, defaults: &[&str], frames: u
     let bare: Vec<&str> = defaults
         .iter()
         .copied()
-        .filter(|word| word.starts_with("--scene"))
+        .filter(|word| !word.contains("simulated.") && !word.starts_with("--motion"))
         .collect();
     let replayed = run(
         &mut A::default(),

@@ -1,0 +1,138 @@
+//! Clips and surroundings that an application changes while it runs.
+
+use std::process::ExitCode;
+
+use stereolux::{App, AppError, Environment, FrameInput, World, WorldError, load_environment};
+
+use super::application::{left, replays_to_the_bit, run};
+use super::support::Folder;
+
+const RAW: [&str; 5] = [
+    "--motion=still",
+    "--set=reconstruct.taa=false",
+    "--set=reconstruct.svgf=false",
+    "--set=reconstruct.still=false",
+    // Photons of a frame are the same whenever the light came.
+    "--set=photon.every_frame=true",
+];
+
+/// Puts other surroundings around the scene: at the start, or in a frame.
+struct Surrounds {
+    at: Option<u32>,
+    with: fn() -> Environment,
+}
+
+impl App for Surrounds {
+    fn start(&mut self, world: &mut World) -> Result<(), AppError> {
+        if self.at.is_none() {
+            world.set_surroundings((self.with)())?;
+        }
+        let mut bad = (self.with)();
+        bad.radiance[0][1] = -1.0;
+        let refused = world.set_surroundings(bad.clone());
+        assert!(matches!(refused, Err(WorldError::Surroundings(_))));
+        bad.radiance.clear();
+        let refused = world.set_surroundings(bad);
+        assert!(matches!(refused, Err(WorldError::Surroundings(_))));
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        if self.at == Some(frame.frame) {
+            world.set_surroundings((self.with)())?;
+        }
+        Ok(())
+    }
+}
+
+/// From the frame on in which they come, surroundings are those of a run that had them from the start, bit for bit: twice
+/// as bright, and a map of another size.
+#[test]
+fn other_surroundings_are_those_of_a_run_that_began_with_them() {
+    let brighter = || {
+        let sky = load_environment("builtin:sky", 1.0).unwrap().0;
+        sky.scaled(2.0)
+    };
+    let small = || Environment {
+        width: 4,
+        height: 2,
+        radiance: (0..8).map(|texel| [0.1 * texel as f32, 0.5, 0.2]).collect(),
+        name: "small".to_owned(),
+    };
+    let scene = [
+        "--scene=builtin:cornell",
+        "--set=environment.path=builtin:sky",
+        "--frames=3",
+    ];
+    let args = [&scene[..], &RAW].concat();
+    for (name, with) in [
+        ("brighter", brighter as fn() -> Environment),
+        ("small", small),
+    ] {
+        let folder = Folder::new(&format!("surroundings_{name}"));
+        let [early, late] = ["early", "late"].map(|name| folder.join(name));
+        for (at, out) in [(None, &early), (Some(1), &late)] {
+            let mut app = Surrounds { at, with };
+            assert_eq!(run(&mut app, &[], out, &args), ExitCode::SUCCESS);
+        }
+        assert_ne!(left(&early, 0), left(&late, 0), "{name}");
+        for frame in 1..3 {
+            assert!(left(&early, frame) == left(&late, frame), "{name}, {frame}");
+        }
+    }
+}
+
+/// Begins the clip anew in frame 2, lets it stand from frame 4 on, and goes back to where frame 3 had it in frame 6.
+#[derive(Default)]
+struct Clips {
+    times_s: Vec<f64>,
+}
+
+impl App for Clips {
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let (name, _) = world.clip().ok_or("no clip plays")?;
+        let name = name.to_owned();
+        match frame.frame {
+            2 => world.play_clip(&name, 2.0, 1.0)?,
+            4 => world.stop_clip()?,
+            6 => world.play_clip(&name, 0.0, 1.0 + 2.0 / 90.0)?,
+            _ => {}
+        }
+        let refused = world.play_clip("no such clip", 1.0, 0.0);
+        assert!(matches!(
+            refused,
+            Err(WorldError::Unknown { what: "clip", .. })
+        ));
+        assert!(world.play_clip(&name, f64::NAN, 0.0).is_err());
+        self.times_s.push(world.clip().ok_or("no clip plays")?.1);
+        Ok(())
+    }
+}
+
+const PARADE: &str = "--scene=builtin:parade";
+
+/// Times at 90 Hz, each within 2 ns (display times are whole nanoseconds, speed is 2).
+#[test]
+fn a_clip_plays_stands_and_is_sought() {
+    let folder = Folder::new("clips");
+    let mut app = Clips::default();
+    let args = [&[PARADE, "--frames=7"], &RAW[..]].concat();
+    assert_eq!(run(&mut app, &[], folder.path(), &args), ExitCode::SUCCESS);
+    let period_s = 1.0 / 90.0;
+    let third = 1.0 + 2.0 * period_s;
+    let fourth = 1.0 + 4.0 * period_s;
+    let expected = [0.0, period_s, 1.0, third, fourth, fourth, third];
+    for (frame, (time_s, expected)) in app.times_s.iter().zip(expected).enumerate() {
+        let error = (time_s - expected).abs();
+        assert!(error < 4e-9, "frame {frame}: {time_s}, not {expected}");
+    }
+    let picture = |frame| left(folder.path(), frame);
+    assert_ne!(picture(3), picture(4), "it plays");
+    assert_ne!(picture(1), picture(2), "it is sought");
+}
+
+#[test]
+fn clips_replay_to_the_bit() {
+    let defaults = [&[PARADE], &RAW[..]].concat();
+    replays_to_the_bit::<Clips>("clips_replay", &defaults, 7);
+}
