@@ -91,6 +91,8 @@ pub mod chrome_trace;
 mod commands;
 #[cfg(feature = "internals")]
 pub mod commands;
+#[cfg(feature = "viewer")]
+mod desktop;
 #[cfg(not(feature = "internals"))]
 mod false_color;
 #[cfg(feature = "internals")]

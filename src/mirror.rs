@@ -54,6 +54,18 @@ struct Events {
     window: Option<Arc<Window>>,
     refused: Option<String>,
     is_closed: bool,
+    #[cfg(feature = "viewer")]
+    desk: Option<crate::desktop::SharedDesk>,
+}
+
+impl Events {
+    /// Whether the session goes with the window.
+    fn ends_the_run(&self) -> bool {
+        #[cfg(feature = "viewer")]
+        return self.desk.is_some();
+        #[cfg(not(feature = "viewer"))]
+        false
+    }
 }
 
 impl ApplicationHandler for Events {
@@ -71,6 +83,13 @@ impl ApplicationHandler for Events {
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        #[cfg(feature = "viewer")]
+        if let Some(desk) = &self.desk {
+            let mut desk = desk
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
+            desk.take(&event);
+        }
         // The size is asked for with every frame.
         if matches!(event, WindowEvent::CloseRequested | WindowEvent::Destroyed) {
             self.is_closed = true;
@@ -107,6 +126,16 @@ impl MirrorWindow {
             event_loop,
             window,
         })
+    }
+
+    /// Tells a session of the desktop what happens in the window.
+    #[cfg(feature = "viewer")]
+    pub fn tell(&mut self, desk: crate::desktop::SharedDesk) {
+        let size = WindowEvent::Resized(self.window.inner_size());
+        desk.lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .take(&size);
+        self.events.desk = Some(desk);
     }
 }
 
@@ -166,7 +195,9 @@ impl Mirror {
             return self.end(&panicked);
         }
         if events.is_closed {
-            log::warn!("the mirror was closed; the run goes on (Ctrl-C ends it)");
+            if !events.ends_the_run() {
+                log::warn!("the mirror was closed; the run goes on (Ctrl-C ends it)");
+            }
             self.surface = None;
             let window = &self.window.window;
             if let Err(panicked) = caught(|| window.set_visible(false)) {

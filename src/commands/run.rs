@@ -52,16 +52,18 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     let start = start.unwrap_or_else(|| start_pose(&loaded, &headset));
     OutputFolder::check(&options.shared.out)?;
     // Before a session is opened: without a display there is nothing to close again.
-    let window = options
-        .session
-        .mirror
+    let is_desktop = options.session.choice == SessionChoice::Desktop;
+    let mut window = (options.session.mirror || is_desktop)
         .then(MirrorWindow::open)
         .transpose()?;
     let hands = hand_script(&options.settings, &loaded.scene, &start)?;
     let actions = app.actions().map_err(Failure::unusable)?;
-    let source = source(options, &headset, start, hands, &actions)?;
+    let source = match window.as_mut().filter(|_| is_desktop) {
+        Some(window) => desktop_source(options, &headset, start, &loaded.scene, &actions, window)?,
+        None => source(options, &headset, start, hands, &actions)?,
+    };
     interrupt::catch();
-    let hurries = options.session.realtime || source.context.is_some();
+    let hurries = is_desktop || options.session.realtime || source.context.is_some();
     render_session(
         source,
         loaded,
@@ -225,7 +227,7 @@ fn source(
             Err(failure) if options.session.choice == SessionChoice::Openxr => return Err(failure),
             Err(failure) => Some(failure.message),
         },
-        SessionChoice::Simulated | SessionChoice::Replay => None,
+        SessionChoice::Simulated | SessionChoice::Replay | SessionChoice::Desktop => None,
     };
     let (session, name) = session(options, headset, start, hands, actions)?;
     let size = options
@@ -240,6 +242,53 @@ fn source(
         name,
         size,
     })
+}
+
+/// The desktop, with the window that it is seen in.
+#[cfg(feature = "viewer")]
+fn desktop_source(
+    options: &RunOptions,
+    headset: &Headset,
+    start: Pose,
+    scene: &Scene,
+    actions: &Actions,
+    window: &mut MirrorWindow,
+) -> Result<Source, Failure> {
+    let size = options.settings.size.unwrap_or(headset.size);
+    let scene_size_m = scene
+        .bounds_in_world()
+        .map_or(0.0, |bounds| bounds.size().max_element());
+    let frames = options.session.frames.map(u64::from);
+    let session = crate::desktop::DesktopSession::new(
+        headset.clone(),
+        start,
+        scene_size_m,
+        size,
+        actions.clone(),
+        frames,
+    );
+    window.tell(session.desk());
+    Ok(Source {
+        name: session.info().source.clone(),
+        session: Box::new(session),
+        context: None,
+        announcement: None,
+        size,
+    })
+}
+
+#[cfg(not(feature = "viewer"))]
+fn desktop_source(
+    _: &RunOptions,
+    _: &Headset,
+    _: Pose,
+    _: &Scene,
+    _: &Actions,
+    _: &mut MirrorWindow,
+) -> Result<Source, Failure> {
+    Err(Failure::unusable(
+        "--session desktop: this build has no desktop; build with `--features viewer`",
+    ))
 }
 
 #[cfg(not(target_vendor = "apple"))]
@@ -310,7 +359,14 @@ fn session(
         (SessionChoice::Replay, None) => Err(Failure::unusable(
             "--session replay needs a recording: give one with --trace FILE",
         )),
-        (SessionChoice::Auto | SessionChoice::Openxr | SessionChoice::Simulated, _) => {
+        // The desktop has a source of its own.
+        (
+            SessionChoice::Auto
+            | SessionChoice::Openxr
+            | SessionChoice::Simulated
+            | SessionChoice::Desktop,
+            _,
+        ) => {
             let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
             let settings = &options.settings;
             let motion = settings.simulated.motion;

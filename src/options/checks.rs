@@ -76,6 +76,11 @@ impl SessionOptions {
                     "--trace and --session simulated exclude each other; give --session replay or leave one out",
                 );
             }
+            (SessionChoice::Desktop, true) => {
+                return conflict(
+                    "--trace and --session desktop exclude each other; give --session replay or leave one out",
+                );
+            }
             (SessionChoice::Openxr, true) => {
                 return conflict(
                     "--trace and --session openxr exclude each other; give --session replay or leave one out",
@@ -84,7 +89,10 @@ impl SessionOptions {
             (chosen, _) => chosen,
         };
         if self.flags.has("--motion")
-            && matches!(self.choice, SessionChoice::Replay | SessionChoice::Openxr)
+            && matches!(
+                self.choice,
+                SessionChoice::Replay | SessionChoice::Openxr | SessionChoice::Desktop
+            )
         {
             return conflict(
                 "--motion moves the simulated headset; give --session simulated or leave --motion out",
@@ -96,6 +104,11 @@ impl SessionOptions {
             );
         }
         if let Some(range) = &self.range {
+            if self.choice == SessionChoice::Desktop {
+                return conflict(
+                    "--range cuts a recording or a simulation; a window shows every frame, leave it out",
+                );
+            }
             if self.choice == SessionChoice::Openxr {
                 return conflict(
                     "--range cuts a recording or a simulation; an OpenXR runtime shows every frame, leave it out",

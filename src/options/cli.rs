@@ -143,6 +143,8 @@ choices! {
         Simulated = "simulated",
         /// Poses from --trace
         Replay = "replay",
+        /// A window: mouse and keyboard are head and hands
+        Desktop = "desktop",
         /// OpenXR runtime, or an error if none answers
         Openxr = "openxr",
     }

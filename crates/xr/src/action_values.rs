@@ -111,7 +111,8 @@ impl ActionValues {
     }
 
     /// What Touch controllers in these hands make of the actions.
-    pub(super) fn of_touch(declared: &Actions, hands: &[Hand; 2]) -> Self {
+    #[must_use]
+    pub fn of_touch(declared: &Actions, hands: &[Hand; 2]) -> Self {
         let mut values = Self::default();
         for action in declared.declared() {
             let sources = action.bindings.iter();
