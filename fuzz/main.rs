@@ -1,7 +1,8 @@
 //! Feeds mutated inputs to every parser, and reports panics, slow inputs and memory.
 //!
-//! `cargo run --release --example fuzz -- [--parser NAME] [--first SEED] [--cases N]`
+//! `cargo run --release --example fuzz -- [--parser NAME] [--first SEED] [--cases N] [--seconds S]`
 //!
+//! Each parser is given N inputs (1000), or as many as S seconds have room for.
 //! Each input is told by parser and seed alone, so that `--parser NAME --first SEED --cases 1` runs one again. The seed in
 //! hand is kept in a file, whose path is printed first: after an abort it says which it was. Give it little memory
 //! (`ulimit -v 4194304`), so that an input that asks for much is found.
@@ -38,6 +39,23 @@ struct Tally {
     peak_seed: u64,
 }
 
+impl Tally {
+    /// Notes what memory the batch that ends with `seed` took.
+    fn see_peak(&mut self, seed: u64) {
+        let peak = peak_kib();
+        if peak > self.peak_kib {
+            (self.peak_kib, self.peak_seed) = (peak, seed);
+        }
+    }
+}
+
+/// When a parser has had enough.
+#[derive(Clone, Copy)]
+enum Limit {
+    Cases(u64),
+    Time(Duration),
+}
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     let value = |name: &str| {
@@ -49,7 +67,11 @@ fn main() -> ExitCode {
             .and_then(|text| text.parse().ok())
             .unwrap_or(otherwise)
     };
-    let (first, cases) = (number("--first", 0), number("--cases", 1000));
+    let first = number("--first", 0);
+    let limit = match number("--seconds", 0) {
+        0 => Limit::Cases(number("--cases", 1000)),
+        seconds => Limit::Time(Duration::from_secs(seconds)),
+    };
     let only = value("--parser");
     let folder = std::env::temp_dir().join(format!("stereolux-fuzz-{}", std::process::id()));
     if let Err(error) = std::fs::create_dir_all(&folder) {
@@ -69,7 +91,7 @@ fn main() -> ExitCode {
             continue;
         }
         let began = Instant::now();
-        let tally = match run(parser, &folder, first, cases) {
+        let tally = match run(parser, &folder, first, limit) {
             Ok(tally) => tally,
             Err(error) => {
                 eprintln!("error: {}: {error}", folder.display());
@@ -94,11 +116,19 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(faults > 0))
 }
 
-fn run(parser: Parser, folder: &Path, first: u64, cases: u64) -> std::io::Result<Tally> {
+fn run(parser: Parser, folder: &Path, first: u64, limit: Limit) -> std::io::Result<Tally> {
     let feeder = Feeder::new(parser, folder);
     let mut in_hand = File::create(folder.join("seed"))?;
     let mut tally = Tally::default();
-    for seed in first..first + cases {
+    let start = Instant::now();
+    for seed in first.. {
+        let is_done = match limit {
+            Limit::Cases(cases) => tally.cases == cases,
+            Limit::Time(time) => start.elapsed() >= time,
+        };
+        if is_done {
+            break;
+        }
         in_hand.rewind()?;
         writeln!(in_hand, "{parser:?} {seed:20}")?;
         let is_first = (seed - first).is_multiple_of(BATCH);
@@ -123,12 +153,11 @@ fn run(parser: Parser, folder: &Path, first: u64, cases: u64) -> std::io::Result
         if took > tally.longest {
             (tally.longest, tally.longest_seed) = (took, seed);
         }
-        let is_last = (seed - first) % BATCH == BATCH - 1 || tally.cases == cases;
-        let peak = if is_last { peak_kib() } else { 0 };
-        if peak > tally.peak_kib {
-            (tally.peak_kib, tally.peak_seed) = (peak, seed);
+        if (seed - first) % BATCH == BATCH - 1 {
+            tally.see_peak(seed);
         }
     }
+    tally.see_peak((first + tally.cases).saturating_sub(1));
     Ok(tally)
 }
 
