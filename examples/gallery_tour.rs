@@ -155,9 +155,9 @@ impl App for Tour {
         self.spots_share = 1.0;
         self.panel = Some(world.add_panel(&PanelSpec {
             name: "figures".to_owned(),
-            world_from_panel: Pose::new(DVec3::new(-0.8, 1.6, 4.2), DQuat::from_rotation_y(0.6)),
-            width_m: 0.6,
-            pixels: [240, 240],
+            world_from_panel: Pose::new(DVec3::new(-0.1, 1.4, 4.4), DQuat::from_rotation_y(0.45)),
+            width_m: 0.4,
+            pixels: [240, 290],
             radiance: 3.0,
         })?);
         Ok(())

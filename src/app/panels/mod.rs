@@ -20,6 +20,8 @@ use canvas::Canvas;
 
 /// Most pixels of a panel across or down.
 const MOST_PIXELS: u32 = 4096;
+/// How far a hand may wander between pressing and letting go for that to be a click, points.
+const CLICK_POINTS: f32 = 24.0;
 /// How much nearer than the panel something must be to stand before it, metres.
 const BEFORE_M: f64 = 1e-3;
 
@@ -233,6 +235,11 @@ impl World<'_> {
         let part = self.insert(spec.scene(), None, &spec.name, at)?;
         let egui = egui::Context::default();
         egui.set_theme(egui::Theme::Dark);
+        egui.options_mut(|options| {
+            // A hand is slower than a mouse and trembles.
+            options.input_options.max_click_duration = f64::INFINITY;
+            options.input_options.max_click_dist = CLICK_POINTS;
+        });
         let panels = self.panels();
         panels.push(Some(Kept {
             part,

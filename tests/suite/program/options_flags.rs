@@ -222,7 +222,10 @@ fn unusable_values_name_flag_value_and_range() {
         (["--frames", "0"], "from 1"),
         (["--every", "0"], "from 1"),
         (["--every", "x"], "from 1"),
-        (["--session", "real"], "auto, simulated, replay, openxr"),
+        (
+            ["--session", "real"],
+            "auto, simulated, replay, desktop, openxr",
+        ),
         (["--motion", "jump"], "still, yaw, walk, sway"),
     ] {
         let message = refused(&[&["run"][..], &args].concat());
