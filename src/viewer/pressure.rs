@@ -26,7 +26,8 @@ pub struct Pressure {
     asked: AtomicU8,
     gave_up: AtomicBool,
     lost_photons: AtomicBool,
-    began: Mutex<Instant>,
+    /// When the frame began, and when its eyes did, after the photons.
+    began: Mutex<(Instant, Option<Instant>)>,
 }
 
 impl Default for Pressure {
@@ -35,7 +36,7 @@ impl Default for Pressure {
             asked: AtomicU8::new(Asked::Nothing as u8),
             gave_up: AtomicBool::new(false),
             lost_photons: AtomicBool::new(false),
-            began: Mutex::new(Instant::now()),
+            began: Mutex::new((Instant::now(), None)),
         }
     }
 }
@@ -55,7 +56,7 @@ impl Pressure {
     pub fn begin(&self) {
         self.gave_up.store(false, Ordering::Relaxed);
         self.lost_photons.store(false, Ordering::Relaxed);
-        *self.began.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+        *self.began.lock().unwrap_or_else(PoisonError::into_inner) = (Instant::now(), None);
     }
 
     /// Whether a pass of the frame is still wanted. Once one is not, none of the frame is.
@@ -65,7 +66,13 @@ impl Pressure {
             let asked = self.asked.load(Ordering::Relaxed);
             let is_pressing =
                 asked >= Asked::Scene as u8 || (asked == Asked::View as u8 && !is_photons);
-            let began = *self.began.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut began = self.began.lock().unwrap_or_else(PoisonError::into_inner);
+            // Photons may have taken long: what follows is let be as long as without them.
+            let began = if is_photons {
+                began.0
+            } else {
+                *began.1.get_or_insert_with(Instant::now)
+            };
             let is_late = asked == Asked::Stop as u8 || began.elapsed() > LET_BE;
             if !(is_pressing && is_late) {
                 return true;

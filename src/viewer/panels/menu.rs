@@ -69,9 +69,13 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let output = &mut settings.render.output;
         let mut stops = output.exposure.max(1e-6).log2();
-        ui.label("Exposure");
-        let slider = Slider::new(&mut stops, -8.0..=8.0).fixed_decimals(1);
-        if ui.add(slider.suffix(" EV")).changed() {
+        let field = DragValue::new(&mut stops).range(-16.0..=16.0).speed(0.02);
+        let field = field.fixed_decimals(1).prefix("Exposure ").suffix(" EV");
+        if ui
+            .add(field)
+            .on_hover_text("drag, or click and type")
+            .changed()
+        {
             output.exposure = stops.exp2();
         }
         ComboBox::from_id_salt("tone")
