@@ -163,6 +163,13 @@ fn glows_otherwise(before: &Material, after: &Material) -> bool {
 }
 
 impl Renderer {
+    /// The last frame was given up between its passes ([`GpuContext::set_gate`](crate::gpu::GpuContext::set_gate)): nothing
+    /// is taken over from it, and without its photons they are all traced anew.
+    pub(crate) fn give_up_frame(&mut self, without_photons: bool) {
+        self.forget_frames();
+        self.edit_base.outdates_photons |= without_photons;
+    }
+
     /// Shows an edited scene from the next frame on. `scene` has the meshes, textures, images, skins and surroundings of the
     /// one shown; transforms, visibility, nodes, materials, lights, and the materials of a mesh's triangles
     /// ([`crate::scene::Mesh::repainted`]) may differ. A clip that plays goes on; poses and placements that were set

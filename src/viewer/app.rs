@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use egui::Context;
 
@@ -15,6 +16,7 @@ use super::layout::{Layout, Part};
 use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
 use super::session::{Player, Recording};
+use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
@@ -26,6 +28,8 @@ use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.
 pub const HISTORY: usize = 240;
+/// Lines that the log keeps.
+const MOST_LINES: usize = 500;
 /// Half of a headset's opening that an object fills when it is focused, radians, at least.
 const FOCUS_HALF_ANGLE_RAD: f64 = 0.35;
 
@@ -106,6 +110,13 @@ pub struct App {
     pub(super) asks_path: Option<PathQuestion>,
     /// The scene that was refused for naming files outside its folder, while it is asked whether to read them.
     pub(super) asks_outside: Option<String>,
+    /// Views that are kept.
+    pub(super) bookmarks: [Option<FlyCamera>; 5],
+    /// Pictures of both eyes that were frozen, to be compared with.
+    pub(super) frozen: Option<[egui::TextureHandle; 2]>,
+    /// Everything that was said, with egui's seconds.
+    pub(super) log: Vec<(f64, String)>,
+    pub(super) shows_log: bool,
     pub(super) frame: Option<Box<FrameReport>>,
     pub(super) pictures: Pictures,
     pub(super) gizmo: TransformGizmo,
@@ -125,6 +136,18 @@ pub struct App {
     sent: Option<Wanted>,
     /// Counts requests and changes of what is wanted.
     asked: u64,
+    /// Scenes and edits that the worker was given.
+    changes: u64,
+    /// Of them, those up to the scene that is open.
+    opened_at: u64,
+    /// What stood where after so many changes, from that of the last frame on.
+    stands: VecDeque<(u64, Stand)>,
+    /// The last pass shows the sketch.
+    pub(super) is_sketched: bool,
+    /// Refining was stopped, and nothing has changed since.
+    pub(super) is_stopped: bool,
+    /// A request that no frame has answered yet, and when it was made.
+    unanswered: Option<(u64, Instant)>,
     commands: Vec<WindowCommand>,
 }
 
@@ -153,10 +176,12 @@ impl App {
             scene_time_ns: None,
             size,
             exposure: settings.render.output.exposure,
+            tone: settings.output.tone,
             view_mode: ViewMode::Picture,
         };
         // From here on they count.
         document.take_changes();
+        let stands = VecDeque::from([(0, Stand::of(document.scene()))]);
         let worker = Worker::start(Box::new(document.scene().clone()), wanted, &headset, wake)?;
         Ok(Self {
             other: Arc::new(other_method(&settings)),
@@ -175,6 +200,10 @@ impl App {
             hides_panels: false,
             asks_path: None,
             asks_outside: None,
+            bookmarks: [None; 5],
+            frozen: None,
+            log: Vec::new(),
+            shows_log: false,
             frame: None,
             pictures: Pictures::default(),
             gizmo: TransformGizmo::default(),
@@ -191,6 +220,12 @@ impl App {
             worker,
             sent: None,
             asked: 0,
+            changes: 0,
+            opened_at: 0,
+            stands,
+            is_sketched: false,
+            is_stopped: false,
+            unanswered: Some((0, Instant::now())),
             commands: Vec::new(),
         })
     }
@@ -247,7 +282,7 @@ impl App {
 
     /// What is being waited for; `None` once everything is shown.
     pub(super) fn awaited(&self) -> Option<String> {
-        if self.is_up_to_date() {
+        if self.is_up_to_date() || self.is_stopped {
             return None;
         }
         Some(match self.busy {
@@ -326,6 +361,10 @@ impl App {
         if is_error {
             log::error!("{text}");
         }
+        self.log.push((context.time(), text.clone()));
+        if self.log.len() > MOST_LINES {
+            self.log.remove(0);
+        }
         // The same trouble twice is said once.
         self.messages.retain(|message| message.text != text);
         self.messages.push(Message {
@@ -351,6 +390,24 @@ impl App {
                         self.history.pop_front();
                     }
                     self.pictures.take(context, &frame);
+                    while self
+                        .stands
+                        .get(1)
+                        .is_some_and(|next| next.0 <= frame.changes)
+                    {
+                        self.stands.pop_front();
+                    }
+                    if let Some((number, since)) = self.unanswered
+                        && number <= frame.number
+                    {
+                        log::debug!(
+                            "answered by a frame of {}x{} in {:.1} ms",
+                            frame.size[0],
+                            frame.size[1],
+                            since.elapsed().as_secs_f64() * 1e3
+                        );
+                        self.unanswered = None;
+                    }
                     self.frame = Some(frame);
                 }
                 Report::Busy(what) => self.busy = what,
@@ -370,6 +427,17 @@ impl App {
 
     pub(super) fn ask(&mut self, request: Request) {
         self.asked += 1;
+        self.is_stopped = false;
+        self.unanswered.get_or_insert((self.asked, Instant::now()));
+        match &request {
+            Request::Edit(_) => self.changes += 1,
+            Request::Scene(_) => {
+                self.changes += 1;
+                self.opened_at = self.changes;
+                self.note_stand();
+            }
+            _ => {}
+        }
         self.worker.ask(request);
     }
 
@@ -459,6 +527,11 @@ impl App {
         }
     }
 
+    /// How fast W walks now, metres per second.
+    pub(super) fn speed_m_per_s(&self, context: &Context) -> f64 {
+        self.camera.speed_m_per_s(&super::keys::held(context))
+    }
+
     pub(super) fn focus_selected(&mut self) {
         let scene = self.document.scene();
         let Some(bounds) = self.selected.and_then(|node| scene.bounds_below(node)) else {
@@ -474,6 +547,17 @@ impl App {
         self.camera
             .focus(bounds.center(), radius_m, FOCUS_HALF_ANGLE_RAD);
         self.player = None;
+    }
+
+    /// Keeps both eyes' pictures to be compared with, or lets them go.
+    pub(super) fn freeze(&mut self, context: &Context) {
+        self.frozen = match (self.frozen.take(), &self.frame) {
+            (None, Some(frame)) => Some([0, 1].map(|eye| {
+                let picture = Arc::clone(&frame.eyes[eye]);
+                context.load_texture("frozen", picture, egui::TextureOptions::LINEAR)
+            })),
+            _ => None,
+        };
     }
 
     /// Opens the window that asks for a path.
@@ -514,10 +598,60 @@ impl App {
             .unwrap_or_else(|| self.headset.views_from_head(&self.camera.pose()))
     }
 
+    fn note_stand(&mut self) {
+        let stand = Stand::of(self.document.scene());
+        self.stands.push_back((self.changes, stand));
+    }
+
+    /// Changes up to the scene that is open: a frame of fewer shows another one.
+    pub(super) fn opened_at(&self) -> u64 {
+        self.opened_at
+    }
+
+    /// Whether the last frame shows another place or another scene than is wanted now. Animated scenes are shown by frames
+    /// alone.
+    pub(super) fn is_behind(&self) -> bool {
+        self.frame.as_ref().is_none_or(|frame| {
+            frame.changes < self.opened_at
+                || (self.clock.seconds.is_none()
+                    && (frame.changes < self.changes || frame.views != self.views()))
+        })
+    }
+
+    /// What the window draws itself until a frame comes; `None` while a frame shows it.
+    pub fn sketch(&self) -> Option<Wish<'_>> {
+        let frame = self.frame.as_deref();
+        let frame = frame.filter(|frame| frame.changes >= self.opened_at);
+        self.is_sketched.then(|| Wish {
+            scene: self.document.scene(),
+            scene_number: self.opened_at,
+            source: frame
+                .zip(self.stands.front())
+                .map(|(frame, (_, stand))| Source { frame, stand }),
+            views: self.views(),
+            size: self.size,
+            near_m: 1e-3 * self.camera.speed,
+            selected: self
+                .selected
+                .map(|node| self.document.scene().subtree(node)),
+        })
+    }
+
+    /// Stops refining what is shown; any change goes on with it.
+    pub(super) fn stop(&mut self) {
+        self.worker.ask(Request::Stop);
+        self.is_stopped = true;
+    }
+
     /// Tells the worker what is wanted now, if that is something else.
     pub(super) fn send(&mut self) {
-        for edit in self.document.take_changes() {
+        let edits = self.document.take_changes();
+        let is_edited = !edits.is_empty();
+        for edit in edits {
             self.ask(Request::Edit(Box::new(edit)));
+        }
+        if is_edited {
+            self.note_stand();
         }
         let told = self.sent.as_ref().map_or(0, |sent| sent.number);
         let mut now = Wanted {
@@ -528,12 +662,15 @@ impl App {
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
             exposure: self.settings.render.output.exposure,
+            tone: self.settings.output.tone,
             view_mode: self.view_mode,
         };
         if self.sent.as_ref() == Some(&now) && told == self.asked {
             return;
         }
         self.asked += 1;
+        self.is_stopped = false;
+        self.unanswered.get_or_insert((self.asked, Instant::now()));
         now.number = self.asked;
         self.worker.want(now.clone());
         self.sent = Some(now);

@@ -99,18 +99,23 @@ impl FlyCamera {
             (self.pitch_rad - LOOK_RAD_PER_POINT * travel_points[1]).clamp(-limit, limit);
     }
 
-    /// Moves for `seconds`.
-    pub fn advance(&mut self, thrust: Thrust, seconds: f64) {
-        let direction = self.orientation() * DVec3::new(thrust.right, 0.0, -thrust.ahead)
-            + DVec3::Y * thrust.up;
+    /// How fast it moves by these keys, metres per second.
+    pub fn speed_m_per_s(&self, thrust: &Thrust) -> f64 {
         let factor = match (thrust.runs, thrust.is_slow) {
             (true, false) => RUN_FACTOR,
             (false, true) => 1.0 / RUN_FACTOR,
             _ => 1.0,
         };
+        WALK_M_PER_S * self.speed * factor
+    }
+
+    /// Moves for `seconds`.
+    pub fn advance(&mut self, thrust: Thrust, seconds: f64) {
+        let direction = self.orientation() * DVec3::new(thrust.right, 0.0, -thrust.ahead)
+            + DVec3::Y * thrust.up;
         // Diagonals are no faster.
         let direction = direction / direction.length().max(1.0);
-        self.position_in_world += direction * (WALK_M_PER_S * self.speed * factor * seconds);
+        self.position_in_world += direction * (self.speed_m_per_s(&thrust) * seconds);
     }
 
     /// Moves along the gaze: a notch of the wheel is a quarter of a metre at walking speed.

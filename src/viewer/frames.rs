@@ -6,8 +6,9 @@ use egui::ColorImage;
 
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
+use crate::images::ImageRgb;
 use crate::renderer::{Inspection, SeenSurface};
-use crate::settings::Settings;
+use crate::settings::{Settings, Tone};
 use crate::xr::View;
 
 /// What is shown of a frame.
@@ -62,7 +63,7 @@ impl ViewMode {
 pub struct Wanted {
     /// Grows with every change of what follows and with every request that came before it.
     pub number: u64,
-    /// Settings of the renderer. Its `size` and `output.exposure` do not count: those below do.
+    /// Settings of the renderer. Its `size`, `output.exposure` and tone do not count: those below do.
     pub settings: Arc<Settings>,
     /// The other settings of a split view.
     pub other: Option<Arc<Settings>>,
@@ -74,6 +75,8 @@ pub struct Wanted {
     pub size: [u32; 2],
     /// Exposure of pictures.
     pub exposure: f64,
+    /// Curve of pictures.
+    pub tone: Tone,
     /// What is shown of the frames.
     pub view_mode: ViewMode,
 }
@@ -122,12 +125,18 @@ impl Seen {
 pub struct FrameReport {
     /// [`Wanted::number`] of what it shows.
     pub number: u64,
+    /// Scenes and edits that the renderer had been given by then.
+    pub changes: u64,
     /// What it shows.
     pub view_mode: ViewMode,
     /// Number of the frame.
     pub index: u32,
     /// Left and right eye.
     pub eyes: [Arc<ColorImage>; 2],
+    /// Mean radiance of both eyes, W/(m² sr), linear RGB.
+    pub radiance: [Option<Arc<ImageRgb>>; 2],
+    /// Radius of the gather and of the caustics' gather, metres, as the renderer took them.
+    pub radii_m: [f64; 2],
     /// The left eye under the other settings.
     pub other: Option<Arc<ColorImage>>,
     /// What the colours of `eyes` mean, if they are false.

@@ -1,6 +1,6 @@
 //! What keys do; [`super::panels::help`] lists them.
 
-use egui::{Context, Key, Modifiers, Popup};
+use egui::{Context, FocusDirection, Key, Modifiers, Popup};
 
 use super::app::{App, WindowCommand, camera_of};
 use super::fly_camera::Thrust;
@@ -8,7 +8,24 @@ use super::gizmo::KEYS;
 use super::panels::paths::Purpose;
 use crate::scene::edit::Edit;
 
+/// Keys of views that are kept: with Ctrl and Shift to keep one, with Ctrl to go there.
+const BOOKMARKS: [Key; 5] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5];
+
 impl App {
+    /// Goes to a view that was kept.
+    pub(super) fn go_to_bookmark(&mut self, context: &Context, slot: usize) {
+        match self.bookmarks.get(slot).copied().flatten() {
+            Some(camera) => {
+                self.camera = camera;
+                self.player = None;
+            }
+            None => {
+                let text = format!("no view {} is kept: Ctrl+Shift+{0} keeps one", slot + 1);
+                self.say(context, text, false);
+            }
+        }
+    }
+
     /// Answers keys that were pressed. What a text field takes is left to it.
     pub(super) fn answer_keys(&mut self, context: &Context) {
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F1)) {
@@ -75,8 +92,10 @@ impl App {
             self.say(context, "reading was cancelled", false);
         } else if self.hides_panels {
             self.hides_panels = false;
-        } else {
-            self.selected = None;
+        } else if self.selected.take().is_some() {
+        } else if self.awaited().is_some() {
+            self.stop();
+            self.say(context, "stopped; any change goes on", false);
         }
     }
 
@@ -100,8 +119,30 @@ impl App {
             self.camera = camera_of(&self.document);
             self.player = None;
         }
-        if context.input_mut(|input| input.consume_key(command, Key::Space)) {
+        let hides = context.input_mut(|input| {
+            input.consume_key(command, Key::Space) || input.consume_key(Modifiers::NONE, Key::Tab)
+        });
+        if hides {
+            // Tab would go to the first field.
+            context.memory_mut(|memory| memory.move_focus(FocusDirection::None));
             self.hides_panels = !self.hides_panels;
+        }
+        for (key, factor) in [(Key::OpenBracket, 0.5), (Key::CloseBracket, 2.0)] {
+            if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
+                self.camera.speed *= factor;
+            }
+        }
+        for (slot, key) in BOOKMARKS.into_iter().enumerate() {
+            if context.input_mut(|input| input.consume_key(shifted, key)) {
+                self.bookmarks[slot] = Some(self.camera);
+                self.say(
+                    context,
+                    format!("view {} kept: Ctrl+{0} goes there", slot + 1),
+                    false,
+                );
+            } else if context.input_mut(|input| input.consume_key(command, key)) {
+                self.go_to_bookmark(context, slot);
+            }
         }
         for (key, mode) in KEYS {
             if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {

@@ -146,21 +146,36 @@ impl Painter {
             _ => &self.linear,
         };
         let view = texture.create_view(&Default::default());
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let group = self.group(device, &view, sampler);
+        self.groups.insert(id, group);
+    }
+
+    /// Shows `view` where egui asks for the texture `id`, which is none of its own.
+    pub fn bind_view(&mut self, device: &wgpu::Device, id: TextureId, view: &wgpu::TextureView) {
+        let group = self.group(device, view, &self.linear);
+        self.groups.insert(id, group);
+    }
+
+    fn group(
+        &self,
+        device: &wgpu::Device,
+        view: &wgpu::TextureView,
+        sampler: &wgpu::Sampler,
+    ) -> wgpu::BindGroup {
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
             layout: &self.layout,
             entries: &[
                 wgpu::BindGroupEntry {
                     binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&view),
+                    resource: wgpu::BindingResource::TextureView(view),
                 },
                 wgpu::BindGroupEntry {
                     binding: 1,
                     resource: wgpu::BindingResource::Sampler(sampler),
                 },
             ],
-        });
-        self.groups.insert(id, group);
+        })
     }
 
     fn draw(&mut self, gpu: &GpuContext, jobs: &[ClippedPrimitive], target: &Target<'_>) {

@@ -38,14 +38,21 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             return;
         };
         wish_size(app, first, ui.ctx().pixels_per_point());
-        let Some(frame) = app.frame.take() else {
-            let text = if app.busy.is_empty() {
-                "rendering"
-            } else {
-                app.busy
-            };
-            note(ui.painter(), area, text);
-            return;
+        // Pictures made of both eyes are of frames alone.
+        let is_plain = |part: &Part| matches!(part, Part::Left | Part::Right);
+        app.is_sketched = app.is_behind() && parts.iter().all(is_plain);
+        let frame = match app.frame.take() {
+            Some(frame) if frame.changes >= app.opened_at() => frame,
+            stale => {
+                app.frame = stale;
+                if app.is_sketched {
+                    for (part, rect) in parts.iter().zip(&rectangles) {
+                        show_sketch(ui.painter(), *part, *rect);
+                    }
+                }
+                show_awaited(app, ui, area);
+                return;
+            }
         };
         let mut has_gizmo = false;
         for (part, rect) in parts.iter().zip(&rectangles) {
@@ -54,7 +61,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if !has_gizmo {
             app.gizmo.hide();
         }
-        if layout == Layout::Split {
+        let has_frozen = app.frozen.is_some() && parts.iter().all(is_plain);
+        if layout == Layout::Split || has_frozen {
             divider(app, ui, first);
         }
         let is_other = frame.view_mode != app.view_mode;
@@ -65,7 +73,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let awaited = app.awaited().unwrap_or_default();
             note(ui.painter(), area, &awaited);
         } else if let Some(legend) = &frame.legend {
-            show_legend(ui.painter(), area, legend);
+            show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
         }
         let notes = parts
             .iter()
@@ -74,11 +82,27 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             note(ui.painter(), area, text);
         }
         app.frame = Some(frame);
-        if !app.busy.is_empty() {
-            let at = area.left_bottom() + vec2(10.0, -10.0);
-            label(ui.painter(), at, Align2::LEFT_BOTTOM, app.busy);
-        }
+        show_awaited(app, ui, area);
     });
+}
+
+/// What is being waited for, at the lower left.
+fn show_awaited(app: &App, ui: &Ui, area: Rect) {
+    if let Some(awaited) = app.awaited() {
+        let at = area.left_bottom() + vec2(10.0, -10.0);
+        let text = format!("{awaited}\u{2026} Esc stops");
+        label(ui.painter(), at, Align2::LEFT_BOTTOM, &text);
+    }
+}
+
+/// The texture that the window draws itself, see [`super::sketch`].
+pub fn sketch_texture(eye: usize) -> egui::TextureId {
+    egui::TextureId::User(eye as u64)
+}
+
+fn show_sketch(painter: &Painter, part: Part, rect: Rect) {
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    painter.image(sketch_texture(part.eye()), rect, whole, Color32::WHITE);
 }
 
 /// Width over height of an eye's picture.
@@ -114,10 +138,13 @@ fn show_part(
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let painter = ui.painter().with_clip_rect(rect);
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    if let Some(texture) = app.pictures.texture(&context, frame, part) {
+    if app.is_sketched {
+        show_sketch(&painter, part, rect);
+    } else if let Some(texture) = app.pictures.texture(&context, frame, part) {
         painter.image(texture.id(), rect, whole, Color32::WHITE);
     }
-    if app.window_state.layout == Layout::Split
+    if !app.is_sketched
+        && app.window_state.layout == Layout::Split
         && let (Some(other), Some(_)) = (app.pictures.other(), &frame.other)
     {
         let from = app.window_state.divider.clamp(0.0, 1.0);
@@ -126,10 +153,31 @@ fn show_part(
         let uv = Rect::from_min_max(pos2(from, 0.0), pos2(1.0, 1.0));
         painter.image(other.id(), right, uv, Color32::WHITE);
     }
+    if let (Some(frozen), Part::Left | Part::Right) = (&app.frozen, part) {
+        let share = app.window_state.divider.clamp(0.0, 1.0);
+        let x = rect.min.x + rect.width() * share;
+        let left = Rect::from_min_max(rect.min, pos2(x, rect.max.y));
+        let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(share, 1.0));
+        painter.image(frozen[part.eye()].id(), left, uv, Color32::WHITE);
+        label(
+            &painter,
+            pos2(x - 8.0, rect.min.y + 30.0),
+            Align2::RIGHT_TOP,
+            "A",
+        );
+        label(
+            &painter,
+            pos2(x + 8.0, rect.min.y + 30.0),
+            Align2::LEFT_TOP,
+            "B",
+        );
+    }
     let selected = app
         .selected
         .map(|node| (node, app.document.scene().subtree(node)));
-    if let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye()) {
+    if !app.is_sketched
+        && let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye())
+    {
         painter.image(outline.id(), rect, whole, Color32::WHITE);
     }
     let handled = handles(app, &painter, frame, part, rect, &response);
@@ -192,7 +240,11 @@ fn handles(
         return None;
     }
     let was_dragging = app.gizmo.is_dragging();
-    let view = &frame.views[part.eye()];
+    let view = if app.is_sketched {
+        &app.views()[part.eye()]
+    } else {
+        &frame.views[part.eye()]
+    };
     let handled = app
         .gizmo
         .show(painter, rect, view, world_from_pivot, pointer);
@@ -312,7 +364,13 @@ fn name_under_pointer(
     let Some(node) = app.document.scene().nodes.get(seen.nodes[pixel] as usize) else {
         return;
     };
-    let text = format!("{}, {:.3} m", node.name, seen.distances_m[pixel]);
+    let mut text = format!("{}, {:.3} m", node.name, seen.distances_m[pixel]);
+    if let Some(radiance) = &frame.radiance[part.eye()]
+        && let Some([r, g, b]) = radiance.pixels.get(pixel)
+    {
+        let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
+        text += &format!("\npixel {x} {y}: {r:.4} {g:.4} {b:.4} W/(m\u{b2} sr)");
+    }
     label(
         painter,
         rect.right_top() + vec2(-8.0, 8.0),
@@ -338,6 +396,9 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
     }
     let painter = ui.painter();
     painter.vline(x, rect.y_range(), Stroke::new(2.0, Color32::WHITE));
+    if app.window_state.layout != Layout::Split {
+        return;
+    }
     let [ours, theirs] = [&app.settings, &app.other].map(|settings| summary(settings));
     let top = rect.min.y + 30.0;
     label(painter, pos2(x - 8.0, top), Align2::RIGHT_TOP, &ours);
@@ -371,7 +432,7 @@ fn label(painter: &Painter, at: Pos2, align: Align2, text: &str) {
 }
 
 /// What the colours mean, in numbers, at the right edge of the picture's area.
-fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
+fn show_legend(painter: &Painter, area: Rect, quantity: &str, legend: &Legend) {
     match legend {
         Legend::Bar { unit, ticks, .. } => {
             let bar = Rect::from_min_size(
@@ -409,7 +470,10 @@ fn show_legend(painter: &Painter, area: Rect, legend: &Legend) {
             painter.text(
                 bar.left_top() - vec2(0.0, 8.0),
                 Align2::LEFT_BOTTOM,
-                unit,
+                match *unit {
+                    "" => quantity.to_owned(),
+                    unit => format!("{quantity}, {unit}"),
+                },
                 font,
                 white,
             );

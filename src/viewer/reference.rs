@@ -4,7 +4,7 @@ use super::accumulate::Accumulator;
 use super::render_engine::{EngineError, library};
 use super::session::DesktopSession;
 use crate::frame_loop;
-use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::gpu::{Gate, GpuContext, ShaderLibrary};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
 use crate::settings::{Eyes, Method, Mips, ReconstructSettings, RenderSettings, Reuse, Settings};
@@ -35,13 +35,19 @@ impl Reference {
         reference
     }
 
-    /// Compiles the path tracer.
+    /// Compiles the path tracer. `gate` is asked before every pass.
     ///
     /// # Errors
     /// [`EngineError::Render`].
-    pub fn new(scene: &Scene, settings: &Settings, size: [u32; 2]) -> Result<Self, EngineError> {
+    pub fn new(
+        scene: &Scene,
+        settings: &Settings,
+        size: [u32; 2],
+        gate: Gate,
+    ) -> Result<Self, EngineError> {
         let library = library(settings)?;
-        let context = GpuContext::open(Some(&settings.adapter))?;
+        let mut context = GpuContext::open(Some(&settings.adapter))?;
+        context.set_gate(gate);
         let render = Self::settings(&settings.render);
         let renderer = Renderer::new(context, &library, scene, &render, Eyes::Both, size)?;
         Ok(Self {

@@ -13,14 +13,15 @@ use crate::app::FrameInput;
 use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
-use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
-use crate::images::{ImageError, ImageRgb, ImageRgb8, tone_map};
+use crate::gpu::{Gate, GpuContext, GpuError, ShaderLibrary};
+use crate::images::{ImageError, ImageRgb, ImageRgb8};
 use crate::renderer::{
     Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
+use crate::tone::tone_map_by;
 use crate::xr::View;
 
 /// In the order of all pairs of eyes here.
@@ -79,6 +80,8 @@ pub struct RenderEngine {
     averaged: [Accumulator; 2],
     /// What the pixels see, of the view in hand.
     seen: Option<[Arc<Seen>; 2]>,
+    /// Says whether the frame under way is still wanted.
+    gate: Gate,
 }
 
 struct Compiled {
@@ -89,8 +92,8 @@ struct Compiled {
 }
 
 impl RenderEngine {
-    /// A scene without a renderer yet.
-    pub fn new(scene: Scene) -> Self {
+    /// A scene without a renderer yet. `gate` is asked before every pass of a frame.
+    pub fn new(scene: Scene, gate: Gate) -> Self {
         Self {
             scene,
             is_edited: false,
@@ -99,6 +102,7 @@ impl RenderEngine {
             refused: None,
             averaged: Default::default(),
             seen: None,
+            gate,
         }
     }
 
@@ -183,7 +187,8 @@ impl RenderEngine {
         size: [u32; 2],
         library: ShaderLibrary,
     ) -> Result<Compiled, EngineError> {
-        let context = GpuContext::open(Some(&settings.adapter))?;
+        let mut context = GpuContext::open(Some(&settings.adapter))?;
+        context.set_gate(Arc::clone(&self.gate));
         let renderer = Renderer::new(
             context,
             &library,
@@ -252,6 +257,14 @@ impl RenderEngine {
         Ok((&mut compiled.renderer, &compiled.library))
     }
 
+    /// The frame that was just rendered was given up: nothing of it is kept.
+    pub fn give_up(&mut self, without_photons: bool) {
+        if let Some(compiled) = &mut self.compiled {
+            compiled.renderer.give_up_frame(without_photons);
+        }
+        self.clear();
+    }
+
     fn compiled(&mut self) -> Result<&mut Compiled, EngineError> {
         self.compiled.as_mut().ok_or(EngineError::NoRenderer)
     }
@@ -315,17 +328,17 @@ impl RenderEngine {
     }
 
     /// An eye's picture, tone mapped.
-    fn shown(&self, eye: usize, exposure: f64, size: [u32; 2]) -> Result<ImageRgb8, EngineError> {
+    fn shown(&self, eye: usize, wanted: &Wanted, size: [u32; 2]) -> Result<ImageRgb8, EngineError> {
         let mean = self.mean(eye, size).ok_or(EngineError::NoRenderer)?;
-        Ok(tone_map(&mean, exposure))
+        Ok(tone_map_by(&mean, wanted.exposure, wanted.tone))
     }
 
     /// The left eye's picture.
     ///
     /// # Errors
     /// [`EngineError`].
-    pub fn picture(&self, exposure: f64, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
-        Ok(Arc::new(color_image(&self.shown(0, exposure, size)?)))
+    pub fn picture(&self, wanted: &Wanted, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
+        Ok(Arc::new(color_image(&self.shown(0, wanted, size)?)))
     }
 
     /// What pixels see, from the frame that was just rendered if the view is new.
@@ -361,7 +374,9 @@ impl RenderEngine {
     ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
         let mut legend = None;
-        let is_dark = self.compiled()?.renderer.scene().light_count() == 0;
+        let renderer = &self.compiled()?.renderer;
+        let is_dark = renderer.scene().light_count() == 0;
+        let radii_m = [renderer.radius_m(), renderer.caustic_radius_m()];
         let mut notes = [0, 1].map(|_| {
             is_dark.then(|| {
                 "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
@@ -384,14 +399,17 @@ impl RenderEngine {
                     legend.get_or_insert(picture.legend);
                     color_image(&picture.image)
                 }
-                None => color_image(&self.shown(eye, wanted.exposure, size)?),
+                None => color_image(&self.shown(eye, wanted, size)?),
             }));
         }
         Ok(FrameReport {
             number: wanted.number,
+            changes: 0,
             view_mode: wanted.view_mode,
             index: stats.frame,
             eyes: [Arc::clone(&eyes[0]), Arc::clone(&eyes[1])],
+            radiance: [0, 1].map(|eye| self.mean(eye, size).map(Arc::new)),
+            radii_m,
             other: None,
             legend,
             notes,

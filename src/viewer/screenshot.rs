@@ -7,7 +7,8 @@ use serde_json::json;
 
 use super::frames::Wanted;
 use super::render_engine::{EngineError, RenderEngine};
-use crate::images::{Image, ImageError, tone_map, write_atomically, write_exr, write_png};
+use crate::images::{Image, ImageError, write_atomically, write_exr, write_png};
+use crate::tone::tone_map_by;
 use crate::xr::Pose;
 
 /// Writes `view_NNNN.png` (both eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr` (linear
@@ -52,8 +53,8 @@ pub fn write(
     // Last: its name marks the number as taken.
     let path = folder.join(format!("{name}.png"));
     let picture = Image::side_by_side(
-        &tone_map(&left, wanted.exposure),
-        &tone_map(&right, wanted.exposure),
+        &tone_map_by(&left, wanted.exposure, wanted.tone),
+        &tone_map_by(&right, wanted.exposure, wanted.tone),
     )?;
     write_png(&path, &picture)?;
     Ok(format!(

@@ -27,6 +27,7 @@ impl App {
         picture::show(self, ui);
         panels::paths::show(self, &context);
         panels::help::show(self, &context);
+        panels::log(self, &context);
         self.show_messages(&context);
         self.advance(&context);
         self.send();

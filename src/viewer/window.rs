@@ -13,6 +13,9 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::app::{App, Start, WindowCommand};
 use super::painter::{Painter, Target};
+use super::picture::sketch_texture;
+use super::sketch::Sketcher;
+use super::theme;
 use super::window_state::WindowState;
 use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
@@ -152,6 +155,7 @@ impl ApplicationHandler<()> for State {
 struct Open {
     app: App,
     painter: Painter,
+    sketcher: Sketcher,
     surface: WindowSurface,
     input: egui_winit::State,
     egui: Context,
@@ -196,6 +200,7 @@ impl Open {
             gpu.adapter.name
         );
         let egui = Context::default();
+        theme::apply(&egui);
         let input = egui_winit::State::new(
             egui.clone(),
             ViewportId::ROOT,
@@ -205,6 +210,7 @@ impl Open {
             Some(gpu.device.limits().max_texture_dimension_2d as usize),
         );
         let painter = Painter::new(&gpu, surface.format)?;
+        let sketcher = Sketcher::new(&gpu)?;
         let app = App::new(start, move || {
             // The loop may have ended.
             let _ = proxy.send_event(());
@@ -214,6 +220,7 @@ impl Open {
         Ok(Self {
             app,
             painter,
+            sketcher,
             surface,
             input,
             egui,
@@ -322,8 +329,10 @@ impl Open {
         let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
         let Self {
             painter,
+            sketcher,
             surface,
             gpu,
+            app,
             ..
         } = self;
         let Some(Acquired { image, is_stale }) = surface.acquire(gpu, size)? else {
@@ -338,6 +347,16 @@ impl Open {
             size,
             pixels_per_point: output.pixels_per_point,
         });
+        let is_sketched = match app.sketch() {
+            Some(wish) => {
+                let views = sketcher.draw(gpu, &wish)?;
+                for (eye, view) in views.iter().enumerate() {
+                    painter.bind_view(&gpu.device, sketch_texture(eye), view);
+                }
+                true
+            }
+            None => false,
+        };
         painter.paint(gpu, &output.textures_delta, &jobs, target.as_ref())?;
         if let Some(image) = image {
             present(gpu, image)?;
@@ -347,9 +366,10 @@ impl Open {
         }
         if let Some(since) = self.unanswered.take() {
             log::debug!(
-                "input answered in {:.1} ms (layout {:.1} ms)",
+                "input answered in {:.1} ms (layout {:.1} ms{})",
                 since.elapsed().as_secs_f64() * 1e3,
-                laid_out.as_secs_f64() * 1e3
+                laid_out.as_secs_f64() * 1e3,
+                if is_sketched { ", sketched" } else { "" }
             );
         }
         Ok(())

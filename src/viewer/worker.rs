@@ -6,7 +6,8 @@
 //! large scene on a software adapter alone takes longer than a click may.)
 //!
 //! While the views change, frames are small enough to follow; once they stand still, frames grow to the full size and are
-//! averaged there.
+//! averaged there. A frame is given up between its passes once something else is asked for ([`super::pressure`]); what is
+//! seen at once is the window's own ([`super::sketch`]).
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -15,10 +16,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::frames::{FrameReport, ViewMode, Wanted};
+use super::pressure::{Asked, Pressure};
 use super::reference::Reference;
 use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
 use super::session::{DesktopSession, SharedViews};
+use crate::gpu::Gate;
 use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
@@ -28,8 +31,10 @@ use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
 const PREVIEW_BUDGET_MS: f64 = 100.0;
-/// The smallest preview has this many times fewer pixels along each edge.
-const COARSEST: u32 = 8;
+/// The first preview, of unknown cost, has this many times fewer pixels along each edge.
+const FIRST_DIVISOR: u32 = 8;
+/// The smallest preview has about so many pixels along its shorter edge: less shows nothing.
+const FEWEST_PIXELS: u32 = 12;
 /// Frames that are averaged of a view that stands still; after them the thread sleeps.
 const MOST_FRAMES: u32 = 1024;
 /// What the frame in hand may still take after a signal asked the program to end.
@@ -50,6 +55,8 @@ pub enum Request {
     Screenshot(PathBuf),
     /// Read the shaders again.
     ReloadShaders,
+    /// Stop refining what is shown, until something else is wanted.
+    Stop,
     /// End.
     Quit,
 }
@@ -71,6 +78,7 @@ pub enum Report {
 /// The window's end.
 pub struct Worker {
     wanted: Arc<Mutex<Wanted>>,
+    pressure: Arc<Pressure>,
     requests: Sender<Request>,
     reports: Receiver<Report>,
     thread: Option<JoinHandle<()>>,
@@ -90,12 +98,19 @@ impl Worker {
         let session = DesktopSession::new(headset, Arc::clone(&views));
         let wanted = Arc::new(Mutex::new(wanted));
         let shared = Arc::clone(&wanted);
+        let pressure = Arc::new(Pressure::default());
+        let asked = Arc::clone(&pressure);
         let thread = std::thread::Builder::new()
             .name("renderer".to_owned())
             .spawn(move || {
                 yield_to_window();
+                let gate: Gate = {
+                    let pressure = Arc::clone(&asked);
+                    Arc::new(move |pass: &str| pressure.admits(pass))
+                };
                 let mut inner = Inner {
                     wanted: shared,
+                    pressure: asked,
                     requests: receiver,
                     reports: Box::new(move |report| {
                         // The window may be gone already.
@@ -104,20 +119,25 @@ impl Worker {
                     }),
                     views,
                     session,
-                    engine: RenderEngine::new(*scene),
+                    engine: RenderEngine::new(*scene, Arc::clone(&gate)),
+                    gate,
                     other: None,
                     reference: None,
                     screenshots: Vec::new(),
                     frame_index: 0,
-                    divisor: COARSEST,
+                    divisor: FIRST_DIVISOR,
+                    is_preview: false,
                     shown: None,
-                    cost_ms_per_pixel: None,
+                    costs: Vec::new(),
+                    changes: 0,
+                    is_stopped: false,
                     device_bytes: 0,
                 };
                 inner.run();
             })?;
         Ok(Self {
             wanted,
+            pressure,
             requests,
             reports,
             thread: Some(thread),
@@ -126,12 +146,29 @@ impl Worker {
 
     /// Replaces what is wanted.
     pub fn want(&self, wanted: Wanted) {
-        *self.wanted.lock().unwrap_or_else(PoisonError::into_inner) = wanted;
-        self.ask(Request::Wanted);
+        let mut kept = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_view = Arc::ptr_eq(&kept.settings, &wanted.settings);
+        *kept = wanted;
+        drop(kept);
+        self.send(Request::Wanted);
+        self.pressure
+            .ask(if is_view { Asked::View } else { Asked::Scene });
     }
 
     /// Asks for something.
     pub fn ask(&self, request: Request) {
+        let asked = match &request {
+            // Of the frame in hand.
+            Request::Screenshot(_) => Asked::Nothing,
+            Request::Wanted => Asked::View,
+            Request::Edit(_) | Request::ReloadShaders => Asked::Scene,
+            Request::Scene(_) | Request::Stop | Request::Quit => Asked::Stop,
+        };
+        self.send(request);
+        self.pressure.ask(asked);
+    }
+
+    fn send(&self, request: Request) {
         // A thread that has ended has said why.
         let _ = self.requests.send(request);
     }
@@ -206,6 +243,8 @@ struct Inner {
     reports: Box<dyn Fn(Report) + Send>,
     views: SharedViews,
     session: DesktopSession,
+    pressure: Arc<Pressure>,
+    gate: Gate,
     engine: RenderEngine,
     other: Option<RenderEngine>,
     reference: Option<Reference>,
@@ -213,8 +252,15 @@ struct Inner {
     frame_index: u32,
     /// How many times smaller than wanted the next frame is, along each edge.
     divisor: u32,
+    /// The frame in hand is the first of its view.
+    is_preview: bool,
     shown: Option<Shown>,
-    cost_ms_per_pixel: Option<f64>,
+    /// Milliseconds per pixel of frames without tracing photons, by view and whether there are other settings.
+    costs: Vec<(ViewMode, bool, f64)>,
+    /// Scenes and edits so far.
+    changes: u64,
+    /// Asked to stop, and nothing has changed since.
+    is_stopped: bool,
     /// As last said in the log.
     device_bytes: u64,
 }
@@ -245,28 +291,36 @@ impl Inner {
                 },
                 Turn::Go => self.requests.try_recv().ok(),
             };
+            self.pressure.serve();
             // Read before the other requests: whatever was asked for before it is then served before it is shown.
             let wanted = self.wanted();
             while let Some(next) = request {
                 if matches!(next, Request::Quit) {
                     return;
                 }
+                self.is_stopped = matches!(next, Request::Stop);
                 self.serve(next);
                 request = self.requests.try_recv().ok();
             }
-            turn = self.turn(&wanted);
+            turn = if self.is_stopped {
+                Turn::Rest
+            } else {
+                self.turn(&wanted)
+            };
         }
     }
 
     fn serve(&mut self, request: Request) {
         match request {
-            Request::Wanted | Request::Quit => {}
+            Request::Wanted | Request::Stop | Request::Quit => {}
             Request::Scene(scene) => {
-                self.engine = RenderEngine::new(*scene);
+                self.changes += 1;
+                self.engine = RenderEngine::new(*scene, Arc::clone(&self.gate));
                 self.other = None;
                 self.restart();
             }
             Request::Edit(edit) => {
+                self.changes += 1;
                 if let Err(error) = self.engine.edit(&edit) {
                     self.report(Report::Failed(error.to_string()));
                 }
@@ -336,15 +390,16 @@ impl Inner {
         }
         if self.engine.needs_renderer(settings) {
             self.report(Report::Busy("compiling"));
+            self.costs.clear();
             self.engine.prepare(settings, wanted.size)?;
             self.restart();
         }
         match &wanted.other {
             None => self.other = None,
             Some(other) => {
-                let own = self
-                    .other
-                    .get_or_insert_with(|| RenderEngine::new(self.engine.scene().clone()));
+                let own = self.other.get_or_insert_with(|| {
+                    RenderEngine::new(self.engine.scene().clone(), Arc::clone(&self.gate))
+                });
                 if own.take_changes()? {
                     self.shown = None;
                 }
@@ -368,8 +423,9 @@ impl Inner {
             size: wanted.size,
             view_mode: wanted.view_mode,
         };
-        if self.shown.as_ref() != Some(&now) {
-            self.divisor = self.preview_divisor(wanted.size);
+        self.is_preview = self.shown.as_ref() != Some(&now);
+        if self.is_preview {
+            self.divisor = self.preview_divisor(wanted);
             // Its renderer stays, unless the size is another.
             let kept = self.reference.take();
             self.reference = kept.filter(|kept| kept.size() == wanted.size);
@@ -394,6 +450,7 @@ impl Inner {
             return Ok(Turn::Rest);
         };
         *self.views.lock().unwrap_or_else(PoisonError::into_inner) = wanted.views;
+        self.pressure.begin();
         let began = Instant::now();
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
@@ -401,17 +458,12 @@ impl Inner {
         let Some(stats) = self.engine.frame(session, index, time, size)? else {
             return Ok(Turn::Rest);
         };
-        let cost = milliseconds_since(began) / (f64::from(size[0]) * f64::from(size[1]));
-        // Frames that traced photons cost more than those that follow; the estimate forgets them soon.
-        self.cost_ms_per_pixel = Some(
-            self.cost_ms_per_pixel
-                .map_or(cost, |old| 0.5 * (old + cost)),
-        );
+        let photons_ms = stats.gpu_ms.photons;
         let other = match &mut self.other {
             None => None,
             Some(other) => {
                 other.frame(session, index, time, size)?;
-                Some(other.picture(wanted.exposure, size)?)
+                Some(other.picture(wanted, size)?)
             }
         };
         if wanted.view_mode == ViewMode::Error && self.divisor == 1 {
@@ -419,7 +471,12 @@ impl Inner {
                 Some(reference) => reference,
                 none => {
                     (self.reports)(Report::Busy("compiling the reference"));
-                    none.insert(Reference::new(self.engine.scene(), &wanted.settings, size)?)
+                    none.insert(Reference::new(
+                        self.engine.scene(),
+                        &wanted.settings,
+                        size,
+                        Arc::clone(&self.gate),
+                    )?)
                 }
             };
             reference.add(session, index, time)?;
@@ -428,7 +485,31 @@ impl Inner {
         let mut report = self
             .engine
             .report(wanted, size, wanted.views, stats, reference)?;
+        let pixels = f64::from(size[0]) * f64::from(size[1]);
+        if let Some(without_photons) = self.pressure.gave_up() {
+            log::debug!(
+                "a frame of {}x{} was given up after {:.0} ms",
+                size[0],
+                size[1],
+                milliseconds_since(began)
+            );
+            self.engine.give_up(without_photons);
+            if let Some(other) = &mut self.other {
+                other.give_up(without_photons);
+            }
+            if self.is_preview {
+                // It took too long for the hand.
+                self.note_cost(wanted, 4.0 * PREVIEW_BUDGET_MS / pixels);
+            }
+            self.shown = None;
+            return Ok(Turn::Go);
+        }
+        self.note_cost(
+            wanted,
+            (milliseconds_since(began) - photons_ms).max(0.0) / pixels,
+        );
         report.other = other;
+        report.changes = self.changes;
         report.is_full = self.divisor == 1;
         let others = [
             self.other.as_ref().and_then(RenderEngine::device_bytes),
@@ -458,18 +539,28 @@ impl Inner {
         }
     }
 
+    fn cost(&self, wanted: &Wanted) -> Option<f64> {
+        let has_other = wanted.other.is_some();
+        let mut known = self.costs.iter();
+        known
+            .find(|(mode, other, _)| *mode == wanted.view_mode && *other == has_other)
+            .map(|(_, _, cost)| *cost)
+    }
+
+    /// Takes what a frame cost into account, milliseconds per pixel; the estimate forgets old ones soon.
+    fn note_cost(&mut self, wanted: &Wanted, cost: f64) {
+        let mean = self.cost(wanted).map_or(cost, |old| 0.5 * (old + cost));
+        let has_other = wanted.other.is_some();
+        let is_of =
+            |known: &(ViewMode, bool, f64)| known.0 == wanted.view_mode && known.1 == has_other;
+        self.costs.retain(|known| !is_of(known));
+        self.costs.push((wanted.view_mode, has_other, mean));
+    }
+
     /// How much smaller frames have to be for the view to follow the hand.
-    fn preview_divisor(&self, size: [u32; 2]) -> u32 {
-        let Some(cost) = self.cost_ms_per_pixel else {
-            return COARSEST;
-        };
-        let pixels = f64::from(size[0]) * f64::from(size[1]);
-        let mut divisor = 1;
-        while divisor < COARSEST && pixels / f64::from(divisor * divisor) * cost > PREVIEW_BUDGET_MS
-        {
-            divisor *= 2;
-        }
-        divisor
+    fn preview_divisor(&self, wanted: &Wanted) -> u32 {
+        self.cost(wanted)
+            .map_or(FIRST_DIVISOR, |cost| preview_divisor(wanted.size, cost))
     }
 
     fn is_finished(&self, wanted: &Wanted) -> bool {
@@ -480,6 +571,19 @@ impl Inner {
                 .is_some_and(|reference| reference.frames() >= MOST_FRAMES);
         self.engine.frames() >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
     }
+}
+
+/// The least power of two by which an image of `size`, at `cost` milliseconds per pixel, is computed within the budget.
+fn preview_divisor(size: [u32; 2], cost: f64) -> u32 {
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let coarsest = (size[0].min(size[1]) / FEWEST_PIXELS).max(1);
+    let mut divisor = 1;
+    while 2 * divisor <= coarsest
+        && pixels / f64::from(divisor * divisor) * cost > PREVIEW_BUDGET_MS
+    {
+        divisor *= 2;
+    }
+    divisor
 }
 
 /// The settings under which a view mode has something to show, or nearly those that were asked for.
@@ -493,5 +597,27 @@ fn effective(settings: &Settings, mode: ViewMode) -> Settings {
             render: inspection.settings_for(&settings.render),
             ..settings.clone()
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn previews_meet_the_budget_whatever_a_pixel_costs() {
+        for cost in [1e-6, 1e-4, 1e-2, 0.1, 0.3] {
+            let divisor = preview_divisor([640, 480], cost);
+            let pixels = 640.0 * 480.0 / f64::from(divisor * divisor);
+            assert!(pixels * cost <= PREVIEW_BUDGET_MS, "{cost}: {divisor}");
+            let finer = pixels * 4.0 * cost;
+            assert!(
+                divisor == 1 || finer > PREVIEW_BUDGET_MS,
+                "{cost}: {divisor}"
+            );
+        }
+        // Fewer pixels show nothing, however dear they are.
+        assert_eq!(preview_divisor([640, 480], 1e6), 32);
+        assert_eq!(preview_divisor([8, 8], 1e6), 1);
     }
 }

@@ -164,6 +164,9 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
     }
 }
 
+/// Asked before every pass, by its label, whether it is still wanted.
+pub type Gate = Arc<dyn Fn(&str) -> bool + Send + Sync>;
+
 /// The device, its queue, and what was learnt about the adapter. Clones share it.
 #[derive(Clone)]
 pub struct GpuContext {
@@ -185,6 +188,7 @@ pub struct GpuContext {
     uncaptured: Arc<Mutex<Option<String>>>,
     host_waits: Arc<AtomicU64>,
     made: Arc<AtomicU64>,
+    gate: Option<Gate>,
     /// Read-back buffers that no submission uses now.
     pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
 }
@@ -375,6 +379,7 @@ impl GpuContext {
             uncaptured,
             host_waits: Arc::default(),
             made: Arc::default(),
+            gate: None,
             free_staging: Arc::default(),
         }
     }
@@ -456,6 +461,17 @@ impl GpuContext {
             pass: pass.to_owned(),
             reason,
         })
+    }
+
+    /// From now on every pass is submitted by itself and waited for, if `gate` admits it, so that a frame can be given up
+    /// between its passes. What a frame holds of which a pass was left out means nothing.
+    pub fn set_gate(&mut self, gate: Gate) {
+        self.gate = Some(gate);
+    }
+
+    /// Whether a pass is still wanted; `None` where none is ever given up.
+    pub(super) fn admits(&self, label: &str) -> Option<bool> {
+        self.gate.as_ref().map(|gate| gate(label))
     }
 
     /// Counts a wait within a frame.

@@ -163,9 +163,28 @@ impl<'a> FrameRecorder<'a> {
         dispatch_index: u32,
         groups: [u32; 3],
     ) {
+        if self.context.admits(label) == Some(false) {
+            return;
+        }
         let mut pass = self.begin(label);
         kernel.set(&mut pass, bound, dispatch_index);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+        drop(pass);
+        self.cut();
+    }
+
+    /// Where passes can be given up: submits what is recorded and waits for it. An error is that of the next submission.
+    fn cut(&mut self) {
+        if self.context.admits("").is_none() {
+            return;
+        }
+        let device = &self.context.device;
+        let next = device.create_command_encoder(&Default::default());
+        let recorded = std::mem::replace(&mut self.encoder, next);
+        let index = self.context.queue.submit([recorded.finish()]);
+        if let Err(error) = self.context.retire("pass", index) {
+            log::debug!("between passes: {error}");
+        }
     }
 
     /// Dispatches `kernel` over the workgroups that `arguments` holds at byte `offset`.
@@ -178,9 +197,14 @@ impl<'a> FrameRecorder<'a> {
         arguments: &wgpu::Buffer,
         offset: u64,
     ) {
+        if self.context.admits(label) == Some(false) {
+            return;
+        }
         let mut pass = self.begin(label);
         kernel.set(&mut pass, bound, dispatch_index);
         pass.dispatch_workgroups_indirect(arguments, offset);
+        drop(pass);
+        self.cut();
     }
 
     /// Zeroes the first `bytes` bytes of a buffer.

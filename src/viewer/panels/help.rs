@@ -19,7 +19,9 @@ pub const KEYS: &[(&str, &str)] = &[
     ("Shift, Ctrl + middle drag", "shift the view; near and far"),
     ("Ctrl+O", "open a file"),
     ("Ctrl+S, Ctrl+Shift+S", "save the scene as glTF; as another"),
-    ("Ctrl+Space", "hide all panels"),
+    ("Tab, Ctrl+Space", "hide all panels"),
+    ("[ ]", "walk slower, faster"),
+    ("Ctrl+Shift+1 to 5, Ctrl+1 to 5", "keep a view, go to it"),
     ("Ctrl+Q", "quit"),
     (
         "Space",
@@ -31,7 +33,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("F1", "this help"),
     ("F5", "read the shaders again"),
     ("F11", "full screen"),
-    ("Esc", "close, cancel, deselect"),
+    ("Esc", "close, cancel, deselect, stop refining"),
     ("drop a file", "open .glb, .gltf, .hdr, .exr or a recording"),
 ];
 

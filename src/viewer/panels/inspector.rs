@@ -194,7 +194,12 @@ fn transform(node: usize, from: Trs, ui: &mut Ui, edits: &mut Edits) {
                 ui.end_row();
                 // Turned about y, then x, then z, as a head is: yaw, pitch, roll.
                 let (yaw, pitch, roll) = from.rotation.to_euler(EulerRot::YXZ);
-                let mut degrees = DVec3::new(pitch, yaw, roll).map(f64::to_degrees);
+                // What rounds to nothing has no sign.
+                let shown = |angle: f64| {
+                    let degrees = angle.to_degrees();
+                    if degrees.abs() < 5e-5 { 0.0 } else { degrees }
+                };
+                let mut degrees = DVec3::new(pitch, yaw, roll).map(shown);
                 ui.label("Rotation, degrees");
                 if vector(ui, edits, &mut degrees, 0.5) {
                     let [pitch, yaw, roll] = degrees.map(f64::to_radians).to_array();

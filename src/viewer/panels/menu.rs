@@ -1,8 +1,9 @@
 //! The menu bar, with what is shown and how, and what plays.
 
-use egui::{Button, ComboBox, MenuBar, Panel, Slider, Ui};
+use egui::{Button, ComboBox, DragValue, MenuBar, Panel, Slider, Ui};
 
 use crate::scene::builtin;
+use crate::settings::{Switch, Tone};
 use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::ViewMode;
 use crate::viewer::gizmo::Mode;
@@ -56,8 +57,85 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             ui.toggle_value(&mut app.gizmo.snaps, "Snap")
                 .on_hover_text("handles move in steps; Ctrl does the same for one drag");
         });
+        toolbar(app, ui);
         transport(app, ui);
     });
+}
+
+/// What a designer changes most: light of the picture, denoiser, surroundings; and what is compared.
+fn toolbar(app: &mut App, ui: &mut Ui) {
+    let context = ui.ctx().clone();
+    let mut settings = (*app.settings).clone();
+    ui.horizontal(|ui| {
+        let output = &mut settings.render.output;
+        let mut stops = output.exposure.max(1e-6).log2();
+        let field = DragValue::new(&mut stops).range(-16.0..=16.0).speed(0.02);
+        let field = field.fixed_decimals(1).prefix("Exposure ").suffix(" EV");
+        if ui
+            .add(field)
+            .on_hover_text("drag, or click and type")
+            .changed()
+        {
+            output.exposure = stops.exp2();
+        }
+        ComboBox::from_id_salt("tone")
+            .selected_text(format!("{} curve", settings.output.tone))
+            .show_ui(ui, |ui| {
+                for tone in [Tone::Aces, Tone::Agx, Tone::Neutral, Tone::Linear] {
+                    ui.selectable_value(&mut settings.output.tone, tone, tone.to_string());
+                }
+            })
+            .response
+            .on_hover_text("from radiance to what is shown");
+        ui.separator();
+        let denoiser = &mut settings.render.reconstruct.svgf;
+        let mut denoises = denoiser.is_on();
+        let toggle = ui.toggle_value(&mut denoises, "Denoise");
+        if toggle.on_hover_text("reconstruct.svgf").changed() {
+            *denoiser = if denoises { Switch::On } else { Switch::Off };
+        }
+        ui.separator();
+        let path = &mut settings.environment.path;
+        let name = std::path::Path::new(path.as_str()).file_name();
+        let name = name.map_or_else(|| "none".into(), |name| name.to_string_lossy().into_owned());
+        ui.menu_button(format!("Surroundings: {name}"), |ui| {
+            if ui.button("Open\u{2026}").clicked() {
+                app.ask_path(Purpose::Open);
+                ui.close();
+            }
+            if ui
+                .add_enabled(!path.is_empty(), Button::new("None"))
+                .clicked()
+            {
+                path.clear();
+                ui.close();
+            }
+            let strength = DragValue::new(&mut settings.environment.strength);
+            ui.add(strength.range(0.0..=1e3).speed(0.01).prefix("strength "));
+        });
+        ui.separator();
+        let mut is_frozen = app.frozen.is_some();
+        if ui
+            .toggle_value(&mut is_frozen, "Freeze A")
+            .on_hover_text("keeps this picture left of a line that can be dragged, to compare with")
+            .clicked()
+        {
+            app.freeze(&context);
+        }
+        ui.menu_button("Views", |ui| {
+            for slot in 0..app.bookmarks.len() {
+                let is_kept = app.bookmarks[slot].is_some();
+                let go = Button::new(format!("View {}", slot + 1));
+                let go = go.shortcut_text(format!("Ctrl+{}", slot + 1));
+                if ui.add_enabled(is_kept, go).clicked() {
+                    app.go_to_bookmark(&context, slot);
+                    ui.close();
+                }
+            }
+            ui.weak("Ctrl+Shift+1 to 5 keep the view");
+        });
+    });
+    app.set_settings(&context, settings);
 }
 
 fn file(app: &mut App, ui: &mut Ui) {
@@ -153,8 +231,9 @@ fn window(app: &mut App, ui: &mut Ui) {
     ui.checkbox(&mut app.window_state.hierarchy, "Hierarchy");
     ui.checkbox(&mut app.window_state.side, "Inspector and settings");
     ui.checkbox(&mut app.window_state.statistics, "Statistics");
+    ui.checkbox(&mut app.shows_log, "Log");
     let mut are_hidden = app.hides_panels;
-    let hide = Button::selectable(are_hidden, "Hide all").shortcut_text("Ctrl+Space");
+    let hide = Button::selectable(are_hidden, "Hide all").shortcut_text("Tab");
     if ui.add(hide).clicked() {
         are_hidden = !are_hidden;
         ui.close();
@@ -256,7 +335,7 @@ fn transport(app: &mut App, ui: &mut Ui) {
             match &mut app.clock.seconds {
                 None => ui.weak("the scene's animation stands"),
                 Some(seconds) => {
-                    let field = egui::DragValue::new(seconds).speed(0.01).suffix(" s");
+                    let field = DragValue::new(seconds).speed(0.01).suffix(" s");
                     ui.add(field.range(0.0..=f64::INFINITY))
                 }
             };

@@ -37,6 +37,25 @@ pub fn right(app: &mut App, ui: &mut Ui) {
     });
 }
 
+/// Everything that has been said since the start.
+pub fn log(app: &mut App, context: &Context) {
+    let mut is_open = app.shows_log;
+    egui::Window::new("Log")
+        .open(&mut is_open)
+        .default_size([520.0, 200.0])
+        .show(context, |ui| {
+            ScrollArea::vertical()
+                .auto_shrink(false)
+                .stick_to_bottom(true)
+                .show(ui, |ui| {
+                    for (seconds, text) in &app.log {
+                        ui.label(format!("{seconds:8.1} s  {text}"));
+                    }
+                });
+        });
+    app.shows_log = is_open;
+}
+
 /// What has been said, over the picture.
 pub fn messages(app: &mut App, context: &Context) {
     if let Some(loading) = &app.loading {

@@ -53,6 +53,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let matches = |setting: &&'static Setting| {
         wanted.is_empty()
             || setting.key.contains(&wanted)
+            || title(setting.key.rsplit('.').next().unwrap_or_default())
+                .to_lowercase()
+                .contains(&wanted)
             || setting.doc.to_lowercase().contains(&wanted)
     };
     let mut found = 0;
@@ -105,7 +108,7 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
     let mut new = None;
     ui.horizontal(|ui| {
         let is_changed = value != default;
-        let name = RichText::new(short);
+        let name = RichText::new(title(short));
         let name = if is_changed { name.strong() } else { name };
         ui.label(name).on_hover_ui(|ui| {
             ui.strong(setting.key);
@@ -120,6 +123,14 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         new = widget(app, ui, setting, &value);
         if !setting.unit.is_empty() {
             ui.weak(setting.unit);
+        }
+        if let Some(frame) = &app.frame
+            && value.as_f64() == Some(0.0)
+            && let Some(eye) = ["photon.radius_m", "photon.caustic_radius_m"]
+                .iter()
+                .position(|key| *key == setting.key)
+        {
+            ui.weak(format!("automatic: {:.4}", frame.radii_m[eye]));
         }
         if is_changed
             && ui
@@ -144,6 +155,27 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
     {
         ui.colored_label(Color32::from_rgb(255, 130, 110), why);
     }
+}
+
+/// A setting's name for people: words, without the unit that stands beside the value. Search finds the key as well.
+fn title(short: &str) -> String {
+    let whole = match short {
+        "radius_m" => "gather radius",
+        "caustic_radius_m" => "caustic gather radius",
+        "spp" => "samples per pixel",
+        "svgf" => "SVGF denoiser",
+        "taa" => "temporal anti-aliasing",
+        "nee" => "next event estimation",
+        other => ["_m", "_ms", "_hz", "_rad", "_deg"]
+            .iter()
+            .find_map(|unit| other.strip_suffix(unit))
+            .unwrap_or(other),
+    };
+    let words = whole.replace('_', " ");
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().collect::<String>() + letters.as_str()
+    })
 }
 
 fn words(value: &Value) -> String {
@@ -245,6 +277,14 @@ fn size_words(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_words_without_units() {
+        assert_eq!(title("radius_m"), "Gather radius");
+        assert_eq!(title("grid_cells_max"), "Grid cells max");
+        assert_eq!(title("ipd_m"), "Ipd");
+        assert_eq!(title(""), "");
+    }
 
     #[test]
     fn sizes_are_written_as_flags_take_them() {

@@ -1,7 +1,7 @@
 //! What the last frames cost, and what became of the right eye's pixels.
 
 use egui::{Color32, Grid, Panel, RichText, ScrollArea, Ui};
-use egui_plot::{Corner, HLine, Legend, Line, Plot, PlotPoints};
+use egui_plot::{HLine, Line, Plot, PlotPoints};
 
 use crate::frame_loop::FrameStats;
 use crate::viewer::app::App;
@@ -14,6 +14,9 @@ const PARTS: [(&str, Color32); 4] = [
     ("right eye", Color32::from_rgb(230, 90, 90)),
     ("reconstruction", Color32::from_rgb(120, 200, 120)),
 ];
+
+/// The headset's time for a frame.
+const BUDGET: Color32 = Color32::from_rgb(235, 235, 130);
 
 /// The bottom panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
@@ -64,6 +67,9 @@ fn status(app: &App, ui: &mut Ui) {
         let scene = app.document.scene();
         ui.separator();
         ui.label(format!("{} triangles", scene.triangle_count()));
+        ui.separator();
+        ui.label(format!("walks at {:.2} m/s", app.speed_m_per_s(ui.ctx())))
+            .on_hover_text("[ and ] change it; Shift runs, Alt is slow");
         if let Some(awaited) = app.awaited() {
             ui.separator();
             ui.strong(awaited);
@@ -71,32 +77,51 @@ fn status(app: &App, ui: &mut Ui) {
     });
 }
 
+/// Times of the last frames on a logarithmic scale, so that the budget is seen beside frames of seconds.
 fn plot(app: &App, ui: &mut Ui) {
     let budget_ms = 1e3 / app.headset.refresh_hz;
-    Plot::new("times")
-        .width(330.0)
-        .height(130.0)
-        .legend(
-            Legend::default()
-                .position(Corner::LeftTop)
-                .background_alpha(0.4),
-        )
-        .include_y(0.0)
-        .allow_drag(false)
-        .allow_zoom(false)
-        .allow_scroll(false)
-        .show(ui, |plot| {
-            for (part, (name, color)) in PARTS.into_iter().enumerate() {
-                let points: PlotPoints<'_> = app
-                    .history
-                    .iter()
-                    .enumerate()
-                    .map(|(index, ms)| [index as f64, f64::from(ms[part])])
-                    .collect();
-                plot.line(Line::new(name, points).color(color));
+    ui.vertical(|ui| {
+        ui.horizontal(|ui| {
+            ui.label("ms:");
+            for (name, color) in PARTS {
+                ui.colored_label(color, name);
             }
-            plot.hline(HLine::new("frame budget", budget_ms).color(Color32::GRAY));
+            ui.colored_label(BUDGET, format!("- budget {budget_ms:.1}"));
         });
+        Plot::new("times")
+            .width(400.0)
+            .height(120.0)
+            .include_y(0.0)
+            .include_y(f64::max(4.0, budget_ms.log10()))
+            .allow_drag(false)
+            .allow_zoom(false)
+            .allow_scroll(false)
+            .y_grid_spacer(|_| {
+                (0..6)
+                    .map(|power| egui_plot::GridMark {
+                        value: f64::from(power),
+                        step_size: 1.0,
+                    })
+                    .collect()
+            })
+            .y_axis_formatter(|mark, _| format!("{}", 10_f64.powf(mark.value).round()))
+            .show_x(false)
+            .show_axes([false, true])
+            .show(ui, |plot| {
+                for (part, (name, color)) in PARTS.into_iter().enumerate() {
+                    let points: PlotPoints<'_> = app
+                        .history
+                        .iter()
+                        .enumerate()
+                        // What takes less than a tenth of a millisecond lies on the floor.
+                        .map(|(index, ms)| [index as f64, f64::from(ms[part]).max(0.1).log10()])
+                        .collect();
+                    plot.line(Line::new(name, points).color(color));
+                }
+                let line = HLine::new("budget", budget_ms.log10()).color(BUDGET);
+                plot.hline(line.width(2.0));
+            });
+    });
 }
 
 fn passes(stats: &FrameStats, ui: &mut Ui) {

@@ -1,0 +1,128 @@
+//! What was asked for while a frame is computed, by which its passes are given up.
+
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A frame that ends within this time is let to its end, or a hand that never rests would see none.
+const LET_BE: Duration = Duration::from_millis(150);
+
+/// How pressing it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Asked {
+    /// Nothing.
+    Nothing,
+    /// Another view of the same scene: photons stay of use.
+    View,
+    /// Another scene or other settings: nothing stays of use.
+    Scene,
+    /// To stop, at once.
+    Stop,
+}
+
+/// Shared by who asks and who computes.
+pub struct Pressure {
+    asked: AtomicU8,
+    gave_up: AtomicBool,
+    lost_photons: AtomicBool,
+    /// When the frame began, and when its eyes did, after the photons.
+    began: Mutex<(Instant, Option<Instant>)>,
+}
+
+impl Default for Pressure {
+    fn default() -> Self {
+        Self {
+            asked: AtomicU8::new(Asked::Nothing as u8),
+            gave_up: AtomicBool::new(false),
+            lost_photons: AtomicBool::new(false),
+            began: Mutex::new((Instant::now(), None)),
+        }
+    }
+}
+
+impl Pressure {
+    /// Asks for something.
+    pub fn ask(&self, asked: Asked) {
+        self.asked.fetch_max(asked as u8, Ordering::Relaxed);
+    }
+
+    /// What is asked for is known from here on, and served next.
+    pub fn serve(&self) {
+        self.asked.store(Asked::Nothing as u8, Ordering::Relaxed);
+    }
+
+    /// A frame begins.
+    pub fn begin(&self) {
+        self.gave_up.store(false, Ordering::Relaxed);
+        self.lost_photons.store(false, Ordering::Relaxed);
+        *self.began.lock().unwrap_or_else(PoisonError::into_inner) = (Instant::now(), None);
+    }
+
+    /// Whether a pass of the frame is still wanted. Once one is not, none of the frame is.
+    pub fn admits(&self, pass: &str) -> bool {
+        let is_photons = pass.starts_with("photons.");
+        if !self.gave_up.load(Ordering::Relaxed) {
+            let asked = self.asked.load(Ordering::Relaxed);
+            let is_pressing =
+                asked >= Asked::Scene as u8 || (asked == Asked::View as u8 && !is_photons);
+            let mut began = self.began.lock().unwrap_or_else(PoisonError::into_inner);
+            // Photons may have taken long: what follows is let be as long as without them.
+            let began = if is_photons {
+                began.0
+            } else {
+                *began.1.get_or_insert_with(Instant::now)
+            };
+            let is_late = asked == Asked::Stop as u8 || began.elapsed() > LET_BE;
+            if !(is_pressing && is_late) {
+                return true;
+            }
+            self.gave_up.store(true, Ordering::Relaxed);
+        }
+        if is_photons {
+            self.lost_photons.store(true, Ordering::Relaxed);
+        }
+        false
+    }
+
+    /// Whether the frame was given up, and if so, whether photons were.
+    pub fn gave_up(&self) -> Option<bool> {
+        let gave_up = self.gave_up.load(Ordering::Relaxed);
+        gave_up.then(|| self.lost_photons.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_given_up_whole_and_photons_only_for_another_scene() {
+        let pressure = Pressure::default();
+        pressure.begin();
+        assert!(pressure.admits("left.gather"));
+        // Young frames are let be, but when it is to stop.
+        pressure.ask(Asked::Scene);
+        assert!(pressure.admits("left.gather"));
+        pressure.ask(Asked::Stop);
+        assert!(!pressure.admits("left.gather"));
+        assert_eq!(pressure.gave_up(), Some(false));
+        pressure.serve();
+        assert!(!pressure.admits("right.gather"), "no half frames");
+        pressure.begin();
+        assert!(pressure.admits("right.gather"));
+        assert_eq!(pressure.gave_up(), None);
+        std::thread::sleep(LET_BE + Duration::from_millis(10));
+        pressure.ask(Asked::View);
+        assert!(
+            pressure.admits("photons.trace"),
+            "another view needs them too"
+        );
+        assert!(!pressure.admits("left.primary"));
+        pressure.serve();
+        pressure.begin();
+        pressure.ask(Asked::Stop);
+        assert!(!pressure.admits("photons.trace"));
+        assert_eq!(pressure.gave_up(), Some(true));
+    }
+}
