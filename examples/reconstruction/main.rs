@@ -142,7 +142,7 @@ fn judge(options: &Options, scene: &Scene, views: &[[View; 2]]) -> Outcome<Vec<O
     render.reconstruct.still = true.into();
     render.reconstruct.still_from = 0;
     render.reconstruct.still_until = 1;
-    render.gpu.timestamps = false;
+    render.gpu.timestamps = false.into();
     let settings = Settings {
         render,
         ..Settings::default()

@@ -136,7 +136,7 @@ impl References {
             },
             ..Settings::default()
         };
-        settings.render.gpu.timestamps = false;
+        settings.render.gpu.timestamps = false.into();
         settings
     }
 

@@ -170,7 +170,7 @@ impl<'a> RunReport<'a> {
             version: env!("CARGO_PKG_VERSION"),
             software_adapter: context.adapter.is_software(),
             adapter: context.adapter.clone(),
-            timestamps: context.has_timestamps && settings.render.gpu.timestamps,
+            timestamps: context.has_timestamps && settings.render.gpu.timestamps.is_on(),
             session: session.to_owned(),
             headset: info.headset.clone(),
             refresh_hz: info.refresh_hz,
@@ -240,7 +240,7 @@ impl<'a> RunReport<'a> {
             ),
             false => String::new(),
         };
-        let what = if self.settings.output.images {
+        let what = if self.settings.output.images.is_on() {
             "pictures"
         } else {
             "statistics"

@@ -21,7 +21,8 @@ use crate::renderer::Renderer;
 use crate::scene::{Camera, Needs, Scene};
 use crate::scene_loading::Loaded;
 use crate::settings::{
-    Aov, ExrPrecision, Eyes, FramesInFlight, OutputSettings, RenderSettings, Settings,
+    Aov, ExrPrecision, Eyes, FramesInFlight, OutputSettings, RenderSettings, Reuse, Settings,
+    Timestamps, WriteImages,
 };
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
@@ -63,7 +64,12 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
         None => source(options, &headset, start, hands, &actions)?,
     };
     interrupt::catch();
-    let hurries = is_desktop || options.session.realtime || source.context.is_some();
+    let in_headset = source.context.is_some();
+    decide_output(&mut loaded.settings, in_headset);
+    if in_headset && !options.names_reuse {
+        loaded.settings.render.reuse = Reuse::Lookup;
+    }
+    let hurries = is_desktop || options.session.realtime || in_headset;
     render_session(
         source,
         loaded,
@@ -84,6 +90,21 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
         },
         window,
     )
+}
+
+/// Decides what is written and timed where settings leave it to `auto`: a headset waits for neither.
+fn decide_output(settings: &mut Settings, in_headset: bool) {
+    if settings.output.images == WriteImages::Auto {
+        settings.output.images = (!in_headset).into();
+    }
+    let timestamps = &mut settings.render.gpu.timestamps;
+    if *timestamps == Timestamps::Auto {
+        *timestamps = if in_headset {
+            Timestamps::Stages
+        } else {
+            Timestamps::On
+        };
+    }
 }
 
 /// Where the head starts. The embedded box is seen by its camera through a narrow angle: a headset stands nearer, so that
@@ -122,6 +143,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     }
     let mut loaded = load_scene(&options.settings)?;
     loaded.settings.render.decide_reconstruction(false);
+    decide_output(&mut loaded.settings, false);
     let scene = &loaded.scene;
     let size = options.settings.size.unwrap_or(headset.size);
     let mut announcement = None;
@@ -167,7 +189,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
 /// How many frames are on their way to the device at once. `hurries`: a headset or a clock waits for them.
 fn in_flight(settings: &Settings, hurries: bool) -> usize {
     match settings.gpu.frames_in_flight {
-        FramesInFlight::Auto if hurries && !settings.output.images => 2,
+        FramesInFlight::Auto if hurries && !settings.output.images.is_on() => 2,
         FramesInFlight::Auto | FramesInFlight::One => 1,
         FramesInFlight::Two => 2,
         FramesInFlight::Three => 3,
@@ -480,7 +502,7 @@ fn render_session(
         LoopOptions {
             range: job.range,
             every: job.every,
-            images: settings.output.images,
+            images: settings.output.images.is_on(),
             aovs: &aovs,
             in_flight: in_flight(settings, job.hurries),
         },
@@ -542,7 +564,7 @@ fn warn_of_much_output(
         Some((range, _)) => Some(range.end - range.start),
         None => job.frames,
     };
-    let Some(frames) = frames.filter(|_| output.images) else {
+    let Some(frames) = frames.filter(|_| output.images.is_on()) else {
         return;
     };
     let eyes = if job.eyes == Eyes::Both { 2.0 } else { 1.0 };
@@ -672,6 +694,26 @@ impl LoopProgress for Bar {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_headset_gets_no_files_and_times_of_stages_unless_settings_say_so() {
+        for (in_headset, images, timestamps) in [
+            (true, WriteImages::Off, Timestamps::Stages),
+            (false, WriteImages::On, Timestamps::On),
+        ] {
+            let mut settings = Settings::default();
+            decide_output(&mut settings, in_headset);
+            let render = &settings.render;
+            assert_eq!(settings.output.images, images);
+            assert_eq!(render.gpu.timestamps, timestamps);
+            let mut settings = Settings::default();
+            settings.output.images = true.into();
+            settings.render.gpu.timestamps = false.into();
+            let given = settings.clone();
+            decide_output(&mut settings, in_headset);
+            assert_eq!(settings, given);
+        }
+    }
 
     #[test]
     fn progress_says_what_is_done_and_what_is_left() {

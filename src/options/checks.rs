@@ -58,6 +58,7 @@ impl RunOptions {
         let mut layers = self.shared.layers.read()?;
         self.session.flags.put_on(&mut layers)?;
         self.session.check()?;
+        self.names_reuse = layers.is_set("reuse");
         self.settings = layers.finish()?;
         Ok(())
     }

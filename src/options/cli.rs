@@ -177,6 +177,9 @@ pub struct RunOptions {
     /// The session.
     #[command(flatten)]
     pub session: SessionOptions,
+    /// Whether a layer says how the right eye reuses the left one.
+    #[arg(skip)]
+    pub names_reuse: bool,
 }
 
 /// Options of `run` alone.

@@ -1,7 +1,9 @@
-//! Limits on the work of one thread: llvmpipe silently aborts long loops (`docs/lavapipe.md`).
+//! Limits on the work of one thread: llvmpipe silently aborts long loops (`docs/lavapipe.md`). And on that of a dispatch and
+//! a submission: drivers of graphics cards reset a device that answers nothing for about two seconds.
 
+use crate::frame::SAMPLES_PER_SUBMISSION;
 use crate::gpu::features::ShaderFeatures;
-use crate::settings::RenderSettings;
+use crate::settings::{Method, RenderSettings};
 
 /// Loop iterations that llvmpipe allows a thread in total; it silently aborts loops beyond that.
 const LOOP_TURNS: u32 = 65_535;
@@ -9,6 +11,67 @@ const LOOP_TURNS: u32 = 65_535;
 const ENVIRONMENT_TURNS: u32 = 32;
 /// Most samples of one dispatch of the path tracer, and most photon paths of one thread; more gains almost nothing.
 const MOST_PATHS_PER_THREAD: u32 = 16;
+
+/// Limits on the eyes' work. Images are the same bit for bit whatever they are: they only cut what the device is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WorkLimits {
+    /// Rays of a dispatch, if every path were as long as settings allow; a dispatch of one sample is not cut further.
+    pub dispatch_rays: f64,
+    /// The same of a submission, while no frame was timed.
+    pub submission_rays: f64,
+    /// Device milliseconds of a dispatch and of a submission, by the last frame's times.
+    pub submission_ms: f64,
+}
+
+impl WorkLimits {
+    /// None: nothing resets a software driver, which is faster with long dispatches.
+    pub const NONE: Self = Self {
+        dispatch_rays: f64::INFINITY,
+        submission_rays: f64::INFINITY,
+        submission_ms: f64::INFINITY,
+    };
+
+    /// A card's. 100 M rays take 0.2 s at half a gigaray per second; Windows resets after 2 s.
+    pub const CARD: Self = Self {
+        dispatch_rays: 1e8,
+        submission_rays: 1e8,
+        submission_ms: 200.0,
+    };
+
+    /// Those of an adapter.
+    #[must_use]
+    pub fn of(is_software: bool) -> Self {
+        if is_software { Self::NONE } else { Self::CARD }
+    }
+
+    /// Samples of both eyes that a dispatch and a submission take: of `pixels` per eye, each sample having taken
+    /// `sample_ms`, if that is known.
+    #[must_use]
+    pub fn samples(
+        &self,
+        settings: &RenderSettings,
+        pixels: u64,
+        sample_ms: Option<f64>,
+    ) -> [u32; 2] {
+        let segments = match settings.method {
+            Method::Path => settings.path.max_depth,
+            Method::Photon => 1,
+        };
+        // A segment's own ray and its shadow ray.
+        let eye_rays = 2.0 * f64::from(segments) * pixels as f64;
+        let most = f64::from(SAMPLES_PER_SUBMISSION);
+        let whole = |samples: f64| samples.floor().clamp(1.0, most) as u32;
+        let by_time = |without: f64| match sample_ms {
+            Some(ms) if ms > 0.0 => self.submission_ms / ms,
+            _ => without,
+        };
+        let by_rays = self.dispatch_rays / eye_rays;
+        [
+            whole(by_rays.min(by_time(f64::INFINITY))),
+            whole(by_time(self.submission_rays / (2.0 * eye_rays))),
+        ]
+    }
+}
 
 /// Samples that one dispatch of the path tracer takes. A thread that begins its next path at once does not wait for the
 /// longest path of its SIMD group.
@@ -57,6 +120,46 @@ fn paths_within_turns(per_segment: u32, max_depth: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::settings::PathSettings;
+
+    #[test]
+    fn no_dispatch_of_a_card_takes_too_many_rays_and_no_submission_too_long() {
+        let path = |max_depth| RenderSettings {
+            method: Method::Path,
+            path: PathSettings {
+                max_depth,
+                ..PathSettings::default()
+            },
+            ..RenderSettings::default()
+        };
+        let card = WorkLimits::CARD;
+        for side in [1, 16, 512, 1024, 2048, 4096] {
+            let pixels = side * side;
+            for max_depth in [1, 5, 12, 64, u32::MAX] {
+                let settings = path(max_depth);
+                let rays =
+                    |samples: u32| f64::from(samples) * 2.0 * f64::from(max_depth) * pixels as f64;
+                let [dispatch, submission] = card.samples(&settings, pixels, None);
+                assert!(dispatch == 1 || rays(dispatch) <= 1e8, "{side} {max_depth}");
+                assert!(submission == 1 || 2.0 * rays(submission) <= 1e8);
+                // No fewer than there is room for.
+                assert!(dispatch == SAMPLES_PER_SUBMISSION || rays(dispatch + 1) > 1e8);
+                for sample_ms in [0.01, 3.0, 70.0, 5000.0] {
+                    let [timed, submission] = card.samples(&settings, pixels, Some(sample_ms));
+                    assert!(timed <= dispatch);
+                    assert!(submission == 1 || f64::from(submission) * sample_ms <= 200.0);
+                    assert!(timed == 1 || f64::from(timed) * sample_ms <= 200.0);
+                }
+                let none = WorkLimits::NONE.samples(&settings, pixels, Some(5000.0));
+                assert_eq!(none, [SAMPLES_PER_SUBMISSION; 2]);
+            }
+        }
+        // 512x512, 12 segments: 6.3 M rays a sample of an eye. A photon frame's eyes trace two rays each.
+        assert_eq!(card.samples(&path(12), 512 * 512, None), [15, 7]);
+        let photons = RenderSettings::default();
+        assert_eq!(card.samples(&photons, 2064 * 2208, None), [10, 5]);
+        assert_eq!(WorkLimits::of(false), WorkLimits::CARD);
+        assert_eq!(WorkLimits::of(true), WorkLimits::NONE);
+    }
 
     #[test]
     fn dispatches_stay_within_the_turns_of_a_thread() {

@@ -42,7 +42,7 @@ use crate::frame::{
     FrameRun, FrameSpec, GatherSlices, ImageLayout, MapLayout, Only, PlannedStage, Play,
     SAMPLES_PER_SUBMISSION, plan,
 };
-use crate::gpu::timing::Timer;
+use crate::gpu::timing::{Timed, Timer};
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
     Submission, uniform_buffer,
@@ -55,12 +55,12 @@ use crate::renderer::records::frame::{
 use crate::scene::{Needs, Player, Scene};
 use crate::settings::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
-    Quality, RenderSettings, Reuse, Search,
+    Quality, RenderSettings, Reuse, Search, Timestamps,
 };
 use crate::xr::{HiddenArea, View};
 
 pub use crate::frame::{Eye, MapKind, Stage};
-pub use driver_limits::{photon_paths_per_thread, samples_per_dispatch};
+pub use driver_limits::{WorkLimits, photon_paths_per_thread, samples_per_dispatch};
 pub use editing::{Applied, InPlace};
 pub use features::{
     chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
@@ -135,6 +135,9 @@ pub struct Renderer {
     /// Current reuse mode.
     reuse: Reuse,
     samples_per_dispatch: u32,
+    work_limits: WorkLimits,
+    /// Device milliseconds of a sample of both eyes, in the frame that was retired last.
+    sample_ms: Option<f64>,
     gather_slices: GatherSlices,
     /// The photon map, and the caustic map if the scene has caustics.
     maps: Vec<PhotonMap>,
@@ -200,7 +203,11 @@ impl Renderer {
         let depth = buffers.hierarchy_depth();
         let mut renderer = Self {
             frame_buffer: uniform_buffer(&context, "frame", size_of::<Frame>() as u64),
-            timer: Timer::new(&context).filter(|_| settings.gpu.timestamps),
+            timer: match settings.gpu.timestamps {
+                Timestamps::Off => None,
+                Timestamps::Auto | Timestamps::On => Timer::new(&context, Timed::Passes),
+                Timestamps::Stages => Timer::new(&context, Timed::Stages),
+            },
             settings: settings.clone(),
             eye_choice,
             full_size: size,
@@ -227,6 +234,8 @@ impl Renderer {
             } else {
                 samples_per_dispatch(settings, &features, depth)
             },
+            work_limits: WorkLimits::of(context.adapter.is_software()),
+            sample_ms: None,
             gather_slices: GatherSlices::ONE,
             maps: photon_maps(&context, settings, &features, &buffers)?,
             reconstruction: reconstruct.is_on().then(|| Reconstruction::new(&context)),
@@ -285,6 +294,12 @@ impl Renderer {
     #[must_use]
     pub fn frame_bytes(&self) -> u64 {
         self.frame.buffers.bytes()
+    }
+
+    /// Cuts the eyes' work otherwise than the adapter asks for.
+    #[cfg_attr(not(feature = "internals"), doc(hidden))]
+    pub fn limit_work(&mut self, limits: WorkLimits) {
+        self.work_limits = limits;
     }
 
     /// The plan with other settings of the present passes.
@@ -599,13 +614,23 @@ impl Renderer {
             self.frame.play(&mut recorder, Stage::Begin, &how)?;
         }
         let longest = self.frame.length(Stage::Left) + self.frame.length(right);
+        let [width, height] = self.image.size.map(u64::from);
+        let [dispatch, submission] =
+            self.work_limits
+                .samples(&self.settings, width * height, self.sample_ms);
+        let mut recorded = 0;
         while how.sample < count {
-            if recorder.room() < longest {
+            if recorder.room() < longest || recorded == submission {
                 let full = std::mem::replace(&mut recorder, new_recorder());
                 flight.tickets.push(full.send("frame")?);
+                recorded = 0;
             }
-            let left = (count - how.sample).clamp(1, self.samples_per_dispatch);
+            let most = self.samples_per_dispatch.min(dispatch);
+            let left = (count - how.sample)
+                .min(submission - recorded)
+                .clamp(1, most);
             how.run = 1 << left.ilog2();
+            recorded += how.run;
             self.frame.play(&mut recorder, Stage::Left, &how)?;
             self.frame.play(&mut recorder, right, &how)?;
             how.sample += how.run;

@@ -47,7 +47,7 @@ pub fn context() -> GpuContext {
 pub fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.photon.count = 4096;
-    settings.gpu.timestamps = false;
+    settings.gpu.timestamps = false.into();
     change(&mut settings);
     settings
 }

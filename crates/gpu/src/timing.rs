@@ -79,19 +79,30 @@ impl PassTimes {
     }
 }
 
+/// What a pair of timestamps encloses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Timed {
+    /// A pass.
+    Passes,
+    /// Passes that follow each other and whose labels begin alike, up to the point: `left.stage`.
+    Stages,
+}
+
 /// Query set and buffers for timing; made once and used by every frame.
 pub struct Timer {
+    timed: Timed,
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
 }
 
 impl Timer {
     /// A timer, or `None` if the adapter has no timestamps.
-    pub fn new(context: &GpuContext) -> Option<Self> {
+    pub fn new(context: &GpuContext, timed: Timed) -> Option<Self> {
         context.has_timestamps.then(|| {
             let bytes = u64::from(QUERIES) * 8;
             context.count_made();
             Self {
+                timed,
                 queries: context.device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("pass timestamps"),
                     ty: wgpu::QueryType::Timestamp,
@@ -115,6 +126,8 @@ pub struct FrameRecorder<'a> {
     encoder: wgpu::CommandEncoder,
     timed: Vec<String>,
     dispatched: Vec<String>,
+    /// The stage that is being timed, and its first query.
+    stage: Option<(String, u32)>,
     reads: Vec<Vec<(wgpu::Buffer, u64, u64)>>,
 }
 
@@ -129,6 +142,7 @@ impl<'a> FrameRecorder<'a> {
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
             timed: Vec::new(),
             dispatched: Vec::new(),
+            stage: None,
             reads: Vec::new(),
         }
     }
@@ -140,13 +154,17 @@ impl<'a> FrameRecorder<'a> {
 
     fn begin(&mut self, label: &str) -> wgpu::ComputePass<'_> {
         self.dispatched.push(label.to_owned());
-        let timestamp_writes =
+        let is_of_stage = self.times_stages();
+        let slot = if is_of_stage {
+            self.enter_stage(label)
+        } else {
             self.next_slot(label)
-                .map(|(timer, slot)| wgpu::ComputePassTimestampWrites {
-                    query_set: &timer.queries,
-                    beginning_of_pass_write_index: Some(slot),
-                    end_of_pass_write_index: Some(slot + 1),
-                });
+        };
+        let timestamp_writes = slot.map(|(timer, slot)| wgpu::ComputePassTimestampWrites {
+            query_set: &timer.queries,
+            beginning_of_pass_write_index: Some(slot),
+            end_of_pass_write_index: (!is_of_stage).then_some(slot + 1),
+        });
         self.encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(label),
@@ -219,7 +237,7 @@ impl<'a> FrameRecorder<'a> {
 
     /// Copies a buffer into the texture that holds its copy; timed as `label` where the adapter can time copies.
     pub fn copy_to_texels(&mut self, label: &str, from: &wgpu::Buffer, to: &TexelCopy) {
-        let slot = if self.context.times_copies {
+        let slot = if self.context.times_copies && !self.times_stages() {
             self.next_slot(label)
         } else {
             None
@@ -230,6 +248,37 @@ impl<'a> FrameRecorder<'a> {
         to.record(&mut self.encoder, from, 0..from.size());
         if let Some((timer, slot)) = slot {
             self.encoder.write_timestamp(&timer.queries, slot + 1);
+        }
+    }
+
+    fn times_stages(&self) -> bool {
+        self.timer.is_some_and(|timer| timer.timed == Timed::Stages)
+    }
+
+    /// The queries of the stage that `label` begins; none within one.
+    fn enter_stage(&mut self, label: &str) -> Option<(&'a Timer, u32)> {
+        let stage = label.split_once('.').map_or(label, |(stage, _)| stage);
+        if self.stage.as_ref().is_some_and(|(open, _)| open == stage) {
+            return None;
+        }
+        self.leave_stage();
+        let (timer, slot) = self.next_slot(&format!("{stage}.stage"))?;
+        self.stage = Some((stage.to_owned(), slot));
+        Some((timer, slot))
+    }
+
+    /// Ends the stage by an empty pass, since its last pass was not known to be the last.
+    fn leave_stage(&mut self) {
+        if let (Some((_, slot)), Some(timer)) = (self.stage.take(), self.timer) {
+            self.encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some("end of a stage"),
+                    timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                        query_set: &timer.queries,
+                        beginning_of_pass_write_index: None,
+                        end_of_pass_write_index: Some(slot + 1),
+                    }),
+                });
         }
     }
 
@@ -265,13 +314,15 @@ impl<'a> FrameRecorder<'a> {
     ///
     /// # Errors
     /// [`GpuError::Validation`] or [`GpuError::Lost`], naming `stage` (wgpu's own words name the pass by its label).
-    pub fn send(self, stage: &'static str) -> Result<Ticket, GpuError> {
+    pub fn send(mut self, stage: &'static str) -> Result<Ticket, GpuError> {
+        self.leave_stage();
         let Self {
             context,
             timer,
             mut encoder,
             timed,
             dispatched,
+            stage: _,
             reads,
         } = self;
         let tick_bytes = 16 * timed.len() as u64;

@@ -186,6 +186,28 @@ choices! {
         Off = "off",
     }
 
+    /// Whether images are written (`output.images`).
+    pub enum WriteImages {
+        /// Except in an OpenXR session, which writing would slow down
+        Auto = "auto",
+        /// Always; true says the same
+        On = "on",
+        /// Never; false says the same
+        Off = "off",
+    }
+
+    /// What the device's timestamps enclose (`gpu.timestamps`).
+    pub enum Timestamps {
+        /// Each pass; in an OpenXR session each stage
+        Auto = "auto",
+        /// Each pass; true says the same
+        On = "on",
+        /// Each stage (photons, left eye, right eye, reconstruction): passes may overlap within it
+        Stages = "stages",
+        /// Nothing; false says the same
+        Off = "off",
+    }
+
     /// Surroundings that light a scene (`light`).
     pub enum Light {
         /// A plain studio, if the scene has no light at all
@@ -298,6 +320,34 @@ impl Switch {
 impl From<bool> for Switch {
     fn from(on: bool) -> Self {
         if on { Self::On } else { Self::Off }
+    }
+}
+
+impl From<bool> for WriteImages {
+    fn from(on: bool) -> Self {
+        if on { Self::On } else { Self::Off }
+    }
+}
+
+impl From<bool> for Timestamps {
+    fn from(on: bool) -> Self {
+        if on { Self::On } else { Self::Off }
+    }
+}
+
+impl WriteImages {
+    /// Whether images are written; the commands decide what [`WriteImages::Auto`] is, files being the rule.
+    #[must_use]
+    pub fn is_on(self) -> bool {
+        self != Self::Off
+    }
+}
+
+impl Timestamps {
+    /// Whether anything is timed.
+    #[must_use]
+    pub fn is_on(self) -> bool {
+        self != Self::Off
     }
 }
 

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::choices::{
     Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight, ImageFormat,
     Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
-    Space, Switch, Technique, Tone, Turn,
+    Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -385,7 +385,7 @@ settings! {
     struct OutputSettings at (output) "output." {
         rows IMAGES {
             /// write images; stats.jsonl and run.json are always written
-            images: bool = true;
+            images: WriteImages = WriteImages::Auto;
             /// samples of EXR files: 32-bit or 16-bit floats
             exr: ExrPrecision = ExrPrecision::F32;
             /// EXR files per eye, or one per frame with both eyes as views
@@ -436,8 +436,8 @@ settings! {
     /// What is timed (of `gpu.*`).
     struct TimingSettings at (render gpu) "gpu." {
         rows TIMING {
-            /// time each pass with GPU timestamp queries
-            timestamps: bool = true;
+            /// what is timed with GPU timestamp queries
+            timestamps: Timestamps = Timestamps::Auto;
         }
     }
 

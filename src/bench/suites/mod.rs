@@ -93,7 +93,7 @@ fn base(options: &BenchOptions) -> SuiteBase {
     // Frames are to be independent renders, and to be timed.
     let render = &mut settings.render;
     render.photon.every_frame = true;
-    render.gpu.timestamps = true;
+    render.gpu.timestamps = true.into();
     render.spp = 1;
     if extent == Extent::Smoke && render.photon.count == RenderSettings::default().photon.count {
         render.photon.count = SMOKE_PHOTONS;

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use glam::{DAffine3, DVec3};
 use stereolux::renderer::frames_in_flight::MOST;
-use stereolux::renderer::{Eye, FrameResult, InstanceId, PhotonStats, Renderer, StereoStats};
+use stereolux::renderer::{
+    Eye, FrameResult, InstanceId, PhotonStats, Renderer, StereoStats, WorkLimits,
+};
 use stereolux::scene::Scene;
 use stereolux::settings::{Method, Quality, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
@@ -192,5 +194,86 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
             waits[1..].iter().all(|waits| *waits == 0),
             "{name}: {waits:?}"
         );
+    }
+}
+
+/// Drivers reset a device that answers nothing for long: cards get the eyes' samples in pieces, by the number of rays and by
+/// the last frame's times.
+#[test]
+fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
+    const SAMPLES: usize = 16;
+    let scene = builtin("cornell");
+    for (method, reuse) in [
+        (Method::Path, Reuse::Off),
+        (Method::Path, Reuse::Lookup),
+        (Method::Photon, Reuse::Scatter),
+    ] {
+        let settings = settings(|s| {
+            s.method = method;
+            s.reuse = reuse;
+            s.spp = SAMPLES as u32;
+            s.gpu.timestamps = true.into();
+            s.output.chrome_trace = true;
+        });
+        // Dispatches of the left eye's longest pass and submissions of the eyes, of two frames; the last one's images.
+        let run = |limits| {
+            let mut renderer = renderer(&scene, &settings, [24, 16]);
+            renderer.limit_work(limits);
+            let mut cuts = Vec::new();
+            for frame in 0..2 {
+                let views = views(&scene, frame);
+                let result = renderer.render_frame(&views, frame, |_| {}).unwrap();
+                let is_path = |name: &&String| *name == "left.path_trace";
+                let dispatches = result.times.dispatched.iter().filter(is_path).count();
+                let submissions = result.times.submissions.unwrap();
+                let of_eyes = submissions.iter().filter(|s| s.host.stage == "frame");
+                cuts.push([dispatches, of_eyes.count()]);
+            }
+            let images = [Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye));
+            (cuts, images)
+        };
+        let (whole, expected) = run(WorkLimits::NONE);
+        let runs = method == Method::Path && reuse == Reuse::Off;
+        let dispatches = |each: usize| match method {
+            Method::Path => each,
+            Method::Photon => 0,
+        };
+        assert!(whole.iter().all(|[_, submissions]| *submissions == 1));
+        if runs {
+            assert!(whole[0][0] < SAMPLES / 2, "{whole:?}");
+        }
+        // One sample per dispatch, all in one submission.
+        let none = WorkLimits::NONE;
+        let short = WorkLimits {
+            dispatch_rays: 1.0,
+            ..none
+        };
+        let (cuts, images) = run(short);
+        assert_eq!(cuts, [[dispatches(SAMPLES), 1]; 2], "{method:?}");
+        assert!(images == expected, "{method:?} {reuse:?}");
+        // The first frame in submissions of one sample; the second was timed, and is not cut.
+        let split = WorkLimits {
+            submission_rays: 1.0,
+            ..none
+        };
+        let (cuts, images) = run(split);
+        assert_eq!(
+            cuts,
+            [[dispatches(SAMPLES), SAMPLES], whole[1]],
+            "{method:?}"
+        );
+        assert!(images == expected, "{method:?} {reuse:?}");
+        // The other way round: no frame takes no time.
+        let slow = WorkLimits {
+            submission_ms: 0.0,
+            ..none
+        };
+        let (cuts, images) = run(slow);
+        assert_eq!(
+            cuts,
+            [whole[0], [dispatches(SAMPLES), SAMPLES]],
+            "{method:?}"
+        );
+        assert!(images == expected, "{method:?} {reuse:?}");
     }
 }

@@ -245,7 +245,8 @@ fn faults_in_a_file_name_line_key_value_and_remedy() {
             "seed",
         ),
         ("size = [64]\n", 1, "[width, height]"),
-        ("gpu.timestamps = 1\n", 1, "true or false"),
+        ("gpu.timestamps = 1\n", 1, "must be auto, on, stages or off"),
+        ("photon.every_frame = 1\n", 1, "true or false"),
     ] {
         let message = from_toml(text).expect_err(text);
         assert!(

@@ -246,6 +246,60 @@ fn recorded(
     (output, counted, held)
 }
 
+/// A headset waits for no files and for no timestamps of single passes, and the right eye reuses by the best mode.
+#[test]
+fn a_headset_gets_defaults_of_its_own_and_settings_win() {
+    let folder = Folder::new("openxr-defaults");
+    let run = |name: &str, more: &[&str]| {
+        let out = folder.join(name);
+        let mut args = vec![
+            "run",
+            "--session",
+            "openxr",
+            "--frames",
+            "2",
+            "--size",
+            "16x16",
+        ];
+        args.extend(["--photons", "10", "--out", text(&out)]);
+        args.extend(more);
+        let output = on_fake(&folder, "none", &[], &args);
+        assert_status(&output, 0);
+        let run = std::fs::read_to_string(out.join("run.json")).unwrap();
+        let run: serde_json::Value = serde_json::from_str(&run).unwrap();
+        let passes = stats(&out)[1]["pass_ms"].as_object().unwrap().clone();
+        let said = stderr(&output);
+        let images = out.join("frame_0000.png").exists();
+        (run["settings"].clone(), passes, images, said)
+    };
+    let (settings, passes, images, said) = run("defaults", &[]);
+    assert_eq!(settings["output"]["images"], "off");
+    assert_eq!(settings["reuse"], "lookup");
+    assert_eq!(settings["gpu"]["timestamps"], "stages");
+    let stages: Vec<&str> = passes.keys().map(String::as_str).collect();
+    assert!(
+        stages.contains(&"left.stage") && stages.contains(&"right.stage"),
+        "{stages:?}"
+    );
+    assert!(
+        stages.iter().all(|name| name.ends_with(".stage")),
+        "{stages:?}"
+    );
+    assert!(passes["left.stage"].as_f64().unwrap() > 0.0);
+    assert!(!images && said.contains("; statistics in "), "{said}");
+    let given = [
+        "--reuse=scatter",
+        "--set=output.images=true",
+        "--set=gpu.timestamps=true",
+    ];
+    let (settings, passes, images, said) = run("given", &given);
+    assert_eq!(settings["output"]["images"], "on");
+    assert_eq!(settings["reuse"], "scatter");
+    assert_eq!(settings["gpu"]["timestamps"], "on");
+    assert!(passes.contains_key("left.first_hits"), "{passes:?}");
+    assert!(images && said.contains("; pictures in "), "{said}");
+}
+
 #[test]
 fn a_session_that_is_lost_ends_the_run_with_all_frames_kept() {
     let folder = Folder::new("openxr-lost");

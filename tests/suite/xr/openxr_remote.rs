@@ -8,8 +8,8 @@ use stereolux::xr::trace::Trace;
 use stereolux::xr::{Button, Pose, Side};
 
 use super::openxr_support::{
-    Remote, RemoteEye, assert_same_images, assert_status, drive, remote_port, stats,
-    stereolux_on_monado,
+    FILES_AS_IN_A_REPLAY, Remote, RemoteEye, assert_same_images, assert_status, drive, remote_port,
+    stats, stereolux_on_monado,
 };
 use crate::suite::support::{Folder, builtin, start_pose};
 
@@ -75,6 +75,7 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
             trace_path.to_str().unwrap(),
         ]);
         args.extend(common);
+        args.extend(FILES_AS_IN_A_REPLAY);
         assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
 
         // Monado keeps LOCAL 1.6 m over the floor, and STAGE starts as high under the scene's start: both alike.
@@ -139,6 +140,7 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
         let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
         args.extend(["--out", replayed.to_str().unwrap()]);
         args.extend(common);
+        args.extend(FILES_AS_IN_A_REPLAY);
         assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
         assert_eq!(assert_same_images(&live, &replayed), 10);
     }
@@ -185,6 +187,7 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     // Slow enough to stay in front of the box.
     args.extend(["--set", "openxr.move_m_per_s=0.2"]);
     args.extend(common);
+    args.extend(FILES_AS_IN_A_REPLAY);
     assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
 
     let trace = Trace::read(&trace_path).unwrap();
@@ -234,6 +237,7 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
     args.extend(["--out", replayed.to_str().unwrap()]);
     args.extend(common);
+    args.extend(FILES_AS_IN_A_REPLAY);
     assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
     assert!(assert_same_images(&live, &replayed) >= 18);
 }

@@ -7,8 +7,8 @@ use serde_json::Value;
 use stereolux::xr::trace::Trace;
 
 use super::openxr_support::{
-    PROGRAM, SERVICE_CRASHED, assert_same_images, assert_status, frames_so_far, monado,
-    output_on_monado, stats, stderr, stereolux_on_monado, wait_until,
+    FILES_AS_IN_A_REPLAY, PROGRAM, SERVICE_CRASHED, assert_same_images, assert_status,
+    frames_so_far, monado, output_on_monado, stats, stderr, stereolux_on_monado, wait_until,
 };
 use crate::suite::support::{Folder, stereolux};
 
@@ -73,6 +73,7 @@ fn a_hundred_frames_are_shown_recorded_replayed_and_valid() {
         trace.to_str().unwrap(),
     ]);
     args.extend(common);
+    args.extend(FILES_AS_IN_A_REPLAY);
     let text = validated(&args);
     for state in [
         "ready",
@@ -116,6 +117,7 @@ fn a_hundred_frames_are_shown_recorded_replayed_and_valid() {
     let mut args = vec!["run", "--trace", trace.to_str().unwrap()];
     args.extend(["--out", replayed.to_str().unwrap()]);
     args.extend(common);
+    args.extend(FILES_AS_IN_A_REPLAY);
     assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
     assert_eq!(assert_same_images(&live, &replayed), 8);
     // The comparison can fail: the head moves, so frame 0 is not frame 99.

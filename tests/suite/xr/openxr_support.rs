@@ -212,3 +212,6 @@ pub fn drive(
     });
     sent
 }
+
+/// What a headset session leaves to its own defaults, as a replay of it must have it.
+pub const FILES_AS_IN_A_REPLAY: [&str; 4] = ["--reuse", "scatter", "--set", "output.images=true"];
