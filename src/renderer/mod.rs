@@ -85,6 +85,8 @@ pub use frames_in_flight::Flight;
 
 use frame_spec::{adapter_limits, frame_features, photon_maps};
 
+/// Frames at rest after which the map stays as it is: by then the mean over frames is.
+const MOST_FRAMES_AT_REST: u32 = 65_536;
 /// Stride of photon keys between frames; progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
@@ -121,8 +123,10 @@ pub struct Renderer {
     area_m2: f64,
     radius_m: f64,
     caustic_radius_m: f64,
-    /// The current sample; in progressive mode its radii shrink.
-    progressive_sample: u32,
+    /// The pass of the current sample: radii shrink from pass to pass, in progressive mode and at rest.
+    progressive_pass: u32,
+    /// The pass that the photons were traced for.
+    traced_pass: u32,
     refresh: photons_over_time::Refresh,
     /// Frames begun so far: what counts of earlier ones apply to is by this number.
     frames_begun: u64,
@@ -222,7 +226,8 @@ impl Renderer {
             },
             radius_m,
             caustic_radius_m,
-            progressive_sample: 0,
+            progressive_pass: 0,
+            traced_pass: 0,
             refresh: photons_over_time::Refresh::default(),
             frames_begun: 0,
             frames_before: 0,
@@ -487,6 +492,28 @@ impl Renderer {
         !self.maps.is_empty() && self.settings.photon.progressive
     }
 
+    /// Which pass of progressive photon mapping a frame is, so that the mean of frames at rest converges: one per frame that
+    /// saw the same as those before, or per several where their pixels are fewer than the photons' paths, so that frames do not
+    /// take many times as long. 0, and with it the whole radius, once anything moves.
+    fn pass_at_rest(&self, views: &[View; 2]) -> u32 {
+        let settings = &self.settings;
+        let refines = settings.photon.refine_at_rest && settings.reconstruct.still.is_on();
+        let Some(known) = self.reconstruction.as_ref().filter(|_| refines) else {
+            return 0;
+        };
+        if self.edit_base.outdates_photons || self.scene.scene_moved() {
+            return 0;
+        }
+        let eyes = if self.has_both_eyes() { 2 } else { 1 };
+        let pixels = eyes * self.image.pixels();
+        let paths = self.maps.iter().map(|map| map.layout.config.paths);
+        let paths: u64 = paths.map(u64::from).sum();
+        let frame = self.frame_uniform(views, 0, 0, None);
+        let alike = known.frames_alike(&frame, self.origin_in_world);
+        let frames = paths.div_ceil(pixels.max(1)).max(1);
+        (u64::from(alike.min(MOST_FRAMES_AT_REST)) / frames) as u32
+    }
+
     /// Traces what photons are due for a sample.
     fn trace_for_sample(
         &mut self,
@@ -495,7 +522,11 @@ impl Renderer {
         sample: u32,
         flight: &mut Flight,
     ) -> Result<(), RenderError> {
-        self.progressive_sample = sample;
+        self.progressive_pass = if self.is_progressive() {
+            sample
+        } else {
+            self.pass_at_rest(views)
+        };
         let photon_key = frame_index
             .wrapping_mul(PHOTON_KEY_STRIDE)
             .wrapping_add(sample);
@@ -602,6 +633,7 @@ impl Renderer {
                 self.origin_in_world,
                 &self.settings,
                 self.scene.scene_moved() | self.scene.take_repainted_image(),
+                self.scene.total_power_w(),
             );
         }
         let new_recorder = || FrameRecorder::new(&self.context, self.timer.as_ref(), "frame");
@@ -702,7 +734,7 @@ impl Renderer {
         };
         let radius_now_m = |first_radius_m| {
             let alpha = settings.photon.progressive_alpha;
-            progressive_radius_m(first_radius_m, alpha, self.progressive_sample) as f32
+            progressive_radius_m(first_radius_m, alpha, self.progressive_pass) as f32
         };
         let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
         Frame {

@@ -4,6 +4,9 @@
 //! all at once they cost most of a frame; with `photon.shares` = K each frame traces one share of them, in turn, until
 //! every share has seen the scene as it stands. Light lags behind by K frames at most, and as only a K-th of the photons
 //! changes between two frames, so does their noise.
+//!
+//! At rest (`photon.refine_at_rest`) new maps of smaller radii are traced, one per frame or every few, and the mean of still
+//! frames converges. The first frame in which anything moves traces one of the whole radius, which then stays.
 
 use glam::DVec3;
 
@@ -53,6 +56,8 @@ impl Renderer {
         flight: &mut Flight,
     ) -> Result<(), RenderError> {
         self.grow_maps()?;
+        // Counts within a smaller radius say nothing of the whole one.
+        let anew = anew || self.traced_pass > self.progressive_pass;
         let waits = anew || self.maps.iter().any(|map| map.traced_at().is_none());
         if let Some((due, origin)) = self.photons_due(anew) {
             // The map that is about to be traced, not the one before it.
@@ -62,6 +67,7 @@ impl Renderer {
                 flight.result.photons.retraced += self.trace_map(index, due, waits, flight)?;
                 self.maps[index].note_trace(flight.serial, origin, photon_key);
             }
+            self.traced_pass = self.progressive_pass;
         }
         flight.result.photons.traced = flight.result.photons.retraced > 0;
         flight.result.photons.outdated_shares = self.refresh.outdated;
@@ -138,7 +144,8 @@ impl Renderer {
             .and_then(|origins| origins.first().copied())
             .filter(|origin| origin.distance(self.origin_in_world) <= reach_m);
         let missing = self.maps.iter().any(|map| map.traced_at().is_none());
-        if anew || missing || (moved && (shares == 1 || kept.is_none())) {
+        let refines = self.progressive_pass > self.traced_pass;
+        if anew || missing || refines || (moved && (shares == 1 || kept.is_none())) {
             self.refresh.outdated = 0;
             return Some((Due::All, self.origin_in_world));
         }

@@ -29,6 +29,20 @@ pub(super) fn pixel_offset(frame_index: u32) -> [f32; 2] {
     })
 }
 
+/// Frames in which history is compared with new light after lights came or went: noise may hide it in the first of them.
+/// Photons that are retraced in shares see it later.
+const WATCHED_FRAMES: u32 = 4;
+/// Share of the lights' power that a switched light changes. Moving ones change it by rounding.
+const SWITCHED_SHARE: f64 = 1e-3;
+
+/// Whether lights of such powers (W) differ by more than rounding.
+fn differ(before_w: [f64; 3], after_w: [f64; 3]) -> bool {
+    let pairs = before_w.into_iter().zip(after_w);
+    pairs
+        .into_iter()
+        .any(|(before, after)| (before - after).abs() > SWITCHED_SHARE * before.max(after))
+}
+
 /// Share of the mean of `frames` still frames in the picture. Where nothing else averages over frames, all of it.
 fn still_share(settings: &ReconstructSettings, frames: u32) -> f32 {
     if !settings.still.is_on() {
@@ -48,6 +62,9 @@ pub struct Reconstruction {
     parity: usize,
     before: Option<Before>,
     still_frames: u32,
+    power_w: Option<[f64; 3]>,
+    /// Frames for which history is still compared with what is new, this one included.
+    switched_frames_left: u32,
 }
 
 /// What is remembered of the frame before.
@@ -58,6 +75,16 @@ struct Before {
     origin_in_world: DVec3,
 }
 
+impl Before {
+    fn of(frame: &Frame, origin_in_world: DVec3) -> Self {
+        Self {
+            left: frame.left,
+            right: frame.right,
+            origin_in_world,
+        }
+    }
+}
+
 impl Reconstruction {
     pub(super) fn new(context: &GpuContext) -> Self {
         Self {
@@ -65,12 +92,22 @@ impl Reconstruction {
             parity: 0,
             before: None,
             still_frames: 0,
+            power_w: None,
+            switched_frames_left: 0,
         }
     }
 
     /// Frames, this one included, since anything moved.
     pub fn still_frames(&self) -> u32 {
         self.still_frames
+    }
+
+    /// Frames until the last that had these eyes, without a move between them.
+    pub(super) fn frames_alike(&self, frame: &Frame, origin_in_world: DVec3) -> u32 {
+        match self.before == Some(Before::of(frame, origin_in_world)) {
+            true => self.still_frames,
+            false => 0,
+        }
     }
 
     /// Which of two buffers the last frame wrote, where two take turns.
@@ -85,8 +122,7 @@ impl Reconstruction {
     }
 
     /// Says what the frame that is about to be reconstructed has to do with the one before. `frame` has the eyes without the
-    /// frame's offset. `moved`: something in the
-    /// scene has moved or changed since then.
+    /// frame's offset. `moved`: something in the scene has moved or changed since then. `power_w`: all that its lights emit.
     pub(super) fn begin_frame(
         &mut self,
         context: &GpuContext,
@@ -94,18 +130,22 @@ impl Reconstruction {
         origin_in_world: DVec3,
         settings: &RenderSettings,
         moved: bool,
+        power_w: [f64; 3],
     ) {
         self.parity = 1 - self.parity;
-        let now = Before {
-            left: frame.left,
-            right: frame.right,
-            origin_in_world,
-        };
+        let now = Before::of(frame, origin_in_world);
         let before = self.before.unwrap_or(now);
         self.still_frames = if self.before == Some(now) && !moved {
             self.still_frames.saturating_add(1)
         } else {
             1
+        };
+        let watched = WATCHED_FRAMES + settings.photon.shares - 1;
+        let known = self.power_w.replace(power_w);
+        self.switched_frames_left = if known.is_some_and(|known| differ(known, power_w)) {
+            watched
+        } else {
+            self.switched_frames_left.saturating_sub(1)
         };
         let own = &settings.reconstruct;
         let uniform = Uniform {
@@ -125,7 +165,12 @@ impl Reconstruction {
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
             firefly_frames: own.firefly_frames as f32,
-            padding: [0; 4],
+            light_switched: if self.switched_frames_left > 0 {
+                1.0
+            } else {
+                0.0
+            },
+            padding: [0; 3],
         };
         context
             .queue

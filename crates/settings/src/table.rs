@@ -265,6 +265,8 @@ settings! {
             shares: u32 = 1, whole(1, 64);
             /// progressive photon mapping: a new map and a smaller radius per sample, converging to the path tracer
             progressive: bool = false;
+            /// with reconstruct.still: new maps with smaller radii while nothing moves, one per frame of as many pixels as paths
+            refine_at_rest: bool = true;
             /// share of new photons kept per progressive step (alpha)
             progressive_alpha: f64 = 0.7, between(0.0, 1.0);
             /// least cosine between a photon's surface normal and the gather point's for it to count

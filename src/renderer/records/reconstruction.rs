@@ -40,6 +40,8 @@ pub struct Reconstruction {
     pub taa_clip: f32,
     /// Frames of history up to which light is limited to its brightest neighbour's.
     pub firefly_frames: f32,
+    /// 1 while lights have come or gone a few frames ago.
+    pub light_switched: f32,
     /// Unused.
-    pub padding: [u32; 4],
+    pub padding: [u32; 3],
 }

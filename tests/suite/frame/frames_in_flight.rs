@@ -20,10 +20,10 @@ const FRAMES: u32 = 60;
 /// The frame from which the room is closed, so that photons stay in it.
 const CLOSED: u32 = 4;
 
-/// A head that sways.
+/// A head that sways, but for the frames from 20 to 30.
 fn views(scene: &Scene, frame: u32) -> [View; 2] {
     let start = start_pose(scene);
-    let time = f64::from(frame);
+    let time = f64::from(if (20..30).contains(&frame) { 20 } else { frame });
     let sway = DVec3::new(0.01 * (0.7 * time).sin(), 0.004 * (1.1 * time).cos(), 0.0);
     let head = Pose::new(start.position + sway, start.orientation);
     parallel_views(head, 0.063, square_fov(21.0))
@@ -119,6 +119,33 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn a_head_that_rests_sees_the_same_whatever_is_in_flight() {
+    let scene = builtin("cornell");
+    let mut settings = moving(1);
+    // As many as both eyes have pixels: a map per frame.
+    settings.photon.count = 512;
+    let reconstruct = &mut settings.reconstruct;
+    for step in [
+        &mut reconstruct.svgf,
+        &mut reconstruct.taa,
+        &mut reconstruct.still,
+    ] {
+        *step = true.into();
+    }
+    reconstruct.still_from = 0;
+    let one = run(&scene, &settings, 1, |_, _| {});
+    for (frame, (_, photons, _)) in one.iter().enumerate() {
+        // The first frame's, those at rest, and once more as it ends.
+        let traces = frame == 0 || (21..=30).contains(&frame);
+        assert_eq!(photons.traced, traces, "frame {frame}");
+    }
+    for most in [1, 3] {
+        let again = run(&scene, &settings, most, |_, _| {});
+        assert!(one == again, "{most} in flight");
     }
 }
 

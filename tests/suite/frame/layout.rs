@@ -109,6 +109,7 @@ fn host() -> BTreeMap<String, Layout> {
             taa_alpha,
             taa_clip,
             firefly_frames,
+            light_switched,
             padding,
         }),
         host_layout!(stereo::StereoCounters {

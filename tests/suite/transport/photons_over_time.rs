@@ -127,3 +127,51 @@ fn shares_and_whole_maps_give_the_same_light_wherever_the_head_goes() {
     // Negative control: a share that is counted twice, or lost, changes the light by a quarter.
     assert!(z(1.25).abs() > 4.0, "z {}", z(1.25));
 }
+
+#[test]
+fn at_rest_photons_are_traced_anew_until_something_moves() {
+    const RESTING_PATHS: u32 = 1024;
+    let scene = builtin("cornell");
+    let made = |refines: bool| {
+        let mut settings = settings(|s| s.photon.shares = 1);
+        settings.photon.refine_at_rest = refines;
+        // Two frames' pixels.
+        settings.photon.count = RESTING_PATHS;
+        settings.reconstruct.still = true.into();
+        settings.reconstruct.still_from = 0;
+        settings.reconstruct.still_until = 1;
+        renderer(&scene, &settings, [16, 16])
+    };
+    let [here, there] = [0.0, 0.01].map(|x| views_from(DVec3::X * x));
+    let (mut refined, mut kept) = (made(true), made(false));
+    for frame in 0..5 {
+        let due = if frame % 2 == 0 { RESTING_PATHS } else { 0 };
+        let traced = step(&mut refined, &here, frame).photons.retraced;
+        assert_eq!(traced, due, "frame {frame}");
+        let traced = step(&mut kept, &here, frame).photons.retraced;
+        assert_eq!(
+            traced,
+            if frame == 0 { RESTING_PATHS } else { 0 },
+            "frame {frame}"
+        );
+    }
+    // A head that moves has a map of the whole radius, which stays: bit for bit what begins with that frame.
+    let mut anew = made(true);
+    let elsewhere = views_from(DVec3::X * 0.02);
+    for (frame, views, paths) in [
+        (5, &there, RESTING_PATHS),
+        (6, &elsewhere, 0),
+        (7, &there, 0),
+    ] {
+        let traced = [&mut refined, &mut anew].map(|r| step(r, views, frame).photons.retraced);
+        assert_eq!(traced, [paths; 2], "frame {frame}");
+        let shown = [&refined, &anew].map(|r| radiance(r, Eye::Left));
+        assert!(shown[0] == shown[1], "frame {frame}");
+    }
+    // So does a scene that moves, and rests again.
+    nudge(&mut refined, 0.05);
+    for frame in 8..11 {
+        let due = if frame % 2 == 0 { RESTING_PATHS } else { 0 };
+        assert_eq!(step(&mut refined, &there, frame).photons.retraced, due);
+    }
+}

@@ -1,17 +1,26 @@
 //! Progressive photon mapping against paths, in a diffuse box and under a glass ball: its error keeps falling with the
 //! number of passes.
 
-use stereolux::renderer::Eye;
+use stereolux::renderer::{Eye, automatic_radius_m};
 use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 
 use crate::suite::support::{
-    assert_clean, builtin, frame, parallel_views, radiance, renderer, settings, square_fov,
+    assert_clean, builtin, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,
 };
 
 const SIZE: u32 = 12;
 
 fn image(name: &str, half_degrees: f64, change: impl FnOnce(&mut RenderSettings)) -> Vec<[f32; 3]> {
+    image_of_size(SIZE, name, half_degrees, change)
+}
+
+fn image_of_size(
+    size: u32,
+    name: &str,
+    half_degrees: f64,
+    change: impl FnOnce(&mut RenderSettings),
+) -> Vec<[f32; 3]> {
     let scene = builtin(name);
     let settings = settings(|s| {
         s.reuse = Reuse::Off;
@@ -19,7 +28,7 @@ fn image(name: &str, half_degrees: f64, change: impl FnOnce(&mut RenderSettings)
         s.photon.max_depth = 6;
         change(s);
     });
-    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    let mut renderer = renderer(&scene, &settings, [size, size]);
     let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
     frame(&mut renderer, &views);
     let left = radiance(&renderer, Eye::Left);
@@ -80,5 +89,61 @@ fn progressive_photons_converge_to_paths_with_and_without_glass() {
         let bright: Vec<[f32; 3]> = a.iter().map(|p| p.map(|c| 2.0 * c)).collect();
         let wrong = rel_mse(&bright, &a, &b);
         assert!(wrong > errors[1], "{name}: {wrong}");
+    }
+}
+
+#[test]
+fn a_still_head_converges_as_paths_do() {
+    const FRAMES: u32 = 64;
+    const WIDE: u32 = 32;
+    for (name, half_degrees) in [("cornell", 19.65), ("gallery", 45.0)] {
+        let paths = |seed, spp| {
+            image_of_size(WIDE, name, half_degrees, |s| {
+                s.method = Method::Path;
+                s.spp = spp;
+                s.seed = seed;
+            })
+        };
+        let (a, b) = (paths(101, 512), paths(102, 512));
+        let at_rest = |refines: bool| {
+            let scene = builtin(name);
+            let settings = settings(|s| {
+                s.reuse = Reuse::Off;
+                s.path.max_depth = 6;
+                s.photon.max_depth = 6;
+                // A map per frame: as many paths as both eyes have pixels.
+                s.photon.count = 2 * WIDE * WIDE;
+                s.photon.radius_m = automatic_radius_m(&scene, 65_536);
+                s.photon.refine_at_rest = refines;
+                s.reconstruct.svgf = true.into();
+                s.reconstruct.taa = true.into();
+                s.reconstruct.still = true.into();
+            });
+            let mut renderer = renderer(&scene, &settings, [WIDE, WIDE]);
+            let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
+            for frame in 0..FRAMES {
+                renderer.render_frame(&views, frame, |_| {}).unwrap();
+            }
+            radiance(&renderer, Eye::Left)
+        };
+        let noise = rel_mse(&paths(7, FRAMES), &a, &b);
+        let judged = [true, false].map(|refines| {
+            let shown = at_rest(refines);
+            let bias = 2.0 * mean(&shown) / (mean(&a) + mean(&b)) - 1.0;
+            (rel_mse(&shown, &a, &b), bias)
+        });
+        eprintln!("{name}: paths {noise:.5}; relMSE, bias with and without refining: {judged:.5?}");
+        let [(error, bias), (kept, kept_bias)] = judged;
+        // At most 1.3 times the noise of as many paths per pixel, in light; squares here.
+        assert!(error < 1.3 * 1.3 * noise, "{name}: {error} of {noise}");
+        // Negative control: the first map's error stays.
+        assert!(kept > 1.5 * error, "{name}: {kept} without refining");
+        // What discs that reach over edges lack grows with the radius, which falls as i^-0.15 (alpha 0.7): its mean over 64 passes
+        // is 0.63 of the first.
+        let most = 0.75 * kept_bias.abs();
+        assert!(
+            bias.abs() < most,
+            "{name}: {bias}, {kept_bias} without refining"
+        );
     }
 }
