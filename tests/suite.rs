@@ -56,6 +56,10 @@ mod suite {
     #[path = "../../crates/base/tests/shared/folders.rs"]
     pub mod folders;
 
+    /// From the tests of shaders without a renderer.
+    #[path = "../../crates/gpu/tests/shared/adapter.rs"]
+    pub mod adapter;
+
     pub mod bvh;
     pub mod frame;
     pub mod measure;

@@ -10,8 +10,8 @@ use stereolux::settings::{Eyes, Method, RenderSettings};
 use stereolux::xr::View;
 
 use super::Outcome;
-use super::bvh_probe::{Random, TraceProbe};
 use super::moving_support::wrong_hits;
+use super::trace_probe::{Random, TraceProbe};
 
 /// Times of a clip at which rays are traced, off the keys.
 const TIMES: u32 = 20;

@@ -8,9 +8,6 @@
 //! beside ones built anew.
 
 // The probe of the test suite, and the comparator of the hierarchies' tests.
-#[allow(dead_code, clippy::unwrap_used)]
-#[path = "../../tests/suite/bvh/bvh_probe.rs"]
-mod bvh_probe;
 #[allow(dead_code)]
 #[path = "../../crates/bvh/tests/shared/reference.rs"]
 mod bvh_reference;
@@ -21,6 +18,9 @@ mod hits;
 #[allow(dead_code, clippy::unwrap_used)]
 #[path = "../../tests/suite/bvh/moving_support.rs"]
 mod moving_support;
+#[allow(dead_code, clippy::unwrap_used)]
+#[path = "../../crates/gpu/tests/shared/trace_probe.rs"]
+mod trace_probe;
 
 use std::process::ExitCode;
 use std::time::Instant;

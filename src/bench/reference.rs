@@ -293,9 +293,15 @@ fn read(path: &Path, key: &str, size: [u32; 2]) -> Option<RenderMoments> {
 }
 
 #[cfg(test)]
+#[allow(dead_code)]
+#[path = "../../crates/base/tests/shared/folders.rs"]
+mod folders;
+
+#[cfg(test)]
 mod tests {
     use std::fs;
 
+    use super::folders::Folder;
     use super::*;
 
     fn moments() -> RenderMoments {
@@ -308,16 +314,9 @@ mod tests {
         moments
     }
 
-    fn folder(name: &str) -> PathBuf {
-        let path = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        path
-    }
-
     #[test]
     fn files_come_back_bit_for_bit_and_only_under_their_key() {
-        let folder = folder("reference");
+        let folder = Folder::new("reference");
         let path = folder.join("a.reference");
         write(&path, "key", &moments()).unwrap();
         assert_eq!(read(&path, "key", [4, 3]).unwrap(), moments());
@@ -325,12 +324,11 @@ mod tests {
         assert_eq!(read(&path, "another", [4, 3]), None);
         assert_eq!(read(&path, "key", [3, 4]), None);
         assert_eq!(read(&folder.join("missing"), "key", [4, 3]), None);
-        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
     fn damaged_files_are_refused() {
-        let folder = folder("reference-damaged");
+        let folder = Folder::new("reference-damaged");
         let path = folder.join("a.reference");
         write(&path, "key", &moments()).unwrap();
         let good = fs::read(&path).unwrap();
@@ -341,15 +339,14 @@ mod tests {
             fs::write(&path, bad).unwrap();
             assert_eq!(read(&path, "key", [4, 3]), None);
         }
-        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
     fn keys_tell_everything_apart_that_shows() {
-        let folder = folder("reference-keys");
+        let folder = Folder::new("reference-keys");
         let machine = Machine::default();
         let open = |library: ShaderLibrary, machine: Machine| {
-            References::open(&folder, 64, library, machine)
+            References::open(folder.path(), 64, library, machine)
         };
         let references = open(ShaderLibrary::embedded(), machine.clone());
         let scene = Scene::default();
@@ -415,6 +412,5 @@ mod tests {
             ..machine
         };
         assert_ne!(open(ShaderLibrary::embedded(), driver).key(&spec), key);
-        fs::remove_dir_all(folder).unwrap();
     }
 }

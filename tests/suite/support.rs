@@ -1,47 +1,18 @@
 //! What GPU tests share: one adapter, said aloud; renderers, views and scenes that are moved or scaled; the binary.
 
+use std::path::Path;
 use std::process::{Command, Output};
-use std::sync::OnceLock;
 
 use glam::{DAffine3, DQuat, DVec3};
+use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::gpu::context::{GpuContext, adapters};
 use stereolux::renderer::{Eye, FrameResult, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Pose, View};
 
+pub use super::adapter::{adapter_name, context};
 pub use super::folders::{Folder, TemporaryFile};
-
-/// Name of the adapter that tests run on: a software one, unless `STEREOLUX_TEST_ADAPTER` says otherwise.
-/// Fails where there is none: a test that needs a driver does not pass by skipping.
-pub fn adapter_name() -> &'static str {
-    static NAME: OnceLock<String> = OnceLock::new();
-    NAME.get_or_init(|| {
-        let found = adapters();
-        let wanted = std::env::var("STEREOLUX_TEST_ADAPTER").unwrap_or_default();
-        let chosen = match wanted.as_str() {
-            "" => found.iter().find(|adapter| adapter.is_software()),
-            "any" => found.first(),
-            part => found.iter().find(|adapter| adapter.name.to_lowercase().contains(&part.to_lowercase())),
-        };
-        let Some(chosen) = chosen else {
-            panic!(
-                "no adapter for the tests (wanted {wanted:?}, found {found:?}): install mesa-vulkan-drivers or set \
-                 STEREOLUX_TEST_ADAPTER"
-            );
-        };
-        // Past the harness's capture, so that it is seen.
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "GPU tests run on: {} ({})", chosen.name, chosen.driver_info);
-        chosen.name.clone()
-    })
-}
-
-/// A device of its own.
-pub fn context() -> GpuContext {
-    GpuContext::open(Some(adapter_name())).expect("the adapter opens")
-}
 
 /// Default settings with a small photon map, changed by `change`.
 pub fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
@@ -247,4 +218,35 @@ pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
         command.args(["--adapter", adapter_name()]);
     }
     command.output().expect("the program starts")
+}
+
+/// Runs a command, its words parted by spaces, with `more` arguments behind them, into the folder `out`.
+pub fn run_into(out: &Path, command: &str, more: &[&str]) -> Output {
+    let mut args: Vec<&str> = command.split_whitespace().collect();
+    args.extend(["--out", out.to_str().unwrap()]);
+    args.extend(more);
+    stereolux(&args)
+}
+
+/// Fails with what was printed unless a command succeeded.
+pub fn assert_success(output: &Output) {
+    assert!(output.status.success(), "{output:?}");
+}
+
+/// Standard error as text.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What a file of JSON holds.
+pub fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+/// The lines of `stats.jsonl` in `out`.
+pub fn stats(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
 }

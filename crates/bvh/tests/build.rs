@@ -4,12 +4,11 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use stereolux_bvh::records::NO_EMITTER;
 use stereolux_bvh::{
-    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, MeshTriangle, TOP_STACK,
-    TopLevel,
+    BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
 };
 
 use shared::mesh::Mesh;
-use shared::reference::{Arrays, ExactInstance, Ray, brute_force, trace};
+use shared::reference::{Arrays, ExactInstance, Ray, brute_force, exact_instances, trace};
 use shared::shapes::{self, Random};
 
 /// What the tests of the device use too.
@@ -21,14 +20,10 @@ mod shared {
 }
 
 fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
+    let (positions, triangles) = shapes::unshared(triangles);
     Mesh {
-        positions: triangles.iter().flatten().map(|v| v.to_array()).collect(),
-        triangles: (0..triangles.len() as u32)
-            .map(|i| MeshTriangle {
-                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
-                material: 0,
-            })
-            .collect(),
+        positions,
+        triangles,
     }
 }
 
@@ -57,18 +52,7 @@ impl World {
         meshes.validate().unwrap();
         let top = TopLevel::build(origin, sources, &meshes).unwrap();
         top.validate().unwrap();
-        let exact = sources
-            .iter()
-            .map(|source| {
-                let range = &meshes.meshes[source.mesh as usize];
-                let mut transform = source.world_from_object;
-                transform.translation -= origin;
-                (
-                    transform,
-                    range.first_triangle..range.first_triangle + range.triangle_count,
-                )
-            })
-            .collect();
+        let exact = exact_instances(sources, &meshes, origin);
         Self { meshes, top, exact }
     }
 

@@ -6,7 +6,7 @@ use stereolux_bvh::cast::{Ray, cast_at_all};
 use stereolux_bvh::{InstanceSource, MeshHierarchies, MeshTriangle};
 
 use shared::mesh::Mesh;
-use shared::reference::brute_force;
+use shared::reference::{brute_force, exact_instances};
 use shared::shapes::{self, Random};
 
 /// What the other tests use too.
@@ -30,9 +30,11 @@ impl Mesh {
     }
 
     fn soup(random: &mut Random, count: usize, size: f64) -> Self {
-        let corners = shapes::soup(random, count, size);
-        let triangles = (0..count as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
-        Self::new(corners.into_iter().flatten().collect(), triangles.collect())
+        let (positions, triangles) = shapes::unshared(&shapes::soup(random, count, size));
+        Self {
+            positions,
+            triangles,
+        }
     }
 
     /// From -1 to 1 along each axis, fronts outside.
@@ -151,18 +153,7 @@ fn placed_meshes_are_met_where_they_are() {
                 placed(at, i as u32 % 3)
             })
             .collect();
-        let exact: Vec<_> = sources
-            .iter()
-            .map(|source| {
-                let range = &trees.meshes[source.mesh as usize];
-                let mut at = source.world_from_object;
-                at.translation -= center;
-                (
-                    at,
-                    range.first_triangle..range.first_triangle + range.triangle_count,
-                )
-            })
-            .collect();
+        let exact = exact_instances(&sources, &trees, center);
         let mut met = 0;
         for ray in random_rays(&mut random, 3000, center, 5.0) {
             let from = ray.origin - center;

@@ -126,23 +126,22 @@ impl Journal {
 }
 
 #[cfg(test)]
+#[allow(dead_code)]
+#[path = "../../base/tests/shared/folders.rs"]
+mod folders;
+
+#[cfg(test)]
 mod tests {
+    use super::folders::Folder;
     use super::*;
 
     fn keys(names: &[&str]) -> Vec<String> {
         names.iter().map(|&name| name.to_owned()).collect()
     }
 
-    fn folder(name: &str) -> PathBuf {
-        let path = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        path
-    }
-
     #[test]
     fn a_cut_off_line_costs_that_row_alone() {
-        let folder = folder("journal");
+        let folder = Folder::new("journal");
         let path = folder.join("journal.jsonl");
         let mut journal = Journal::open(&path).unwrap();
         assert!(journal.is_empty());
@@ -166,12 +165,11 @@ mod tests {
         journal.append(&[Row::imagined("c")]).unwrap();
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.all(&keys(&["a", "b", "c"])).unwrap().len(), 3);
-        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
     fn broken_lines_and_other_keys_are_not_used() {
-        let folder = folder("journal-broken");
+        let folder = Folder::new("journal-broken");
         let path = folder.join("journal.jsonl");
         let good = serde_json::to_string(&Row::imagined("a")).unwrap();
         fs::write(&path, format!("{{\"key\":\"x\"}}\n{good}\nnonsense\n")).unwrap();
@@ -180,6 +178,5 @@ mod tests {
         assert!(journal.all(&keys(&["a"])).is_some());
         assert!(journal.all(&keys(&["x"])).is_none());
         assert!(journal.all(&keys(&["another"])).is_none());
-        fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -27,4 +27,5 @@ mod suite {
     mod hostile_values;
     mod import;
     mod motion;
+    mod saving;
 }

@@ -12,6 +12,7 @@
 mod folders;
 
 mod suite {
+    mod actions;
     mod headset;
     mod replay;
     mod simulated;

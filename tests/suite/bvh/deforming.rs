@@ -13,10 +13,10 @@ use stereolux::renderer::{Eye, InstanceId, Renderer};
 use stereolux::scene::{Deformation, Mesh, Node, Scene, ScenePose};
 use stereolux::settings::{Force, Method, Reuse};
 
-use super::bvh_probe::{Random, TraceProbe, soup};
 use super::bvh_reference::ExactInstance;
 use super::moving_support::*;
 use super::support::*;
+use super::trace_probe::{Random, TraceProbe, soup};
 
 /// A renderer of few pixels, for its scene.
 fn small(scene: &Scene) -> Renderer {

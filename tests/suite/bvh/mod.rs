@@ -3,9 +3,8 @@
 // What the tests here take from other subjects.
 use crate::suite::support;
 
-pub mod bvh_gpu;
-pub mod bvh_probe;
 /// The traversal's twin, from the tests of the crate that builds the hierarchies.
+#[allow(dead_code)]
 #[path = "../../../crates/bvh/tests/shared/reference.rs"]
 pub mod bvh_reference;
 /// What those tests build hierarchies over.
@@ -14,3 +13,7 @@ pub mod bvh_shapes;
 pub mod deforming;
 pub mod moving_instances;
 pub mod moving_support;
+/// From the tests of shaders without a renderer.
+#[allow(dead_code)]
+#[path = "../../../crates/gpu/tests/shared/trace_probe.rs"]
+pub mod trace_probe;

@@ -8,10 +8,10 @@ use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::renderer::{InstanceId, SceneBuffers};
 use stereolux::scene::{Material, Node, Scene};
 
-use super::bvh_probe::{Random, TraceProbe, soup, sphere};
 use super::bvh_reference::ExactInstance;
 use super::moving_support::*;
 use super::support::context;
+use super::trace_probe::{Random, TraceProbe, soup, sphere};
 
 fn node(mesh: usize, parent_from_node: DAffine3) -> Node {
     Node {

@@ -5,8 +5,8 @@ use stereolux::bvh::records::Triangle;
 use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::SceneBuffers;
 
-use super::bvh_probe::{Random, TraceProbe, TraceQuery, ask, disagreements, features};
 use super::bvh_reference::ExactInstance;
+use super::trace_probe::{Random, TraceProbe, TraceQuery, ask, disagreements, features};
 
 /// Asks the shaders' `previous_point`.
 pub struct PreviousProbe<'a> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::suite::support::{Folder, stereolux};
+use crate::suite::support::{Folder, assert_success, run_into};
 
 /// Bytes of every EXR file of a folder.
 fn exrs(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -20,62 +20,26 @@ fn exrs(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-fn run(folder: &Folder, name: &str, args: &[&str]) -> BTreeMap<String, Vec<u8>> {
+fn run(folder: &Folder, name: &str, command: &str) -> BTreeMap<String, Vec<u8>> {
     let out = folder.join(name);
-    let mut all = vec![
-        "run",
-        "--size",
-        "32x24",
-        "--photons",
-        "4000",
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    all.extend(args);
-    let output = stereolux(&all);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    let command = format!("run --size 32x24 --photons 4000 {command}");
+    assert_success(&run_into(&out, &command, &[]));
     exrs(&out)
 }
 
 #[test]
 fn one_seed_gives_the_same_bytes_twice() {
     let folder = Folder::new("seed");
-    let kinds: [(&str, &[&str]); 4] = [
-        ("photon", &["--scene", "builtin:cornell"]),
+    for (name, more) in [
+        ("photon", "--scene builtin:cornell"),
         (
             "photon-every-frame",
-            &[
-                "--scene",
-                "builtin:cornell",
-                "--set",
-                "photon.every_frame=true",
-                "--spp",
-                "2",
-            ],
+            "--scene builtin:cornell --set photon.every_frame=true --spp 2",
         ),
-        ("gallery", &["--scene", "builtin:gallery"]),
-        (
-            "path",
-            &[
-                "--scene",
-                "builtin:cornell",
-                "--method",
-                "path",
-                "--spp",
-                "2",
-            ],
-        ),
-    ];
-    for (name, more) in kinds {
-        let args = [
-            &["--session", "simulated", "--frames", "2", "--seed", "7"],
-            more,
-        ]
-        .concat();
+        ("gallery", "--scene builtin:gallery"),
+        ("path", "--scene builtin:cornell --method path --spp 2"),
+    ] {
+        let args = format!("--session simulated --frames 2 --seed 7 {more}");
         let first = run(&folder, &format!("{name}-1"), &args);
         let second = run(&folder, &format!("{name}-2"), &args);
         assert_eq!(first.len(), 4, "{name}: two eyes of two frames");
@@ -83,24 +47,12 @@ fn one_seed_gives_the_same_bytes_twice() {
             assert!(second[file] == *bytes, "{name}: {file} differs");
         }
         // Negative control: another seed is another picture of the same eyes (the seed moves the sway; keep still).
-        let still = |seed: &'static str| {
-            let args = [
-                &[
-                    "--session",
-                    "simulated",
-                    "--motion",
-                    "still",
-                    "--frames",
-                    "1",
-                    "--seed",
-                    seed,
-                ],
-                more,
-            ]
-            .concat();
+        let still = |seed: u32| {
+            let args =
+                format!("--session simulated --motion still --frames 1 --seed {seed} {more}");
             run(&folder, &format!("{name}-still-{seed}"), &args)
         };
-        assert!(still("7") != still("8"), "{name}: the seed does nothing");
+        assert!(still(7) != still(8), "{name}: the seed does nothing");
     }
 }
 
@@ -113,24 +65,15 @@ fn a_recording_replays_to_the_same_bytes() {
         let recorded = run(
             &folder,
             &format!("recorded-{headset}"),
-            &[
-                "--session",
-                "simulated",
-                "--motion",
-                "walk",
-                "--headset",
-                headset,
-                "--frames",
-                "3",
-                "--record",
-                trace,
-            ],
+            &format!(
+                "--session simulated --motion walk --headset {headset} --frames 3 --record {trace}"
+            ),
         );
         // The replay takes eyes and angles from the recording, not from a profile.
         let replayed = run(
             &folder,
             &format!("replayed-{headset}"),
-            &["--session", "replay", "--trace", trace, "--record", again],
+            &format!("--session replay --trace {trace} --record {again}"),
         );
         assert_eq!(recorded.len(), 6);
         assert!(recorded == replayed, "{headset}: frames differ");

@@ -6,10 +6,10 @@ use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Force, ForceSettings, Method, RenderSettings, Reuse};
 
-use super::bvh_probe::features;
 use super::support::{
     builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
 };
+use super::trace_probe::features;
 
 /// Each switch alone, by name.
 const SWITCHES: [(&str, Switch); 8] = [

@@ -2,7 +2,7 @@
 
 // What the tests here take from other subjects.
 use crate::suite::{
-    bvh::bvh_probe, bvh::deforming, stereo::cornell, support, transport::hard_support,
+    bvh::deforming, bvh::trace_probe, stereo::cornell, support, transport::hard_support,
 };
 
 pub mod anti_aliasing;

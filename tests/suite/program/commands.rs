@@ -7,15 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use stereolux::images::read_image;
 
-use crate::suite::support::{Folder, stereolux};
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
+use crate::suite::support::{Folder, assert_success, json, run_into, stats, stderr, stereolux};
 
 fn render(folder: &Folder, args: &[&str]) -> Output {
     render_into(&folder.join("out"), args)
@@ -23,17 +15,7 @@ fn render(folder: &Folder, args: &[&str]) -> Output {
 
 /// A small picture by few photons, with its files in `out`.
 pub fn render_into(out: &Path, args: &[&str]) -> Output {
-    let mut all = vec![
-        "render",
-        "--size",
-        "16x12",
-        "--photons",
-        "500",
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    all.extend(args);
-    stereolux(&all)
+    run_into(out, "render --size 16x12 --photons 500", args)
 }
 
 /// Every fault a user can make: status 2 in seconds, one line that begins with `error:`, and no file that was not there.
@@ -227,7 +209,7 @@ fn a_rendering_writes_the_files_of_the_contract() {
             "0.063",
         ],
     );
-    assert!(output.status.success(), "{}", stderr(&output));
+    assert_success(&output);
     assert_eq!(
         folder.files(),
         [
@@ -326,20 +308,7 @@ fn one_eye_alone_is_the_same_picture() {
     let folder = Folder::new("one-eye");
     for eyes in ["both", "left", "right"] {
         let out = folder.join(eyes);
-        let output = stereolux(&[
-            "render",
-            "--size",
-            "16x12",
-            "--photons",
-            "500",
-            "--reuse",
-            "off",
-            "--eyes",
-            eyes,
-            "--out",
-            out.to_str().unwrap(),
-        ]);
-        assert!(output.status.success(), "{}", stderr(&output));
+        assert_success(&render_into(&out, &["--reuse", "off", "--eyes", eyes]));
     }
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(!folder.join("left/frame_0000_right.exr").exists());
@@ -353,22 +322,12 @@ fn one_eye_alone_is_the_same_picture() {
 fn runs_write_every_kth_frame_and_statistics_of_all() {
     let folder = Folder::new("every");
     let out = folder.join("out");
-    let output = stereolux(&[
-        "run",
-        "--session",
-        "simulated",
-        "--frames",
-        "5",
-        "--every",
-        "2",
-        "--size",
-        "12x8",
-        "--photons",
-        "300",
-        "--out",
-        out.to_str().unwrap(),
-    ]);
-    assert!(output.status.success(), "{}", stderr(&output));
+    let output = run_into(
+        &out,
+        "run --session simulated --frames 5 --every 2 --size 12x8 --photons 300",
+        &[],
+    );
+    assert_success(&output);
     let left: Vec<String> = folder
         .files()
         .into_iter()
@@ -382,11 +341,7 @@ fn runs_write_every_kth_frame_and_statistics_of_all() {
             "out/frame_0004_left.exr"
         ]
     );
-    let text = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
-    let frames: Vec<Value> = text
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let frames = stats(&out);
     assert_eq!(frames.len(), 5);
     for (index, frame) in frames.iter().enumerate() {
         assert_eq!(frame["frame"], index);

@@ -1,38 +1,22 @@
 //! EXR files of a run: attributes, layers, views and samples, read by the `exr` crate's own reader.
 
 use std::path::Path;
-use std::process::Output;
 
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 
-use crate::suite::support::{Folder, stereolux};
+use crate::suite::support::{Folder, assert_success, run_into, stereolux};
 
 const POSE: &str = "-0.2 0.3 0.9 0 0.1736482 0 0.9848078";
 const SIZE: [usize; 2] = [24, 18];
 
 fn render(folder: &Folder, name: &str, more: &[&str]) -> std::path::PathBuf {
     let out = folder.join(name);
-    let mut args = vec![
-        "render",
-        "--size",
-        "24x18",
-        "--photons",
-        "500",
-        "--fov",
-        "-50 40 30 -35",
-        "--ipd",
-        "0.1",
-        "--pose",
-        POSE,
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    args.extend(more);
-    let output: Output = stereolux(&args);
-    assert!(output.status.success(), "{output:?}");
+    let eyes = ["--fov", "-50 40 30 -35", "--ipd", "0.1", "--pose", POSE];
+    let args = [&eyes, more].concat();
+    assert_success(&run_into(&out, "render --size 24x18 --photons 500", &args));
     out
 }
 

@@ -2,7 +2,7 @@
 
 // What the tests here take from other subjects.
 use crate::suite::{
-    bvh::bvh_probe, gallery_tour_example, minimal_example, own_loop_example, support, template,
+    bvh::trace_probe, gallery_tour_example, minimal_example, own_loop_example, support, template,
 };
 
 pub mod application;

@@ -8,8 +8,8 @@ use stereolux::options::{Extent, SettingsFile as _, example_toml};
 use stereolux::settings::registry::{self, sections};
 use stereolux::settings::{Kind, Settings};
 
-use super::bvh_probe::Random;
 use super::support::{Folder, stereolux};
+use super::trace_probe::Random;
 
 fn from_toml(text: &str) -> Settings {
     let mut layers = Layers::default();

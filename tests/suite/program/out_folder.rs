@@ -6,29 +6,15 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 use stereolux::images::{read_image, srgb_encode};
 
-use crate::suite::support::{Folder, adapter_name, stereolux};
+use crate::suite::support::{Folder, adapter_name, json, run_into};
 
 fn run(folder: &Folder, frames: &str, more: &[&str]) -> std::process::Output {
-    let out = folder.join("out");
-    let mut args = vec![
-        "run",
-        "--session",
-        "simulated",
-        "--size",
-        "12x8",
-        "--photons",
-        "300",
-        "--frames",
-        frames,
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    args.extend(more);
-    stereolux(&args)
+    let command = format!("run --session simulated --size 12x8 --photons 300 --frames {frames}");
+    run_into(&folder.join("out"), &command, more)
 }
 
 fn run_json(folder: &Folder) -> Value {
-    serde_json::from_slice(&std::fs::read(folder.join("out/run.json")).unwrap()).unwrap()
+    json(&folder.join("out/run.json"))
 }
 
 #[test]

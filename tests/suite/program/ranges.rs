@@ -4,38 +4,15 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::suite::support::{Folder, RAW_FRAMES, stereolux};
+use crate::suite::support::{Folder, RAW_FRAMES, assert_success, run_into, stats, stereolux};
 
 fn run(out: &Path, scene: &str, args: &[&str]) {
-    let mut all = vec![
-        "run",
-        "--session",
-        "simulated",
-        "--motion",
-        "walk",
-        "--size",
-        "24x16",
-        "--photons",
-        "2000",
-        "--frames",
-        "6",
-        "--scene",
-        scene,
-        "--out",
-        out.to_str().unwrap(),
-    ];
     // Raw frames know nothing of the frames before them; what a test switches on comes later and wins.
-    all.extend(RAW_FRAMES);
-    all.extend(args);
-    let output = stereolux(&all);
-    assert!(output.status.success(), "{output:?}");
-}
-
-fn stats(out: &Path) -> Vec<Value> {
-    let text = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
-    text.lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect()
+    let command = format!(
+        "run --session simulated --motion walk --size 24x16 --photons 2000 --frames 6 --scene {scene} {}",
+        RAW_FRAMES.join(" ")
+    );
+    assert_success(&run_into(out, &command, args));
 }
 
 #[test]

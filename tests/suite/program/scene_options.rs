@@ -1,6 +1,6 @@
 //! Scenes as people bring them: without light, of odd sizes, with a camera; and where a run starts in them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 
 use serde_json::Value;
@@ -10,7 +10,7 @@ use stereolux::scene::edit::Document;
 use stereolux::xr::trace::Trace;
 
 use super::commands::render_into;
-use crate::suite::support::{Folder, stereolux};
+use crate::suite::support::{Folder, json, stderr, stereolux};
 
 /// A triangle facing +Z, `size` units wide, without light; a camera of 0.5 rad before it if `camera` says so.
 fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
@@ -43,7 +43,7 @@ fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
 
 fn render(out: &Path, args: &[&str]) -> (Output, String) {
     let output = render_into(out, args);
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let text = stderr(&output);
     (output, text)
 }
 
@@ -53,10 +53,6 @@ fn left(out: &Path) -> ImageRgb {
 
 fn sum(image: &ImageRgb) -> f32 {
     image.pixels.iter().flatten().sum()
-}
-
-fn json(path: PathBuf) -> Value {
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
 #[test]
@@ -78,7 +74,7 @@ fn a_scene_without_light_is_lit_or_said_to_be_black() {
         assert!(output.status.success() && !text.contains("WARN"), "{text}");
         assert!(text.contains(&format!("light: builtin:{name}")), "{text}");
         assert!(sum(&left(&out)) > 1.0);
-        let run = json(out.join("run.json"));
+        let run = json(&out.join("run.json"));
         assert!(run["scene"]["light"].as_str().unwrap().contains(name));
         assert_eq!(
             run["settings"]["environment"]["path"],
@@ -138,7 +134,7 @@ fn scale_takes_units_for_metres_and_odd_sizes_are_told() {
             output.status.success() && !text.contains("WARN"),
             "{name}: {text}"
         );
-        let run = json(out.join("run.json"));
+        let run = json(&out.join("run.json"));
         let wanted = size * factor.parse::<f64>().unwrap();
         let width = run["scene"]["bounds_in_world"][1][0].as_f64().unwrap() * 2.0;
         // Corners are f32.

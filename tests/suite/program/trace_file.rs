@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::suite::support::{Folder, stereolux};
+use crate::suite::support::{Folder, assert_success, json, run_into, stats};
 
 struct Event {
     name: String,
@@ -64,30 +64,14 @@ fn assert_nested(spans: &[Event]) {
 fn frames_in_flight_overlap_on_threads_of_their_own() {
     let folder = Folder::new("chrome-trace-in-flight");
     let out = folder.join("out");
-    let output = stereolux(&[
-        "run",
-        "--session",
-        "simulated",
-        "--frames",
-        "8",
-        "--size",
-        "48x48",
-        "--photons",
-        "5000",
-        "--set",
-        "photon.every_frame=true",
-        "--set",
-        "output.images=false",
-        "--set",
-        "output.chrome_trace=true",
-        "--set",
-        "gpu.frames_in_flight=2",
-        "--out",
-        out.to_str().unwrap(),
-    ]);
-    assert!(output.status.success(), "{output:?}");
-    let text = std::fs::read_to_string(out.join("trace.json")).unwrap();
-    let events: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let output = run_into(
+        &out,
+        "run --session simulated --frames 8 --size 48x48 --photons 5000 --set photon.every_frame=true --set output.images=false --set output.chrome_trace=true --set gpu.frames_in_flight=2",
+        &[],
+    );
+    assert_success(&output);
+    let events = json(&out.join("trace.json"));
+    let events = events.as_array().unwrap();
     let spans = events.iter().filter(|event| event["ph"] == "X");
     let spans: Vec<Event> = spans.map(Event::of).collect();
     assert_nested(&spans);
@@ -104,11 +88,7 @@ fn frames_in_flight_overlap_on_threads_of_their_own() {
             .any(|ended_us| turn.begin_us < ended_us)
     };
     assert!((1..8).any(overlaps), "no frame overlapped");
-    let stats = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
-    let stats: Vec<Value> = stats
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let stats = stats(&out);
     assert_eq!(stats.len(), 8);
     for (index, line) in stats.iter().enumerate() {
         assert_eq!(line["frame"].as_u64(), Some(index as u64));
@@ -123,24 +103,14 @@ fn frames_in_flight_overlap_on_threads_of_their_own() {
 fn a_trace_holds_stages_and_passes_on_one_clock() {
     let folder = Folder::new("chrome-trace");
     let out = folder.join("out");
-    let output = stereolux(&[
-        "run",
-        "--session",
-        "simulated",
-        "--frames",
-        "3",
-        "--size",
-        "16x12",
-        "--photons",
-        "500",
-        "--set",
-        "output.chrome_trace=true",
-        "--out",
-        out.to_str().unwrap(),
-    ]);
-    assert!(output.status.success(), "{output:?}");
-    let text = std::fs::read_to_string(out.join("trace.json")).unwrap();
-    let events: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let output = run_into(
+        &out,
+        "run --session simulated --frames 3 --size 16x12 --photons 500 --set output.chrome_trace=true",
+        &[],
+    );
+    assert_success(&output);
+    let events = json(&out.join("trace.json"));
+    let events = events.as_array().unwrap();
     let (names, spans): (Vec<_>, Vec<_>) = events.iter().partition(|event| event["ph"] == "M");
     assert_eq!(names.len(), 3, "a process and two threads have names");
     assert!(spans.iter().all(|event| event["ph"] == "X"));
@@ -148,7 +118,7 @@ fn a_trace_holds_stages_and_passes_on_one_clock() {
         let named = names.iter().find(|event| event["args"]["name"] == wanted);
         named.unwrap()["tid"].as_u64().unwrap()
     };
-    let run: Value = serde_json::from_slice(&std::fs::read(out.join("run.json")).unwrap()).unwrap();
+    let run = json(&out.join("run.json"));
     let (host, device) = (
         thread("host"),
         thread(run["adapter"]["name"].as_str().unwrap()),
@@ -156,10 +126,9 @@ fn a_trace_holds_stages_and_passes_on_one_clock() {
     let spans: Vec<Event> = spans.into_iter().map(Event::of).collect();
 
     assert_nested(&spans);
-    let stats = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
-    assert_eq!(stats.lines().count(), 3);
-    for line in stats.lines() {
-        let stats: Value = serde_json::from_str(line).unwrap();
+    let stats = stats(&out);
+    assert_eq!(stats.len(), 3);
+    for stats in &stats {
         let of_frame = |thread| {
             let number = stats["frame"].as_u64();
             spans

@@ -4,14 +4,15 @@ use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Applied, Eye, InPlace, Renderer};
-use stereolux::scene::edit::{Edit, MaterialPreset, NewContent, NewNode, Placement};
+use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
 use stereolux::scene::{LightKind, Node, Scene, Trs};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::edits::{lamp, node};
+use super::edits::{edit_everything, lamp, node};
 use super::support::{
-    bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    Folder, bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    stereolux,
 };
 
 const SIZE: [u32; 2] = [64, 64];
@@ -517,4 +518,32 @@ fn an_edit_uploads_in_proportion_to_instances_and_not_to_triangles() {
     }
     assert_eq!(fine[0][0], 0);
     assert_eq!(fine[1][0], 320);
+}
+
+#[test]
+fn a_saved_scene_renders_the_same_picture() {
+    let folder = Folder::new("saving-render");
+    let mut document = Document::load("builtin:cornell").unwrap();
+    edit_everything(&mut document, ["short block", "tall block", "ceiling"]);
+    let path = folder.join("edited.glb");
+    document.save(&path).unwrap();
+    let read = Scene::load(&path).unwrap();
+    let views = views(&read);
+    let picture = |scene: &Scene| {
+        let mut renderer = renderer(scene, &settings(|_| {}), SIZE);
+        image(&mut renderer, &views, 0)
+    };
+    let saved = picture(&read);
+    assert!(saved == picture(document.scene()));
+    assert!(
+        saved != picture(&Scene::builtin("cornell").unwrap()),
+        "negative control"
+    );
+    // The program reads it too.
+    let output = stereolux(&["info", "--scene", path.to_str().unwrap()]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

@@ -11,10 +11,10 @@ use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
 use stereolux::settings::{Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::bvh_probe::Random;
 use super::support::{
     bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
 };
+use super::trace_probe::Random;
 
 const SIZE: [u32; 2] = [48, 48];
 

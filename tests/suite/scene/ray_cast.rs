@@ -7,10 +7,10 @@ use stereolux::scene::edit::Edit;
 use stereolux::scene::{Scene, ScenePose};
 use stereolux::settings::{Method, Reuse};
 
-use super::bvh_probe::Random;
 use super::support::{
     builtin, frame, meet, method, parallel_views, renderer, square_fov, start_pose,
 };
+use super::trace_probe::Random;
 
 const SIZE: [u32; 2] = [48, 48];
 

@@ -1,9 +1,8 @@
 //! What the right eye takes over from the left.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::bvh_probe, support, transport::hard_support, transport::parts};
+use crate::suite::{support, transport::hard_support, transport::parts};
 
-pub mod carried;
 pub mod cornell;
 pub mod half_rate;
 pub mod lookup;

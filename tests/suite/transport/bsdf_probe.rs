@@ -7,7 +7,7 @@ use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::packing::{PackedTextures, pack_materials};
 use stereolux::scene::{Material, Scene};
 
-use super::bvh_probe::{ask, features, probe_source};
+use super::trace_probe::{ask, features, probe_source};
 
 /// A pair of directions at a material, or the direction to sample for.
 #[repr(C)]

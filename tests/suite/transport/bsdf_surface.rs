@@ -9,9 +9,9 @@ use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, Textu
 
 use super::bsdf_probe::wide;
 use super::bsdf_twin::Dice;
-use super::bvh_probe::{ask, features};
 use super::lights_probe::{SceneUpload, add_triangles, glowing};
 use super::support::context;
+use super::trace_probe::{ask, features};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

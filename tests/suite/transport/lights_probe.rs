@@ -11,7 +11,7 @@ use stereolux::renderer::packing::{
 };
 use stereolux::scene::{LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene};
 
-use super::bvh_probe::{ask, features, probe_source};
+use super::trace_probe::{ask, features, probe_source};
 
 /// What densities are asked for.
 #[repr(C)]

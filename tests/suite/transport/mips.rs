@@ -9,12 +9,12 @@ use stereolux::scene::{Filter, Image, Material, Scene, Texture, TextureRef, Wrap
 use stereolux::settings::{Method, Mips, Reuse};
 use stereolux::xr::Pose;
 
-use super::bvh_probe::{ask, features};
 use super::lights_probe::{SceneUpload, add_triangles};
 use super::support::{
     bits, builtin, context, frame, parallel_views, radiance, renderer, settings, square_fov,
     start_pose,
 };
+use super::trace_probe::{ask, features};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -1,14 +1,13 @@
 //! How light travels: BSDFs, lights, paths, photons, and scenes whose light is known beforehand.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::bvh_probe, support, user_bsdf_example};
+use crate::suite::{bvh::trace_probe, support, user_bsdf_example};
 
 pub mod block_statistics;
 pub mod bsdf_furnace;
 pub mod bsdf_layer;
 pub mod bsdf_probe;
 pub mod bsdf_sampling;
-pub mod bsdf_specialised;
 pub mod bsdf_surface;
 pub mod bsdf_twin;
 pub mod bsdf_user;

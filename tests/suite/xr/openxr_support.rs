@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+pub use crate::suite::support::stderr;
+
 /// The program under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_stereolux");
 
@@ -40,11 +42,6 @@ pub fn output_on_monado(command: &mut Command) -> Output {
         output = command.output().unwrap();
     }
     output
-}
-
-/// Standard error as text.
-pub fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Fails with what was printed unless the exit status is `status`.

@@ -5,7 +5,7 @@
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
 use stereolux_bvh::records::{BvhNode, Instance, Triangle};
-use stereolux_bvh::{MAX_INDEX, MESH_STACK, TOP_STACK};
+use stereolux_bvh::{InstanceSource, MAX_INDEX, MESH_STACK, MeshHierarchies, TOP_STACK};
 
 /// The arrays that the shader sees.
 #[derive(Clone, Copy, Debug)]
@@ -279,6 +279,22 @@ pub struct ExactHit {
 
 /// An instance for [`brute_force`]: its transform in f64 and its triangles in the triangle array.
 pub type ExactInstance = (DAffine3, std::ops::Range<u32>);
+
+/// Instances as they are placed, seen from `origin`.
+pub fn exact_instances(
+    sources: &[InstanceSource],
+    meshes: &MeshHierarchies,
+    origin: DVec3,
+) -> Vec<ExactInstance> {
+    let exact = |source: &InstanceSource| {
+        let range = &meshes.meshes[source.mesh as usize];
+        let mut from_origin = source.world_from_object;
+        from_origin.translation -= origin;
+        let end = range.first_triangle + range.triangle_count;
+        (from_origin, range.first_triangle..end)
+    };
+    sources.iter().map(exact).collect()
+}
 
 /// All surfaces with t > 0 along a ray, nearest first. Borders count with a tolerance of `border` in barycentric
 /// weights.

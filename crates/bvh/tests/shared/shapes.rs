@@ -1,6 +1,7 @@
 //! Random numbers, and triangles made of them.
 
 use glam::{DQuat, DVec3, Vec3};
+use stereolux_bvh::MeshTriangle;
 
 /// SplitMix64 (Steele, Lea and Flood, 2014).
 pub struct Random(pub u64);
@@ -58,4 +59,14 @@ pub fn soup(random: &mut Random, count: usize, size: f64) -> Vec<[Vec3; 3]> {
         [(); 3].map(|()| (center + size * random.vector()).as_vec3())
     };
     (0..count).map(triangle).collect()
+}
+
+/// The vertices and triangles of a mesh in which nothing is shared.
+pub fn unshared(triangles: &[[Vec3; 3]]) -> (Vec<[f32; 3]>, Vec<MeshTriangle>) {
+    let positions = triangles.as_flattened().iter().map(Vec3::to_array);
+    let triangles = (0..triangles.len() as u32).map(|i| MeshTriangle {
+        vertices: [3 * i, 3 * i + 1, 3 * i + 2],
+        material: 0,
+    });
+    (positions.collect(), triangles.collect())
 }

@@ -1,17 +1,15 @@
 //! Runs the shaders' traversal for tests, and builds the scenes they trace.
 
-use std::ops::Range;
-
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
-use stereolux::bvh::records::Triangle;
-use stereolux::bvh::{InstanceSource, MeshHierarchies, TopLevel};
-use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux::gpu::timing::{FrameRecorder, PassTimes};
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
-use stereolux::scene::{Mesh, MeshTriangle};
+use stereolux_bvh::records::Triangle;
+use stereolux_bvh::{InstanceSource, MeshHierarchies, TopLevel};
+use stereolux_gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
+use stereolux_gpu::timing::{FrameRecorder, PassTimes};
+use stereolux_gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
+use stereolux_scene::{Mesh, MeshTriangle};
 
-use super::bvh_reference::{ExactInstance, brute_force};
+use super::bvh_reference::{ExactInstance, brute_force, exact_instances};
 use super::bvh_shapes as shapes;
 pub use super::bvh_shapes::Random;
 
@@ -63,7 +61,7 @@ pub struct TraceScene {
     pub meshes: MeshHierarchies,
     pub top: TopLevel,
     /// Exact transforms relative to the origin, and each instance's triangles.
-    pub exact: Vec<(DAffine3, Range<u32>)>,
+    pub exact: Vec<ExactInstance>,
     buffers: [wgpu::Buffer; 4],
 }
 
@@ -87,17 +85,7 @@ impl TraceScene {
             .collect();
         let top = TopLevel::build(origin_in_world, &sources, &meshes).unwrap();
         top.validate().unwrap();
-        let exact = placed
-            .iter()
-            .map(|&(mut transform, mesh)| {
-                transform.translation -= origin_in_world;
-                let range = &meshes.meshes[mesh as usize];
-                (
-                    transform,
-                    range.first_triangle..range.first_triangle + range.triangle_count,
-                )
-            })
-            .collect();
+        let exact = exact_instances(&sources, &meshes, origin_in_world);
         let buffers = [
             storage_buffer_with_data(context, "top_nodes", top.nodes()).unwrap(),
             storage_buffer_with_data(context, "mesh_nodes", &meshes.nodes).unwrap(),
@@ -267,14 +255,10 @@ pub fn disagreements(
 
 /// A mesh of triangles that share no vertices.
 pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
+    let (positions, triangles) = shapes::unshared(triangles);
     Mesh {
-        positions: triangles.iter().flatten().map(|v| v.to_array()).collect(),
-        triangles: (0..triangles.len() as u32)
-            .map(|i| MeshTriangle {
-                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
-                material: 0,
-            })
-            .collect(),
+        positions,
+        triangles,
         ..Mesh::default()
     }
 }

@@ -2,11 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
-use stereolux::gpu::ShaderFeatures;
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux_gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
 
-use super::bvh_probe::{Random, ask};
-use super::support::context;
+use crate::adapter::context;
+use crate::trace_probe::{Random, ask};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

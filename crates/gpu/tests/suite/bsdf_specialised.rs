@@ -1,14 +1,23 @@
 //! What a scene does not need is not compiled: no driver needed.
 
-use stereolux::gpu::ShaderLibrary;
-use stereolux::gpu::kernel::reflect_bindings;
+use stereolux_gpu::ShaderLibrary;
+use stereolux_gpu::kernel::reflect_bindings;
 
-use super::bvh_probe::{features, probe_source};
+use crate::trace_probe::{features, probe_source};
 
 const ROOTS: [(&str, &str); 3] = [
-    ("tests/bsdf_probe", include_str!("bsdf_probe.wesl")),
-    ("tests/bsdf_surface", include_str!("bsdf_surface.wesl")),
-    ("tests/lights_probe", include_str!("lights_probe.wesl")),
+    (
+        "tests/bsdf_probe",
+        include_str!("../../../../tests/suite/transport/bsdf_probe.wesl"),
+    ),
+    (
+        "tests/bsdf_surface",
+        include_str!("../../../../tests/suite/transport/bsdf_surface.wesl"),
+    ),
+    (
+        "tests/lights_probe",
+        include_str!("../../../../tests/suite/transport/lights_probe.wesl"),
+    ),
 ];
 
 /// Words that betray each feature's code, and bindings that only it reads.

@@ -1,16 +1,11 @@
 //! Saved scenes: what was edited is in the file and reads back the same, and nothing else has changed.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
-use stereolux::renderer::Eye;
-use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
-use stereolux::scene::{AlphaMode, LightKind, Scene, Trs};
+use stereolux_scene::Scene;
+use stereolux_scene::edit::{Document, Edit, MaterialPreset, Placement};
 
-use super::edits::{lamp, node};
-use super::support::{
-    Folder, bits, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
-    stereolux,
-};
+use crate::edits::{edit_everything, node};
+use crate::folders::Folder;
 
 /// The scene without what a file does not hold: its own name, and what the editor notes for renderers.
 fn plain(scene: &Scene) -> Scene {
@@ -36,88 +31,6 @@ fn assert_reads_back(document: &Document, what: &str) {
         assert_eq!(read.materials, wanted.materials, "{what}");
         assert_eq!(read.lights, wanted.lights, "{what}");
         assert!(read == wanted, "{what}");
-    }
-}
-
-/// One of every kind of edit, with numbers that no f32 holds.
-fn edit_everything(document: &mut Document, nodes: [&str; 3]) {
-    let [first, second, third] = nodes.map(|name| node(document.scene(), name));
-    let parts = Trs {
-        translation: DVec3::new(0.1, -1.0 / 3.0, 2e-7),
-        rotation: DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7),
-        scale: DVec3::new(1.1, 0.9, 1.0 / 7.0),
-    };
-    let sheared = DMat3::from_cols(
-        DVec3::new(1.0, 0.2, 0.0),
-        DVec3::new(0.1, 1.0, 0.3),
-        DVec3::new(0.0, 0.0, 0.7),
-    );
-    let mesh = document.scene().nodes[first].mesh.unwrap();
-    let material = document.scene().meshes[mesh].triangles[0].material as usize;
-    let own = document.scene().materials.len();
-    let mut painted = document.scene().materials[material].clone();
-    painted.name = "painted".to_owned();
-    painted.base_color = [0.1, 0.2, 0.7, 0.5];
-    painted.emission = [17.3, 0.1, 0.0];
-    painted.specular_color = [0.3, 1.7, 1.0];
-    painted.alpha_mode = AlphaMode::Mask { cutoff: 0.3 };
-    painted.double_sided = !painted.double_sided;
-    painted.thickness = 0.1;
-    painted.attenuation_distance_m = 0.3;
-    painted.attenuation_color = [0.9, 0.1, 0.4];
-    painted.ior = 1.45;
-    let added = document.scene().nodes.len();
-    let new = |name: &str, content| NewNode {
-        name: name.to_owned(),
-        to: Placement::Parts(parts),
-        content,
-    };
-    let spot = lamp(LightKind::Spot {
-        inner_cone_rad: 0.1,
-        outer_cone_rad: 0.7,
-    });
-    for edit in [
-        Edit::Transform {
-            node: first,
-            to: Placement::Parts(parts),
-        },
-        Edit::Transform {
-            node: second,
-            to: Placement::Matrix(DAffine3::from_mat3_translation(sheared, DVec3::Y * 0.1)),
-        },
-        Edit::Rename {
-            node: second,
-            name: "renamed \"ü\"".to_owned(),
-        },
-        Edit::Visibility {
-            node: third,
-            is_hidden: true,
-        },
-        Edit::OwnMaterial { mesh, material },
-        Edit::Material {
-            material: own,
-            to: Box::new(painted),
-        },
-        Edit::Add {
-            parent: None,
-            node: new("group", NewContent::Empty),
-        },
-        Edit::Add {
-            parent: Some(added),
-            node: new("torch", NewContent::Light(spot)),
-        },
-        Edit::Add {
-            parent: Some(added),
-            node: new("again", NewContent::Mesh(mesh)),
-        },
-        Edit::Duplicate { node: added },
-        Edit::Light {
-            light: document.scene().lights.len(),
-            to: lamp(LightKind::Directional),
-        },
-        Edit::Delete { node: added + 1 },
-    ] {
-        document.edit(edit).unwrap();
     }
 }
 
@@ -211,7 +124,7 @@ fn presets_with_and_without_textures_are_read_back() {
 /// A file of several parts: data in two files and an image, a matrix, an animation, another scene, extras and extensions
 /// that nobody knows.
 fn patchwork(folder: &Folder) -> Value {
-    let glb = stereolux::scene::builtin::glb("parade").unwrap();
+    let glb = stereolux_scene::builtin::glb("parade").unwrap();
     let mut root = json_of(&glb);
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let bin = &glb[28 + length..];
@@ -348,7 +261,7 @@ fn deleted_nodes_show_nowhere_and_keep_everybodys_number() {
 
 #[test]
 fn the_default_material_is_written_where_it_is_edited() {
-    let glb = stereolux::scene::builtin::glb("plane").unwrap();
+    let glb = stereolux_scene::builtin::glb("plane").unwrap();
     let folder = Folder::new("saving-default");
     let mut root = json_of(&glb);
     let bin = &glb[28 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize..];
@@ -372,35 +285,6 @@ fn the_default_material_is_written_where_it_is_edited() {
         .edit(Edit::OwnMaterial { mesh: 0, material })
         .unwrap();
     assert_reads_back(&document, "copied");
-}
-
-#[test]
-fn a_saved_scene_renders_the_same_picture() {
-    let folder = Folder::new("saving-render");
-    let mut document = Document::load("builtin:cornell").unwrap();
-    edit_everything(&mut document, ["short block", "tall block", "ceiling"]);
-    let path = folder.join("edited.glb");
-    document.save(&path).unwrap();
-    let read = Scene::load(&path).unwrap();
-    let views = parallel_views(start_pose(&read), 0.06, square_fov(35.0));
-    let picture = |scene: &Scene| {
-        let mut renderer = renderer(scene, &settings(|_| {}), [64, 64]);
-        frame(&mut renderer, &views);
-        bits(&radiance(&renderer, Eye::Left))
-    };
-    let saved = picture(&read);
-    assert!(saved == picture(document.scene()));
-    assert!(
-        saved != picture(&Scene::builtin("cornell").unwrap()),
-        "negative control"
-    );
-    // The program reads it too.
-    let output = stereolux(&["info", "--scene", path.to_str().unwrap()]);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
 }
 
 #[test]

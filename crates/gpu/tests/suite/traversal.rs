@@ -1,12 +1,12 @@
 //! The shaders' traversal: nearest hits against exhaustive search in f64, watertight, free of self-intersection.
 
 use glam::{DAffine3, DVec3, Vec3};
-use stereolux::gpu::ShaderLibrary;
-use stereolux::scene::{Mesh, MeshTriangle};
+use stereolux_gpu::ShaderLibrary;
+use stereolux_scene::{Mesh, MeshTriangle};
 
-use super::bvh_probe::*;
-use super::bvh_reference::{Arrays, Ray, trace};
-use super::support::context;
+use crate::adapter::context;
+use crate::bvh_reference::{Arrays, Ray, trace};
+use crate::trace_probe::*;
 
 const MILLION: usize = 1_000_000;
 
@@ -326,7 +326,7 @@ fn leave(scene: &TraceScene, probe: &TraceProbe<'_>, queries: &[TraceQuery]) -> 
 
 /// The traversal with its bound on t's error switched off.
 fn without_rejection(library: &ShaderLibrary) -> ShaderLibrary {
-    let source = include_str!("../../../shaders/shared/traversal.wesl");
+    let source = include_str!("../../../../shaders/shared/traversal.wesl");
     let weakened = source.replace("if t <= t_error {", "if t <= 0.0 {");
     assert_ne!(weakened, source);
     let mut library = library.clone();

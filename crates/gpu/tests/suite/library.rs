@@ -1,0 +1,92 @@
+//! Shaders as they are compiled: what is asked for, what is remembered, what is refused.
+
+use std::sync::Arc;
+
+use stereolux_gpu::features::words_asked;
+use stereolux_gpu::kernel::{BindingKind, reflect_bindings};
+use stereolux_gpu::{ShaderFeatures, ShaderLibrary};
+
+use crate::trace_probe::features;
+
+#[test]
+fn words_are_found_however_a_condition_is_written() {
+    let source =
+        "@if (a && (!b || c_1)) fn f() {} @elif(d) x @else y @compute @ if(true) @ifx(e)\n@if(f";
+    let words: Vec<&str> = words_asked(source).collect();
+    assert_eq!(words, ["a", "b", "c_1", "d", "f"]);
+}
+
+#[test]
+fn what_was_compiled_is_remembered_as_long_as_it_is_the_same() {
+    let library = ShaderLibrary::embedded();
+    let compile = |library: &ShaderLibrary, name: &str, on: &[&str]| {
+        library.compile(name, &features(on)).unwrap()
+    };
+    let same = |a: &Arc<_>, b: &Arc<_>| Arc::ptr_eq(a, b);
+    let [scan, gather] = ["passes/scan_sums", "passes/photon_gather"];
+    // A pass that asks for no feature is one shader, for every library that holds its modules as they are embedded.
+    let plain = compile(&library, scan, &[]);
+    assert!(same(
+        &plain,
+        &compile(&ShaderLibrary::embedded(), scan, &["glossy"])
+    ));
+    // One that asks for some is another with those, and no other with the rest.
+    let lambert = compile(&library, gather, &[]);
+    assert!(same(&lambert, &compile(&library, gather, &["keeps_ends"])));
+    let glossy = compile(&library, gather, &["glossy"]);
+    assert!(!same(&lambert, &glossy) && lambert.wgsl != glossy.wgsl);
+    // A module put in place of one that it is made of makes another shader, and of others does not.
+    let source = |name: &str| {
+        let found = library.sources().find(|(module, _)| *module == name);
+        found.unwrap().1.to_owned()
+    };
+    let mut changed = library.clone();
+    let photon = source("shared/photon") + "const UNUSED: u32 = 1u;";
+    changed.insert("shared/photon", photon.clone());
+    assert!(same(&plain, &compile(&changed, scan, &[])));
+    let other = compile(&changed, gather, &[]);
+    assert!(!same(&lambert, &other));
+    assert!(same(&other, &compile(&changed.clone(), gather, &[])));
+    assert!(same(&lambert, &compile(&library, gather, &[])));
+    changed.insert("shared/photon", photon.replace("UNUSED", "NOT_USED"));
+    assert!(!same(&other, &compile(&changed, gather, &[])));
+    changed.insert("shared/photon", source("shared/photon"));
+    assert!(same(&lambert, &compile(&changed, gather, &[])));
+}
+
+#[test]
+fn no_pass_reads_both_a_record_and_its_copy() {
+    let features = features(&["emitters", "record_texels"]);
+    let shader = ShaderLibrary::embedded()
+        .compile("passes/path_trace", &features)
+        .unwrap();
+    let bindings = reflect_bindings(&shader).unwrap();
+    let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
+    for copy in texels {
+        let name = copy.name.trim_end_matches("_texels");
+        assert!(
+            !bindings.iter().any(|b| b.name == format!("{name}s")),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn broken_shaders_are_errors_that_name_the_module() {
+    let mut library = ShaderLibrary::embedded();
+    library.insert("passes/scan_sums", "fn main() { let x = ; }");
+    let error = library
+        .compile("passes/scan_sums", &ShaderFeatures::default())
+        .err()
+        .expect("a syntax error");
+    assert!(error.to_string().contains("passes/scan_sums"), "{error}");
+    library.insert(
+        "passes/scan_sums",
+        "@compute @workgroup_size(1) fn main() { let x: u32 = 1.5; }",
+    );
+    assert!(
+        library
+            .compile("passes/scan_sums", &ShaderFeatures::default())
+            .is_err()
+    );
+}
