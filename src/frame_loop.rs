@@ -11,6 +11,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::app::{AppError, Application, FrameInput, Held};
+use crate::frame::work::{Dispatched, WorkCounts};
 use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
 use crate::images::{Image, ImageError, ImageRgb};
@@ -90,9 +91,21 @@ pub struct FrameStats {
     /// How old the pose was by which the eyes were rendered: host milliseconds from asking the session for it to having
     /// handed the eyes' passes to the device.
     pub pose_age_ms: f64,
+    /// What each pass did, with `output.work`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub work: BTreeMap<String, WorkCounts>,
     /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
     /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
     pub host_waits: u64,
+}
+
+/// Counts by pass, those of several dispatches added.
+fn counts_by_pass(work: &[Dispatched]) -> BTreeMap<String, WorkCounts> {
+    let mut passes: BTreeMap<String, WorkCounts> = BTreeMap::new();
+    for dispatched in work {
+        *passes.entry(dispatched.label.clone()).or_default() += dispatched.counts;
+    }
+    passes
 }
 
 /// Device milliseconds by part of the frame.
@@ -314,6 +327,7 @@ impl Rendered {
             display_time_ns,
             pass_ms: pass_ms(&result),
             gpu_ms: GpuSums::of(&result.times),
+            work: counts_by_pass(&result.work),
             cpu_ms,
             photons: result.photons,
             stereo: result.stereo,

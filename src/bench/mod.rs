@@ -16,6 +16,7 @@ pub mod reference;
 pub mod scenes;
 pub mod suites;
 pub mod variant_statistics;
+mod work;
 
 use std::fmt;
 use std::fs;
@@ -163,6 +164,9 @@ pub fn run(
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes)
         .map_err(|error| BenchError::Shaders(error.to_string()))?;
+    if options.suite == Suite::Work {
+        return work::run(options, &library);
+    }
     let mut plans = suites::plans(options)?;
     let part = options.shard.map(|shard| take_part(&mut plans, shard));
     let mut checked: Vec<&SceneSource> = Vec::new();

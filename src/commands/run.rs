@@ -188,6 +188,10 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
 
 /// How many frames are on their way to the device at once. `hurries`: a headset or a clock waits for them.
 fn in_flight(settings: &Settings, hurries: bool) -> usize {
+    if settings.render.output.work {
+        // Its log holds one frame.
+        return 1;
+    }
     match settings.gpu.frames_in_flight {
         FramesInFlight::Auto if hurries && !settings.output.images.is_on() => 2,
         FramesInFlight::Auto | FramesInFlight::One => 1,

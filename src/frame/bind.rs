@@ -288,6 +288,12 @@ impl Buffers {
         read_buffer(context, &name.replace('_', " "), buffer, count).map(Some)
     }
 
+    /// Bytes of a buffer, one turn of it; 0 if no pass writes it.
+    pub fn bytes_of(&self, place: &Place) -> u64 {
+        let held = self.held.get(place).filter(|held| !held.is_token);
+        held.map_or(0, |held| held.bytes)
+    }
+
     /// A buffer that takes no turns; `None` if no pass writes it.
     pub fn written(&self, place: Place) -> Option<&wgpu::Buffer> {
         let held = self.held.get(&place).filter(|held| !held.is_token);

@@ -195,6 +195,9 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "anti_aliased", 16).takes_turns(),
     per_pixel!(Eye, "anti_aliased_moments", 8).takes_turns(),
 
+    // Of the dispatch that runs: `shaders/shared/work.wesl`.
+    fixed!(Frame, "work_counts", size_of::<[u64; 5]>() as u64).cleared(&[Moment::Frame]),
+
     // Views of intermediate results.
     per_pixel!(Frame, "inspected_hits", 16),
     per_pixel!(Frame, "inspected_normals", 16),

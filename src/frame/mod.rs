@@ -19,6 +19,7 @@ pub mod plan;
 pub mod run;
 pub mod step;
 pub mod user_passes;
+pub mod work;
 
 pub use buffers::ImageLayout;
 pub use photon_layout::{AdapterLimits, MapConfig, MapKind, MapLayout};

@@ -9,6 +9,7 @@ use super::buffers::ImageLayout;
 use super::passes::{Domain, Pass, inspect_surfaces};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
+use super::work::{Dispatched, Traffic, WorkLog, traffic};
 use crate::gpu::features::ShaderFeatures;
 use crate::gpu::kernel::{
     Binding, BindingKind, Bound, DISPATCH_BINDING, DispatchTable, linear_groups,
@@ -54,6 +55,8 @@ enum BoundAction {
         groups: Groups,
         /// Which of the stage's words.
         pattern: u32,
+        /// Bytes that it is bound to.
+        traffic: Traffic,
     },
     /// Buffers and how many bytes of each.
     Clear(Vec<(wgpu::Buffer, u64)>),
@@ -109,6 +112,8 @@ pub struct FrameRun {
     stages: BTreeMap<Stage, BoundStage>,
     /// The stages' dispatch tables, also of stages that are not in the plan now.
     tables: BTreeMap<Stage, DispatchTable>,
+    /// What dispatches did, where that is counted.
+    work: Option<WorkLog>,
 }
 
 impl FrameRun {
@@ -121,6 +126,7 @@ impl FrameRun {
             buffers: Buffers::default(),
             stages: BTreeMap::new(),
             tables: BTreeMap::new(),
+            work: None,
         }
     }
 
@@ -246,6 +252,9 @@ impl FrameRun {
         maps: &[MapLayout],
     ) -> Result<(), GpuError> {
         self.allocate(context, stages, given, image, maps)?;
+        if self.features.counts_work && self.work.is_none() {
+            self.work = Some(WorkLog::new(context)?);
+        }
         let mut bound = BTreeMap::new();
         for planned in stages {
             let stage = self.bind_stage(context, planned, given, image)?;
@@ -356,6 +365,7 @@ impl FrameRun {
                 let pattern = patterns.iter().position(|other| other == words);
                 BoundAction::Dispatch {
                     bound: self.bind_pass(context, step, kernel, given)?,
+                    traffic: traffic(step, kernel, given, &self.buffers),
                     kernel: key,
                     groups,
                     pattern: pattern.unwrap_or(0) as u32,
@@ -469,6 +479,7 @@ impl FrameRun {
                     bound,
                     groups,
                     pattern,
+                    traffic,
                 } => {
                     let kernel = self.kernel(kernel)?;
                     let bound = &bound[how.parity % bound.len()];
@@ -486,10 +497,27 @@ impl FrameRun {
                             *offset,
                         ),
                     }
+                    if let Some(log) = &self.work {
+                        let groups = match groups {
+                            Groups::Direct(groups) => Ok(*groups),
+                            Groups::Indirect(buffer, offset) => Err((buffer, *offset)),
+                        };
+                        let who = (step.label.as_str(), kernel, *traffic);
+                        log.note(recorder, &self.buffers, who, groups);
+                    }
                 }
             }
         }
         Ok(())
+    }
+
+    /// What the dispatches since the last call did, in their order; nothing unless `output.work` is on. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`crate::gpu::buffers::read_buffer`].
+    pub fn take_work(&self, context: &GpuContext) -> Result<Vec<Dispatched>, GpuError> {
+        let log = self.work.as_ref();
+        log.map_or(Ok(Vec::new()), |log| log.take(context))
     }
 
     /// Runs every compiled pass once over nothing: some drivers compile a shader only when it is first dispatched. The frame

@@ -2,7 +2,7 @@
 
 use super::cli::{
     BenchOptions, InfoOptions, LayerArgs, Options, RunOptions, SessionChoice, SessionOptions,
-    TraceOptions,
+    Suite, TraceOptions,
 };
 use super::layers::Layers;
 use super::{OptionsError, quoted};
@@ -164,7 +164,25 @@ impl BenchOptions {
     fn check(&mut self) -> Result<(), OptionsError> {
         let layers = self.layers.read()?;
         let is_named = layers.is_set("scene");
+        let names_headset = layers.is_set("headset");
         self.settings = layers.finish()?;
+        if self.suite == Suite::Work && !names_headset {
+            self.settings.headset = "quest3".to_owned();
+        }
+        let of_others = [
+            (self.rounds.is_some(), "--rounds"),
+            (self.frames.is_some(), "--frames"),
+            (self.reference_spp.is_some(), "--reference-spp"),
+            (self.references.is_some(), "--references"),
+            (self.shard.is_some(), "--shard"),
+        ];
+        if let Some((_, flag)) = of_others.iter().find(|(is_given, _)| *is_given)
+            && self.suite == Suite::Work
+        {
+            return Err(OptionsError::Conflict(format!(
+                "bench work counts one frame of each scene and method; leave {flag} out"
+            )));
+        }
         if self.scenes.is_empty() && is_named {
             // A scene from --set or the config file is the one to measure, too.
             self.scenes.push(self.settings.scene.clone());

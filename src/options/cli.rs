@@ -161,6 +161,8 @@ choices! {
         Scaling = "scaling",
         /// A little of all of them, in about two minutes
         Smoke = "smoke",
+        /// Rays, nodes, triangle tests, photons and bytes of each pass, counted, and what named cards would allow: a model
+        Work = "work",
     }
 }
 
@@ -345,7 +347,7 @@ pub struct BenchOptions {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Scene to measure, a glTF file or builtin:NAME; may be repeated
-    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic]
+    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic; work also builtin:gallery]
     #[arg(long = "scene", value_name = "PATH|builtin:NAME", value_parser = values::scene)]
     pub scenes: Vec<String>,
     /// Measured rounds, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]

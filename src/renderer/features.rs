@@ -19,6 +19,7 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         bsdf_only: is_alone(Technique::Bsdf),
         parts: splits_light(settings),
         svgf: settings.reconstruct.svgf.is_on(),
+        counts_work: settings.output.work,
         still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),

@@ -176,6 +176,7 @@ impl Renderer {
             .filter(|(name, _)| name.starts_with("left.") || name.starts_with("right."));
         let eyes_ms: f64 = eyes.map(|(_, (ms, _))| ms).sum();
         self.sample_ms = (eyes_ms > 0.0).then(|| eyes_ms / f64::from(self.settings.spp.max(1)));
+        flight.result.work = self.frame.take_work(&self.context)?;
         flight.result.cpu_ms.read_back = flight.result.note("read_back", began);
         Ok(flight.result)
     }

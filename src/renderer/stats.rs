@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::records::stereo::StereoCounters;
+use crate::frame::work::Dispatched;
 use crate::gpu::{HostSpan, PassTimes};
 
 pub use super::records::stereo::Provenance;
@@ -102,6 +103,8 @@ pub struct FrameResult {
     pub photons: PhotonStats,
     /// Stereo reuse; zero without it.
     pub stereo: StereoStats,
+    /// Dispatches in their order, with `output.work`.
+    pub work: Vec<Dispatched>,
 }
 
 impl FrameResult {

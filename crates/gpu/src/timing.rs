@@ -235,6 +235,12 @@ impl<'a> FrameRecorder<'a> {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
     }
 
+    /// Copies `bytes` bytes between places (a buffer and its first byte).
+    pub fn copy_part(&mut self, from: (&wgpu::Buffer, u64), to: (&wgpu::Buffer, u64), bytes: u64) {
+        self.encoder
+            .copy_buffer_to_buffer(from.0, from.1, to.0, to.1, bytes);
+    }
+
     /// Copies a buffer into the texture that holds its copy; timed as `label` where the adapter can time copies.
     pub fn copy_to_texels(&mut self, label: &str, from: &wgpu::Buffer, to: &TexelCopy) {
         let slot = if self.context.times_copies && !self.times_stages() {

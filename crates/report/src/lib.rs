@@ -23,6 +23,7 @@ pub mod samples;
 pub mod shards;
 pub mod statistics;
 mod summary;
+pub mod work;
 
 use std::collections::BTreeMap;
 use std::fmt;

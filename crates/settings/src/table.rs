@@ -378,6 +378,9 @@ settings! {
             parts: bool = false;
             /// keep the previous frame's positions, for views of motion; images do not change
             motion: bool = false;
+            /// count each pass's rays, BVH nodes, triangle tests and photons, as `bench work` does; much slower, images do not
+            /// change
+            work: bool = false;
             /// also write trace.json: host stages and device passes on one clock, for Perfetto and chrome://tracing
             chrome_trace: bool = false;
         }
@@ -544,6 +547,17 @@ impl RenderSettings {
     /// One line: which cannot, and what to change.
     pub fn check(&self) -> Result<(), String> {
         self.photon.check_gather()?;
+        let photon = &self.photon;
+        let counted = photon.search == Search::Grid
+            && photon.estimate == PhotonEstimate::Radius
+            && photon.loads == Loads::Direct;
+        if self.output.work && self.method == Method::Photon && !counted {
+            return Err(
+                "output.work counts gathers with photon.search = \"grid\", photon.estimate = \"radius\" and \
+                 photon.loads = \"direct\" alone; change one of them"
+                    .to_owned(),
+            );
+        }
         match self.no_light_samples() {
             Some(needs) if self.stereo.shadow_rays => Err(format!(
                 "stereo.shadow_rays needs {needs}; change one of them"

@@ -19,3 +19,4 @@ pub mod resize;
 pub mod shaders;
 pub mod uniform_branches;
 pub mod user_passes;
+pub mod work;

@@ -450,3 +450,77 @@ fn figures_hold(report: &Report) {
     assert_eq!(bytes("triangles 1000"), bytes("triangles 16000"));
     assert!(bytes("instances 100") > 5.0 * bytes("instances 10"));
 }
+
+#[test]
+fn work_states_a_frame_of_each_method_and_explains_its_columns() {
+    let folder = Folder::new("bench-work");
+    let out = folder.join("out");
+    let args = [
+        "bench",
+        "work",
+        "--size",
+        "16x16",
+        "--scene",
+        "builtin:cornell",
+    ];
+    let more = [
+        "--set",
+        "photon.count=512",
+        "--adapter",
+        adapter_name(),
+        "--out",
+    ];
+    let all: Vec<&str> = args
+        .into_iter()
+        .chain(more)
+        .chain([out.to_str().unwrap()])
+        .collect();
+    let output = stereolux(&all);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let table = std::fs::read_to_string(out.join("rows.csv")).unwrap();
+    let rows: Vec<Vec<String>> = table.lines().map(fields).collect();
+    let column = |name: &str| rows[0].iter().position(|cell| cell == name).unwrap();
+    let number = |row: &[String], name: &str| row[column(name)].parse::<f64>().unwrap();
+    let columns: Value =
+        serde_json::from_slice(&std::fs::read(out.join("columns.json")).unwrap()).unwrap();
+    assert!(rows[0].iter().all(|name| columns[name].is_string()));
+    for method in ["photon", "path"] {
+        let of_method: Vec<&Vec<String>> = rows[1..]
+            .iter()
+            .filter(|row| row[column("method")] == method)
+            .collect();
+        let (all, passes) = of_method.split_first().unwrap();
+        assert_eq!(all[column("pass")], "all");
+        assert!(passes.len() > 10, "{method}: {}", passes.len());
+        for name in ["rays", "bytes_read", "ms.radeon_680m"] {
+            let sum: f64 = passes.iter().map(|row| number(row, name)).sum();
+            let whole = number(all, name);
+            // Cells are rounded to a whole number, times to 1e-4 ms.
+            assert!(
+                whole > 0.0 && (whole - sum).abs() <= 0.5 * passes.len() as f64,
+                "{method} {name}"
+            );
+        }
+        // A primary ray per pixel of the headset, 2,064 by 2,208, whatever size was counted.
+        let primary = if method == "photon" {
+            "left.first_hits"
+        } else {
+            "left.path_trace"
+        };
+        let first = passes
+            .iter()
+            .find(|row| row[column("pass")] == primary)
+            .unwrap();
+        assert!(number(first, "rays") >= 2064.0 * 2208.0, "{first:?}");
+        assert!(number(first, "code_instructions") > 0.0);
+    }
+    let report = std::fs::read_to_string(out.join("report.md")).unwrap();
+    assert!(
+        report.contains("Counted at 16x16") && report.contains("2064x2208"),
+        "{report}"
+    );
+}

@@ -133,6 +133,7 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
             "cornell",
         ),
         (vec!["bench", "smoke", "--rounds", "0"], "--rounds"),
+        (vec!["bench", "work", "--rounds", "2"], "leave --rounds out"),
         (
             vec!["bench", "smoke", "--reference-spp", "4"],
             "--reference-spp",

@@ -1,0 +1,394 @@
+//! `bench work`: what a frame's passes do, counted, and what named graphics cards would allow. Nothing of it was measured on
+//! a card.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::{ReportError, ReportFile};
+
+/// A graphics card by published figures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Card {
+    /// Name.
+    pub name: &'static str,
+    /// Memory bandwidth, GB/s.
+    pub gb_per_s: f64,
+    /// f32 operations, a fused multiply-add being two, TFLOPS.
+    pub tflops: f64,
+    /// Where both are published.
+    pub source: &'static str,
+}
+
+/// The cards that are predicted: two of a desktop, one of a laptop.
+pub const CARDS: [Card; 3] = [
+    Card {
+        name: "GeForce RTX 4070",
+        gb_per_s: 504.0,
+        tflops: 29.1,
+        source: "NVIDIA, specifications of the GeForce RTX 4070 (192 bit GDDR6X)",
+    },
+    Card {
+        name: "Radeon RX 7800 XT",
+        gb_per_s: 624.0,
+        tflops: 37.3,
+        source: "AMD, specifications of the Radeon RX 7800 XT (dual issue counted)",
+    },
+    Card {
+        name: "Radeon 680M",
+        gb_per_s: 102.4,
+        tflops: 3.7,
+        source: "12 units of 64 lanes at 2.4 GHz, 128 bit LPDDR5-6400 (AMD, Ryzen 9 6900HX)",
+    },
+];
+
+/// What the predictions assume; none of it is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assumptions {
+    /// Share of the published bandwidth that a pass gets.
+    pub bandwidth_share: f64,
+    /// Share of the published instruction rate, for lanes that part and for waiting.
+    pub arithmetic_share: f64,
+    /// Share of what rays and gathers read that comes from memory, not from a cache.
+    pub cache_misses: f64,
+    /// Instructions per ray besides nodes and triangles; per node; per triangle test; per photon tested; per photon counted.
+    pub instructions: [f64; 5],
+}
+
+/// Estimates, all of them: instructions by the operations that the shaders' loops spell out, shares by custom.
+pub const ASSUMED: Assumptions = Assumptions {
+    bandwidth_share: 0.7,
+    arithmetic_share: 0.25,
+    cache_misses: 0.1,
+    instructions: [120.0, 60.0, 70.0, 15.0, 110.0],
+};
+
+/// What a pass does in a frame, at the size that is predicted; and a whole frame as the pass `all`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WorkRow {
+    /// Scene.
+    pub scene: String,
+    /// Light transport.
+    pub method: String,
+    /// Name in timings.
+    pub pass: String,
+    /// Dispatches.
+    pub dispatches: u64,
+    /// Threads.
+    pub threads: f64,
+    /// Rays.
+    pub rays: f64,
+    /// Inner nodes that rays entered.
+    pub nodes: f64,
+    /// Tests of a triangle.
+    pub triangles: f64,
+    /// Photons tested.
+    pub photons_tested: f64,
+    /// Photons within the radius.
+    pub photons_counted: f64,
+    /// Bytes of the frame's buffers that are read.
+    pub bytes_read: f64,
+    /// The same, written.
+    pub bytes_written: f64,
+    /// Bytes of nodes, triangles and photons that rays and gathers read, were there no cache.
+    pub bytes_walked: f64,
+    /// Instructions of one thread that takes every branch and each loop once.
+    pub code_instructions: f64,
+    /// Instructions of all threads.
+    pub instructions: f64,
+    /// Predicted milliseconds per card of [`CARDS`].
+    pub ms: [f64; CARDS.len()],
+}
+
+/// Names of the columns of rows.csv, and what they hold; the cards' follow.
+const COLUMNS: [(&str, &str); 15] = [
+    ("scene", "file or builtin scene"),
+    ("method", "light transport: photon or path"),
+    ("pass", "the pass's name in timings; all: the frame"),
+    ("dispatches", "dispatches in a frame"),
+    ("threads", "threads in a frame"),
+    ("rays", "rays traced, shadow rays included"),
+    ("nodes", "inner BVH nodes that rays entered"),
+    ("triangles", "tests of a ray with a triangle"),
+    (
+        "photons_tested",
+        "photons whose distance from a gather point was looked at",
+    ),
+    ("photons_counted", "photons within the gather radius"),
+    (
+        "bytes_read",
+        "bytes of the frame's buffers that are read, each once",
+    ),
+    (
+        "bytes_written",
+        "bytes of the frame's buffers that are bound for writing, each once",
+    ),
+    (
+        "bytes_walked",
+        "bytes of nodes, triangles and photons that rays and gathers look at, without a cache",
+    ),
+    (
+        "code_instructions",
+        "RDNA 3 instructions of the pass's code (crates/isa/instructions.csv); 0: not listed there",
+    ),
+    (
+        "instructions",
+        "instructions of all threads, by counts and by what a count is assumed to take",
+    ),
+];
+
+impl WorkRow {
+    /// Fills in what follows from the counts.
+    #[must_use]
+    pub fn predicted(mut self, bytes: [f64; 3], how: &Assumptions) -> Self {
+        let [node, triangle, photon] = bytes;
+        self.bytes_walked =
+            self.nodes * node + self.triangles * triangle + self.photons_tested * photon;
+        let counts = [
+            self.rays,
+            self.nodes,
+            self.triangles,
+            self.photons_tested,
+            self.photons_counted,
+        ];
+        let counted: f64 = counts
+            .iter()
+            .zip(how.instructions)
+            .map(|(n, each)| n * each)
+            .sum();
+        self.instructions = self.threads * self.code_instructions + counted;
+        let bytes = self.bytes_read + self.bytes_written + how.cache_misses * self.bytes_walked;
+        self.ms = CARDS.map(|card| {
+            // A fused multiply-add is one instruction and two operations.
+            let moved_s = bytes / (card.gb_per_s * 1e9 * how.bandwidth_share);
+            let reckoned_s = self.instructions / (card.tflops * 1e12 / 2.0 * how.arithmetic_share);
+            1e3 * moved_s.max(reckoned_s)
+        });
+        self
+    }
+
+    /// The frame of these passes, one after the other.
+    #[must_use]
+    pub fn all(passes: &[Self]) -> Self {
+        let mut all = Self {
+            pass: "all".to_owned(),
+            ..Self::default()
+        };
+        for row in passes {
+            all.scene.clone_from(&row.scene);
+            all.method.clone_from(&row.method);
+            all.dispatches += row.dispatches;
+            for (sum, more) in [
+                (&mut all.threads, row.threads),
+                (&mut all.rays, row.rays),
+                (&mut all.nodes, row.nodes),
+                (&mut all.triangles, row.triangles),
+                (&mut all.photons_tested, row.photons_tested),
+                (&mut all.photons_counted, row.photons_counted),
+                (&mut all.bytes_read, row.bytes_read),
+                (&mut all.bytes_written, row.bytes_written),
+                (&mut all.bytes_walked, row.bytes_walked),
+                (&mut all.instructions, row.instructions),
+            ] {
+                *sum += more;
+            }
+            for (sum, more) in all.ms.iter_mut().zip(row.ms) {
+                *sum += more;
+            }
+        }
+        all
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let mut cells = vec![self.scene.clone(), self.method.clone(), self.pass.clone()];
+        cells.push(self.dispatches.to_string());
+        let whole = [
+            self.threads,
+            self.rays,
+            self.nodes,
+            self.triangles,
+            self.photons_tested,
+            self.photons_counted,
+            self.bytes_read,
+            self.bytes_written,
+            self.bytes_walked,
+            self.code_instructions,
+            self.instructions,
+        ];
+        cells.extend(whole.map(|number| format!("{number:.0}")));
+        cells.extend(self.ms.map(|ms| format!("{ms:.4}")));
+        cells
+    }
+}
+
+fn card_column(card: &Card) -> String {
+    format!("ms.{}", card.name.to_lowercase().replace(' ', "_"))
+}
+
+/// report.md, rows.csv and columns.json. `what`: the sentence that says what was counted at which size.
+///
+/// # Errors
+/// [`ReportError::Format`].
+pub fn files(rows: &[WorkRow], what: &str) -> Result<Vec<ReportFile>, ReportError> {
+    let format = |name, reason: String| ReportError::Format { name, reason };
+    let names = COLUMNS.iter().map(|(name, _)| (*name).to_owned());
+    let names: Vec<String> = names.chain(CARDS.iter().map(card_column)).collect();
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let csv = |error: csv::Error| format("rows.csv", error.to_string());
+    writer.write_record(&names).map_err(csv)?;
+    for row in rows {
+        writer.write_record(row.cells()).map_err(csv)?;
+    }
+    let table = writer.into_inner();
+    let table = table.map_err(|error| format("rows.csv", error.to_string()))?;
+    let mut columns: Map<String, Value> = COLUMNS
+        .iter()
+        .map(|(name, holds)| ((*name).to_owned(), Value::from(*holds)))
+        .collect();
+    for card in &CARDS {
+        let holds = format!("predicted milliseconds on a {}", card.name);
+        columns.insert(card_column(card), Value::from(holds));
+    }
+    let columns = serde_json::to_string_pretty(&Value::Object(columns))
+        .map_err(|error| format("columns.json", error.to_string()))?;
+    let files = [
+        ("rows.csv", table),
+        ("columns.json", format!("{columns}\n").into_bytes()),
+        ("report.md", markdown(rows, what, &ASSUMED).into_bytes()),
+    ];
+    let file = |(name, bytes): (&str, Vec<u8>)| ReportFile {
+        path: name.into(),
+        bytes,
+    };
+    Ok(files.map(file).into())
+}
+
+fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
+    let mut text = format!(
+        "# stereolux bench work\n\n{what}\n\n**A model: no time here was measured.** A pass takes the longer of moving its \
+         bytes at {:.0} % of the card's published bandwidth and running its instructions at {:.0} % of its published rate. \
+         {:.0} % of what rays and gathers look at comes from memory. A ray is taken for {:.0} instructions, a node {:.0}, a \
+         triangle test {:.0}, a photon tested {:.0}, one counted {:.0}; the rest of the code runs once per thread.\n\n",
+        100.0 * how.bandwidth_share,
+        100.0 * how.arithmetic_share,
+        100.0 * how.cache_misses,
+        how.instructions[0],
+        how.instructions[1],
+        how.instructions[2],
+        how.instructions[3],
+        how.instructions[4],
+    );
+    text += "| card | GB/s | TFLOPS | source |\n|---|---|---|---|\n";
+    for card in &CARDS {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} |",
+            card.name, card.gb_per_s, card.tflops, card.source
+        );
+    }
+    let mut frame = None;
+    for row in rows {
+        if frame != Some((&row.scene, &row.method)) {
+            frame = Some((&row.scene, &row.method));
+            let _ = write!(
+                text,
+                "\n## {}, {}\n\n| pass | M rays | nodes/ray | triangles/ray | M photons tested | counted, % | MB read | MB written | MB walked | G instructions |",
+                row.scene, row.method
+            );
+            for card in &CARDS {
+                let _ = write!(text, " {}, ms |", card.name);
+            }
+            let _ = writeln!(text, "\n|---{}", "|---".repeat(9 + CARDS.len()) + "|");
+        }
+        let per = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+        let _ = write!(
+            text,
+            "| {} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {:.1} | {:.1} | {:.0} | {:.2} |",
+            row.pass.replace('|', "/"),
+            row.rays * 1e-6,
+            per(row.nodes, row.rays),
+            per(row.triangles, row.rays),
+            row.photons_tested * 1e-6,
+            100.0 * per(row.photons_counted, row.photons_tested),
+            row.bytes_read * 1e-6,
+            row.bytes_written * 1e-6,
+            row.bytes_walked * 1e-6,
+            row.instructions * 1e-9,
+        );
+        for ms in row.ms {
+            let _ = write!(text, " {ms:.3} |");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: 1e9 bytes at 70 % of 504 GB/s are 2.834 ms, and 1e9 instructions at a quarter of 14.55 T/s 0.275 ms.
+    #[test]
+    fn a_pass_takes_the_longer_of_memory_and_arithmetic() {
+        let moving = WorkRow {
+            threads: 1e6,
+            code_instructions: 1000.0,
+            bytes_read: 6e8,
+            bytes_written: 4e8,
+            ..WorkRow::default()
+        };
+        let moving = moving.predicted([64.0, 48.0, 32.0], &ASSUMED);
+        assert!((moving.ms[0] - 2.8345).abs() < 1e-3, "{:?}", moving.ms);
+        let reckoning = WorkRow {
+            bytes_read: 0.0,
+            bytes_written: 0.0,
+            ..moving.clone()
+        };
+        let reckoning = reckoning.predicted([64.0, 48.0, 32.0], &ASSUMED);
+        assert!(
+            (reckoning.ms[0] - 0.2749).abs() < 1e-3,
+            "{:?}",
+            reckoning.ms
+        );
+        // One ray of two nodes and three triangles, and four photons of which one counts.
+        let walking = WorkRow {
+            rays: 1.0,
+            nodes: 2.0,
+            triangles: 3.0,
+            photons_tested: 4.0,
+            photons_counted: 1.0,
+            ..WorkRow::default()
+        };
+        let walking = walking.predicted([64.0, 48.0, 32.0], &ASSUMED);
+        assert_eq!(walking.bytes_walked, 128.0 + 144.0 + 128.0);
+        assert_eq!(walking.instructions, 120.0 + 120.0 + 210.0 + 60.0 + 110.0);
+        let both = WorkRow::all(&[moving.clone(), walking]);
+        assert_eq!((both.rays, both.bytes_read), (1.0, 6e8));
+        assert!(both.ms[0] > moving.ms[0]);
+    }
+
+    #[test]
+    fn every_column_is_explained() {
+        let rows = [WorkRow {
+            scene: "a, b.gltf".to_owned(),
+            ..WorkRow::default()
+        }];
+        let files = files(&rows, "Nothing.").unwrap();
+        let text = |name: &str| {
+            let file = files.iter().find(|file| file.path.ends_with(name)).unwrap();
+            String::from_utf8(file.bytes.clone()).unwrap()
+        };
+        let csv = text("rows.csv");
+        let mut lines = csv.lines();
+        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+        assert_eq!(names.len(), rows[0].cells().len());
+        assert!(lines.next().unwrap().starts_with("\"a, b.gltf\","));
+        let columns: Value = serde_json::from_str(&text("columns.json")).unwrap();
+        assert_eq!(columns.as_object().unwrap().len(), names.len());
+        for name in names {
+            assert!(columns[name].is_string(), "{name}");
+        }
+        assert!(text("report.md").contains("no time here was measured"));
+    }
+}

@@ -1,0 +1,97 @@
+//! Counts of work (`output.work`): what can be known of them, and that counting changes nothing.
+
+use std::collections::BTreeMap;
+
+use stereolux::frame::work::{Dispatched, WorkCounts};
+use stereolux::renderer::Eye;
+use stereolux::settings::{Method, RenderSettings, Reuse};
+
+use super::support::{
+    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+};
+
+const SIZE: [u32; 2] = [24, 16];
+const PIXELS: u64 = 24 * 16;
+
+/// Dispatches of a frame, and its images.
+fn frame(settings: &RenderSettings) -> (Vec<Dispatched>, [Vec<[f32; 3]>; 2]) {
+    let scene = builtin("cornell");
+    let mut renderer = renderer(&scene, settings, SIZE);
+    // The box fills the view: every ray meets it.
+    let views = parallel_views(start_pose(&scene), 0.063, square_fov(8.0));
+    let result = renderer.render_frame(&views, 0, |_| {}).unwrap();
+    let images = [Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye));
+    (result.work, images)
+}
+
+#[test]
+fn counts_are_those_that_can_be_known() {
+    for reuse in [Reuse::Off, Reuse::Lookup] {
+        let with = |work| {
+            frame(&settings(|s| {
+                s.method = Method::Photon;
+                s.reuse = reuse;
+                s.photon.count = 2000;
+                s.output.work = work;
+            }))
+        };
+        let (nothing, plain) = with(false);
+        assert!(nothing.is_empty());
+        let (work, images) = with(true);
+        assert!(images == plain, "{reuse:?}: counting changes the images");
+        let mut passes: BTreeMap<&str, WorkCounts> = BTreeMap::new();
+        for dispatched in &work {
+            *passes.entry(dispatched.label.as_str()).or_default() += dispatched.counts;
+        }
+        let of = |pass: &str| passes.get(pass).copied().unwrap_or_default();
+        let first = of("left.first_hits");
+        assert_eq!(first.rays, PIXELS);
+        // A hit ray enters the root of both levels' hierarchies at least, and tests a triangle.
+        assert!(
+            first.nodes >= PIXELS && first.triangles >= PIXELS,
+            "{first:?}"
+        );
+        let direct = of("left.direct_light");
+        assert!((1..=2 * PIXELS).contains(&direct.rays), "{direct:?}");
+        let gather = of("left.photon_gather");
+        assert!(gather.photons_tested > gather.photons_counted && gather.photons_counted > 0);
+        assert_eq!((gather.rays, gather.nodes, gather.triangles), (0, 0, 0));
+        // At least one segment of each path.
+        assert!(
+            of("photons.trace").rays >= 2000 || of("photons.photon_trace").rays >= 2000,
+            "{:?}",
+            passes.keys()
+        );
+        // Tiles of 8x8 cover the image; lists are no longer than it, but for their last workgroup.
+        let whole = work.iter().find(|d| d.label == "left.first_hits").unwrap();
+        assert!(!whole.over_list && whole.threads == PIXELS);
+        let listed = work
+            .iter()
+            .find(|d| d.label == "left.photon_gather")
+            .unwrap();
+        assert!(
+            listed.over_list && (PIXELS..PIXELS + 64).contains(&listed.threads),
+            "{listed:?}"
+        );
+        let right = of("right.direct_light").rays;
+        match reuse {
+            Reuse::Off => assert!(right > PIXELS / 2, "{right}"),
+            _ => assert!(right < direct.rays / 2, "{right} of {}", direct.rays),
+        }
+    }
+}
+
+#[test]
+fn gathers_that_are_not_counted_are_refused() {
+    let counted = settings(|s| s.output.work = true);
+    assert_eq!(counted.check(), Ok(()));
+    let tree = settings(|s| {
+        s.output.work = true;
+        s.photon.search = stereolux::settings::Search::KdTree;
+    });
+    let error = tree.check().unwrap_err();
+    assert!(
+        error.starts_with("output.work counts gathers with photon.search"),
+        "{error}"
+    );
+}
