@@ -18,7 +18,7 @@ use stereolux::viewer::frames::ViewMode;
 use stereolux::viewer::layout::Layout;
 use stereolux::viewer::painter::{Painter, Target};
 use stereolux::viewer::window_state::WindowState;
-use stereolux::viewer::{App, Start};
+use stereolux::viewer::{App, Start, theme};
 use stereolux::xr::{Fov, Headset};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -57,9 +57,11 @@ impl Canvas {
             view_formats: &[],
         });
         let painter = Painter::new(&gpu, FORMAT)?;
+        let egui = Context::default();
+        theme::apply(&egui);
         Ok(Self {
             app,
-            egui: Context::default(),
+            egui,
             painter,
             gpu,
             texture,

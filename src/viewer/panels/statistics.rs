@@ -104,7 +104,11 @@ fn plot(app: &App, ui: &mut Ui) {
                     })
                     .collect()
             })
-            .y_axis_formatter(|mark, _| format!("{}", 10_f64.powf(mark.value).round()))
+            // A mark beyond the plot would stand in the legend.
+            .y_axis_formatter(|mark, shown| match shown.contains(&mark.value) {
+                true => format!("{}", 10_f64.powf(mark.value).round()),
+                false => String::new(),
+            })
             .show_x(false)
             .show_axes([false, true])
             .show(ui, |plot| {
