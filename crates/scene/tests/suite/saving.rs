@@ -41,8 +41,8 @@ fn every_edit_is_saved_and_read_back() {
         ("builtin:cornell", ["short block", "tall block", "ceiling"]),
         ("builtin:gallery", ["vase", "bench", "glass sphere"]),
         ("builtin:parade", ["floor", "box", "ball"]),
-        ("tests/reference/textures.gltf", ["", "", ""]),
-        ("tests/reference/lights.gltf", ["", "", ""]),
+        ("../../tests/reference/textures.gltf", ["", "", ""]),
+        ("../../tests/reference/lights.gltf", ["", "", ""]),
     ] {
         let mut document = Document::load(name).unwrap();
         assert_reads_back(&document, name);
