@@ -8,6 +8,7 @@
 //! their own copy of the scene.
 
 pub mod accumulate;
+mod aim;
 pub mod app;
 mod fields;
 pub mod fly_camera;

@@ -6,6 +6,7 @@ use egui::{
 };
 use glam::{DAffine3, DVec3};
 
+use super::aim;
 use super::app::App;
 use super::frames::FrameReport;
 use super::gizmo::{Handled, Pointer};
@@ -41,22 +42,15 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         // Pictures made of both eyes are of frames alone.
         let is_plain = |part: &Part| matches!(part, Part::Left | Part::Right);
         app.is_sketched = app.is_behind() && parts.iter().all(is_plain);
-        let frame = match app.frame.take() {
-            Some(frame) if frame.changes >= app.opened_at() => frame,
-            stale => {
-                app.frame = stale;
-                if app.is_sketched {
-                    for (part, rect) in parts.iter().zip(&rectangles) {
-                        show_sketch(ui.painter(), *part, *rect);
-                    }
-                }
-                show_awaited(app, ui, area);
-                return;
-            }
-        };
+        let last = app.frame.take();
+        // Of this scene: another one's is no picture of it.
+        let frame = last
+            .as_ref()
+            .filter(|frame| frame.changes >= app.opened_at());
         let mut has_gizmo = false;
         for (part, rect) in parts.iter().zip(&rectangles) {
-            show_part(app, ui, &frame, *part, *rect, &mut has_gizmo);
+            let shown = frame.filter(|_| !app.is_sketched).map(|frame| &**frame);
+            show_part(app, ui, shown, *part, *rect, &mut has_gizmo);
         }
         if !has_gizmo {
             app.gizmo.hide();
@@ -65,25 +59,32 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         if layout == Layout::Split || has_frozen {
             divider(app, ui, first);
         }
-        let is_other = frame.view_mode != app.view_mode;
-        if is_other {
-            // Never one view's picture under another's name.
-            ui.painter()
-                .rect_filled(area, 0.0, Color32::from_black_alpha(200));
-            let awaited = app.awaited().unwrap_or_default();
-            note(ui.painter(), area, &awaited);
-        } else if let Some(legend) = &frame.legend {
-            show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
+        if let Some(frame) = frame {
+            show_notes(app, ui, frame, parts, area);
         }
-        let notes = parts
-            .iter()
-            .filter_map(|part| frame.notes[part.eye()].as_ref());
-        if let (Some(text), false) = (notes.into_iter().next(), is_other) {
-            note(ui.painter(), area, text);
-        }
-        app.frame = Some(frame);
+        app.frame = last;
         show_awaited(app, ui, area);
     });
+}
+
+/// What is said of a frame across the whole area.
+fn show_notes(app: &App, ui: &Ui, frame: &FrameReport, parts: &[Part], area: Rect) {
+    let is_other = frame.view_mode != app.view_mode;
+    if is_other {
+        // Never one view's picture under another's name.
+        ui.painter()
+            .rect_filled(area, 0.0, Color32::from_black_alpha(200));
+        let awaited = app.awaited().unwrap_or_default();
+        note(ui.painter(), area, &awaited);
+    } else if let Some(legend) = &frame.legend {
+        show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
+    }
+    let notes = parts
+        .iter()
+        .filter_map(|part| frame.notes[part.eye()].as_ref());
+    if let (Some(text), false) = (notes.into_iter().next(), is_other) {
+        note(ui.painter(), area, text);
+    }
 }
 
 /// What is being waited for, at the lower left.
@@ -98,11 +99,6 @@ fn show_awaited(app: &App, ui: &Ui, area: Rect) {
 /// The texture that the window draws itself, see [`super::sketch`].
 pub fn sketch_texture(eye: usize) -> egui::TextureId {
     egui::TextureId::User(eye as u64)
-}
-
-fn show_sketch(painter: &Painter, part: Part, rect: Rect) {
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    painter.image(sketch_texture(part.eye()), rect, whole, Color32::WHITE);
 }
 
 /// Width over height of an eye's picture.
@@ -126,10 +122,11 @@ fn wish_size(app: &mut App, rect: Rect, pixels_per_point: f32) {
     });
 }
 
+/// One picture of the layout: of `frame`, or the sketch without one.
 fn show_part(
     app: &mut App,
     ui: &mut Ui,
-    frame: &FrameReport,
+    frame: Option<&FrameReport>,
     part: Part,
     rect: Rect,
     has_gizmo: &mut bool,
@@ -138,14 +135,19 @@ fn show_part(
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let painter = ui.painter().with_clip_rect(rect);
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    if app.is_sketched {
-        show_sketch(&painter, part, rect);
-    } else if let Some(texture) = app.pictures.texture(&context, frame, part) {
-        painter.image(texture.id(), rect, whole, Color32::WHITE);
+    let texture = match frame {
+        Some(frame) => app
+            .pictures
+            .texture(&context, frame, part)
+            .map(|of| of.id()),
+        None => app.is_sketched.then(|| sketch_texture(part.eye())),
+    };
+    if let Some(texture) = texture {
+        painter.image(texture, rect, whole, Color32::WHITE);
     }
-    if !app.is_sketched
-        && app.window_state.layout == Layout::Split
-        && let (Some(other), Some(_)) = (app.pictures.other(), &frame.other)
+    if app.window_state.layout == Layout::Split
+        && let (Some(other), Some(_)) =
+            (app.pictures.other(), frame.and_then(|of| of.other.as_ref()))
     {
         let from = app.window_state.divider.clamp(0.0, 1.0);
         let x = rect.min.x + rect.width() * from;
@@ -175,7 +177,7 @@ fn show_part(
     let selected = app
         .selected
         .map(|node| (node, app.document.scene().subtree(node)));
-    if !app.is_sketched
+    if let Some(frame) = frame
         && let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye())
     {
         painter.image(outline.id(), rect, whole, Color32::WHITE);
@@ -184,14 +186,17 @@ fn show_part(
     *has_gizmo |= handled.is_some();
     let is_handled = matches!(handled, Some(Handled::Held | Handled::Moved(_)));
     pointer(app, &context, frame, part, rect, &response, is_handled);
-    name_under_pointer(app, &painter, frame, part, rect, &response);
+    // Of a sketch nobody knows it without a search.
+    if let Some(frame) = frame {
+        name_under_pointer(app, &painter, frame, part, rect, &response);
+    }
 }
 
 /// Draws the gizmo into one picture, and carries out what it asks for.
 fn handles(
     app: &mut App,
     painter: &Painter,
-    frame: &FrameReport,
+    frame: Option<&FrameReport>,
     part: Part,
     rect: Rect,
     response: &Response,
@@ -240,11 +245,7 @@ fn handles(
         return None;
     }
     let was_dragging = app.gizmo.is_dragging();
-    let view = if app.is_sketched {
-        &app.views()[part.eye()]
-    } else {
-        &frame.views[part.eye()]
-    };
+    let view = &frame.map_or_else(|| app.views(), |frame| frame.views)[part.eye()];
     let handled = app
         .gizmo
         .show(painter, rect, view, world_from_pivot, pointer);
@@ -271,7 +272,7 @@ fn handles(
 fn pointer(
     app: &mut App,
     context: &Context,
-    frame: &FrameReport,
+    frame: Option<&FrameReport>,
     part: Part,
     rect: Rect,
     response: &Response,
@@ -287,9 +288,8 @@ fn pointer(
                 memory.surrender_focus(field);
             }
         });
-        let seen = &frame.seen[part.eye()];
-        app.selected = seen
-            .node_at(place_in(rect, at))
+        app.selected = surface_at(app, frame, part, place_in(rect, at))
+            .map(|(node, _)| node)
             .filter(|node| app.document.scene().reaches(*node));
         app.tab = super::app::Tab::Inspector;
         app.fields.scroll_to_selected = true;
@@ -298,13 +298,9 @@ fn pointer(
     if response.drag_started_by(PointerButton::Middle)
         && let Some(at) = response.interact_pointer_pos()
     {
-        let seen = &frame.seen[part.eye()];
-        let distance_m = seen
-            .pixel_at(place_in(rect, at))
-            .map(|pixel| seen.distances_m[pixel]);
         // Where there is only sky, what is a room away.
-        let hit = distance_m.filter(|distance_m| *distance_m > 0.0);
-        app.fields.orbit_m = hit.map_or(2.0 * app.camera.speed, f64::from);
+        app.fields.orbit_m = surface_at(app, frame, part, place_in(rect, at))
+            .map_or(2.0 * app.camera.speed, |(_, distance_m)| distance_m);
     }
     if response.dragged_by(PointerButton::Middle) {
         let travel = response.drag_delta();
@@ -336,6 +332,23 @@ fn pointer(
             app.camera.dolly(f64::from(notches));
         }
     }
+}
+
+/// The node whose surface is shown at a place of an eye's picture, by `frame` or by the sketch without one, and its distance,
+/// metres.
+fn surface_at(
+    app: &App,
+    frame: Option<&FrameReport>,
+    part: Part,
+    place: [f32; 2],
+) -> Option<(usize, f64)> {
+    let eye = part.eye();
+    let Some(frame) = frame else {
+        return aim::surface_at(app.document.scene(), &app.views()[eye], place);
+    };
+    let seen = &frame.seen[eye];
+    let node = seen.node_at(place)?;
+    Some((node, seen.distances_m[seen.pixel_at(place)?].into()))
 }
 
 /// From (0, 0) at the top left of `rect` to (1, 1).

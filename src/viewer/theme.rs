@@ -1,4 +1,4 @@
-//! Colours of the window: egui's dark ones, with text that can be read.
+//! Looks of the window: egui's dark colours, with text that can be read, and nothing that fades.
 
 use egui::{Color32, Context, Theme};
 
@@ -11,6 +11,8 @@ const TEXT: Color32 = Color32::from_gray(190);
 pub fn apply(context: &Context) {
     context.set_theme(Theme::Dark);
     context.style_mut_of(Theme::Dark, |style| {
+        // On a slow adapter what fades away would still take clicks after it was closed.
+        style.animation_time = 0.0;
         let visuals = &mut style.visuals;
         visuals.weak_text_color = Some(WEAK_TEXT);
         visuals.widgets.noninteractive.fg_stroke.color = TEXT;

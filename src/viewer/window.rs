@@ -200,6 +200,8 @@ impl Open {
             gpu.adapter.name
         );
         let egui = Context::default();
+        // On a slow adapter a second may pass between the passes that see a button go down and up.
+        egui.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
         theme::apply(&egui);
         let input = egui_winit::State::new(
             egui.clone(),
