@@ -1,7 +1,7 @@
 //! What the last frames cost, and what became of the right eye's pixels.
 
 use egui::{Color32, Grid, Panel, RichText, ScrollArea, Ui};
-use egui_plot::{HLine, Line, Plot, PlotPoints};
+use egui_plot::{AxisHints, HLine, Line, Plot, PlotPoints};
 
 use crate::frame_loop::FrameStats;
 use crate::viewer::app::App;
@@ -105,7 +105,12 @@ fn plot(app: &App, ui: &mut Ui) {
                     })
                     .collect()
             })
-            .y_axis_formatter(|mark, _| format!("{}", 10_f64.powf(mark.value).round()))
+            .custom_y_axes(vec![
+                // A label for each power of ten, however low the chart is.
+                AxisHints::new_y()
+                    .label_spacing(1.0..=2.0)
+                    .formatter(|mark, _| format!("{}", 10_f64.powf(mark.value).round())),
+            ])
             .show_x(false)
             .show_axes([false, true])
             .show(ui, |plot| {
