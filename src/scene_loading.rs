@@ -1,12 +1,16 @@
 //! A scene as the settings ask for it: loaded, scaled, lit.
 
 use crate::limits::LoadBudget;
+#[cfg(feature = "viewer")]
+use crate::scene::edit::Document;
 use crate::scene::needs::LightCounts;
 use crate::scene::{Environment, Needs, Scene, SceneError, load_environment_within};
 use crate::settings::{Light, Settings};
 
 /// Prefix of scenes that are embedded in the program.
 const BUILTIN: &str = "builtin:";
+/// Light for a scene that has none.
+const STUDIO: &str = "builtin:studio";
 
 /// A scene as it is rendered.
 pub struct Loaded {
@@ -57,6 +61,51 @@ impl Loaded {
     }
 }
 
+/// A scene that can be edited, as it is shown.
+#[cfg(feature = "viewer")]
+pub struct LoadedDocument {
+    /// The scene, scaled, with its environment; its clip is not looked for.
+    pub document: Document,
+    /// With the environment that `light` stands for.
+    pub settings: Settings,
+    /// As [`Loaded::light`].
+    pub light: Option<String>,
+}
+
+#[cfg(feature = "viewer")]
+impl LoadedDocument {
+    /// Loads the settings' scene by `--scene`'s rules. The light that `auto` chose for an earlier scene does not count.
+    ///
+    /// # Errors
+    /// [`SceneError`]: the scene or its environment.
+    pub fn open(settings: &Settings) -> Result<Self, SceneError> {
+        let budget = LoadBudget::new(settings.limits.load());
+        let mut document = Document::load_within(&settings.scene, &budget)?;
+        document.scale(settings.scene_scale);
+        let mut settings = settings.clone();
+        if settings.light == Light::Auto && settings.environment.path == STUDIO {
+            settings.environment.path.clear();
+        }
+        let light = light_scene(&mut settings, document.scene());
+        let own = document.scene().environment.clone();
+        let (environment, warnings) = surround(own, &settings, &budget)?;
+        document.set_environment(environment);
+        let size_warning = document.scene().size_warning();
+        for warning in warnings
+            .iter()
+            .chain(&size_warning)
+            .chain(&document.scene().warnings)
+        {
+            log::warn!("{warning}");
+        }
+        Ok(Self {
+            document,
+            settings,
+            light,
+        })
+    }
+}
+
 /// What the settings put around a scene, as strong as they say: the environment of their path, else the scene's own. And
 /// warnings, one line each.
 ///
@@ -77,16 +126,16 @@ pub fn surround(
 }
 
 /// Puts the environment that `light` stands for into the settings; what was done, in words.
-pub fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
+fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
     let is_bare = settings.environment.path.is_empty();
-    let (name, why) = match settings.light {
-        Light::Auto if is_bare && !is_lit(scene) => ("studio", "the scene has no light"),
-        Light::Studio => ("studio", "asked for"),
-        Light::Sky => ("sky", "asked for"),
+    let (path, why) = match settings.light {
+        Light::Auto if is_bare && !is_lit(scene) => (STUDIO, "the scene has no light"),
+        Light::Studio => (STUDIO, "asked for"),
+        Light::Sky => ("builtin:sky", "asked for"),
         Light::Auto | Light::None => return None,
     };
-    settings.environment.path = format!("{BUILTIN}{name}");
-    Some(format!("{BUILTIN}{name} ({why})"))
+    path.clone_into(&mut settings.environment.path);
+    Some(format!("{path} ({why})"))
 }
 
 fn is_lit(scene: &Scene) -> bool {

@@ -4,11 +4,9 @@ use super::Failure;
 use super::run::replay_options;
 use crate::frame::user_passes::shader_library;
 use crate::interrupt;
-use crate::limits::LoadBudget;
 use crate::options::ViewOptions;
 use crate::output::OutputFolder;
-use crate::scene::edit::Document;
-use crate::scene_loading::{light_scene, surround};
+use crate::scene_loading::LoadedDocument;
 use crate::viewer::session::Recording;
 use crate::viewer::window_state::WindowState;
 use crate::viewer::{Start, show};
@@ -22,25 +20,15 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     shader_library(&settings.gpu.shader_folder, &settings.render.user_passes)
         .map_err(Failure::unusable)?;
     let headset = Headset::load(&settings.headset)?;
-    let budget = LoadBudget::new(settings.limits.load());
-    let mut document = Document::load_within(&settings.scene, &budget)?;
-    document.scale(settings.scene_scale);
-    if let Some(light) = light_scene(&mut settings, document.scene()) {
+    let LoadedDocument {
+        document,
+        settings,
+        light,
+    } = LoadedDocument::open(&settings)?;
+    if let Some(light) = light {
         eprintln!("light: {light}");
     }
-    if let Some(warning) = document.scene().size_warning() {
-        log::warn!("{warning}");
-    }
-    let own = document.scene().environment.clone();
-    let (environment, warnings) = surround(own, &settings, &budget)?;
-    document.set_environment(environment);
-    for warning in warnings {
-        log::warn!("{warning}");
-    }
     document.scene().clip(&settings.render.animation.clip)?;
-    for warning in &document.scene().warnings {
-        log::warn!("{warning}");
-    }
     OutputFolder::check(&options.shared.out)?;
     let recording = match &options.recording.trace {
         Some(path) => {

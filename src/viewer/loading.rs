@@ -6,16 +6,15 @@ use std::time::Instant;
 
 use super::session::{Recording, is_trace};
 use crate::limits::LoadBudget;
-use crate::scene::edit::Document;
 use crate::scene::{Environment, SceneError, load_environment_within};
-use crate::scene_loading::surround;
+use crate::scene_loading::LoadedDocument;
 use crate::settings::{EnvironmentSettings, Settings};
 use crate::xr::{Headset, Pose, ReplayOptions, ReplaySession, Validated};
 
 /// What was in the file.
 pub enum Loaded {
-    /// A scene, under the environment that the settings name.
-    Scene(Box<Document>),
+    /// A scene, lit as the settings say.
+    Scene(Box<LoadedDocument>),
     /// Surroundings, and the settings that they were read by.
     Environment(Box<Environment>, EnvironmentSettings),
     /// Head motion.
@@ -144,16 +143,15 @@ fn read(
     let strength = settings.environment.strength as f32;
     match kind {
         Kind::Scene => {
-            let document = Document::load_within(path, &budget);
-            let mut document = document.map_err(|error| Refused {
+            let settings = Settings {
+                scene: path.to_owned(),
+                ..settings.clone()
+            };
+            let loaded = LoadedDocument::open(&settings).map_err(|error| Refused {
                 names_outside: matches!(error, SceneError::Outside { .. }),
                 ..line(&error)
             })?;
-            let own = document.scene().environment.clone();
-            let (environment, _) =
-                surround(own, settings, &budget).map_err(|error| line(&error))?;
-            document.set_environment(environment);
-            Ok(Loaded::Scene(Box::new(document)))
+            Ok(Loaded::Scene(Box::new(loaded)))
         }
         Kind::Environment => {
             let (environment, warnings) =

@@ -31,24 +31,24 @@ impl App {
                 self.asks_outside = refused.names_outside.then_some(name);
                 self.say(context, refused.text, true);
             }
-            Ok(Loaded::Scene(document)) => {
-                for warning in &document.scene().warnings {
-                    log::warn!("{warning}");
-                }
-                self.document = *document;
+            Ok(Loaded::Scene(loaded)) => {
+                let (environment, light) = (loaded.settings.environment, loaded.light);
+                self.document = loaded.document;
                 self.selected = None;
                 self.clock = SceneClock::default();
                 self.camera = camera_of(&self.document);
                 self.fields = Fields::new(&self.out, self.document.original());
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
+                settings.environment = environment;
                 // Clips have names of their own in each scene.
                 settings.render.animation.clip = Settings::default().render.animation.clip;
                 self.set_settings(context, settings);
                 self.environment = self.settings.environment.clone();
                 self.restart_scene();
                 self.window_state.remember_file(&name);
-                self.say(context, format!("{name} opened"), false);
+                let light = light.map_or_else(String::new, |light| format!("; light: {light}"));
+                self.say(context, format!("{name} opened{light}"), false);
             }
             Ok(Loaded::Environment(environment, settings)) => {
                 self.document.set_environment(Some(*environment));

@@ -9,11 +9,13 @@ use stereolux::images::{ImageRgb, aces_filmic, read_image, srgb_encode, write_ex
 use stereolux::options::layers::Layers;
 use stereolux::renderer::Eye;
 use stereolux::scene::Scene;
-use stereolux::scene::edit::Document;
+use stereolux::scene::edit::{Document, Edit};
+use stereolux::settings::Light;
 use stereolux::viewer::App;
 
 use super::viewer_support::{
-    SIZE, Viewer, click_at, drag, errors, open, path_tracing, place_of, press, settle, shown, until,
+    SIZE, Viewer, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
+    shown, until,
 };
 use crate::suite::support::{Folder, renderer, stereolux};
 
@@ -206,6 +208,38 @@ fn a_broken_file_is_refused_and_a_good_one_opens() {
             .all(|node| *node < nodes || *node == u32::MAX)
     );
     assert!(seen.nodes.iter().any(|node| *node != u32::MAX));
+}
+
+#[test]
+fn a_scene_without_light_is_lit_when_it_is_opened_and_the_next_one_is_left_alone() {
+    let folder = Folder::new("viewer-unlit");
+    let mut viewer = open("builtin:cornell", &folder, |settings| {
+        path_tracing(settings);
+        settings.light = Light::Auto;
+    });
+    let mut document = Document::load("builtin:cornell").unwrap();
+    let lit = folder.join("lit.glb");
+    document.save(&lit).unwrap();
+    let lamp = node_of(document.scene(), "lamp");
+    document.edit(Edit::Delete { node: lamp }).unwrap();
+    let dark = folder.join("dark.glb");
+    document.save(&dark).unwrap();
+    // Without light every pixel is black; the corners see nothing but what is around.
+    for (path, around) in [
+        (&dark, "builtin:studio"),
+        (&lit, ""),
+        (&dark, "builtin:studio"),
+    ] {
+        drop_file(&mut viewer, path);
+        let name = path.to_string_lossy().into_owned();
+        until(&mut viewer, "the scene", |app| {
+            app.settings().scene == name && app.is_up_to_date()
+        });
+        let app = viewer.state();
+        assert_eq!(app.settings().environment.path, around, "{name}");
+        let is_black = shown(app).eyes[0].pixels[0] == egui::Color32::BLACK;
+        assert_eq!(is_black, around.is_empty(), "{name}");
+    }
 }
 
 #[test]
