@@ -12,7 +12,7 @@ use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
 
 use super::viewer_support::{
-    Viewer, changed, click_at, drag, errors, narrow, node_of, open, path_tracing, place_of, press,
+    changed, choose, click_at, drag, errors, narrow, node_of, open, path_tracing, place_of, press,
     settle, shown, until,
 };
 use crate::suite::support::Folder;
@@ -234,28 +234,6 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
         "{:?}",
         errors(viewer.state())
     );
-}
-
-/// Picks `wanted` in the box that shows `now`.
-fn choose(viewer: &mut Viewer, now: &str, wanted: &str) {
-    if now == wanted {
-        return;
-    }
-    viewer
-        .get_by(|node| {
-            node.role() == egui::accesskit::Role::ComboBox && node.value().as_deref() == Some(now)
-        })
-        .click();
-    viewer.step();
-    viewer.step();
-    let button = viewer
-        .get_all_by_label(wanted)
-        .last()
-        .unwrap_or_else(|| panic!("{wanted} is not offered"));
-    button.scroll_to_me();
-    button.click();
-    viewer.step();
-    viewer.step();
 }
 
 #[test]

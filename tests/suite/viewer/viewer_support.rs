@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
 use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::settings::{Method, Settings};
@@ -177,4 +178,26 @@ pub fn errors(app: &App) -> Vec<&str> {
 pub fn path_tracing(settings: &mut Settings) {
     settings.render.method = Method::Path;
     settings.render.path.max_depth = 3;
+}
+
+/// Picks `wanted` in the box that shows `now`.
+pub fn choose(viewer: &mut Viewer, now: &str, wanted: &str) {
+    if now == wanted {
+        return;
+    }
+    viewer
+        .get_by(|node| {
+            node.role() == egui::accesskit::Role::ComboBox && node.value().as_deref() == Some(now)
+        })
+        .click();
+    viewer.step();
+    viewer.step();
+    let button = viewer
+        .get_all_by_label(wanted)
+        .last()
+        .unwrap_or_else(|| panic!("{wanted} is not offered"));
+    button.scroll_to_me();
+    button.click();
+    viewer.step();
+    viewer.step();
 }

@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+"""Drives the viewer's window as a person would and prints when each action is first answered on the screen.
+
+    scripts/drive_viewer.py target/release/stereolux MODEL.gltf --out out/driven
+
+On a virtual screen of 1280x800 over builtin:gallery: select, change a material, undo, redo, orbit, walk, change the view,
+save, open MODEL by the path field, quit. Needs Xvfb and xdotool. An answer is a change of more than 0.2 % of the watched
+part's pixels (5 % where the picture is asked for), so that a cursor or a text field does not count as one; the time
+includes xdotool's start, some 10 ms. Writes the screens as PNG into --out; look at them.
+"""
+import argparse
+import os
+import pathlib
+import signal
+import statistics
+import struct
+import subprocess
+import time
+import zlib
+
+WIDTH, HEIGHT = 1280, 800
+DISPLAY = ":77"
+# Left, top, right, bottom, pixels.
+SCREEN = (0, 0, 1280, 800)
+PICTURES = (212, 52, 908, 620)
+INSPECTOR = (912, 80, 1275, 620)
+PATIENCE_S = 30
+
+
+class Desk:
+    """A virtual screen with the viewer's window on it."""
+
+    def __init__(self, program, out):
+        self.out = out
+        out.mkdir(parents=True, exist_ok=True)
+        frames = out / "screen"
+        frames.mkdir(exist_ok=True)
+        self.server = subprocess.Popen(
+            ["Xvfb", DISPLAY, "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-fbdir", frames])
+        time.sleep(2)
+        self.env = dict(os.environ, DISPLAY=DISPLAY, WINIT_X11_SCALE_FACTOR="1", XDG_CONFIG_HOME=str(out / "config"))
+        self.app = subprocess.Popen(
+            [program, "view", "--scene", "builtin:gallery", "--out", out / "saved"], env=self.env)
+        self.screen = open(frames / "Xvfb_screen0", "rb", buffering=0)
+        head = struct.unpack(">25I", self.screen.read(100))
+        self.start, self.row = head[0] + 12 * head[19], head[12]
+        self.times_ms = []
+        time.sleep(8)
+        # There is no window manager that would give it the keyboard.
+        found = subprocess.run(["xdotool", "search", "--name", "stereolux"], env=self.env, capture_output=True, check=True)
+        self.xdotool("windowfocus", found.stdout.split()[-1].decode())
+        time.sleep(1)
+
+    def xdotool(self, *words):
+        subprocess.run(["xdotool", *map(str, words)], env=self.env, check=True)
+
+    def pixels(self, part):
+        left, top, right, bottom = part
+        self.screen.seek(self.start)
+        screen = self.screen.read(self.row * HEIGHT)
+        return b"".join(screen[y * self.row + 4 * left:y * self.row + 4 * right] for y in range(top, bottom))
+
+    def drag(self, start, end, button):
+        self.xdotool("mousemove", *start, "mousedown", button)
+        for step in range(1, 5):
+            self.xdotool("mousemove", *(a + (b - a) * step // 4 for a, b in zip(start, end)))
+            time.sleep(0.02)
+
+    def act(self, name, act, part=PICTURES, share=0.002, after=lambda: None):
+        before = self.pixels(part)
+        began = time.monotonic()
+        act()
+        while True:
+            now = self.pixels(part)
+            differing = sum(now[at:at + 3] != before[at:at + 3] for at in range(0, len(now), 64))
+            elapsed_s = time.monotonic() - began
+            if differing > share * len(now) / 64:
+                break
+            if elapsed_s > PATIENCE_S:
+                raise SystemExit(f"{name}: no answer within {PATIENCE_S} s")
+            time.sleep(0.005)
+        self.times_ms.append(1e3 * elapsed_s)
+        print(f"{name:34} {1e3 * elapsed_s:5.0f} ms", flush=True)
+        after()
+        time.sleep(4)
+        self.save_png(name.replace(" ", "_"))
+
+    def save_png(self, name):
+        pixels = self.pixels(SCREEN)
+        rows = bytearray()
+        for y in range(HEIGHT):
+            row = pixels[4 * WIDTH * y:4 * WIDTH * (y + 1)]
+            rgb = bytearray(3 * WIDTH)
+            rgb[0::3], rgb[1::3], rgb[2::3] = row[2::4], row[1::4], row[0::4]
+            rows += b"\0" + rgb
+        chunk = lambda kind, data: (struct.pack(">I", len(data)) + kind + data
+                                    + struct.pack(">I", zlib.crc32(kind + data)))
+        head = struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 2, 0, 0, 0)
+        png = (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(rows)))
+               + chunk(b"IEND", b""))
+        (self.out / f"{name}.png").write_bytes(png)
+
+    def close(self):
+        """Sends what `kill` sends, and gives the milliseconds until it has ended."""
+        began = time.monotonic()
+        self.app.send_signal(signal.SIGTERM)
+        status = self.app.wait(PATIENCE_S)
+        self.server.terminate()
+        if status != 0:
+            raise SystemExit(f"it ended with status {status}")
+        return 1e3 * (time.monotonic() - began)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program", type=pathlib.Path, help="the stereolux program")
+    parser.add_argument("model", type=pathlib.Path, help="what is opened, .gltf or .glb")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/driven"))
+    options = parser.parse_args()
+    desk = Desk(options.program.resolve(), options.out.resolve())
+    key = lambda name: lambda: desk.xdotool("key", name)
+    click = lambda: desk.xdotool("click", 1)
+
+    def point(x, y):
+        desk.xdotool("mousemove", x, y)
+        time.sleep(0.3)
+
+    def choose_view(row):
+        point(400, 12)
+        click()
+        time.sleep(1)
+        point(400, 12 + 24 * row)
+
+    point(389, 341)
+    desk.act("select the vase", click, INSPECTOR)
+    desk.act("change its colour", lambda: desk.drag((1124, 276), (1190, 276), 1), after=lambda: desk.xdotool("mouseup", 1))
+    desk.act("undo", key("ctrl+z"))
+    desk.act("redo", key("ctrl+shift+z"))
+    desk.act("orbit", lambda: desk.drag((389, 400), (340, 400), 2), share=0.05, after=lambda: desk.xdotool("mouseup", 2))
+    desk.act("walk", lambda: desk.xdotool("keydown", "w"), share=0.05, after=lambda: desk.xdotool("keyup", "w"))
+    choose_view(6)
+    desk.act("change the view", click, share=0.05)
+    choose_view(1)
+    desk.act("change it back", click, share=0.05)
+    desk.act("save", key("ctrl+s"), SCREEN)
+    desk.act("ask what to open", key("ctrl+o"), SCREEN)
+    desk.xdotool("key", "ctrl+a")
+    desk.xdotool("type", "--delay", 5, options.model.resolve())
+    time.sleep(1)
+    desk.act("open the model", key("Return"), SCREEN)
+    time.sleep(8)
+    desk.save_png("opened")
+    quit_ms = desk.close()
+    print(f"median {statistics.median(desk.times_ms):.0f} ms, worst {max(desk.times_ms):.0f} ms; "
+          f"ended {quit_ms:.0f} ms after SIGTERM")
+
+
+if __name__ == "__main__":
+    main()

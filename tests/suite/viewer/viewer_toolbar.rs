@@ -1,0 +1,189 @@
+//! The toolbar, kept views, the frozen picture, hidden panels and the log.
+
+use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
+use egui_kittest::kittest::Queryable as _;
+use stereolux::images::{aces_filmic, srgb_encode};
+use stereolux::settings::Tone;
+use stereolux::viewer::App;
+
+use super::viewer_support::{
+    Viewer, choose, click_at, drag, errors, open, path_tracing, press, settle, shown, until,
+};
+use crate::suite::support::Folder;
+
+/// The cornell box under surroundings of the same radiance everywhere, which the corners of the pictures see.
+fn surrounded(folder: &Folder) -> Viewer {
+    use stereolux::images::{ImageRgb, write_exr};
+    let sky = folder.join("sky.exr");
+    write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
+    let mut viewer = open("builtin:cornell", folder, path_tracing);
+    let settings = sky.to_string_lossy().into_owned();
+    let context = viewer.ctx.clone();
+    viewer.state_mut().open(&context, settings);
+    until(&mut viewer, "the sky", |app| {
+        app.is_up_to_date() && corner(app) != 0
+    });
+    viewer
+}
+
+fn corner(app: &App) -> u8 {
+    shown(app).eyes[0].pixels[0].r()
+}
+
+#[test]
+fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
+    let folder = Folder::new("viewer-toolbar");
+    let mut viewer = surrounded(&folder);
+    let byte = |linear: f32| (srgb_encode(linear) * 255.0).round() as u8;
+    assert_eq!(corner(viewer.state()), byte(aces_filmic(0.2)));
+
+    // One stop, typed.
+    let exposure = viewer
+        .get_all_by_role(egui::accesskit::Role::SpinButton)
+        .min_by(|a, b| a.rect().min.y.total_cmp(&b.rect().min.y))
+        .unwrap()
+        .rect()
+        .center();
+    click_at(&mut viewer, exposure);
+    viewer.step();
+    press(&mut viewer, Modifiers::COMMAND, Key::A);
+    viewer.event(egui::Event::Text("1".to_owned()));
+    viewer.step();
+    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    until(&mut viewer, "a brighter sky", |app| {
+        app.is_up_to_date() && corner(app) == byte(aces_filmic(0.4))
+    });
+    assert_eq!(viewer.state().settings().render.output.exposure, 2.0);
+
+    choose(&mut viewer, "aces curve", "linear");
+    assert_eq!(viewer.state().settings().output.tone, Tone::Linear);
+    until(&mut viewer, "the linear curve", |app| {
+        app.is_up_to_date() && corner(app) == byte(0.4)
+    });
+
+    let denoises = viewer.state().settings().render.reconstruct.svgf.is_on();
+    viewer.get_by_label("Denoise").click();
+    viewer.step();
+    viewer.step();
+    let now = viewer.state().settings().render.reconstruct.svgf.is_on();
+    assert_ne!(now, denoises);
+    settle(&mut viewer);
+
+    viewer.get_by_label("Surroundings: sky.exr").click();
+    viewer.step();
+    viewer.step();
+    viewer.get_by_label("None").click();
+    until(&mut viewer, "no sky", |app| {
+        app.is_up_to_date() && corner(app) == 0
+    });
+    assert_eq!(viewer.state().settings().environment.path, "");
+    assert_eq!(errors(viewer.state()), Vec::<&str>::new());
+}
+
+/// Parts of the screen on which textures other than the font's are drawn within `picture`.
+fn textured(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect)> {
+    let shapes = viewer.output().shapes.iter();
+    let drawn = shapes.filter_map(|clipped| match &clipped.shape {
+        Shape::Mesh(mesh) => Some((mesh.texture_id, mesh.calc_bounds())),
+        _ => None,
+    });
+    drawn
+        .filter(|(_, rect)| picture.expand(0.5).contains_rect(*rect))
+        .collect()
+}
+
+#[test]
+fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
+    let folder = Folder::new("viewer-frozen");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    viewer.step();
+    let picture = viewer.state().shown_at()[0].1;
+    let [(present, whole)] = textured(&viewer, picture)[..] else {
+        panic!("{:?}", textured(&viewer, picture));
+    };
+    assert_eq!(whole, picture);
+
+    viewer.get_by_label("Freeze A").click();
+    viewer.step();
+    viewer.step();
+    // Walking changes B alone.
+    viewer.key_down(Key::W);
+    viewer.step();
+    viewer.step();
+    viewer.key_up(Key::W);
+    settle(&mut viewer);
+    let line = |viewer: &Viewer| {
+        let drawn = textured(viewer, picture);
+        let [(_, b), (a, left)] = drawn[..] else {
+            panic!("{drawn:?}");
+        };
+        assert_ne!(a, present);
+        assert_eq!(b, picture);
+        assert_eq!(left.min, picture.min);
+        left.max.x
+    };
+    viewer.step();
+    let before = line(&viewer);
+    assert!((before - picture.center().x).abs() < 1.0, "{before}");
+    let head = viewer.state().head();
+    drag(
+        &mut viewer,
+        Pos2::new(before, picture.center().y),
+        vec2(-60.0, 0.0),
+    );
+    viewer.step();
+    // By the drag, to a point, and nothing looked around meanwhile.
+    let after = line(&viewer);
+    assert!((before - 60.0 - after).abs() < 1.0, "{before} {after}");
+    assert_eq!(viewer.state().head(), head);
+
+    viewer.get_by_label("Freeze A").click();
+    viewer.step();
+    viewer.step();
+    assert_eq!(textured(&viewer, picture).len(), 1);
+}
+
+#[test]
+fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
+    let folder = Folder::new("viewer-kept");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
+    let start = viewer.state().head();
+    press(&mut viewer, shifted, Key::Num1);
+    viewer.key_down(Key::W);
+    for _ in 0..5 {
+        viewer.step();
+    }
+    viewer.key_up(Key::W);
+    viewer.step();
+    assert_ne!(viewer.state().head(), start);
+    // Nothing is kept there: it is said, and nobody moves.
+    let walked = viewer.state().head();
+    press(&mut viewer, Modifiers::COMMAND, Key::Num2);
+    assert_eq!(viewer.state().head(), walked);
+    press(&mut viewer, Modifiers::COMMAND, Key::Num1);
+    assert_eq!(viewer.state().head(), start);
+
+    viewer.step();
+    let beside = viewer.state().shown_at()[0].1.width();
+    assert!(viewer.query_by_label("Freeze A").is_some());
+    press(&mut viewer, Modifiers::NONE, Key::Tab);
+    viewer.step();
+    assert!(viewer.query_by_label("Freeze A").is_none());
+    assert!(viewer.state().shown_at()[0].1.width() > beside);
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+    assert!(viewer.query_by_label("Freeze A").is_some());
+    assert_eq!(viewer.state().shown_at()[0].1.width(), beside);
+
+    viewer.get_by_label("Window").click();
+    viewer.step();
+    viewer.step();
+    viewer.get_by_label("Log").click();
+    viewer.step();
+    viewer.step();
+    for said in ["view 1 kept", "no view 2 is kept"] {
+        let lines = viewer.query_all_by_label_contains(said);
+        assert!(lines.count() > 0, "{said}");
+    }
+}
