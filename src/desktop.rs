@@ -172,13 +172,7 @@ impl DesktopSession {
         frame_limit: Option<u64>,
     ) -> Self {
         Self {
-            info: SessionInfo {
-                source: "desktop".to_owned(),
-                headset: headset.name.clone(),
-                refresh_hz: headset.refresh_hz,
-                recommended_size: Some(headset.size),
-                hidden: None,
-            },
+            info: SessionInfo::of_profile("desktop".to_owned(), &headset),
             period_ns: (1e9 / headset.refresh_hz).round() as i64,
             headset,
             desk: SharedDesk::default(),

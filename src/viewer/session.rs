@@ -24,13 +24,7 @@ impl DesktopSession {
     /// Shows `views` on `headset`.
     pub fn new(headset: &Headset, views: SharedViews) -> Self {
         Self {
-            info: SessionInfo {
-                source: "desktop".to_owned(),
-                headset: headset.name.clone(),
-                refresh_hz: headset.refresh_hz,
-                recommended_size: Some(headset.size),
-                hidden: None,
-            },
+            info: SessionInfo::of_profile("desktop".to_owned(), headset),
             views,
             frames: 0,
             period_ns: (1e9 / headset.refresh_hz).round() as i64,

@@ -230,6 +230,20 @@ pub struct SessionInfo {
     pub hidden: Option<[HiddenArea; 2]>,
 }
 
+impl SessionInfo {
+    /// Of a source that shows a profile's headset.
+    #[must_use]
+    pub fn of_profile(source: String, headset: &Headset) -> Self {
+        Self {
+            source,
+            headset: headset.name.clone(),
+            refresh_hz: headset.refresh_hz,
+            recommended_size: Some(headset.size),
+            hidden: None,
+        }
+    }
+}
+
 /// Who says with what quality a session's frames are rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum QualityFrom {

@@ -137,13 +137,8 @@ impl ReplaySession {
             motion = motion.recentered(&options.start);
         }
         let headset = options.headset.clone();
-        let info = SessionInfo {
-            source: format!("replay of {} ({})", path.display(), format.name()),
-            headset: headset.name.clone(),
-            refresh_hz: headset.refresh_hz,
-            recommended_size: Some(headset.size),
-            hidden: None,
-        };
+        let source = format!("replay of {} ({})", path.display(), format.name());
+        let info = SessionInfo::of_profile(source, &headset);
         let frames = frames_within(motion.duration_ns(), headset.refresh_hz);
         let recording = Recording::Head(motion, Box::new(headset));
         Self::new(info, recording, Vec::new(), frames, &options)

@@ -138,13 +138,7 @@ impl SimulatedSession {
     #[must_use]
     pub fn new(headset: Headset, motion: Motion, start: Pose, frame_limit: Option<u64>) -> Self {
         Self {
-            info: SessionInfo {
-                source: source(motion, 0),
-                headset: headset.name.clone(),
-                refresh_hz: headset.refresh_hz,
-                recommended_size: Some(headset.size),
-                hidden: None,
-            },
+            info: SessionInfo::of_profile(source(motion, 0), &headset),
             headset,
             motion,
             start,
