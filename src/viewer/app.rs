@@ -20,6 +20,7 @@ use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
+use super::zoom::Zoom;
 use crate::options::Extent;
 use crate::options::SettingsFile as _;
 use crate::scene::edit::{Document, Edit};
@@ -144,6 +145,8 @@ pub struct App {
     stands: VecDeque<(u64, Stand)>,
     /// The last pass shows the sketch.
     pub(super) is_sketched: bool,
+    /// The part of the pictures that is shown.
+    pub(super) zoom: Zoom,
     /// Refining was stopped, and nothing has changed since.
     pub(super) is_stopped: bool,
     /// A request that no frame has answered yet, and when it was made.
@@ -224,6 +227,7 @@ impl App {
             opened_at: 0,
             stands,
             is_sketched: false,
+            zoom: Zoom::default(),
             is_stopped: false,
             unanswered: Some((0, Instant::now())),
             commands: Vec::new(),

@@ -228,7 +228,12 @@ impl TransformGizmo {
         };
         let after = moved.and_then(|moved| geometry(self, moved));
         let after = after.unwrap_or(before);
-        self.draw(&after, &painter.with_clip_rect(area), focus, snaps);
+        self.draw(
+            &after,
+            &painter.with_clip_rect(area.intersect(painter.clip_rect())),
+            focus,
+            snaps,
+        );
         // On the arrows' shafts.
         let shafts = after.axes.map(|axis| after.point(0.6 * SIZE * axis));
         self.handles = after.seen(&shafts).and_then(|seen| seen.try_into().ok());

@@ -6,6 +6,7 @@ use super::app::{App, WindowCommand, camera_of};
 use super::fly_camera::Thrust;
 use super::gizmo::KEYS;
 use super::panels::paths::Purpose;
+use super::zoom::Zoom;
 use crate::scene::edit::Edit;
 
 /// Keys of views that are kept: with Ctrl and Shift to keep one, with Ctrl to go there.
@@ -92,6 +93,8 @@ impl App {
             self.say(context, "reading was cancelled", false);
         } else if self.hides_panels {
             self.hides_panels = false;
+        } else if self.zoom.is_on() {
+            self.zoom = Zoom::default();
         } else if self.selected.take().is_some() {
         } else if self.awaited().is_some() {
             self.stop();

@@ -34,6 +34,7 @@ mod ui;
 mod window;
 pub mod window_state;
 mod worker;
+mod zoom;
 
 pub use app::{App, Start};
 pub use window::{ViewError, show};

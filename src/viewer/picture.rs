@@ -43,6 +43,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let is_plain = |part: &Part| matches!(part, Part::Left | Part::Right);
         app.is_sketched = app.is_behind() && parts.iter().all(is_plain);
         let last = app.frame.take();
+        if app.pictures.show_pixels(app.zoom.is_on())
+            && let Some(last) = &last
+        {
+            app.pictures.take(ui.ctx(), last);
+        }
         // Of this scene: another one's is no picture of it.
         let frame = last
             .as_ref()
@@ -128,13 +133,19 @@ fn show_part(
     ui: &mut Ui,
     frame: Option<&FrameReport>,
     part: Part,
-    rect: Rect,
+    place: Rect,
     has_gizmo: &mut bool,
 ) {
     let context = ui.ctx().clone();
-    let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let painter = ui.painter().with_clip_rect(rect);
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    let response = ui.allocate_rect(place, Sense::click_and_drag());
+    let painter = ui.painter().with_clip_rect(place);
+    // The whole picture, of which the clip shows a part.
+    let rect = app.zoom.whole(place);
+    let draw = |texture: egui::TextureId, clip: Rect| {
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        let painter = ui.painter().with_clip_rect(clip);
+        painter.image(texture, rect, whole, Color32::WHITE);
+    };
     let texture = match frame {
         Some(frame) => app
             .pictures
@@ -143,36 +154,22 @@ fn show_part(
         None => app.is_sketched.then(|| sketch_texture(part.eye())),
     };
     if let Some(texture) = texture {
-        painter.image(texture, rect, whole, Color32::WHITE);
+        draw(texture, place);
     }
+    let share = app.window_state.divider.clamp(0.0, 1.0);
+    let divider_x = place.min.x + place.width() * share;
+    let (left, right) = place.split_left_right_at_x(divider_x);
     if app.window_state.layout == Layout::Split
         && let (Some(other), Some(_)) =
             (app.pictures.other(), frame.and_then(|of| of.other.as_ref()))
     {
-        let from = app.window_state.divider.clamp(0.0, 1.0);
-        let x = rect.min.x + rect.width() * from;
-        let right = Rect::from_min_max(pos2(x, rect.min.y), rect.max);
-        let uv = Rect::from_min_max(pos2(from, 0.0), pos2(1.0, 1.0));
-        painter.image(other.id(), right, uv, Color32::WHITE);
+        draw(other.id(), right);
     }
     if let (Some(frozen), Part::Left | Part::Right) = (&app.frozen, part) {
-        let share = app.window_state.divider.clamp(0.0, 1.0);
-        let x = rect.min.x + rect.width() * share;
-        let left = Rect::from_min_max(rect.min, pos2(x, rect.max.y));
-        let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(share, 1.0));
-        painter.image(frozen[part.eye()].id(), left, uv, Color32::WHITE);
-        label(
-            &painter,
-            pos2(x - 8.0, rect.min.y + 30.0),
-            Align2::RIGHT_TOP,
-            "A",
-        );
-        label(
-            &painter,
-            pos2(x + 8.0, rect.min.y + 30.0),
-            Align2::LEFT_TOP,
-            "B",
-        );
+        draw(frozen[part.eye()].id(), left);
+        let top = place.min.y + 30.0;
+        label(&painter, pos2(divider_x - 8.0, top), Align2::RIGHT_TOP, "A");
+        label(&painter, pos2(divider_x + 8.0, top), Align2::LEFT_TOP, "B");
     }
     let selected = app
         .selected
@@ -180,16 +177,44 @@ fn show_part(
     if let Some(frame) = frame
         && let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye())
     {
-        painter.image(outline.id(), rect, whole, Color32::WHITE);
+        draw(outline.id(), place);
     }
     let handled = handles(app, &painter, frame, part, rect, &response);
     *has_gizmo |= handled.is_some();
     let is_handled = matches!(handled, Some(Handled::Held | Handled::Moved(_)));
     pointer(app, &context, frame, part, rect, &response, is_handled);
+    enlarge(app, &context, place, &response, &painter);
     // Of a sketch nobody knows it without a search.
     if let Some(frame) = frame {
         name_under_pointer(app, &painter, frame, part, rect, &response);
     }
+}
+
+/// Enlarges what lies under the pointer.
+fn enlarge(app: &mut App, context: &Context, place: Rect, response: &Response, painter: &Painter) {
+    if let Some(at) = response.hover_pos() {
+        let factor = context.input(|input| input.zoom_delta());
+        if factor != 1.0 {
+            app.zoom.about(factor, place, at);
+            context.request_repaint();
+        }
+    }
+    if response.dragged_by(PointerButton::Primary) && shifts_zoom(app, context) {
+        app.zoom.shift(response.drag_delta(), place);
+    }
+    if app.zoom.is_on() {
+        let text = format!("{:.1} times, Esc shows all", app.zoom.times());
+        let at = place.right_bottom() - vec2(8.0, 8.0);
+        label(painter, at, Align2::RIGHT_BOTTOM, &text);
+    }
+}
+
+/// Whether a drag moves the part that is shown, and not the gaze.
+fn shifts_zoom(app: &App, context: &Context) -> bool {
+    app.zoom.is_on()
+        && !app.gizmo.is_dragging()
+        && !app.fields.drags_divider
+        && context.input(|input| input.modifiers.command)
 }
 
 /// Draws the gizmo into one picture, and carries out what it asks for.
@@ -232,7 +257,9 @@ fn handles(
         snaps: input.modifiers.command,
     });
     // The gizmo belongs to one picture at a time: the one in which it is dragged, else the one under the pointer.
-    let here = pointer.at.is_some_and(|at| rect.contains(at));
+    let here = pointer
+        .at
+        .is_some_and(|at| painter.clip_rect().contains(at));
     let is_first = part == app.window_state.layout.parts()[0];
     let owner = app.fields.gizmo_part;
     if app.gizmo.is_dragging() {
@@ -318,7 +345,7 @@ fn pointer(
             }
         }
     }
-    if response.dragged_by(PointerButton::Primary) && is_free {
+    if response.dragged_by(PointerButton::Primary) && is_free && !shifts_zoom(app, context) {
         let travel = response.drag_delta();
         if travel != egui::Vec2::ZERO {
             app.player = None;
@@ -386,7 +413,7 @@ fn name_under_pointer(
     }
     label(
         painter,
-        rect.right_top() + vec2(-8.0, 8.0),
+        painter.clip_rect().right_top() + vec2(-8.0, 8.0),
         Align2::RIGHT_TOP,
         &text,
     );

@@ -18,10 +18,16 @@ pub struct Pictures {
     combined: Option<(Part, u32, TextureHandle)>,
     outlines: [Option<TextureHandle>; 2],
     outlined: Option<(u32, Option<usize>)>,
+    shows_pixels: bool,
 }
 
-fn put(context: &Context, slot: &mut Option<TextureHandle>, name: &str, image: Arc<ColorImage>) {
-    let options = TextureOptions::LINEAR;
+fn put(
+    context: &Context,
+    slot: &mut Option<TextureHandle>,
+    name: &str,
+    image: Arc<ColorImage>,
+    options: TextureOptions,
+) {
     match slot {
         Some(texture) => texture.set(image, options),
         None => *slot = Some(context.load_texture(name, image, options)),
@@ -29,14 +35,36 @@ fn put(context: &Context, slot: &mut Option<TextureHandle>, name: &str, image: A
 }
 
 impl Pictures {
+    /// From now on pixels are squares, or blend into one another; true if that is a change, which frames have to be taken
+    /// anew for.
+    pub fn show_pixels(&mut self, shows_pixels: bool) -> bool {
+        let is_new = self.shows_pixels != shows_pixels;
+        if is_new {
+            self.shows_pixels = shows_pixels;
+            self.combined = None;
+            self.outlined = None;
+        }
+        is_new
+    }
+
+    fn options(&self) -> TextureOptions {
+        if self.shows_pixels {
+            TextureOptions::NEAREST
+        } else {
+            TextureOptions::LINEAR
+        }
+    }
+
     /// Takes a new frame over.
     pub fn take(&mut self, context: &Context, frame: &FrameReport) {
+        let options = self.options();
         for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
             put(
                 context,
                 &mut self.eyes[eye],
                 name,
                 Arc::clone(&frame.eyes[eye]),
+                options,
             );
         }
         if let Some(other) = &frame.other {
@@ -45,6 +73,7 @@ impl Pictures {
                 &mut self.other,
                 "other settings",
                 Arc::clone(other),
+                options,
             );
         }
     }
@@ -75,7 +104,7 @@ impl Pictures {
                     difference
                 };
                 let image = combine(&frame.eyes[0], &frame.eyes[1]);
-                let texture = context.load_texture("both eyes", image, TextureOptions::LINEAR);
+                let texture = context.load_texture("both eyes", image, self.options());
                 self.combined = Some((part, frame.index, texture.clone()));
                 Some(texture)
             }
@@ -94,9 +123,16 @@ impl Pictures {
         let key = (frame.index, Some(node));
         if self.outlined != Some(key) {
             self.outlined = Some(key);
+            let options = self.options();
             for eye in 0..2 {
                 let image = outline_image(&frame.seen[eye], &is_inside);
-                put(context, &mut self.outlines[eye], "outline", Arc::new(image));
+                put(
+                    context,
+                    &mut self.outlines[eye],
+                    "outline",
+                    Arc::new(image),
+                    options,
+                );
             }
         }
         self.outlines[eye].clone()

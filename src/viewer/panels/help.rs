@@ -10,6 +10,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("W A S D, Q E", "walk; down and up"),
     ("Shift, Alt", "run, slow"),
     ("wheel", "move along the gaze"),
+    ("Ctrl + wheel, drag", "enlarge the picture, shift it"),
     ("click", "select what is under the pointer"),
     ("F", "look at the selected object"),
     ("1 2 3", "handles: move, turn, scale (Ctrl snaps)"),
@@ -33,7 +34,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("F1", "this help"),
     ("F5", "read the shaders again"),
     ("F11", "full screen"),
-    ("Esc", "close, cancel, deselect, stop refining"),
+    ("Esc", "close, cancel, show all, deselect, stop refining"),
     ("drop a file", "open .glb, .gltf, .hdr, .exr or a recording"),
 ];
 

@@ -7,7 +7,8 @@ use stereolux::settings::Tone;
 use stereolux::viewer::App;
 
 use super::viewer_support::{
-    Viewer, choose, click_at, drag, errors, open, path_tracing, press, settle, shown, until,
+    Viewer, choose, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
+    shown, until,
 };
 use crate::suite::support::Folder;
 
@@ -80,15 +81,22 @@ fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
     assert_eq!(errors(viewer.state()), Vec::<&str>::new());
 }
 
-/// Parts of the screen on which textures other than the font's are drawn within `picture`.
-fn textured(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect)> {
+/// Textures that are drawn into `picture`, and where they would lie if nothing were cut off.
+fn drawn(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect, Rect)> {
     let shapes = viewer.output().shapes.iter();
     let drawn = shapes.filter_map(|clipped| match &clipped.shape {
-        Shape::Mesh(mesh) => Some((mesh.texture_id, mesh.calc_bounds())),
+        Shape::Mesh(mesh) => Some((mesh.texture_id, mesh.calc_bounds(), clipped.clip_rect)),
         _ => None,
     });
+    let is_here = |clip: &Rect| picture.expand(0.5).contains_rect(*clip);
+    drawn.filter(|(.., clip)| is_here(clip)).collect()
+}
+
+/// Parts of the screen on which textures are drawn within `picture`.
+fn textured(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect)> {
+    let drawn = drawn(viewer, picture).into_iter();
     drawn
-        .filter(|(_, rect)| picture.expand(0.5).contains_rect(*rect))
+        .map(|(texture, bounds, clip)| (texture, bounds.intersect(clip)))
         .collect()
 }
 
@@ -141,6 +149,60 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
     viewer.step();
     viewer.step();
     assert_eq!(textured(&viewer, picture).len(), 1);
+}
+
+#[test]
+fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
+    let folder = Folder::new("viewer-zoom");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    viewer.step();
+    let picture = viewer.state().shown_at()[0].1;
+    let at = place_of(viewer.state(), "short block");
+    let whole = |viewer: &Viewer| drawn(viewer, picture)[0].1;
+    assert_eq!(whole(&viewer), picture);
+    let share = (at - picture.min) / picture.size();
+    viewer.hover_at(at);
+    viewer.event(egui::Event::Zoom(4.0));
+    viewer.step();
+    viewer.step();
+    let enlarged = whole(&viewer);
+    // f32 on some hundred points.
+    assert!((enlarged.size() - 4.0 * picture.size()).length() < 0.01);
+    let there = enlarged.min + share * enlarged.size();
+    assert!((there - at).length() < 0.01, "{there}");
+    // Both pictures show the same part.
+    let other = viewer.state().shown_at()[1].1;
+    let of_other = drawn(&viewer, other)[0].1;
+    assert!(((of_other.min - other.min) - (enlarged.min - picture.min)).length() < 0.01);
+
+    // What is seen there is still what is clicked.
+    click_at(&mut viewer, at);
+    viewer.step();
+    let block = node_of(viewer.state().document().scene(), "short block");
+    assert_eq!(viewer.state().selected(), Some(block));
+
+    // Ctrl and a drag shift the picture, and turn nobody's head.
+    let head = viewer.state().head();
+    viewer.event(egui::Event::ModifiersChanged(Modifiers::COMMAND));
+    drag(
+        &mut viewer,
+        picture.min + vec2(30.0, 30.0),
+        vec2(20.0, 10.0),
+    );
+    viewer.step();
+    let shifted = whole(&viewer).min - enlarged.min;
+    assert!(shifted.x > 10.0 && shifted.y > 5.0, "{shifted}");
+    assert_eq!(viewer.state().head(), head);
+    viewer.event(egui::Event::ModifiersChanged(Modifiers::NONE));
+    viewer.step();
+
+    // Esc shows all, and leaves the selection for the next one.
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+    assert_eq!(whole(&viewer), picture);
+    assert_eq!(viewer.state().selected(), Some(block));
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    assert_eq!(viewer.state().selected(), None);
 }
 
 #[test]
