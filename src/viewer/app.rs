@@ -23,8 +23,9 @@ use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
 use crate::options::Extent;
 use crate::options::SettingsFile as _;
+use crate::renderer::Inspection;
 use crate::scene::edit::{Document, Edit};
-use crate::settings::{EnvironmentSettings, Settings};
+use crate::settings::{EnvironmentSettings, Eyes, Reuse, Settings};
 use crate::xr::{Headset, Pose};
 
 /// Frames whose times the statistics remember.
@@ -176,6 +177,9 @@ impl App {
             settings: Arc::clone(&settings),
             other: None,
             views: headset.views_from_head(&camera.pose()),
+            rendered: window_state
+                .layout
+                .eyes(settings.render.reuse != Reuse::Off),
             scene_time_ns: None,
             size,
             exposure: settings.render.output.exposure,
@@ -602,6 +606,13 @@ impl App {
             .unwrap_or_else(|| self.headset.views_from_head(&self.camera.pose()))
     }
 
+    /// The eyes that the layout needs.
+    pub(super) fn rendered(&self) -> Eyes {
+        let shows_reuse = self.view_mode == ViewMode::Inspection(Inspection::Provenance);
+        let reuses = self.settings.render.reuse != Reuse::Off || shows_reuse;
+        self.window_state.layout.eyes(reuses)
+    }
+
     fn note_stand(&mut self) {
         let stand = Stand::of(self.document.scene());
         self.stands.push_back((self.changes, stand));
@@ -617,6 +628,7 @@ impl App {
     pub(super) fn is_behind(&self) -> bool {
         self.frame.as_ref().is_none_or(|frame| {
             frame.changes < self.opened_at
+                || !frame.has(self.rendered())
                 || (self.clock.seconds.is_none()
                     && (frame.changes < self.changes || frame.views != self.views()))
         })
@@ -663,6 +675,7 @@ impl App {
             settings: Arc::clone(&self.settings),
             other: (self.window_state.layout == Layout::Split).then(|| Arc::clone(&self.other)),
             views: self.views(),
+            rendered: self.rendered(),
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
             exposure: self.settings.render.output.exposure,

@@ -8,7 +8,7 @@ use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
 use crate::images::ImageRgb;
 use crate::renderer::{Inspection, SeenSurface};
-use crate::settings::{Settings, Tone};
+use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::View;
 
 /// What is shown of a frame.
@@ -69,6 +69,8 @@ pub struct Wanted {
     pub other: Option<Arc<Settings>>,
     /// Both eyes.
     pub views: [View; 2],
+    /// Those that are rendered.
+    pub rendered: Eyes,
     /// Where the scene's animation stands, nanoseconds; none leaves the scene as its nodes have it.
     pub scene_time_ns: Option<i64>,
     /// Pixels per eye of a view that stands still.
@@ -131,9 +133,11 @@ pub struct FrameReport {
     pub view_mode: ViewMode,
     /// Number of the frame.
     pub index: u32,
-    /// Left and right eye.
+    /// The eyes that were rendered.
+    pub rendered: Eyes,
+    /// Left and right eye. One that was not rendered has the other's.
     pub eyes: [Arc<ColorImage>; 2],
-    /// Mean radiance of both eyes, W/(m² sr), linear RGB.
+    /// Mean radiance of the rendered eyes, W/(m² sr), linear RGB.
     pub radiance: [Option<Arc<ImageRgb>>; 2],
     /// Radius of the gather and of the caustics' gather, metres, as the renderer took them.
     pub radii_m: [f64; 2],
@@ -143,7 +147,7 @@ pub struct FrameReport {
     pub legend: Option<Legend>,
     /// A line that is said of an eye's picture, such as why there is nothing to see.
     pub notes: [Option<String>; 2],
-    /// What the pixels see.
+    /// What the pixels of the rendered eyes see.
     pub seen: [Arc<Seen>; 2],
     /// The views that were rendered.
     pub views: [View; 2],
@@ -157,6 +161,22 @@ pub struct FrameReport {
     pub stats: FrameStats,
     /// Device memory in use by all renderers (another one's in a split view, the reference's), bytes, where the driver's interface tells.
     pub device_bytes: Option<u64>,
+}
+
+impl FrameReport {
+    /// Whether it shows these eyes.
+    pub fn has(&self, eyes: Eyes) -> bool {
+        self.rendered == Eyes::Both || self.rendered == eyes
+    }
+
+    /// The eye, 0 left or 1 right, whose picture stands for `eye`: itself if it was rendered.
+    pub fn stands_for(&self, eye: usize) -> usize {
+        match self.rendered {
+            Eyes::Both => eye,
+            Eyes::Left => 0,
+            Eyes::Right => 1,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 use egui::{Color32, ColorImage, Rect, pos2, vec2};
 use serde::{Deserialize, Serialize};
 
+use crate::settings::Eyes;
+
 /// What the picture area shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -35,6 +37,15 @@ impl Layout {
         Self::Difference,
         Self::Split,
     ];
+
+    /// The eyes that it shows. A right eye that `reuses` needs the left one.
+    pub fn eyes(self, reuses: bool) -> Eyes {
+        match self {
+            Self::Left | Self::Split => Eyes::Left,
+            Self::Right if !reuses => Eyes::Right,
+            _ => Eyes::Both,
+        }
+    }
 
     /// Name for people.
     pub fn name(self) -> &'static str {
@@ -188,7 +199,11 @@ mod tests {
         assert_eq!(Layout::CrossEye.parts(), [Part::Right, Part::Left]);
         assert_eq!(Layout::CrossEye.parts()[0].eye(), 1);
         assert_eq!(Layout::Anaglyph.parts()[0].eye(), 0);
+        assert_eq!(Layout::Right.eyes(false), Eyes::Right);
         for layout in Layout::ALL {
+            let needed = layout.eyes(true);
+            let is_left = layout.parts() == [Part::Left];
+            assert_eq!(needed, if is_left { Eyes::Left } else { Eyes::Both });
             assert!(!layout.parts().is_empty(), "{}", layout.name());
         }
     }

@@ -48,10 +48,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         {
             app.pictures.take(ui.ctx(), last);
         }
-        // Of this scene: another one's is no picture of it.
+        // Of this scene and these eyes: another one's is no picture of it.
         let frame = last
             .as_ref()
-            .filter(|frame| frame.changes >= app.opened_at());
+            .filter(|frame| frame.changes >= app.opened_at() && frame.has(app.rendered()));
         let mut has_gizmo = false;
         for (part, rect) in parts.iter().zip(&rectangles) {
             let shown = frame.filter(|_| !app.is_sketched).map(|frame| &**frame);

@@ -88,6 +88,7 @@ struct Compiled {
     renderer: Renderer,
     library: ShaderLibrary,
     settings: Arc<Settings>,
+    rendered: Eyes,
     size: [u32; 2],
 }
 
@@ -119,7 +120,8 @@ impl RenderEngine {
 
     /// Frames averaged so far.
     pub fn frames(&self) -> u32 {
-        self.averaged[0].frames()
+        let [left, right] = &self.averaged;
+        left.frames().max(right.frames())
     }
 
     /// Forgets the frames: the view, the scene or the size has changed.
@@ -142,9 +144,11 @@ impl RenderEngine {
     }
 
     /// Whether [`RenderEngine::prepare`] has work to do.
-    pub fn needs_renderer(&self, settings: &Arc<Settings>) -> bool {
+    pub fn needs_renderer(&self, settings: &Arc<Settings>, rendered: Eyes) -> bool {
         let fits = self.compiled.as_ref().is_some_and(|compiled| {
-            same_renderer(&compiled.settings, settings) && !self.is_outgrown
+            same_renderer(&compiled.settings, settings)
+                && compiled.rendered == rendered
+                && !self.is_outgrown
         });
         !fits && !is_refused(self.refused.as_ref(), settings)
     }
@@ -154,7 +158,12 @@ impl RenderEngine {
     /// # Errors
     /// [`EngineError::Render`]: these settings, this scene or this shader make none. The same settings are not tried again
     /// until the scene or the shaders change.
-    pub fn prepare(&mut self, settings: &Arc<Settings>, size: [u32; 2]) -> Result<(), EngineError> {
+    pub fn prepare(
+        &mut self,
+        settings: &Arc<Settings>,
+        rendered: Eyes,
+        size: [u32; 2],
+    ) -> Result<(), EngineError> {
         let kept = self
             .compiled
             .as_ref()
@@ -164,7 +173,7 @@ impl RenderEngine {
             Some(library) => Ok(library),
             None => library(settings),
         }
-        .and_then(|library| self.make(settings, size, library));
+        .and_then(|library| self.make(settings, rendered, size, library));
         match made {
             Ok(compiled) => {
                 self.compiled = Some(compiled);
@@ -184,6 +193,7 @@ impl RenderEngine {
     fn make(
         &self,
         settings: &Arc<Settings>,
+        rendered: Eyes,
         size: [u32; 2],
         library: ShaderLibrary,
     ) -> Result<Compiled, EngineError> {
@@ -194,13 +204,14 @@ impl RenderEngine {
             &library,
             &self.scene,
             &settings.render,
-            Eyes::Both,
+            rendered,
             size,
         )?;
         Ok(Compiled {
             renderer,
             library,
             settings: Arc::clone(settings),
+            rendered,
             size,
         })
     }
@@ -214,8 +225,9 @@ impl RenderEngine {
             self.refused = None;
             return Ok(());
         };
-        let (settings, size) = (Arc::clone(&compiled.settings), compiled.size);
-        self.compiled = Some(self.make(&settings, size, library)?);
+        let settings = Arc::clone(&compiled.settings);
+        let (rendered, size) = (compiled.rendered, compiled.size);
+        self.compiled = Some(self.make(&settings, rendered, size, library)?);
         self.clear();
         Ok(())
     }
@@ -307,7 +319,10 @@ impl RenderEngine {
         // What is reconstructed is an average already.
         let is_averaged = compiled.settings.render.reconstruct.is_on();
         for (eye, averaged) in EYES.into_iter().zip(&mut self.averaged) {
-            let mut pixels = compiled.renderer.read_radiance(eye)?.unwrap_or_default();
+            let Some(mut pixels) = compiled.renderer.read_radiance(eye)? else {
+                averaged.clear();
+                continue;
+            };
             for pixel in &mut pixels {
                 if !pixel.iter().all(|channel| channel.is_finite()) {
                     *pixel = [0.0; 3];
@@ -333,24 +348,30 @@ impl RenderEngine {
         Ok(tone_map_by(&mean, wanted.exposure, wanted.tone))
     }
 
-    /// The left eye's picture.
+    /// The rendered eye's picture; the left one's of two.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn picture(&self, wanted: &Wanted, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
-        Ok(Arc::new(color_image(&self.shown(0, wanted, size)?)))
+        let eye = usize::from(wanted.rendered == Eyes::Right);
+        Ok(Arc::new(color_image(&self.shown(eye, wanted, size)?)))
     }
 
     /// What pixels see, from the frame that was just rendered if the view is new.
     fn seen(&mut self, size: [u32; 2]) -> Result<[Arc<Seen>; 2], EngineError> {
         if let Some(seen) = &self.seen
-            && seen[0].size == size
+            && seen.iter().any(|seen| seen.size == size)
         {
             return Ok(seen.clone());
         }
+        let rendered = [0, 1].map(|eye| self.averaged[eye].frames() > 0);
         let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
-        for eye in EYES {
+        for (eye, is_rendered) in EYES.into_iter().zip(rendered) {
+            if !is_rendered {
+                found.push(Arc::default());
+                continue;
+            }
             let surfaces = compiled.renderer.inspect_surfaces(&compiled.library, eye)?;
             found.push(Arc::new(Seen::of(size, &surfaces)));
         }
@@ -383,8 +404,11 @@ impl RenderEngine {
                     .to_owned()
             })
         });
-        let mut eyes = Vec::with_capacity(2);
+        let mut eyes: [Option<Arc<ColorImage>>; 2] = [None, None];
         for (eye, note) in notes.iter_mut().enumerate() {
+            if self.averaged[eye].frames() == 0 {
+                continue;
+            }
             let reference = reference.map(|frames| &frames[eye]);
             let colored = self.colored(
                 wanted.view_mode,
@@ -394,7 +418,7 @@ impl RenderEngine {
                 legend.as_ref(),
                 note,
             )?;
-            eyes.push(Arc::new(match colored {
+            eyes[eye] = Some(Arc::new(match colored {
                 Some(picture) => {
                     legend.get_or_insert(picture.legend);
                     color_image(&picture.image)
@@ -402,12 +426,15 @@ impl RenderEngine {
                 None => color_image(&self.shown(eye, wanted, size)?),
             }));
         }
+        let any = eyes.iter().flatten().next().cloned();
+        let any = any.ok_or(EngineError::NoRenderer)?;
         Ok(FrameReport {
             number: wanted.number,
             changes: 0,
             view_mode: wanted.view_mode,
             index: stats.frame,
-            eyes: [Arc::clone(&eyes[0]), Arc::clone(&eyes[1])],
+            rendered: wanted.rendered,
+            eyes: eyes.map(|picture| picture.unwrap_or_else(|| Arc::clone(&any))),
             radiance: [0, 1].map(|eye| self.mean(eye, size).map(Arc::new)),
             radii_m,
             other: None,

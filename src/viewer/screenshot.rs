@@ -7,12 +7,12 @@ use serde_json::json;
 
 use super::frames::Wanted;
 use super::render_engine::{EngineError, RenderEngine};
-use crate::images::{Image, ImageError, write_atomically, write_exr, write_png};
+use crate::images::{Image, ImageError, ImageRgb, write_atomically, write_exr, write_png};
 use crate::tone::tone_map_by;
 use crate::xr::Pose;
 
-/// Writes `view_NNNN.png` (both eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr` (linear
-/// radiance, mean of the frames so far) and `view_NNNN.json` (from where, and how many frames) under `folder`, with the
+/// Writes `view_NNNN.png` (the layout's eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr`
+/// (linear radiance, mean of the frames so far; those eyes alone) and `view_NNNN.json` (from where, and how many frames) under `folder`, with the
 /// first number that is free. Returns a line for people.
 ///
 /// # Errors
@@ -34,11 +34,12 @@ pub fn write(
         .map(|number| format!("view_{number:04}"))
         .find(|name| !folder.join(format!("{name}.png")).exists())
         .ok_or_else(|| cannot("there are 10000 screenshots already".to_owned()))?;
-    let (Some(left), Some(right)) = (engine.mean(0, size), engine.mean(1, size)) else {
-        return Err(EngineError::NoRenderer);
-    };
-    write_exr(&folder.join(format!("{name}_left.exr")), &left)?;
-    write_exr(&folder.join(format!("{name}_right.exr")), &right)?;
+    let means = [0, 1].map(|eye| engine.mean(eye, size));
+    for (mean, eye) in means.iter().zip(["left", "right"]) {
+        if let Some(mean) = mean {
+            write_exr(&folder.join(format!("{name}_{eye}.exr")), mean)?;
+        }
+    }
     let [left_view, right_view] = &wanted.views;
     let about = json!({
         "frames": engine.frames(),
@@ -52,13 +53,15 @@ pub fn write(
     })?;
     // Last: its name marks the number as taken.
     let path = folder.join(format!("{name}.png"));
-    let picture = Image::side_by_side(
-        &tone_map_by(&left, wanted.exposure, wanted.tone),
-        &tone_map_by(&right, wanted.exposure, wanted.tone),
-    )?;
+    let shown = |mean: &ImageRgb| tone_map_by(mean, wanted.exposure, wanted.tone);
+    let picture = match &means {
+        [Some(left), Some(right)] => Image::side_by_side(&shown(left), &shown(right))?,
+        [Some(only), None] | [None, Some(only)] => shown(only),
+        [None, None] => return Err(EngineError::NoRenderer),
+    };
     write_png(&path, &picture)?;
     Ok(format!(
-        "{} written, with an EXR of each eye",
+        "{} written, with an EXR of each eye that is shown",
         path.display()
     ))
 }

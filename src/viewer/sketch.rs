@@ -257,6 +257,7 @@ impl Sketcher {
             None => [FORMAT, wgpu::TextureFormat::R32Float]
                 .map(|format| upload(gpu, [1, 1], format, &[0; 4])),
             Some(source) => {
+                let eye = source.frame.stands_for(eye);
                 let seen = &source.frame.seen[eye];
                 let picture = &source.frame.eyes[eye];
                 let texels: Vec<u8> = picture
@@ -277,10 +278,9 @@ impl Sketcher {
 
     fn draw_eye(&mut self, gpu: &GpuContext, wish: &Wish<'_>, eye: usize) {
         let (scene, view) = (wish.scene, &wish.views[eye]);
-        let source_view = wish
-            .source
-            .as_ref()
-            .map_or(*view, |source| source.frame.views[eye]);
+        let source_view = wish.source.as_ref().map_or(*view, |source| {
+            source.frame.views[source.frame.stands_for(eye)]
+        });
         let tangents = |view: &View| {
             let t = view.fov.tangents();
             Vec4::new(t.left as f32, t.right as f32, t.up as f32, t.down as f32)

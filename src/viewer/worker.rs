@@ -26,7 +26,7 @@ use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
-use crate::settings::Settings;
+use crate::settings::{Eyes, Settings};
 use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -231,6 +231,7 @@ fn yield_to_window() {
 #[derive(PartialEq)]
 struct Shown {
     views: [View; 2],
+    rendered: Eyes,
     scene_time_ns: Option<i64>,
     size: [u32; 2],
     view_mode: ViewMode,
@@ -388,10 +389,11 @@ impl Inner {
         if self.engine.take_changes()? {
             self.restart();
         }
-        if self.engine.needs_renderer(settings) {
+        if self.engine.needs_renderer(settings, wanted.rendered) {
             self.report(Report::Busy("compiling"));
             self.costs.clear();
-            self.engine.prepare(settings, wanted.size)?;
+            self.engine
+                .prepare(settings, wanted.rendered, wanted.size)?;
             self.restart();
         }
         match &wanted.other {
@@ -403,9 +405,9 @@ impl Inner {
                 if own.take_changes()? {
                     self.shown = None;
                 }
-                if own.needs_renderer(other) {
+                if own.needs_renderer(other, wanted.rendered) {
                     (self.reports)(Report::Busy("compiling the other settings"));
-                    own.prepare(other, wanted.size)?;
+                    own.prepare(other, wanted.rendered, wanted.size)?;
                     self.shown = None;
                 }
             }
@@ -419,6 +421,7 @@ impl Inner {
     fn next_size(&mut self, wanted: &Wanted) -> Option<[u32; 2]> {
         let now = Shown {
             views: wanted.views,
+            rendered: wanted.rendered,
             scene_time_ns: wanted.scene_time_ns,
             size: wanted.size,
             view_mode: wanted.view_mode,

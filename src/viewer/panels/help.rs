@@ -30,7 +30,10 @@ pub const KEYS: &[(&str, &str)] = &[
     ),
     (", .", "one frame back, on"),
     ("Home", "back to the scene's first view"),
-    ("T, F12", "screenshot: PNG, and EXR of both eyes"),
+    (
+        "T, F12",
+        "screenshot: PNG, and EXR of each eye that is shown",
+    ),
     ("F1", "this help"),
     ("F5", "read the shaders again"),
     ("F11", "full screen"),

@@ -4,6 +4,7 @@ use egui::{Color32, Grid, Panel, RichText, ScrollArea, Ui};
 use egui_plot::{AxisHints, HLine, Line, Plot, PlotPoints};
 
 use crate::frame_loop::FrameStats;
+use crate::settings::Eyes;
 use crate::viewer::app::App;
 use crate::viewer::frames::FrameReport;
 
@@ -62,8 +63,10 @@ fn status(app: &App, ui: &mut Ui) {
         ui.label(format!("{} frame{plural} averaged", frame.frames));
         ui.separator();
         ui.label(format!("{:.1} ms of passes", times.total));
-        ui.separator();
-        ui.label(format!("reuse {:.1} %", 100.0 * reuse));
+        if frame.rendered == Eyes::Both {
+            ui.separator();
+            ui.label(format!("reuse {:.1} %", 100.0 * reuse));
+        }
         let scene = app.document.scene();
         ui.separator();
         ui.label(format!("{} triangles", scene.triangle_count()));

@@ -10,7 +10,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::settings::{Method, Settings};
 use stereolux::viewer::frames::FrameReport;
-use stereolux::viewer::layout::{Layout, Part};
+use stereolux::viewer::layout::Layout;
 use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
 use stereolux::xr::{Fov, Headset};
@@ -98,7 +98,8 @@ pub fn settle(viewer: &mut Viewer) {
 pub fn place_of(app: &App, name: &str) -> Pos2 {
     let scene = app.document().scene();
     let node = node_of(scene, name) as u32;
-    let seen = &shown(app).seen[0];
+    let (part, rect) = app.shown_at()[0];
+    let seen = &shown(app).seen[part.eye()];
     let pixels: Vec<usize> = (0..seen.nodes.len())
         .filter(|pixel| seen.nodes[*pixel] == node)
         .collect();
@@ -106,8 +107,6 @@ pub fn place_of(app: &App, name: &str) -> Pos2 {
     // One of them, for the middle of a hollow shape lies outside it.
     let pixel = pixels[pixels.len() / 2];
     let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
-    let (part, rect) = app.shown_at()[0];
-    assert_eq!(part, Part::Left);
     let place = vec2(x as f32 + 0.5, y as f32 + 0.5) / vec2(SIZE[0] as f32, SIZE[1] as f32);
     rect.min + place * rect.size()
 }
