@@ -249,10 +249,11 @@ if [ "$service" = yes ]; then
         fail "Monado's service did not start; run again with --log FILE and look there"
 fi
 
-program=$1
+name=$1
+program=$name
 shift
 [ -x "$program" ] || program=$(command -v "$program" || { [ -x "$root/usr/bin/$program" ] && echo "$root/usr/bin/$program"; } || true)
-[ -n "$program" ] || fail "no such command"
+[ -n "$program" ] || fail "$name: no such command; give its path, or put its folder on PATH"
 # For a command that starts programs itself: what to put before their names.
 export MONADO_RUN="${linker[*]}"
 if [ "$(head -c 4 "$program" | tail -c 3)" = ELF ]; then
