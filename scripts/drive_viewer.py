@@ -4,11 +4,12 @@
     scripts/drive_viewer.py target/release/stereolux MODEL.gltf --out out/driven
 
 On a virtual screen of 1280x800 over builtin:gallery: select, change a material, undo, redo, orbit, walk, change the view,
-save, open MODEL by the path field, quit. Needs Xvfb and xdotool. An answer is a change of more than 0.2 % of the watched
-part's pixels (5 % where the picture is asked for), so that a cursor or a text field does not count as one; the time
-includes xdotool's start, some 10 ms. Writes the screens as PNG into --out; look at them.
+save, open MODEL by the path field, quit. Needs Xvfb, xdotool and Pillow. An answer is a change of more than 0.2 % of the
+watched part's pixels (5 % where the picture is asked for), so that a cursor or a text field does not count as one; the
+time includes xdotool's start, some 10 ms. Writes the screens as PNG into --out; look at them.
 """
 import argparse
+import atexit
 import os
 import pathlib
 import signal
@@ -16,7 +17,8 @@ import statistics
 import struct
 import subprocess
 import time
-import zlib
+
+from PIL import Image
 
 WIDTH, HEIGHT = 1280, 800
 DISPLAY = ":77"
@@ -35,12 +37,10 @@ class Desk:
         out.mkdir(parents=True, exist_ok=True)
         frames = out / "screen"
         frames.mkdir(exist_ok=True)
-        self.server = subprocess.Popen(
-            ["Xvfb", DISPLAY, "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-fbdir", frames])
+        self.start_process(["Xvfb", DISPLAY, "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-fbdir", frames], os.environ)
         time.sleep(2)
         self.env = dict(os.environ, DISPLAY=DISPLAY, WINIT_X11_SCALE_FACTOR="1", XDG_CONFIG_HOME=str(out / "config"))
-        self.app = subprocess.Popen(
-            [program, "view", "--scene", "builtin:gallery", "--out", out / "saved"], env=self.env)
+        self.app = self.start_process([program, "view", "--scene", "builtin:gallery", "--out", out / "saved"], self.env)
         self.screen = open(frames / "Xvfb_screen0", "rb", buffering=0)
         head = struct.unpack(">25I", self.screen.read(100))
         self.start, self.row = head[0] + 12 * head[19], head[12]
@@ -50,6 +50,13 @@ class Desk:
         found = subprocess.run(["xdotool", "search", "--name", "stereolux"], env=self.env, capture_output=True, check=True)
         self.xdotool("windowfocus", found.stdout.split()[-1].decode())
         time.sleep(1)
+
+    @staticmethod
+    def start_process(words, env):
+        process = subprocess.Popen(words, env=env)
+        # Nothing is left running, whatever goes wrong.
+        atexit.register(process.terminate)
+        return process
 
     def xdotool(self, *words):
         subprocess.run(["xdotool", *map(str, words)], env=self.env, check=True)
@@ -86,26 +93,14 @@ class Desk:
         self.save_png(name.replace(" ", "_"))
 
     def save_png(self, name):
-        pixels = self.pixels(SCREEN)
-        rows = bytearray()
-        for y in range(HEIGHT):
-            row = pixels[4 * WIDTH * y:4 * WIDTH * (y + 1)]
-            rgb = bytearray(3 * WIDTH)
-            rgb[0::3], rgb[1::3], rgb[2::3] = row[2::4], row[1::4], row[0::4]
-            rows += b"\0" + rgb
-        chunk = lambda kind, data: (struct.pack(">I", len(data)) + kind + data
-                                    + struct.pack(">I", zlib.crc32(kind + data)))
-        head = struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 2, 0, 0, 0)
-        png = (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(rows)))
-               + chunk(b"IEND", b""))
-        (self.out / f"{name}.png").write_bytes(png)
+        image = Image.frombuffer("RGB", (WIDTH, HEIGHT), self.pixels(SCREEN), "raw", "BGRX", 0, 1)
+        image.save(self.out / f"{name}.png")
 
     def close(self):
         """Sends what `kill` sends, and gives the milliseconds until it has ended."""
         began = time.monotonic()
         self.app.send_signal(signal.SIGTERM)
         status = self.app.wait(PATIENCE_S)
-        self.server.terminate()
         if status != 0:
             raise SystemExit(f"it ended with status {status}")
         return 1e3 * (time.monotonic() - began)

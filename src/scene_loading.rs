@@ -111,7 +111,7 @@ impl LoadedDocument {
 ///
 /// # Errors
 /// As [`load_environment_within`].
-pub fn surround(
+fn surround(
     own: Option<Environment>,
     settings: &Settings,
     budget: &LoadBudget,

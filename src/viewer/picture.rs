@@ -50,11 +50,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
         // Of this scene and these eyes: another one's is no picture of it.
         let frame = last
-            .as_ref()
+            .as_deref()
             .filter(|frame| frame.changes >= app.opened_at() && frame.has(app.rendered()));
+        let shown = frame.filter(|_| !app.is_sketched);
         let mut has_gizmo = false;
         for (part, rect) in parts.iter().zip(&rectangles) {
-            let shown = frame.filter(|_| !app.is_sketched).map(|frame| &**frame);
             show_part(app, ui, shown, *part, *rect, &mut has_gizmo);
         }
         if !has_gizmo {

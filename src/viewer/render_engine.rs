@@ -124,6 +124,11 @@ impl RenderEngine {
         left.frames().max(right.frames())
     }
 
+    /// Whether the last frame had an eye, 0 left or 1 right.
+    fn is_rendered(&self, eye: usize) -> bool {
+        self.averaged[eye].frames() > 0
+    }
+
     /// Forgets the frames: the view, the scene or the size has changed.
     pub fn clear(&mut self) {
         for averaged in &mut self.averaged {
@@ -348,13 +353,12 @@ impl RenderEngine {
         Ok(tone_map_by(&mean, wanted.exposure, wanted.tone))
     }
 
-    /// The rendered eye's picture; the left one's of two.
+    /// The left eye's picture.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn picture(&self, wanted: &Wanted, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
-        let eye = usize::from(wanted.rendered == Eyes::Right);
-        Ok(Arc::new(color_image(&self.shown(eye, wanted, size)?)))
+        Ok(Arc::new(color_image(&self.shown(0, wanted, size)?)))
     }
 
     /// What pixels see, from the frame that was just rendered if the view is new.
@@ -364,7 +368,7 @@ impl RenderEngine {
         {
             return Ok(seen.clone());
         }
-        let rendered = [0, 1].map(|eye| self.averaged[eye].frames() > 0);
+        let rendered = [0, 1].map(|eye| self.is_rendered(eye));
         let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
         for (eye, is_rendered) in EYES.into_iter().zip(rendered) {
@@ -406,7 +410,7 @@ impl RenderEngine {
         });
         let mut eyes: [Option<Arc<ColorImage>>; 2] = [None, None];
         for (eye, note) in notes.iter_mut().enumerate() {
-            if self.averaged[eye].frames() == 0 {
+            if !self.is_rendered(eye) {
                 continue;
             }
             let reference = reference.map(|frames| &frames[eye]);

@@ -12,8 +12,8 @@ use crate::tone::tone_map_by;
 use crate::xr::Pose;
 
 /// Writes `view_NNNN.png` (the layout's eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr`
-/// (linear radiance, mean of the frames so far; those eyes alone) and `view_NNNN.json` (from where, and how many frames) under `folder`, with the
-/// first number that is free. Returns a line for people.
+/// (linear radiance, mean of the frames so far; those eyes alone) and `view_NNNN.json` (from where, and how many frames)
+/// under `folder`, with the first number that is free. Returns a line for people.
 ///
 /// # Errors
 /// [`EngineError::Image`] naming the file.

@@ -124,7 +124,7 @@ impl Pictures {
         if self.outlined != Some(key) {
             self.outlined = Some(key);
             let options = self.options();
-            for eye in [0, 1].map(|eye| frame.stands_for(eye)) {
+            for eye in (0..2).filter(|eye| frame.stands_for(*eye) == *eye) {
                 let image = outline_image(&frame.seen[eye], &is_inside);
                 put(
                     context,

@@ -26,7 +26,7 @@ use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
-use crate::settings::{Eyes, Settings};
+use crate::settings::Settings;
 use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -231,7 +231,6 @@ fn yield_to_window() {
 #[derive(PartialEq)]
 struct Shown {
     views: [View; 2],
-    rendered: Eyes,
     scene_time_ns: Option<i64>,
     size: [u32; 2],
     view_mode: ViewMode,
@@ -421,7 +420,6 @@ impl Inner {
     fn next_size(&mut self, wanted: &Wanted) -> Option<[u32; 2]> {
         let now = Shown {
             views: wanted.views,
-            rendered: wanted.rendered,
             scene_time_ns: wanted.scene_time_ns,
             size: wanted.size,
             view_mode: wanted.view_mode,

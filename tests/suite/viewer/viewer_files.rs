@@ -15,7 +15,7 @@ use stereolux::viewer::App;
 
 use super::viewer_support::{
     SIZE, Viewer, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
-    shown, until,
+    shown, type_into, until,
 };
 use crate::suite::support::{Folder, renderer, stereolux};
 
@@ -279,12 +279,7 @@ fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
         .unwrap()
         .rect()
         .center();
-    click_at(&mut viewer, strength);
-    viewer.step();
-    press(&mut viewer, Modifiers::COMMAND, Key::A);
-    viewer.event(egui::Event::Text("2".to_owned()));
-    viewer.step();
-    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    type_into(&mut viewer, strength, "2");
     until(&mut viewer, "a stronger sky", |app| {
         app.is_up_to_date() && corner(app).r() == byte(0.4)
     });

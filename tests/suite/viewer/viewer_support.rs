@@ -179,6 +179,16 @@ pub fn path_tracing(settings: &mut Settings) {
     settings.render.path.max_depth = 3;
 }
 
+/// Replaces what stands in the field at a place, and ends with Enter.
+pub fn type_into(viewer: &mut Viewer, at: Pos2, text: &str) {
+    click_at(viewer, at);
+    viewer.step();
+    press(viewer, Modifiers::COMMAND, Key::A);
+    viewer.event(egui::Event::Text(text.to_owned()));
+    viewer.step();
+    press(viewer, Modifiers::NONE, Key::Enter);
+}
+
 /// Picks `wanted` in the box that shows `now`.
 pub fn choose(viewer: &mut Viewer, now: &str, wanted: &str) {
     if now == wanted {

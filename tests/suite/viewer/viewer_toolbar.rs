@@ -2,25 +2,24 @@
 
 use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
 use egui_kittest::kittest::Queryable as _;
-use stereolux::images::{aces_filmic, srgb_encode};
+use stereolux::images::{ImageRgb, aces_filmic, srgb_encode, write_exr};
 use stereolux::settings::Tone;
 use stereolux::viewer::App;
 
 use super::viewer_support::{
     Viewer, choose, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
-    shown, until,
+    shown, type_into, until,
 };
 use crate::suite::support::Folder;
 
 /// The cornell box under surroundings of the same radiance everywhere, which the corners of the pictures see.
 fn surrounded(folder: &Folder) -> Viewer {
-    use stereolux::images::{ImageRgb, write_exr};
     let sky = folder.join("sky.exr");
     write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
     let mut viewer = open("builtin:cornell", folder, path_tracing);
-    let settings = sky.to_string_lossy().into_owned();
+    let path = sky.to_string_lossy().into_owned();
     let context = viewer.ctx.clone();
-    viewer.state_mut().open(&context, settings);
+    viewer.state_mut().open(&context, path);
     until(&mut viewer, "the sky", |app| {
         app.is_up_to_date() && corner(app) != 0
     });
@@ -45,12 +44,7 @@ fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
         .unwrap()
         .rect()
         .center();
-    click_at(&mut viewer, exposure);
-    viewer.step();
-    press(&mut viewer, Modifiers::COMMAND, Key::A);
-    viewer.event(egui::Event::Text("1".to_owned()));
-    viewer.step();
-    press(&mut viewer, Modifiers::NONE, Key::Enter);
+    type_into(&mut viewer, exposure, "1");
     until(&mut viewer, "a brighter sky", |app| {
         app.is_up_to_date() && corner(app) == byte(aces_filmic(0.4))
     });
