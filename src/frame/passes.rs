@@ -89,6 +89,8 @@ passes! {
         "Emits and traces photon paths; each path stores its photons in its own slots.";
     caustic_trace: Paths scene,
         "Emits the photon paths of the caustic map and traces them over narrow lobes.";
+    photon_edges: Paths scene,
+        "Divides photons' flux by the share of their gather disc that surfaces cover.";
     scan_blocks: ScanBlocks,
         "Prefix sum, first step: scans blocks of 2,048 values.";
     scan_sums: Once,

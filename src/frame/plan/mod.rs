@@ -111,7 +111,8 @@ pub fn plan(frame: &FrameSpec<'_>) -> Vec<PlannedStage> {
     add(Stage::Pose, "when a shape changes", pose(frame));
     for map in &frame.maps {
         let when = photons_when(frame.settings);
-        add(Stage::Photons(map.config.kind), when, photons(map));
+        let steps = photons(map, &frame.settings.photon);
+        add(Stage::Photons(map.config.kind), when, steps);
     }
     add(Stage::Begin, "every frame", begin(frame));
     add(Stage::Left, "every sample", left_eye(frame));

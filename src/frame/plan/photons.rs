@@ -5,20 +5,29 @@ use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::{MapKind, MapLayout, SCAN_BLOCK};
 use crate::frame::step::{Only, Size, Step, Steps};
 use crate::renderer::records::photon::PhotonGrid;
+use crate::settings::{PhotonEstimate, PhotonSettings};
 
 /// Passes that trace photon paths; the rest of the stage builds the search structure.
-pub const PATH_PASSES: [&Pass; 3] = [
+pub const PATH_PASSES: [&Pass; 4] = [
     &passes::photon_trace,
+    &passes::photon_edges,
     &passes::photon_append,
     &passes::photon_count,
 ];
 
+/// Paths of which one has its photons corrected at edges; `passes/photon_edges.wesl` holds the same number.
+const PATHS_PER_TRIED: u32 = 2;
+
 /// Traces paths batch by batch, then sorts their photons into a grid or a kd-tree.
-pub(super) fn photons(map: &MapLayout) -> Vec<Step> {
+pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {
+    // The nearest photons' disc is known only where they are gathered.
+    let by_radius =
+        settings.estimate == PhotonEstimate::Radius || map.config.kind == MapKind::Caustics;
+    let corrects_edges = settings.edge_correction && by_radius;
     let mut steps = Steps::of_map(map.config.kind);
     steps.clear(Moment::Map);
     for (batch, (first, count)) in (0..).zip(map.batches()) {
-        photon_batch(&mut steps, map, batch, first, count);
+        photon_batch(&mut steps, map, corrects_edges, batch, [first, count]);
     }
     steps.owner.batch = 0;
     let sixteenths = Size::Threads(map.capacity.div_ceil(16));
@@ -33,7 +42,13 @@ pub(super) fn photons(map: &MapLayout) -> Vec<Step> {
 }
 
 /// Paths store photons in their own slots; a prefix sum over their counts gives each path's place in the list.
-fn photon_batch(steps: &mut Steps, map: &MapLayout, batch: u32, first: u32, count: u32) {
+fn photon_batch(
+    steps: &mut Steps,
+    map: &MapLayout,
+    corrects_edges: bool,
+    batch: u32,
+    [first, count]: [u32; 2],
+) {
     steps.owner.batch = if map.keeps_batches() { batch } else { 0 };
     let slots = map.slots_per_path;
     let trace = match map.config.kind {
@@ -46,6 +61,13 @@ fn photon_batch(steps: &mut Steps, map: &MapLayout, batch: u32, first: u32, coun
         .run(trace, Size::Threads(map.tracing_threads(count)))
         .words(first, count, slots)
         .only(due);
+    if corrects_edges {
+        let threads = map.tracing_threads(count).div_ceil(PATHS_PER_TRIED);
+        steps
+            .run(&passes::photon_edges, Size::Threads(threads))
+            .words(first, count, slots)
+            .only(due);
+    }
     // The scan is in place, and counts that are kept serve again.
     let starts = if map.keeps_batches() {
         steps.copy("path_counts", "path_starts");

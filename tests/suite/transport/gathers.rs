@@ -9,7 +9,9 @@ use stereolux::settings::{
     Search,
 };
 
-use super::photon_map::{assert_sums, grid, map_only, photons, unpack_photon, views};
+use super::photon_map::{
+    assert_sums, grid, map_only, on_one_surface, photons, unpack_photon, views,
+};
 use super::support::{
     Triangles, assert_clean, bits, builtin, context, frame, radiance, renderer, settings,
 };
@@ -314,7 +316,7 @@ fn nearest_twin(
             let (direction, photon_normal) = unpack_photon(photon);
             let squared = position(photon).distance_squared(point);
             let counts = squared <= radius_m * radius_m
-                && photon_normal.dot(normal) >= 0.5
+                && on_one_surface(position(photon) - point, photon_normal, normal)
                 && direction.dot(normal) < 0.0;
             counts.then(|| (squared, f64::from(photon.flux[0])))
         })

@@ -15,6 +15,7 @@ pub mod caustics;
 pub mod chi_square;
 pub mod closed_sphere;
 pub mod convergence;
+pub mod edges;
 pub mod gathers;
 pub mod hard_cases;
 pub mod hard_extremes;

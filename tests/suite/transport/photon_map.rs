@@ -200,6 +200,24 @@ pub fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
     )
 }
 
+/// By how much a photon `offset` from a point clears the limits of `shaders/shared/gather_limits.wesl`: as a cosine, and in
+/// metres. One is negative if it lies on another surface.
+pub fn clearances(offset: DVec3, photon_normal: DVec3, normal: DVec3, min_cos: f64) -> [f64; 2] {
+    let slope = ((1.0 - min_cos) / 2.0).sqrt();
+    let rise = offset.dot(normal).abs();
+    [
+        photon_normal.dot(normal) - min_cos,
+        slope * offset.length() - rise,
+    ]
+}
+
+/// Whether it clears the default limits.
+pub fn on_one_surface(offset: DVec3, photon_normal: DVec3, normal: DVec3) -> bool {
+    let min_cos = RenderSettings::default().photon.normal_min_cos;
+    let clear = clearances(offset, photon_normal, normal, min_cos);
+    clear.into_iter().all(|by| by >= 0.0)
+}
+
 /// Radiance of one Lambert pixel from every photon there is, in f64; red channel.
 fn brute_force(
     renderer: &Renderer,
@@ -235,7 +253,8 @@ fn brute_force(
         );
         let share = at.distance_squared(point) / (radius * radius);
         let (direction, photon_normal) = unpack_photon(photon);
-        if share <= 1.0 && photon_normal.dot(normal) >= 0.5 && direction.dot(normal) < 0.0 {
+        let is_near = share <= 1.0 && on_one_surface(at - point, photon_normal, normal);
+        if is_near && direction.dot(normal) < 0.0 {
             sum += 2.0 * (1.0 - share) * f64::from(photon.flux[0]);
         }
     }

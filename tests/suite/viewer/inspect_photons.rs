@@ -10,7 +10,7 @@ use stereolux::settings::{Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
-use super::photon_map::map_only;
+use super::photon_map::{clearances, map_only};
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
@@ -91,11 +91,17 @@ fn counts_are_the_hosts(
         let (mut least, mut most, mut wider) = (0.0, 0.0, 0.0);
         for photon in &photons {
             let distance = photon.position.distance(point);
-            let cosine = photon.normal.dot(normal) - settings.photon.normal_min_cos;
-            wider += f64::from(u8::from(distance < 1.2 * radius && cosine > 1e-3));
-            if distance < radius + 1e-5 && cosine > -1e-3 {
+            let [turned, risen] = clearances(
+                photon.position - point,
+                photon.normal,
+                normal,
+                settings.photon.normal_min_cos,
+            );
+            let is_sure = turned > 1e-3 && risen > 1e-5;
+            wider += f64::from(u8::from(distance < 1.2 * radius && is_sure));
+            if distance < radius + 1e-5 && turned > -1e-3 && risen > -1e-5 {
                 most += 1.0;
-                least += f64::from(u8::from(distance < radius - 1e-5 && cosine > 1e-3));
+                least += f64::from(u8::from(distance < radius - 1e-5 && is_sure));
             }
         }
         let count = f64::from(density[pixel]) * area;

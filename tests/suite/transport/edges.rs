@@ -1,0 +1,152 @@
+//! Photons near edges: what a disc over an edge loses, and what the correction gives back.
+
+use glam::DVec3;
+use stereolux::renderer::Eye;
+use stereolux::scene::{LightKind, Material, Scene};
+use stereolux::settings::Kernel;
+use stereolux::xr::Pose;
+
+use super::hard_support::{add, add_point_light, quad};
+use super::photon_map::map_only;
+use crate::suite::support::{assert_clean, frame, parallel_views, radiance, renderer, square_fov};
+
+const PATHS: u32 = 100_000;
+const ALBEDO: f32 = 0.5;
+const IRRADIANCE: f32 = 3.0;
+/// The plate: so many metres square, at this distance before the eye. Pixels of 1/16 m end at its edges.
+const SIDE_M: f64 = 1.5;
+const DISTANCE_M: f64 = 2.0;
+const SIZE: u32 = 64;
+const RADIUS_M: f64 = 0.375;
+/// As in `passes/photon_edges.wesl`.
+const MOST_TRIALS: i32 = 4;
+const PATHS_PER_TRIED: f64 = 2.0;
+
+/// Mean, and mean square, of the share of its light that a photon leaves on a rectangle, over photons spread evenly on it.
+/// `corrected`: times its weight. A share c takes n trials with probability c (1 - c)^(n - 1); without success it keeps
+/// weight 1.
+fn kept([width, height]: [f64; 2], kernel: Kernel, corrected: bool) -> [f64; 2] {
+    const STEPS: usize = 48;
+    let middle = |i: usize| (i as f64 + 0.5) / STEPS as f64;
+    let disc: Vec<[f64; 3]> = (0..STEPS * STEPS)
+        .map(|i| {
+            let [x, y] = [i % STEPS, i / STEPS].map(|i| 2.0 * middle(i) - 1.0);
+            let q = x.hypot(y);
+            let weight = match kernel {
+                _ if q > 1.0 => 0.0,
+                Kernel::Constant => 1.0,
+                Kernel::Epanechnikov => 1.0 - q * q,
+                Kernel::Cone => 1.0 - q,
+            };
+            [RADIUS_M * x, RADIUS_M * y, weight]
+        })
+        .collect();
+    let whole: f64 = disc.iter().map(|[.., weight]| weight).sum();
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for i in 0..STEPS * STEPS {
+        let at = [width * middle(i % STEPS), height * middle(i / STEPS)];
+        let inside = disc.iter().filter(|[x, y, _]| {
+            (0.0..width).contains(&(at[0] + x)) && (0.0..height).contains(&(at[1] + y))
+        });
+        let c = inside.map(|[.., weight]| weight).sum::<f64>() / whole;
+        let trials = (1..=MOST_TRIALS).map(|n| (f64::from(n), c * (1.0 - c).powi(n - 1)));
+        let failed = (1.0 - c).powi(MOST_TRIALS);
+        let (mean, square) = match corrected {
+            false => (1.0, 1.0),
+            true => trials.fold((failed, 1.0), |(mean, square), (n, chance)| {
+                let weight = 1.0 + PATHS_PER_TRIED * (n - 1.0);
+                let more = (weight * weight - 1.0) / PATHS_PER_TRIED;
+                (mean + n * chance, square + more * chance)
+            }),
+        };
+        sum += c * mean;
+        squares += c * c * square;
+    }
+    [sum, squares].map(|sum| sum / (STEPS * STEPS) as f64)
+}
+
+/// A plate under a sun that stands behind the eye; with `block`, a block stands on its right half.
+fn plate(block: bool) -> Scene {
+    let mut scene = Scene::default();
+    let at = |x: f64, y: f64| DVec3::new(x - SIDE_M / 2.0, y - SIDE_M / 2.0, -DISTANCE_M);
+    let gray = || Material::lambert("gray", [ALBEDO; 3]);
+    let side = SIDE_M;
+    add(
+        &mut scene,
+        &quad(at(0.0, 0.0), side * DVec3::X, side * DVec3::Y),
+        gray(),
+    );
+    if block {
+        let up = DVec3::Z;
+        let middle = at(side / 2.0, 0.0);
+        add(&mut scene, &quad(middle, up, side * DVec3::Y), gray());
+        add(
+            &mut scene,
+            &quad(middle + up, side / 2.0 * DVec3::X, side * DVec3::Y),
+            gray(),
+        );
+    }
+    add_point_light(&mut scene, DVec3::ZERO, IRRADIANCE);
+    scene.lights[0].kind = LightKind::Directional;
+    scene
+}
+
+/// Radiance of the plate's lit part over that of an endless plane.
+fn found(scene: &Scene, lit: [f64; 2], kernel: Kernel, corrected: bool) -> f64 {
+    let settings = map_only(PATHS, |s| {
+        s.photon.max_depth = 2;
+        s.photon.radius_m = RADIUS_M;
+        s.photon.kernel = kernel;
+        s.photon.edge_correction = corrected;
+    });
+    let mut renderer = renderer(scene, &settings, [SIZE; 2]);
+    frame(
+        &mut renderer,
+        &parallel_views(Pose::IDENTITY, 0.0, square_fov(45.0)),
+    );
+    let image = radiance(&renderer, Eye::Left);
+    assert_clean(&image, "plate");
+    // A plane across the view: every pixel shows as much of it.
+    let pixel_m = 2.0 * DISTANCE_M / f64::from(SIZE);
+    let [columns, rows] = lit.map(|metres| (metres / pixel_m).round() as usize);
+    let first = (SIZE as usize - (SIDE_M / pixel_m).round() as usize) / 2;
+    let sum: f64 = (first..first + rows)
+        .flat_map(|y| (first..first + columns).map(move |x| y * SIZE as usize + x))
+        .map(|pixel| f64::from(image[pixel][0]))
+        .sum();
+    let endless = f64::from(ALBEDO) * f64::from(IRRADIANCE) / std::f64::consts::PI;
+    sum / (columns * rows) as f64 / endless
+}
+
+#[test]
+fn a_plate_keeps_the_light_that_its_edges_lose() {
+    let open = (plate(false), [SIDE_M, SIDE_M]);
+    // Without the block's hiding it, the floor under it would count as lit.
+    let walled = (plate(true), [SIDE_M / 2.0, SIDE_M]);
+    for ((scene, lit), kernel) in [
+        (&open, Kernel::Constant),
+        (&open, Kernel::Epanechnikov),
+        (&open, Kernel::Cone),
+        (&walled, Kernel::Constant),
+    ] {
+        let [lost, _] = kept(*lit, kernel, false);
+        let [right, square] = kept(*lit, kernel, true);
+        // Paths start on a disc around the scene; a photon's power is the irradiance times the disc over the paths, so the
+        // mean's variance is at most the mean square over the number that lands. Five standard errors; and a pixel's middle
+        // stands for the pixel, (1/16 m)^2 / 24 times the slope at the edges over the area: 0.001.
+        let radius_squared = SIDE_M * SIDE_M / 2.0 + 0.25;
+        let landing = f64::from(PATHS) * lit[0] * lit[1] / (std::f64::consts::PI * radius_squared);
+        let tolerance = 5.0 * (square / landing).sqrt() + 0.001;
+        let [plain, corrected] = [false, true].map(|on| found(scene, *lit, kernel, on));
+        let what = format!(
+            "{kernel:?} on {lit:?}: {plain} and {corrected}, {lost} and {right} +- {tolerance}"
+        );
+        println!("{what}");
+        assert!((plain - lost).abs() < tolerance, "{what}, not {lost}");
+        assert!((corrected - right).abs() < tolerance, "{what}, not {right}");
+        // Each would notice the other.
+        assert!(right - lost > 2.0 * tolerance, "{what}");
+        // Three quarters of what is missing at least: of a corner's photons, the trials give up on some.
+        assert!(1.0 - right < 0.25 * (1.0 - lost), "{what}, {right} of 1");
+    }
+}
