@@ -34,11 +34,6 @@ mod suite {
     #[path = "../../examples/gallery_tour.rs"]
     pub mod gallery_tour_example;
 
-    /// The example's measure, for its test.
-    #[allow(dead_code)]
-    #[path = "../../examples/reconstruction/paired_references.rs"]
-    pub mod paired_references;
-
     /// The example that makes the files under assets/.
     #[allow(dead_code)]
     #[path = "../../crates/scene/examples/make_assets/scenes/mod.rs"]

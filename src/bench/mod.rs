@@ -12,6 +12,8 @@
 pub mod correspondence;
 pub mod instance_motion;
 pub mod measure;
+mod motion;
+pub mod paired_references;
 pub mod reference;
 pub mod scenes;
 pub mod suites;
@@ -125,6 +127,8 @@ impl From<GpuError> for BenchError {
 
 /// Who hears how far the suite is.
 pub trait BenchProgress {
+    /// What a suite that has no groups does now.
+    fn says(&mut self, what: &str);
     /// The groups of `suite` that will be measured or taken from the journal.
     fn planned(&mut self, suite: Suite, plans: &[GroupPlan]);
     /// A group begins.
@@ -164,8 +168,10 @@ pub fn run(
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes)
         .map_err(|error| BenchError::Shaders(error.to_string()))?;
-    if options.suite == Suite::Work {
-        return work::run(options, &library);
+    match options.suite {
+        Suite::Work => return work::run(options, &library),
+        Suite::Motion => return motion::run(options, &library, progress),
+        _ => {}
     }
     let mut plans = suites::plans(options)?;
     let part = options.shard.map(|shard| take_part(&mut plans, shard));

@@ -120,6 +120,13 @@ fn frames(plan: &GroupPlan) -> u64 {
 }
 
 impl BenchProgress for Bar {
+    fn says(&mut self, what: &str) {
+        self.bar.set_message(what.to_owned());
+        if !self.is_terminal {
+            eprintln!("{what}");
+        }
+    }
+
     fn planned(&mut self, suite: Suite, plans: &[GroupPlan]) {
         self.frames[1] = plans.iter().map(frames).sum();
         self.groups[1] = plans.len();

@@ -169,6 +169,11 @@ impl BenchOptions {
         if self.suite == Suite::Work && !names_headset {
             self.settings.headset = "quest3".to_owned();
         }
+        if self.suite == Suite::Motion && self.shard.is_some() {
+            return Err(OptionsError::Conflict(
+                "bench motion has no parts; leave --shard out, or share out its scenes".to_owned(),
+            ));
+        }
         let of_others = [
             (self.rounds.is_some(), "--rounds"),
             (self.frames.is_some(), "--frames"),

@@ -161,6 +161,8 @@ choices! {
         Scaling = "scaling",
         /// A little of all of them, in about two minutes
         Smoke = "smoke",
+        /// A moving head, raw and reconstructed: error, brightness, flicker, disagreement of the eyes, time
+        Motion = "motion",
         /// Rays, nodes, triangle tests, photons and bytes of each pass, counted, and what named cards would allow: a model
         Work = "work",
     }
@@ -347,13 +349,13 @@ pub struct BenchOptions {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Scene to measure, a glTF file or builtin:NAME; may be repeated
-    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic; work also builtin:gallery]
+    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic; motion and work also builtin:gallery]
     #[arg(long = "scene", value_name = "PATH|builtin:NAME", value_parser = values::scene)]
     pub scenes: Vec<String>,
-    /// Measured rounds, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3]
+    /// Measured rounds, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3; motion 2]
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub rounds: Option<u32>,
-    /// Frames of the recorded trace in the stereo suite, 1 to 100000 [default: 24; smoke 4]
+    /// Frames of the swaying head in the suites stereo and motion, 1 to 100000 [default: 24; smoke 4; motion 40, at least 16]
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub frames: Option<u32>,
     /// Most samples per pixel of a reference, 16 to 16777216; errors that need more are marked

@@ -15,6 +15,8 @@ mod html;
 pub mod journal;
 mod lettering;
 mod markdown;
+pub mod motion;
+mod one_table;
 pub mod plot;
 pub mod records;
 pub mod report_2020;

@@ -4,8 +4,8 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
-use serde_json::{Map, Value};
 
+use crate::one_table::one_table;
 use crate::{ReportError, ReportFile};
 
 /// A graphics card by published figures.
@@ -231,37 +231,20 @@ fn card_column(card: &Card) -> String {
 /// # Errors
 /// [`ReportError::Format`].
 pub fn files(rows: &[WorkRow], what: &str) -> Result<Vec<ReportFile>, ReportError> {
-    let format = |name, reason: String| ReportError::Format { name, reason };
-    let names = COLUMNS.iter().map(|(name, _)| (*name).to_owned());
-    let names: Vec<String> = names.chain(CARDS.iter().map(card_column)).collect();
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let csv = |error: csv::Error| format("rows.csv", error.to_string());
-    writer.write_record(&names).map_err(csv)?;
-    for row in rows {
-        writer.write_record(row.cells()).map_err(csv)?;
-    }
-    let table = writer.into_inner();
-    let table = table.map_err(|error| format("rows.csv", error.to_string()))?;
-    let mut columns: Map<String, Value> = COLUMNS
-        .iter()
-        .map(|(name, holds)| ((*name).to_owned(), Value::from(*holds)))
-        .collect();
-    for card in &CARDS {
-        let holds = format!("predicted milliseconds on a {}", card.name);
-        columns.insert(card_column(card), Value::from(holds));
-    }
-    let columns = serde_json::to_string_pretty(&Value::Object(columns))
-        .map_err(|error| format("columns.json", error.to_string()))?;
-    let files = [
-        ("rows.csv", table),
-        ("columns.json", format!("{columns}\n").into_bytes()),
-        ("report.md", markdown(rows, what, &ASSUMED).into_bytes()),
-    ];
-    let file = |(name, bytes): (&str, Vec<u8>)| ReportFile {
-        path: name.into(),
-        bytes,
+    let named = |(name, holds): &(&str, &str)| [*name, *holds].map(str::to_owned);
+    let of_card = |card| {
+        [
+            card_column(card),
+            format!("predicted milliseconds on a {}", card.name),
+        ]
     };
-    Ok(files.map(file).into())
+    let columns: Vec<[String; 2]> = COLUMNS.iter().map(named).collect();
+    let columns: Vec<_> = columns
+        .into_iter()
+        .chain(CARDS.iter().map(of_card))
+        .collect();
+    let cells: Vec<_> = rows.iter().map(WorkRow::cells).collect();
+    one_table(&columns, &cells, markdown(rows, what, &ASSUMED))
 }
 
 fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
@@ -326,6 +309,8 @@ fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::Value;
+
     use super::*;
 
     /// By hand: 1e9 bytes at 70 % of 504 GB/s are 2.834 ms, and 1e9 instructions at a quarter of 14.55 T/s 0.275 ms.

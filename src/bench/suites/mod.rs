@@ -106,7 +106,9 @@ fn base(options: &BenchOptions) -> SuiteBase {
             "builtin:caustic",
             INDIRECT_SCENE,
         ],
-        Suite::Scaling | Suite::Tables | Suite::Smoke | Suite::Work => &["builtin:cornell"],
+        Suite::Scaling | Suite::Tables | Suite::Smoke | Suite::Work | Suite::Motion => {
+            &["builtin:cornell"]
+        }
     };
     SuiteBase {
         scenes: if options.scenes.is_empty() {
@@ -135,7 +137,7 @@ pub fn plans(options: &BenchOptions) -> Result<Vec<GroupPlan>, BenchError> {
         Suite::Pareto => pareto::plans(&base)?,
         Suite::Scaling => scaling::plans(&base)?,
         // It compares no variants ([`super::work`]).
-        Suite::Work => Vec::new(),
+        Suite::Motion | Suite::Work => Vec::new(),
         Suite::Smoke => {
             let mut all = tables::plans(&base)?;
             all.extend(stereo::plans(&base)?);
@@ -157,15 +159,19 @@ fn headset(base: &SuiteBase) -> Result<Headset, BenchError> {
 
 /// The settings' headset with the opening of the scene's camera, where it has one, so that the scene fills the picture
 /// instead of a corner of a headset's wide view; and what that is in words.
-fn framing_headset(base: &SuiteBase, scene: &Scene) -> Result<(Headset, String), BenchError> {
-    let own = headset(base)?;
+pub(super) fn framing_headset(
+    settings: &Settings,
+    size: [u32; 2],
+    scene: &Scene,
+) -> Result<(Headset, String), BenchError> {
+    let own = Headset::load(&settings.headset)?;
     let camera = scene.cameras.first().and_then(|camera| camera.yfov_rad);
     let Some(yfov_rad) = camera else {
         let label = format!("{}, its own view", own.name);
         return Ok((own, label));
     };
     let up = 0.5 * f64::from(yfov_rad);
-    let aspect = f64::from(base.size[0]) / f64::from(base.size[1]);
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
     let right = (up.tan() * aspect).atan();
     let [up, right] = [up, right].map(|angle| angle.to_degrees().min(89.0));
     let label = format!(
@@ -232,8 +238,9 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_every_group_has_variants() {
-        assert!(all_plans(Suite::Work).is_empty());
-        for &suite in Suite::ALL.iter().filter(|suite| **suite != Suite::Work) {
+        let own = [Suite::Motion, Suite::Work];
+        assert!(own.into_iter().all(|suite| all_plans(suite).is_empty()));
+        for &suite in Suite::ALL.iter().filter(|suite| !own.contains(suite)) {
             let mut seen = BTreeSet::new();
             for plan in all_plans(suite) {
                 assert!(

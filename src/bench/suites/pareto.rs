@@ -115,7 +115,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             Extent::Smoke => SMOKE,
         };
         let loaded = scene_of(scene, base)?;
-        let (headset, headset_label) = framing_headset(base, &loaded)?;
+        let (headset, headset_label) = framing_headset(&base.settings, base.size, &loaded)?;
         let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);
         let settings = RenderSettings {
             reuse: Reuse::Off,

@@ -137,7 +137,11 @@ impl Scaling<'_> {
 
     /// The series over generated rooms, seen from one place by a head that moves.
     fn generated(&self) -> Result<Vec<GroupPlan>, BenchError> {
-        let room = framing_headset(self.base, &Generated::default().scene())?;
+        let room = framing_headset(
+            &self.base.settings,
+            self.base.size,
+            &Generated::default().scene(),
+        )?;
         let mut plans = Vec::new();
         let mut add = |series: &'static str,
                        values: &[u32],
@@ -172,7 +176,11 @@ impl Scaling<'_> {
     /// The series of photons and pixels over one scene.
     fn named(&self, scene: &str) -> Result<Vec<GroupPlan>, BenchError> {
         let source = SceneSource::Named(scene.to_owned());
-        let view = framing_headset(self.base, &scene_of(scene, self.base)?)?;
+        let view = framing_headset(
+            &self.base.settings,
+            self.base.size,
+            &scene_of(scene, self.base)?,
+        )?;
         let with_photons = |&count: &u32| {
             candidate(
                 format!("photon {count}"),

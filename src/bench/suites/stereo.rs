@@ -60,7 +60,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
         let diffuse = is_diffuse(&loaded);
-        let (framing, framing_label) = framing_headset(base, &loaded)?;
+        let (framing, framing_label) = framing_headset(&base.settings, base.size, &loaded)?;
         let group = |name: String, headset: Headset, label: &str, views: ViewPlan| {
             let motion = match views {
                 ViewPlan::Start | ViewPlan::Jitter => "still".to_owned(),

@@ -60,7 +60,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
         let diffuse = stereo::is_diffuse(&loaded);
-        let (headset, headset_label) = framing_headset(base, &loaded)?;
+        let (headset, headset_label) = framing_headset(&base.settings, base.size, &loaded)?;
         let width_m = loaded
             .bounds_in_world()
             .map_or(BOX_WIDTH_IN_TABLE_UNITS, |bounds| bounds.size().x);

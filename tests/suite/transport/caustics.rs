@@ -129,6 +129,8 @@ fn the_two_maps_share_out_the_light_of_one() {
             s.photon.direct = direct;
             s.photon.every_frame = true;
             s.force.caustics = force;
+            // Flux as it was traced.
+            s.photon.edge_correction = false;
         });
         let mut renderer = renderer(&scene, &settings, [8, 8]);
         frames

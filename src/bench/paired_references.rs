@@ -4,7 +4,7 @@
 //! references of every view, independent of each other, and every squared error is the product of the differences from
 //! each: its expectation is the square of the error against the truth. It may come out negative where there is none.
 
-use stereolux::images::{Image, ImageRgb};
+use crate::images::{Image, ImageRgb};
 
 /// Two references of an eye's view, of one size, whose noise is independent.
 pub type References = [ImageRgb; 2];
@@ -31,7 +31,7 @@ pub fn mean_product(one: &[[f64; 3]], other: &[[f64; 3]]) -> f64 {
     products.sum::<f64>() / (3 * one.len().max(1)) as f64
 }
 
-/// relMSE as [`stereolux::metrics::compare`] has it, without the references' noise: the squared error over the square of the references'
+/// relMSE as [`crate::metrics::compare`] has it, without the references' noise: the squared error over the square of the references'
 /// mean plus a hundredth of its mean square; NaN if both references are black.
 pub fn relative_square(differences: &Differences, references: &References) -> f64 {
     let mean = |a: f32, b: f32| 0.5 * (f64::from(a) + f64::from(b));
@@ -54,7 +54,7 @@ pub fn change_square(now: &Differences, before: &Differences) -> f64 {
     mean_product(&changed[0], &changed[1])
 }
 
-/// How far the eyes' errors lie apart at the points that both see, squared: [`stereolux::metrics::binocular_error`] without the
+/// How far the eyes' errors lie apart at the points that both see, squared: [`crate::metrics::binocular_error`] without the
 /// references' noise. `left_from_right` as there; 0 if there is no such point.
 pub fn binocular_square(
     left: &Differences,

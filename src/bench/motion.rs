@@ -1,0 +1,435 @@
+//! `bench motion`: what reconstruction makes of a moving head, and what it costs. Scene by scene and by both methods, the
+//! same swaying head is rendered raw, filtered and filtered by both eyes together, and the last frames are judged by errors
+//! that do not hold their references' noise ([`super::paired_references`]).
+
+use std::io::Write as _;
+
+use stereolux_report::motion::{MotionRow, files};
+use stereolux_report::statistics::spread;
+
+use super::correspondence::left_from_right;
+use super::paired_references::{
+    Differences, References, binocular_square, change_square, differences, mean_product,
+    relative_square,
+};
+use super::reference::{self, PixelFilter, ReferenceSpec};
+use super::scenes::SceneSource;
+use super::suites::framing_headset;
+use super::{BenchError, BenchProgress, Outcome, go_on, machine_of, suites};
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::images::{Image, ImageRgb, write_atomically};
+use crate::options::BenchOptions;
+use crate::renderer::{Eye, Renderer};
+use crate::scene::Scene;
+use crate::settings::{Choice as _, Eyes, Method, RenderSettings, Settings, Tone};
+use crate::tone::shown;
+use crate::xr::{Headset, Motion, SimulatedSession, View, all_frames};
+
+/// Scenes without `--scene`.
+const SCENES: [&str; 2] = ["builtin:cornell", "builtin:gallery"];
+/// Pixels per eye without `--size`.
+const SIZE: [u32; 2] = [96, 96];
+/// Frames without `--frames`.
+const FRAMES: u32 = 40;
+/// Rounds without `--rounds`: whatever else the machine does only adds to a frame's time.
+const ROUNDS: u32 = 2;
+/// Frames whose mean is the brightness: a single one's depends on which of a small lamp's edges its offset meets.
+const BRIGHTNESS_FRAMES: usize = 16;
+/// Frames that have references: the last, and the one before it.
+const JUDGED: usize = 2;
+
+/// What is reconstructed, by the name that rows give it.
+const VARIANTS: [(&str, fn(&mut RenderSettings)); 3] = [
+    ("raw", |render| {
+        let own = &mut render.reconstruct;
+        for switch in [&mut own.svgf, &mut own.taa, &mut own.still] {
+            *switch = false.into();
+        }
+    }),
+    ("separate", |render| render.reconstruct.stereo = false),
+    ("default", |_| {}),
+];
+
+/// What a variant showed.
+struct Shown {
+    /// Radiance of the frames that are judged, by eye.
+    frames: Vec<[ImageRgb; 2]>,
+    /// Mean radiance over [`BRIGHTNESS_FRAMES`], by eye.
+    mean: [f64; 2],
+    /// Device milliseconds of each frame.
+    ms: Vec<f64>,
+}
+
+/// Two references of an eye's view, of radiance and of what is displayed.
+struct Pair {
+    radiance: References,
+    displayed: References,
+}
+
+impl Pair {
+    fn of(radiance: References) -> Self {
+        let displayed = [0, 1].map(|half: usize| displayed(&radiance[half]));
+        Self {
+            radiance,
+            displayed,
+        }
+    }
+}
+
+/// Measures, and writes the report.
+///
+/// # Errors
+/// [`BenchError`].
+pub(super) fn run(
+    options: &BenchOptions,
+    library: &ShaderLibrary,
+    progress: &mut dyn BenchProgress,
+) -> Result<Outcome, BenchError> {
+    let settings = &options.settings;
+    let size = settings.size.unwrap_or(SIZE);
+    let frames = options
+        .frames
+        .unwrap_or(FRAMES)
+        .max(BRIGHTNESS_FRAMES as u32);
+    let rounds = options.rounds.unwrap_or(ROUNDS);
+    let samples = suites::reference_samples(options);
+    let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
+    let out = options.out.as_path();
+    let folder = match &options.references {
+        Some(folder) => folder.clone(),
+        None => out.join("references"),
+    };
+    for path in [out, &folder] {
+        std::fs::create_dir_all(path).map_err(|error| BenchError::Out {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })?;
+    }
+    let references =
+        reference::References::open(&folder, samples / 2, library.clone(), machine.clone());
+    let names: Vec<String> = match options.scenes.as_slice() {
+        [] => SCENES.map(str::to_owned).into(),
+        named => named.to_vec(),
+    };
+    let mut rows = Vec::new();
+    for name in names {
+        let source = SceneSource::Named(name.clone());
+        let scene = source.load(settings)?;
+        let fingerprint = source.fingerprint(settings)?;
+        let (headset, _) = framing_headset(settings, size, &scene)?;
+        let views = sway(&headset, &scene, frames)?;
+        let [.., before, last] = views.as_slice() else {
+            continue;
+        };
+        progress.says(&format!("{name}: references of {samples} samples"));
+        let reference = |view: View, half: u32| -> Result<ImageRgb, BenchError> {
+            let mut settings = settings.clone();
+            settings.render.seed = settings.render.seed.wrapping_add(half);
+            let spec = ReferenceSpec {
+                scene: &scene,
+                scene_fingerprint: &fingerprint,
+                settings: &settings,
+                view,
+                size,
+                filter: PixelFilter::Box,
+            };
+            let found = references.get(&spec, 0.0, &mut |_, _| {})?.moments.mean;
+            let pixels = found.pixels.iter().map(|pixel| pixel.map(|c| c as f32));
+            Ok(Image::new(size[0], size[1], pixels.collect())?)
+        };
+        let pair = |view| Ok::<_, BenchError>(Pair::of([reference(view, 0)?, reference(view, 1)?]));
+        let judged = [before, last].map(|[left, right]| Ok([pair(*left)?, pair(*right)?]));
+        let truth = judged.into_iter().collect::<Result<Vec<_>, BenchError>>()?;
+        for method in [Method::Photon, Method::Path] {
+            let mut found: Vec<Option<Shown>> = VARIANTS.iter().map(|_| None).collect();
+            let mut seen = None;
+            for round in 0..rounds {
+                for ((variant, change), found) in VARIANTS.iter().zip(&mut found) {
+                    go_on()?;
+                    let word = method.word();
+                    progress.says(&format!(
+                        "{name}: {word}, {variant}, round {} of {rounds}",
+                        round + 1
+                    ));
+                    let render = settings_of(settings, method, change);
+                    let context = GpuContext::open(Some(&settings.adapter))?;
+                    let mut renderer =
+                        Renderer::new(context, library, &scene, &render, Eyes::Both, size)?;
+                    let now = render_all(&mut renderer, &views)?;
+                    if seen.is_none() {
+                        let hits = |eye| renderer.read_hit_rays(eye);
+                        seen = hits(Eye::Left)?
+                            .zip(hits(Eye::Right)?)
+                            .map(|(left, right)| left_from_right(last, size, &left, &right))
+                            .map(|seen| inner(&seen));
+                    }
+                    // The pictures are those of every round, bit for bit.
+                    match found {
+                        Some(before) => before.ms.extend(now.ms),
+                        None => *found = Some(now),
+                    }
+                }
+            }
+            let seen = seen.unwrap_or_else(|| Image {
+                width: size[0],
+                height: size[1],
+                pixels: vec![None; size[0] as usize * size[1] as usize],
+            });
+            for ((variant, _), found) in VARIANTS.iter().zip(found) {
+                let Some(found) = found else { continue };
+                rows.push(MotionRow {
+                    scene: name.clone(),
+                    method: method.word().to_owned(),
+                    variant: (*variant).to_owned(),
+                    pixels_per_degree: pixels_per_degree(&last[0], size[0]),
+                    ..judge(&found, &truth, &seen)
+                });
+            }
+        }
+    }
+    let adapter = match machine.software_adapter {
+        true => format!("{} (software adapter)", machine.adapter),
+        false => machine.adapter,
+    };
+    let what = format!(
+        "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
+         each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
+         (the eyes' errors apart) in display light, 0 to 1. Brightness: mean radiance of the last {BRIGHTNESS_FRAMES} frames \
+         over the reference's. Milliseconds: lower quartile of {rounds} rounds in turn.",
+        size[0], size[1],
+    );
+    for file in files(&rows, &what)? {
+        write_atomically(&out.join(&file.path), |to| to.write_all(&file.bytes))?;
+    }
+    Ok(Outcome {
+        rows: rows.len(),
+        resumed: 0,
+        report: out.join("report.md"),
+        unsettled: 0,
+    })
+}
+
+/// Views of a swaying head that begins where the scene does.
+fn sway(headset: &Headset, scene: &Scene, frames: u32) -> Result<Vec<[View; 2]>, BenchError> {
+    let start = scene.start_pose();
+    let frames = Some(u64::from(frames));
+    let mut session =
+        SimulatedSession::new(headset.clone(), Motion::Sway, start, frames).with_seed(1);
+    let frames = all_frames(&mut session, usize::MAX)?;
+    Ok(frames.into_iter().map(|(_, views)| views).collect())
+}
+
+/// `run`'s settings, changed.
+fn settings_of(
+    settings: &Settings,
+    method: Method,
+    change: &fn(&mut RenderSettings),
+) -> RenderSettings {
+    let mut render = settings.render.clone();
+    render.method = method;
+    render.spp = 1;
+    render.gpu.timestamps = true.into();
+    change(&mut render);
+    render.decide_reconstruction(true);
+    render
+}
+
+fn render_all(renderer: &mut Renderer, views: &[[View; 2]]) -> Result<Shown, BenchError> {
+    let [width, height] = renderer.size();
+    let mut shown = Shown {
+        frames: Vec::new(),
+        mean: [0.0; 2],
+        ms: Vec::new(),
+    };
+    for (frame, pair) in (0..).zip(views) {
+        let result = renderer.render_frame(pair, frame, |_| {})?;
+        let left = views.len() - frame as usize;
+        // Photon lists and histories grow in the first frames.
+        if left <= views.len() - views.len() / 4 {
+            let passes = result.times.passes.values();
+            shown.ms.push(passes.map(|(ms, _)| ms).sum());
+        }
+        if left > BRIGHTNESS_FRAMES {
+            continue;
+        }
+        let read = |eye| {
+            let pixels = renderer.read_radiance(eye)?.unwrap_or_default();
+            Ok::<_, BenchError>(Image::new(width, height, pixels)?)
+        };
+        let eyes = [read(Eye::Left)?, read(Eye::Right)?];
+        for (sum, eye) in shown.mean.iter_mut().zip(&eyes) {
+            *sum += mean(eye) / BRIGHTNESS_FRAMES as f64;
+        }
+        if left <= JUDGED {
+            shown.frames.push(eyes);
+        }
+    }
+    Ok(shown)
+}
+
+fn mean(image: &ImageRgb) -> f64 {
+    let channels = image.pixels.iter().flatten();
+    let sum: f64 = channels.map(|&channel| f64::from(channel)).sum();
+    sum / (3 * image.pixels.len().max(1)) as f64
+}
+
+fn displayed(image: &ImageRgb) -> ImageRgb {
+    let pixels = image.pixels.iter().map(|&pixel| shown(Tone::Aces, pixel));
+    Image {
+        width: image.width,
+        height: image.height,
+        pixels: pixels.collect(),
+    }
+}
+
+/// Square root that keeps the sign: a product of differences may be negative by chance.
+fn root(square: f64) -> f64 {
+    square.abs().sqrt().copysign(square)
+}
+
+/// What a variant's frames come to, beside names. `truth`: by judged frame and eye. `seen`: for each pixel of the right eye the
+/// left eye's that sees the same point in the last frame.
+fn judge(shown: &Shown, truth: &[[Pair; 2]], seen: &Image<Option<u32>>) -> MotionRow {
+    let mut row = MotionRow::default();
+    let eyes = [0, 1].map(|eye: usize| {
+        let mut errors = shown
+            .frames
+            .iter()
+            .zip(truth)
+            .map(|(frame, pairs)| differences(&displayed(&frame[eye]), &pairs[eye].displayed));
+        (
+            errors.next().unwrap_or_default(),
+            errors.next().unwrap_or_default(),
+        )
+    });
+    for (eye, (before, last)) in eyes.iter().enumerate() {
+        row.flicker[eye] = root(change_square(last, before));
+        let Some((frame, pairs)) = shown.frames.last().zip(truth.last()) else {
+            continue;
+        };
+        let pair = &pairs[eye].radiance;
+        row.rel_mse += 0.5 * relative_square(&differences(&frame[eye], pair), pair);
+        let reference = 0.5 * (mean(&pair[0]) + mean(&pair[1]));
+        row.brightness += 0.5 * shown.mean[eye] / reference;
+        // Both halves together are the better reference.
+        let sum: Differences = [0, 1].map(|_: usize| {
+            let both = last[0].iter().zip(&last[1]);
+            both.map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])))
+                .collect()
+        });
+        row.rmse += 0.5 * mean_product(&sum[0], &sum[1]);
+    }
+    row.rmse = root(row.rmse);
+    row.binocular = root(binocular_square(&eyes[0].1, &eyes[1].1, seen));
+    row.ms = spread(&shown.ms).map_or(f64::NAN, |ms| ms.lower_quartile);
+    row
+}
+
+/// Leaves the points whose eight neighbours both eyes see beside them: a pixel over an edge shows each eye another mixture,
+/// and is no disagreement.
+fn inner(seen: &Image<Option<u32>>) -> Image<Option<u32>> {
+    let [width, height] = [seen.width as i64, seen.height as i64];
+    let at = |x: i64, y: i64| {
+        let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
+        let to = seen.pixels[usize::try_from(y * width + x).ok().filter(|_| is_inside)?]?;
+        Some((i64::from(to) % width, i64::from(to) / width))
+    };
+    let kept = |index: usize| {
+        let (x, y) = (index as i64 % width, index as i64 / width);
+        let (column, row) = at(x, y)?;
+        let is_beside = |dx: i64, dy: i64| {
+            at(x + dx, y + dy).is_some_and(|(there_x, there_y)| {
+                (there_x - column - dx).abs() <= 1 && (there_y - row - dy).abs() <= 1
+            })
+        };
+        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        let is_inner = around.into_iter().all(|(dx, dy)| is_beside(dx, dy));
+        seen.pixels[index].filter(|_| is_inner)
+    };
+    Image {
+        width: seen.width,
+        height: seen.height,
+        pixels: (0..seen.pixels.len()).map(kept).collect(),
+    }
+}
+
+/// Pixels per degree in the middle of a picture `width` pixels wide.
+fn pixels_per_degree(view: &View, width: u32) -> f64 {
+    let span = view.fov.angle_right.tan() - view.fov.angle_left.tan();
+    f64::from(width) / span * 1.0_f64.to_radians()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(level: f32) -> ImageRgb {
+        Image::filled(4, 4, [level; 3]).unwrap()
+    }
+
+    fn pairs(level: f32) -> [Pair; 2] {
+        let pair = || Pair::of([image(level), image(level)]);
+        [pair(), pair()]
+    }
+
+    #[test]
+    fn what_stays_wrong_does_not_flicker_and_what_both_eyes_have_wrong_is_no_disagreement() {
+        let truth = [pairs(0.2), pairs(0.2)];
+        let everywhere = Image {
+            width: 4,
+            height: 4,
+            pixels: (0..16).map(Some).collect(),
+        };
+        let shown_as = |frames: [[f32; 2]; 2]| Shown {
+            mean: frames[1].map(f64::from),
+            frames: frames.map(|eyes| eyes.map(image)).into(),
+            ms: vec![3.0, 1.0, 2.0],
+        };
+        let still = judge(&shown_as([[0.3; 2]; 2]), &truth, &everywhere);
+        let off = shown(Tone::Aces, [0.3; 3])[0] - shown(Tone::Aces, [0.2; 3])[0];
+        assert!((still.rmse - f64::from(off)).abs() < 1e-6, "{still:?}");
+        assert!((still.brightness - 1.5).abs() < 1e-6, "{still:?}");
+        assert_eq!((still.flicker, still.binocular), ([0.0; 2], 0.0));
+        // The right eye is right in the last frame alone.
+        let one = judge(&shown_as([[0.3; 2], [0.3, 0.2]]), &truth, &everywhere);
+        assert_eq!(one.flicker[0], 0.0);
+        assert!((one.flicker[1] - f64::from(off)).abs() < 1e-6, "{one:?}");
+        assert!((one.binocular - f64::from(off)).abs() < 1e-6, "{one:?}");
+        assert!((one.ms - 1.5).abs() < 0.6, "{one:?}");
+    }
+
+    #[test]
+    fn points_beside_an_edge_are_left_out() {
+        // Two surfaces, shifted by one and by three columns, meet in the middle.
+        let seen = Image {
+            width: 12,
+            height: 5,
+            pixels: (0..60)
+                .map(|index| Some(index + if index % 12 < 6 { 1 } else { 3 }))
+                .map(|to| to.filter(|to| to % 12 != 0 && *to < 60))
+                .collect(),
+        };
+        let kept = inner(&seen);
+        let row: Vec<bool> = (24..36).map(|index| kept.pixels[index].is_some()).collect();
+        let expected = [1, 2, 3, 4, 7];
+        assert_eq!(
+            (0..12).filter(|&x| row[x]).collect::<Vec<_>>(),
+            expected,
+            "{row:?}"
+        );
+        assert_eq!(kept.pixels[26], Some(27));
+        assert!(kept.pixels[..12].iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn pixels_per_degree_are_those_of_the_middle() {
+        let view = View {
+            position_in_world: glam::DVec3::ZERO,
+            orientation: glam::DQuat::IDENTITY,
+            fov: crate::xr::Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
+        };
+        // One degree in the middle of 2 m at a metre's distance: 0.017453 m of 2 m.
+        let found = pixels_per_degree(&view, 2000);
+        assert!((found - 17.453).abs() < 1e-3, "{found}");
+    }
+}
