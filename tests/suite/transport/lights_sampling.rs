@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use stereolux::scene::{Environment, LightKind, Material, Scene};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
@@ -313,6 +313,75 @@ pub fn map() -> Environment {
         radiance,
         name: "test".to_owned(),
     }
+}
+
+#[test]
+fn directions_have_their_map_coordinates() {
+    // Radiance that is linear in both coordinates shows them.
+    let (width, height) = (64, 32);
+    let ramp = Environment {
+        width,
+        height,
+        radiance: (0..width * height)
+            .map(|index| [(index % width) as f32, (index / width) as f32, 1.0])
+            .collect(),
+        name: "ramp".to_owned(),
+    };
+    let scene = Scene {
+        environment: Some(ramp),
+        ..environment_scene()
+    };
+    let context = context();
+    let probe = LightProbe::new(&context, &["environment"], &scene, DVec3::ZERO);
+    // A Fibonacci spiral, and along the axes and diagonals, where the octants meet.
+    let count = 100_000;
+    let spiral = (0..count).map(|i| {
+        let t = (f64::from(i) + 0.5) / f64::from(count);
+        direction_of(
+            (f64::from(i) * 0.618_033_988_75).fract(),
+            (1.0 - 2.0 * t).acos() / PI,
+        )
+    });
+    let corners = (0..27).map(|i| {
+        v(
+            f64::from(i % 3 - 1),
+            f64::from(i / 3 % 3 - 1),
+            f64::from(i / 9 - 1),
+        )
+    });
+    let corners = corners
+        .filter(|corner| *corner != DVec3::ZERO)
+        .map(DVec3::normalize);
+    let queries: Vec<LightQuery> = spiral
+        .chain(corners)
+        .map(|direction| LightQuery {
+            instance: u32::MAX,
+            position: direction.as_vec3().to_array(),
+            ..LightQuery::default()
+        })
+        .collect();
+    // 3.3e-7 rad of the polynomial; pi, the quotient, the product and two differences round by 6e-8 of 2 pi at most, in all
+    // 2e-6 rad. A texel is 2 pi / 64 or pi / 32 of them; its blend rounds by 6e-8 of 64 at most, four times.
+    let texel_rad = PI / f64::from(height);
+    let most = 2.4e-6 / texel_rad + 4.0 * 6e-8 * f64::from(width);
+    assert!(most < 1e-5 / texel_rad, "1e-5 rad would be seen");
+    let mut compared = 0;
+    for (query, ([x, y, _], _)) in queries.iter().zip(probe.densities(&queries)) {
+        let direction = Vec3::from(query.position).as_dvec3();
+        let (u, t) = map_coordinates(direction.normalize());
+        let expected = [u * f64::from(width) - 0.5, t * f64::from(height) - 0.5];
+        // Between the outermost texels' centres; beyond, it wraps or stays.
+        let is_inside = |at: f64, size: u32| (0.0..f64::from(size - 1)).contains(&at);
+        if !is_inside(expected[0], width) || !is_inside(expected[1], height) {
+            continue;
+        }
+        compared += 1;
+        // Near a pole u hangs on the smaller components' own rounding.
+        let reach = direction.x.hypot(direction.z);
+        let off = ((x - expected[0]).abs() * reach).max((y - expected[1]).abs());
+        assert!(off < most, "{direction}: ({x}, {y}) for {expected:?}");
+    }
+    assert!(compared > 90_000);
 }
 
 /// Direction of map coordinates in [0, 1].
