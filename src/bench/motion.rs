@@ -35,6 +35,8 @@ const FRAMES: u32 = 40;
 const ROUNDS: u32 = 2;
 /// Frames whose mean is the brightness: a single one's depends on which of a small lamp's edges its offset meets.
 const BRIGHTNESS_FRAMES: usize = 16;
+/// Display light by which neighbours may differ on an even surface.
+const EVEN: f32 = 0.1;
 /// Frames that have references: the last, and the one before it.
 const JUDGED: usize = 2;
 
@@ -161,7 +163,8 @@ pub(super) fn run(
                         seen = hits(Eye::Left)?
                             .zip(hits(Eye::Right)?)
                             .map(|(left, right)| left_from_right(last, size, &left, &right))
-                            .map(|seen| inner(&seen));
+                            .zip(truth.last())
+                            .map(|(seen, [_, right])| away_from_edges(&seen, &right.displayed[0]));
                     }
                     // The pictures are those of every round, bit for bit.
                     match found {
@@ -194,7 +197,7 @@ pub(super) fn run(
     let what = format!(
         "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
          each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
-         (the eyes' errors apart) in display light, 0 to 1. Brightness: mean radiance of the last {BRIGHTNESS_FRAMES} frames \
+         (the eyes' errors apart, away from edges) in display light, 0 to 1. Brightness: mean radiance of the last {BRIGHTNESS_FRAMES} frames \
          over the reference's. Milliseconds: lower quartile of {rounds} rounds in turn.",
         size[0], size[1],
     );
@@ -325,31 +328,33 @@ fn judge(shown: &Shown, truth: &[[Pair; 2]], seen: &Image<Option<u32>>) -> Motio
     row
 }
 
-/// Leaves the points whose eight neighbours both eyes see beside them: a pixel over an edge shows each eye another mixture,
-/// and is no disagreement.
-fn inner(seen: &Image<Option<u32>>) -> Image<Option<u32>> {
-    let [width, height] = [seen.width as i64, seen.height as i64];
-    let at = |x: i64, y: i64| {
+/// Leaves the points whose eight neighbours both eyes see beside them, and around which the picture that the right eye should
+/// show is even: a pixel over an edge shows each eye another mixture, and is no disagreement.
+fn away_from_edges(seen: &Image<Option<u32>>, displayed: &ImageRgb) -> Image<Option<u32>> {
+    let [width, height] = [i64::from(seen.width), i64::from(seen.height)];
+    let index = |x: i64, y: i64| {
         let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
-        let to = seen.pixels[usize::try_from(y * width + x).ok().filter(|_| is_inside)?]?;
-        Some((i64::from(to) % width, i64::from(to) / width))
+        usize::try_from(y * width + x).ok().filter(|_| is_inside)
     };
-    let kept = |index: usize| {
-        let (x, y) = (index as i64 % width, index as i64 / width);
-        let (column, row) = at(x, y)?;
-        let is_beside = |dx: i64, dy: i64| {
-            at(x + dx, y + dy).is_some_and(|(there_x, there_y)| {
-                (there_x - column - dx).abs() <= 1 && (there_y - row - dy).abs() <= 1
-            })
-        };
+    let is_away = |here: usize, to: u32| {
+        let (x, y) = (here as i64 % width, here as i64 / width);
+        let (column, row) = (i64::from(to) % width, i64::from(to) / width);
         let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-        let is_inner = around.into_iter().all(|(dx, dy)| is_beside(dx, dy));
-        seen.pixels[index].filter(|_| is_inner)
+        around.into_iter().all(|(dx, dy)| {
+            let Some(beside) = index(x + dx, y + dy) else {
+                return false;
+            };
+            let colors = displayed.pixels[beside].iter().zip(displayed.pixels[here]);
+            seen.pixels[beside].map(i64::from).is_some_and(|there| {
+                (there % width - column - dx).abs() <= 1 && (there / width - row - dy).abs() <= 1
+            }) && colors.into_iter().all(|(a, b)| (a - b).abs() <= EVEN)
+        })
     };
+    let kept = |(here, to): (usize, &Option<u32>)| to.filter(|&to| is_away(here, to));
     Image {
         width: seen.width,
         height: seen.height,
-        pixels: (0..seen.pixels.len()).map(kept).collect(),
+        pixels: seen.pixels.iter().enumerate().map(kept).collect(),
     }
 }
 
@@ -409,7 +414,7 @@ mod tests {
                 .map(|to| to.filter(|to| to % 12 != 0 && *to < 60))
                 .collect(),
         };
-        let kept = inner(&seen);
+        let kept = away_from_edges(&seen, &Image::filled(12, 5, [0.5; 3]).unwrap());
         let row: Vec<bool> = (24..36).map(|index| kept.pixels[index].is_some()).collect();
         let expected = [1, 2, 3, 4, 7];
         assert_eq!(
@@ -419,6 +424,12 @@ mod tests {
         );
         assert_eq!(kept.pixels[26], Some(27));
         assert!(kept.pixels[..12].iter().all(Option::is_none));
+        // A bright point, too.
+        let mut lamp = Image::filled(12, 5, [0.5; 3]).unwrap();
+        lamp.pixels[24 + 4] = [0.5, 0.5, 0.9];
+        let kept = away_from_edges(&seen, &lamp);
+        let row: Vec<usize> = (0..12).filter(|x| kept.pixels[24 + x].is_some()).collect();
+        assert_eq!(row, [1, 2, 7]);
     }
 
     #[test]

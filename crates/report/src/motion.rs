@@ -25,7 +25,7 @@ pub struct MotionRow {
     pub brightness: f64,
     /// RMS change of the error from the last frame but one to the last, left and right eye.
     pub flicker: [f64; 2],
-    /// RMS difference between the eyes' errors at the points that both see.
+    /// RMS difference between the eyes' errors at the points that both see, away from edges.
     pub binocular: f64,
     /// Device milliseconds of a frame: lower quartile.
     pub ms: f64,
@@ -66,7 +66,7 @@ const COLUMNS: [(&str, &str); 12] = [
     ("flicker_right", "the same of the right eye"),
     (
         "binocular",
-        "RMS difference of the eyes' errors where both see a point, display light, without the references' noise",
+        "RMS difference of the eyes' errors where both see a point away from edges, display light, without the references' noise",
     ),
     ("ms", "device milliseconds of a frame, lower quartile"),
     ("ms_over_raw", "the same over the raw variant's"),
