@@ -84,7 +84,7 @@ pub fn check(library: &ShaderLibrary, scene: &Scene, views: &[View; 2]) -> Outco
                 })
                 .collect();
             let mut trace = |triangles: &[Triangle]| {
-                wrong_hits(&context, &probe, held, &exact, triangles, &mut random, RAYS)
+                wrong_hits(&probe, held, &exact, triangles, &mut random, RAYS)
             };
             let now = skinned(held, &own, &pose);
             let (misses, met) = trace(&now);

@@ -1,14 +1,17 @@
 //! What GPU tests share: one adapter, said aloud; renderers, views and scenes that are moved or scaled; the binary.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::renderer::{Eye, FrameResult, Renderer};
+use stereolux::renderer::{Eye, FrameResult, RenderError, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
+use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Fov, Pose, View};
 
 pub use super::adapter::{adapter_name, context};
@@ -48,6 +51,17 @@ pub fn square_fov(half_degrees: f64) -> Fov {
     Fov::from_degrees(-half_degrees, half_degrees, half_degrees, -half_degrees)
 }
 
+/// Eyes as far apart as people's, where a scene's head starts.
+pub fn start_views(scene: &Scene, half_degrees: f64) -> [View; 2] {
+    parallel_views(start_pose(scene), 0.063, square_fov(half_degrees))
+}
+
+/// The ray through a pixel's centre.
+pub fn pixel_ray(view: &View, pixel: usize, [width, height]: [u32; 2]) -> RayInWorld {
+    let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+    view.ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height)
+}
+
 /// Where a scene's head starts.
 pub fn start_pose(scene: &Scene) -> Pose {
     scene.start_pose()
@@ -56,6 +70,15 @@ pub fn start_pose(scene: &Scene) -> Pose {
 /// An embedded scene.
 pub fn builtin(name: &str) -> Scene {
     Scene::builtin(name).unwrap()
+}
+
+/// A Cornell box of white walls, which keeps more photons than the first guess of three per path.
+pub fn white_box() -> Scene {
+    let mut scene = builtin("cornell");
+    for material in &mut scene.materials {
+        material.base_color = [0.97, 0.97, 0.97, 1.0];
+    }
+    scene
 }
 
 /// The scene under another transform of the world.
@@ -69,8 +92,7 @@ pub fn placed(mut scene: Scene, moved_from_world: DAffine3) -> Scene {
 
 /// Both eyes of a scene.
 pub fn renderer(scene: &Scene, settings: &RenderSettings, size: [u32; 2]) -> Renderer {
-    Renderer::new(
-        context(),
+    renderer_by(
         &ShaderLibrary::embedded(),
         scene,
         settings,
@@ -78,6 +100,36 @@ pub fn renderer(scene: &Scene, settings: &RenderSettings, size: [u32; 2]) -> Ren
         size,
     )
     .unwrap()
+}
+
+/// A renderer by shaders and for eyes of a test's own.
+pub fn renderer_by(
+    library: &ShaderLibrary,
+    scene: &Scene,
+    settings: &RenderSettings,
+    eyes: Eyes,
+    size: [u32; 2],
+) -> Result<Renderer, RenderError> {
+    Renderer::new(context(), library, scene, settings, eyes, size)
+}
+
+/// A renderer that has rendered frame 0.
+pub fn rendered(
+    scene: &Scene,
+    settings: &RenderSettings,
+    size: [u32; 2],
+    views: &[View; 2],
+) -> Renderer {
+    let mut renderer = renderer(scene, settings, size);
+    frame(&mut renderer, views);
+    renderer
+}
+
+/// Renders frames of these numbers.
+pub fn play(renderer: &mut Renderer, views: &[View; 2], frames: Range<u32>) {
+    for frame in frames {
+        renderer.render_frame(views, frame, |_| {}).unwrap();
+    }
 }
 
 /// Renders frame 0.
@@ -88,6 +140,16 @@ pub fn frame(renderer: &mut Renderer, views: &[View; 2]) -> FrameResult {
 /// Radiance of an eye.
 pub fn radiance(renderer: &Renderer, eye: Eye) -> Vec<[f32; 3]> {
     renderer.read_radiance(eye).unwrap().unwrap()
+}
+
+/// Radiance of both eyes.
+pub fn both(renderer: &Renderer) -> [Vec<[f32; 3]>; 2] {
+    Eye::BOTH.map(|eye| radiance(renderer, eye))
+}
+
+/// Bits of both eyes' images.
+pub fn both_bits(renderer: &Renderer) -> [Vec<[u32; 3]>; 2] {
+    both(renderer).map(|image| bits(&image))
 }
 
 /// Bits of an image, for comparisons that forgive nothing.
@@ -103,6 +165,22 @@ pub fn mean(image: &[[f32; 3]]) -> f64 {
         .map(|&channel| f64::from(channel))
         .sum();
     sum / (image.len() * 3) as f64
+}
+
+/// Mean of independent values, and the square of its standard error.
+pub fn statistics(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares = values.iter().map(|value| (value - mean).powi(2));
+    (mean, squares.sum::<f64>() / (n - 1.0) / n)
+}
+
+/// Pixels that differ in a channel by more than `tolerance` of the larger value.
+pub fn strays(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) -> usize {
+    let differs =
+        |(a, b): (&f32, &f32)| (a - b).abs() > tolerance * a.abs().max(b.abs()) || a.is_nan();
+    let pairs = a.iter().zip(b);
+    pairs.filter(|(a, b)| a.iter().zip(*b).any(differs)).count()
 }
 
 /// Fails unless every channel is finite and none is negative.
@@ -222,10 +300,27 @@ pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
 
 /// Runs a command, its words parted by spaces, with `more` arguments behind them, into the folder `out`.
 pub fn run_into(out: &Path, command: &str, more: &[&str]) -> Output {
-    let mut args: Vec<&str> = command.split_whitespace().collect();
+    let mut args = words(command);
     args.extend(["--out", out.to_str().unwrap()]);
     args.extend(more);
     stereolux(&args)
+}
+
+/// Parted by spaces.
+pub fn words(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
+/// Fails unless a text holds all of these.
+pub fn assert_says(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in {text:?}");
+    }
+}
+
+/// Fails unless a text begins so.
+pub fn assert_begins(text: &str, start: &str) {
+    assert!(text.starts_with(start), "{text:?} does not begin {start:?}");
 }
 
 /// Fails with what was printed unless a command succeeded.
@@ -238,9 +333,30 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// What a command has printed, as JSON.
+pub fn printed(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
 /// What a file of JSON holds.
 pub fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+/// Bytes of every EXR file of a folder, by name.
+pub fn exrs(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
+    let exrs = files.filter(|file| file.path().extension().is_some_and(|kind| kind == "exr"));
+    let read = |path: PathBuf| std::fs::read(path).unwrap();
+    exrs.map(|file| (file.file_name().into_string().unwrap(), read(file.path())))
+        .collect()
+}
+
+/// Kilobytes of a process (its number, or `self`) that lie in memory.
+pub fn resident_kb(process: &str) -> i64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    words(line.unwrap())[0].parse().unwrap()
 }
 
 /// The lines of `stats.jsonl` in `out`.

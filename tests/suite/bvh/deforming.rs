@@ -1,7 +1,9 @@
 //! Skins and morph targets on the device: against the f64 twin, brute force over the deformed triangles, the previous
 //! frame, and hierarchies that are built anew.
 
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use std::borrow::Cow;
+
+use glam::{DAffine3, DVec3, Vec3};
 use stereolux::bvh::records::{BvhNode, Triangle};
 use stereolux::bvh::{Bounds32, tree};
 use stereolux::gpu::ShaderLibrary;
@@ -47,21 +49,11 @@ fn geometry(renderer: &Renderer) -> Geometry {
     };
     let vertices = buffer("vertices");
     let count = vertices.size() as usize / size_of::<Vertex>();
+    let (triangles, nodes) = (buffer("triangles"), buffer("mesh_nodes"));
+    let (triangle_count, node_count) = (hierarchies.triangles.len(), hierarchies.nodes.len());
     Geometry {
-        triangles: read_buffer(
-            context,
-            "triangles",
-            &buffer("triangles"),
-            hierarchies.triangles.len(),
-        )
-        .unwrap(),
-        nodes: read_buffer(
-            context,
-            "nodes",
-            &buffer("mesh_nodes"),
-            hierarchies.nodes.len(),
-        )
-        .unwrap(),
+        triangles: read_buffer(context, "triangles", &triangles, triangle_count).unwrap(),
+        nodes: read_buffer(context, "nodes", &nodes, node_count).unwrap(),
         vertices: read_buffer(context, "vertices", &vertices, count).unwrap(),
     }
 }
@@ -93,14 +85,12 @@ fn position_bound(deformation: &Deformation, mesh: &Mesh) -> f64 {
     for (target, weight) in mesh.targets.iter().zip(&deformation.weights) {
         reach += weight.abs() * largest(&target.positions);
     }
-    let grown = deformation
-        .object_from_mesh
-        .iter()
-        .map(|matrix| {
-            let rows = [0, 1, 2].map(|row| matrix.matrix3.row(row).abs().element_sum());
-            rows.into_iter().fold(0.0, f64::max) * reach + matrix.translation.abs().max_element()
-        })
-        .fold(reach, f64::max);
+    let grow = |matrix: &DAffine3| {
+        let rows = [0, 1, 2].map(|row| matrix.matrix3.row(row).abs().element_sum());
+        rows.into_iter().fold(0.0, f64::max) * reach + matrix.translation.abs().max_element()
+    };
+    let matrices = deformation.object_from_mesh.iter();
+    let grown = matrices.map(grow).fold(reach, f64::max);
     32.0 / 16_777_216.0 * grown
 }
 
@@ -121,11 +111,8 @@ fn worst_corner(scene: &Scene, held: &Geometry, renderer: &Renderer, pose: &Scen
         let end = range.first_triangle + range.triangle_count;
         for triangle in range.first_triangle..end {
             let corners = hierarchies.triangle_vertices[triangle as usize];
-            let held_triangle = &held.triangles[triangle as usize];
-            for (v, corner) in [held_triangle.v0, held_triangle.v1, held_triangle.v2]
-                .iter()
-                .zip(corners)
-            {
+            let Triangle { v0, v1, v2, .. } = held.triangles[triangle as usize];
+            for (v, corner) in [v0, v1, v2].iter().zip(corners) {
                 let own = (corner - range.first_vertex) as usize;
                 let error = (Vec3::from(*v).as_dvec3() - positions[own]).length();
                 worst = worst.max(error / bound);
@@ -142,16 +129,12 @@ fn check_boxes(held: &Geometry, renderer: &Renderer) {
     let hierarchies = renderer.scene().hierarchies();
     for range in &hierarchies.meshes {
         let end = range.first_triangle + range.triangle_count;
-        let checked = tree::check(
-            &held.nodes,
-            range.root,
-            range.first_triangle..end,
-            range.depth,
-            |triangle| {
-                let triangle = &held.triangles[triangle as usize];
-                Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
-            },
-        );
+        let triangles = range.first_triangle..end;
+        let bounds = |triangle: u32| {
+            let Triangle { v0, v1, v2, .. } = held.triangles[triangle as usize];
+            Bounds32::of_points([v0, v1, v2].map(Vec3::from))
+        };
+        let checked = tree::check(&held.nodes, range.root, triangles, range.depth, bounds);
         assert_eq!(checked, Ok(()));
     }
 }
@@ -176,15 +159,7 @@ fn hits_on_skinned_and_morphed_meshes_equal_exhaustive_search() {
         check_boxes(&held, &renderer);
         let now = exact(&renderer, &scene);
         let mut wrong = |exact: &[ExactInstance], triangles: &[Triangle]| {
-            wrong_hits(
-                &probe_context,
-                &probe,
-                renderer.scene(),
-                exact,
-                triangles,
-                &mut random,
-                500,
-            )
+            wrong_hits(&probe, renderer.scene(), exact, triangles, &mut random, 500)
         };
         let (misses, hits) = wrong(&now, &held.triangles);
         assert!(hits > 150, "{hits} rays hit");
@@ -220,11 +195,8 @@ fn deformed_points_are_found_where_the_frame_before_had_them() {
         let pose = scene.pose_at(clip, time_s);
         renderer.set_pose(&pose);
         render(&mut renderer, &scene, 0.05 * random.vector(), frame as u32);
-        let slots: Vec<_> = exact(&renderer, &scene)
-            .into_iter()
-            .enumerate()
-            .map(|(slot, (_, range))| (slot as u32, range))
-            .collect();
+        let slots = (0..).zip(exact(&renderer, &scene));
+        let slots: Vec<_> = slots.map(|(slot, (_, range))| (slot, range)).collect();
         let points = random_points(&mut random, &slots, 1500);
         let answers = probe.ask(&renderer.scene().resources(), &points);
         if let Some((was, origin)) = &was {
@@ -235,24 +207,22 @@ fn deformed_points_are_found_where_the_frame_before_had_them() {
                 let hierarchies = renderer.scene().hierarchies();
                 let first = hierarchies.meshes[placed.mesh].first_vertex;
                 let corners = hierarchies.triangle_vertices[*triangle as usize];
-                let [a, b, c] =
-                    [corners[0], corners[1], corners[2]].map(|corner| (corner - first) as usize);
+                let corners = [corners[0], corners[1], corners[2]];
+                let own = corners.map(|corner| (corner - first) as usize);
                 let at = |pose: &ScenePose, origin: DVec3| {
                     let deformation = scene.deformation(placed.node, pose);
                     let positions = deformation.positions(mesh);
                     let mut render = deformation.world_from_object;
                     render.translation -= origin;
-                    let corners = [positions[a], positions[b], positions[c]];
+                    let corners = own.map(|vertex| positions[vertex]);
                     let bound = f32_bound(&render, corners)
                         + DVec3::splat(2.0 * position_bound(&deformation, mesh));
                     (render.transform_point3(point_of(corners, *weights)), bound)
                 };
                 let (expected, bound) = at(was, *origin);
                 let got = answer.expect("it was there");
-                assert!(
-                    (got - expected).abs().cmple(bound).all(),
-                    "frame {frame}: {got}, not {expected}, beyond {bound}"
-                );
+                let is_there = (got - expected).abs().cmple(bound).all();
+                assert!(is_there, "{frame}: {got}, not {expected}, beyond {bound}");
                 let (now, bound) = at(&pose, renderer.origin_in_world());
                 unlike_now += usize::from(!(got - now).abs().cmple(bound).all());
             }
@@ -297,11 +267,8 @@ fn hierarchies_that_have_drifted_are_built_anew() {
     };
     pose(&mut renderer, 0.01, 0);
     // At rest the device's boxes cost what the host's do: f32 sums of some hundred areas.
-    assert!(
-        (ratio(&renderer) - 1.0).abs() < 0.02,
-        "{}",
-        ratio(&renderer)
-    );
+    let at_rest = ratio(&renderer);
+    assert!((at_rest - 1.0).abs() < 0.02, "{at_rest}");
     let mut worst = 0.0f64;
     // Costs read in one frame steer the third after it.
     let last = COST_CHECK_FRAMES + frames_in_flight::MOST as u32;
@@ -320,24 +287,18 @@ fn hierarchies_that_have_drifted_are_built_anew() {
     let library = ShaderLibrary::embedded();
     let probe = TraceProbe::new(&context, &library, &["probe_occlusion"]);
     let exact = exact(&renderer, &scene);
-    let scene = renderer.scene();
-    let (misses, _) = wrong_hits(
-        &context,
-        &probe,
-        scene,
-        &exact,
-        &held.triangles,
-        &mut Random(73),
-        500,
-    );
+    let (scene, triangles) = (renderer.scene(), &held.triangles);
+    let (misses, _) = wrong_hits(&probe, scene, &exact, triangles, &mut Random(73), 500);
     assert_eq!(misses, 0);
 }
 
 #[test]
 fn every_deforming_instance_has_a_mesh_of_its_own() {
     let mut scene = builtin("parade");
-    let ball = (0..scene.nodes.len())
-        .find(|node| scene.nodes[*node].name == "ball")
+    let ball = scene
+        .nodes
+        .iter()
+        .position(|node| node.name == "ball")
         .unwrap();
     let mut twin = scene.nodes[ball].clone();
     twin.parent_from_node.translation += DVec3::new(0.0, 0.8, 0.0);
@@ -354,10 +315,7 @@ fn every_deforming_instance_has_a_mesh_of_its_own() {
     assert!(worst_corner(&own, &held, &renderer, &scene.rest_pose()) < 1.0);
     // Rigid scenes are not copied.
     let cornell = builtin("cornell");
-    assert!(matches!(
-        with_own_meshes(&cornell),
-        std::borrow::Cow::Borrowed(_)
-    ));
+    assert!(matches!(with_own_meshes(&cornell), Cow::Borrowed(_)));
 }
 
 #[test]
@@ -375,7 +333,7 @@ fn a_moving_scene_is_the_same_twice_and_not_the_same_later() {
             renderer.animate(time_ns);
             let result = renderer.render_frame(&views, index as u32, |_| {}).unwrap();
             assert!(result.photons.traced, "what moved has moved its light");
-            frames.push([Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye))));
+            frames.push(both_bits(&renderer));
         }
         frames
     };
@@ -444,11 +402,8 @@ fn a_deformed_scene_looks_like_one_modelled_so() {
             let far = |(a, b): (&f32, &f32)| (a - b).abs() > 1e-3 * (1e-3 + a.abs().max(b.abs()));
             a.iter().zip(b).any(far)
         };
-        deformed
-            .iter()
-            .zip(other)
-            .filter(|pair| differs(*pair))
-            .count()
+        let pairs = deformed.iter().zip(other);
+        pairs.filter(|pair| differs(*pair)).count()
     };
     let allowed = deformed.len() / 100;
     let found = strays(&image(&baked(&scene, &pose), None));
@@ -471,13 +426,10 @@ fn copies_in_textures_follow_what_moves() {
     }
     scene.meshes.insert(0, crumbs);
     scene.roots.push(scene.nodes.len());
+    let before = DAffine3::from_translation(DVec3::new(0.0, 1.6, -1.6));
     scene.nodes.push(Node {
         mesh: Some(0),
-        parent_from_node: DAffine3::from_scale_rotation_translation(
-            DVec3::splat(0.2),
-            DQuat::IDENTITY,
-            DVec3::new(0.0, 1.6, -1.6),
-        ),
+        parent_from_node: before * DAffine3::from_scale(DVec3::splat(0.2)),
         ..Node::default()
     });
     let scene = scene;
@@ -502,11 +454,9 @@ fn copies_in_textures_follow_what_moves() {
             for index in 0..6 {
                 // The last two frames show the same pose: there only the lamps differ.
                 renderer.set_pose(&scene.pose_at(clip, 0.7 * f64::from(index.min(4))));
+                let aside = DAffine3::from_translation(DVec3::new(0.4, -0.3, 0.0));
                 match index {
-                    1 => assert!(renderer.set_instance_transform(
-                        lamp,
-                        DAffine3::from_translation(DVec3::new(0.4, -0.3, 0.0)),
-                    )),
+                    1 => assert!(renderer.set_instance_transform(lamp, aside)),
                     2 => assert!(renderer.remove_instance(lamp)),
                     3 => {
                         let at = DAffine3::from_translation(DVec3::new(-0.4, -0.5, 0.2));

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
+use stereolux::bvh::records::Triangle;
 use stereolux::gpu::ShaderFeatures;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::renderer::{InstanceId, SceneBuffers};
@@ -40,16 +41,9 @@ fn scene(random: &mut Random, count: usize, center: DVec3) -> Scene {
 }
 
 fn placement(random: &mut Random, center: DVec3) -> DAffine3 {
-    let scale = DVec3::new(
-        1.0 + 0.5 * random.signed(),
-        1.0,
-        1.0 + 0.5 * random.signed(),
-    );
-    DAffine3::from_scale_rotation_translation(
-        scale,
-        random.rotation(),
-        center + 4.0 * random.vector(),
-    )
+    let [x, z] = [(); 2].map(|()| 1.0 + 0.5 * random.signed());
+    let (scale, turn) = (DVec3::new(x, 1.0, z), random.rotation());
+    DAffine3::from_scale_rotation_translation(scale, turn, center + 4.0 * random.vector())
 }
 
 fn range_of(scene: &SceneBuffers, mesh: usize) -> Range<u32> {
@@ -64,16 +58,11 @@ fn relative(mut transform: DAffine3, origin: DVec3) -> DAffine3 {
 
 /// What brute force searches: every slot up to `slots`, empty ones without triangles.
 fn exact(buffers: &SceneBuffers, meshes: &[usize], origin: DVec3) -> Vec<ExactInstance> {
-    meshes
-        .iter()
-        .enumerate()
-        .map(
-            |(slot, mesh)| match buffers.placement(InstanceId(slot as u32)) {
-                Some(at) => (relative(at, origin), range_of(buffers, *mesh)),
-                None => (DAffine3::IDENTITY, 0..0),
-            },
-        )
-        .collect()
+    let of_slot = |(slot, mesh): (u32, &usize)| match buffers.placement(InstanceId(slot)) {
+        Some(at) => (relative(at, origin), range_of(buffers, *mesh)),
+        None => (DAffine3::IDENTITY, 0..0),
+    };
+    (0..).zip(meshes).map(of_slot).collect()
 }
 
 fn buffers(context: &GpuContext, scene: &Scene) -> SceneBuffers {
@@ -115,15 +104,7 @@ fn hits_on_moving_instances_equal_exhaustive_search() {
             let now = exact(&buffers, &meshes, origin);
             let triangles = buffers.hierarchies().triangles.clone();
             let mut wrong = |exact: &[ExactInstance]| {
-                wrong_hits(
-                    &context,
-                    &probe,
-                    &buffers,
-                    exact,
-                    &triangles,
-                    &mut random,
-                    800,
-                )
+                wrong_hits(&probe, &buffers, exact, &triangles, &mut random, 800)
             };
             let (misses, hits) = wrong(&now);
             assert!(hits > 250, "{hits} rays hit");
@@ -147,20 +128,15 @@ fn previous_points_are_those_of_the_frame_before() {
         let mut buffers = buffers(&context, &scene);
         let mut origin = center;
         buffers.begin_frame(&context, origin).unwrap();
-        let slots: Vec<(u32, Range<u32>)> = (0..4)
-            .map(|slot| (slot, range_of(&buffers, slot as usize % 2)))
-            .collect();
+        let slot = |slot: u32| (slot, range_of(&buffers, slot as usize % 2));
+        let slots: Vec<(u32, Range<u32>)> = (0..4).map(slot).collect();
         let first = random_points(&mut random, &slots, 200);
         let answers = probe.ask(&buffers.resources(), &first);
-        assert!(
-            answers.iter().all(Option::is_none),
-            "nothing comes before the first frame"
-        );
+        // Nothing comes before the first frame.
+        assert!(answers.iter().all(Option::is_none));
         let mut added = None;
         for frame in 1..6 {
-            let was: Vec<_> = (0..6)
-                .map(|slot| buffers.placement(InstanceId(slot)))
-                .collect();
+            let was = [0, 1, 2, 3, 4, 5].map(|slot| buffers.placement(InstanceId(slot)));
             let origin_was = origin;
             // The third frame is at rest: then a point was where it is.
             if frame != 3 {
@@ -184,18 +160,16 @@ fn previous_points_are_those_of_the_frame_before() {
                     assert_eq!((frame, *answer), (2, None), "it was not there");
                     continue;
                 };
-                let triangle = &buffers.hierarchies().triangles[*triangle as usize];
-                let corners =
-                    [triangle.v0, triangle.v1, triangle.v2].map(|v| Vec3::from(v).as_dvec3());
+                let Triangle { v0, v1, v2, .. } =
+                    buffers.hierarchies().triangles[*triangle as usize];
+                let corners = [v0, v1, v2].map(|v| Vec3::from(v).as_dvec3());
                 let was = relative(was, origin_was);
                 let expected = was.transform_point3(point_of(corners, *weights));
                 let got = answer.expect("it was there");
                 let bound = f32_bound(&was, corners);
                 let error = (got - expected).abs();
-                assert!(
-                    error.cmple(bound).all(),
-                    "frame {frame}: {error} beyond {bound}"
-                );
+                let is_there = error.cmple(bound).all();
+                assert!(is_there, "frame {frame}: {error} beyond {bound}");
                 let now = relative(buffers.placement(InstanceId(*instance)).unwrap(), origin);
                 let now = now.transform_point3(point_of(corners, *weights));
                 unlike_now += usize::from(!(got - now).abs().cmple(bound).all());

@@ -34,12 +34,12 @@ impl<'a> PreviousProbe<'a> {
             .iter()
             .map(|&(instance, triangle, [v, w])| [instance, triangle, v.to_bits(), w.to_bits()])
             .collect();
-        let answers: Vec<[f32; 4]> =
-            ask(self.context, &self.kernel, scene, &queries, queries.len());
-        answers
-            .into_iter()
-            .map(|[x, y, z, exists]| (exists == 1.0).then(|| glam::Vec3::new(x, y, z).as_dvec3()))
-            .collect()
+        let count = queries.len();
+        let answers: Vec<[f32; 4]> = ask(self.context, &self.kernel, scene, &queries, count);
+        let point = |[x, y, z, exists]: [f32; 4]| {
+            (exists == 1.0).then(|| DVec3::from([x, y, z].map(f64::from)))
+        };
+        answers.into_iter().map(point).collect()
     }
 }
 
@@ -78,7 +78,6 @@ pub fn f32_bound(render_from_object: &DAffine3, corners_in_object: [DVec3; 3]) -
 
 /// Rays into and through the scene on which the device disagrees with exhaustive search, and how many hit.
 pub fn wrong_hits(
-    context: &GpuContext,
     probe: &TraceProbe<'_>,
     scene: &SceneBuffers,
     exact: &[ExactInstance],
@@ -86,7 +85,6 @@ pub fn wrong_hits(
     random: &mut Random,
     count: usize,
 ) -> (usize, usize) {
-    let _ = context;
     let mut ends = Vec::new();
     for (placed, range) in exact {
         for triangle in range.clone().step_by(range.len().div_ceil(16).max(1)) {

@@ -7,9 +7,10 @@ use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
-use super::hard_support::{add, eyes_at, quad};
+use super::hard_support::{add, eyes_at, eyes_at_origin, quad};
 use super::support::{
-    bits, builtin, mean, method, parallel_views, radiance, renderer, square_fov, start_pose,
+    both_bits, builtin, mean, method, parallel_views, play, radiance, renderer, square_fov,
+    start_pose, start_views, statistics,
 };
 
 const SIZE: u32 = 32;
@@ -23,12 +24,6 @@ fn sequence(kind: Method, reuse: Reuse) -> RenderSettings {
     settings
 }
 
-fn play(renderer: &mut Renderer, views: &[View; 2], frames: std::ops::Range<u32>) {
-    for frame in frames {
-        renderer.render_frame(views, frame, |_| {}).unwrap();
-    }
-}
-
 /// Where in its pixel each of an eye's rays that meet something passes, from the centre, in pixels.
 fn offsets(renderer: &Renderer, view: &View, eye: Eye) -> Vec<[f64; 2]> {
     let t = view.fov.tangents();
@@ -39,11 +34,8 @@ fn offsets(renderer: &Renderer, view: &View, eye: Eye) -> Vec<[f64; 2]> {
         let p = view.orientation.inverse() * direction;
         let x = (p.x / -p.z - t.left) / (t.right - t.left) * size;
         let y = (t.up - p.y / -p.z) / (t.up - t.down) * size;
-        let pixel = pixel as u32;
-        [
-            x - f64::from(pixel % SIZE) - 0.5,
-            y - f64::from(pixel / SIZE) - 0.5,
-        ]
+        let [column, row] = [pixel as u32 % SIZE, pixel as u32 / SIZE].map(f64::from);
+        [x - column - 0.5, y - row - 0.5]
     };
     let hits = rays.iter().enumerate().filter(|(_, ray)| ray[3] > 0.0);
     hits.map(of).collect()
@@ -52,7 +44,7 @@ fn offsets(renderer: &Renderer, view: &View, eye: Eye) -> Vec<[f64; 2]> {
 #[test]
 fn both_eyes_rays_pass_where_the_frame_says_and_frames_alone_keep_the_centre() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let views = start_views(&scene, 21.0);
     for (kind, reuse) in [
         (Method::Photon, Reuse::Scatter),
         (Method::Photon, Reuse::Lookup),
@@ -88,10 +80,8 @@ fn both_eyes_rays_pass_where_the_frame_says_and_frames_alone_keep_the_centre() {
         // frames in a row, which bounds their discrepancy; and the mean of either coordinate is 0.
         for bits in 3..7 {
             let count = 1_usize << bits;
-            for (block, wide) in places
-                .chunks(count)
-                .flat_map(|block| (0..=bits).map(move |wide| (block, wide)))
-            {
+            let blocks = places.chunks(count);
+            for (block, wide) in blocks.flat_map(|b| (0..=bits).map(move |wide| (b, wide))) {
                 let (columns, rows) = (1_usize << wide, count >> wide);
                 let mut held = vec![0; count];
                 for [x, y] in block {
@@ -123,12 +113,9 @@ fn equal_eyes_stay_equal_while_the_head_moves() {
         for frame in 0..4 {
             let turn = DQuat::from_rotation_y(0.01 * f64::from(frame));
             let head = Pose::new(start.position, turn * start.orientation);
-            play(
-                &mut renderer,
-                &parallel_views(head, 0.0, square_fov(35.0)),
-                frame..frame + 1,
-            );
-            let [left, right] = [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)));
+            let views = parallel_views(head, 0.0, square_fov(35.0));
+            play(&mut renderer, &views, frame..frame + 1);
+            let [left, right] = both_bits(&renderer);
             assert!(left == right, "{kind:?} {reuse:?}, frame {frame}");
         }
     }
@@ -137,7 +124,7 @@ fn equal_eyes_stay_equal_while_the_head_moves() {
 #[test]
 fn a_still_head_converges_to_the_mean_over_the_pixels_area() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let views = start_views(&scene, 21.0);
     // As many pictures of either kind, each with a seed of its own.
     const PICTURES: u32 = 8;
     let pictures = |spp: u32, frames: u32, first_seed: u32| -> Vec<Vec<[f32; 3]>> {
@@ -155,28 +142,16 @@ fn a_still_head_converges_to_the_mean_over_the_pixels_area() {
     let frames = RenderSettings::default().reconstruct.still_until;
     let still = pictures(1, frames, 100);
     let reference = pictures(64, 1, 200);
-    let moments = |values: &[f64]| {
-        let count = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        let squares = values.iter().map(|value| (value - mean).powi(2));
-        (mean, squares.sum::<f64>() / (count - 1.0) / count)
-    };
     // Means of whole pictures: Student's t with 14 degrees of freedom is beyond 4.14 in one of a thousand.
     let of = |pictures: &[Vec<[f32; 3]>]| {
-        moments(
-            &pictures
-                .iter()
-                .map(|picture| mean(picture))
-                .collect::<Vec<_>>(),
-        )
+        let means: Vec<f64> = pictures.iter().map(|picture| mean(picture)).collect();
+        statistics(&means)
     };
     let ((found, variance), (expected, expected_variance)) = (of(&still), of(&reference));
     let t = (found - expected) / (variance + expected_variance).sqrt();
     assert!(t.abs() < 4.14, "{found}, expected {expected}: t = {t}");
-    assert!(
-        (found / expected - 1.0).abs() < 0.01,
-        "{found}, expected {expected}"
-    );
+    let off = (found / expected - 1.0).abs();
+    assert!(off < 0.01, "{found}, expected {expected}");
     // And of single pixels: the mean of t^2 is 14 / 12. Its own spread is that of a mean over 1024 pixels, one channel, of
     // values whose variance is 2 * 14^2 * 13 / (12^2 * 10) = 3.54: 0.059. Five of those, and as much for the tails that
     // paths have and the normal distribution has not.
@@ -185,13 +160,20 @@ fn a_still_head_converges_to_the_mean_over_the_pixels_area() {
     for pixel in 0..pixels {
         let of = |pictures: &[Vec<[f32; 3]>]| {
             let values: Vec<_> = pictures.iter().map(|p| f64::from(p[pixel][1])).collect();
-            moments(&values)
+            statistics(&values)
         };
         let ((found, variance), (expected, expected_variance)) = (of(&still), of(&reference));
         sum += (found - expected).powi(2) / (variance + expected_variance).max(1e-12);
     }
     let square = sum / pixels as f64;
     assert!(square < 14.0 / 12.0 + 0.6, "mean of t^2: {square}");
+}
+
+/// By paths, without the mean over still frames, which would hide what the history does.
+fn by_history(scene: &Scene) -> Renderer {
+    let mut settings = sequence(Method::Path, Reuse::Off);
+    settings.reconstruct.still = false.into();
+    renderer(scene, &settings, [SIZE, SIZE])
 }
 
 /// Surfaces that only shine, before one another: (left, bottom, width, height, depth ahead), metres, and radiance.
@@ -220,9 +202,8 @@ fn a_moving_block_leaves_no_ghost_after_three_frames() {
     for steps_px in [3.0, 0.7] {
         for kind in [Method::Path, Method::Photon] {
             let mut renderer = renderer(&scene, &sequence(kind, Reuse::Scatter), [SIZE, SIZE]);
-            let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 45.0);
-            let mut mixed = 0;
-            let mut behind = 0;
+            let views = eyes_at_origin(45.0);
+            let (mut mixed, mut behind) = (0, 0);
             for frame in 0..12_u32 {
                 let x = steps_px * PIXEL_M * f64::from(frame);
                 let place = DAffine3::from_translation(DVec3::X * x);
@@ -241,10 +222,7 @@ fn a_moving_block_leaves_no_ghost_after_three_frames() {
                     if x + 1.0 < edge - 1.0 {
                         behind += 1;
                         let off = (light[0] / 0.1 - 1.0).abs();
-                        assert!(
-                            off < 0.02,
-                            "{kind:?}, frame {frame}, pixel {pixel}: {light:?}"
-                        );
+                        assert!(off < 0.02, "{kind:?}, {frame}, {pixel}: {light:?}");
                     }
                     mixed += u32::from((0.2..1.9).contains(&light[0]));
                 }
@@ -264,17 +242,10 @@ fn a_lamp_thinner_than_a_pixel_keeps_its_energy() {
     let (left, bottom) = (-2.03, -0.31);
     for radiance_of_lamp in [5.0, 500.0] {
         for moves in [false, true] {
-            let scene = shining(&[
-                ([-8.0, -8.0, 16.0, 16.0, 2.001], 0.0),
-                (
-                    [left, bottom, 0.5 * PIXEL_M, 5.0 * PIXEL_M, 2.0],
-                    radiance_of_lamp,
-                ),
-            ]);
-            let mut settings = sequence(Method::Path, Reuse::Off);
-            // The mean over still frames would hide what the history does.
-            settings.reconstruct.still = false.into();
-            let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+            let lamp = [left, bottom, 0.5 * PIXEL_M, 5.0 * PIXEL_M, 2.0];
+            let wall = ([-8.0, -8.0, 16.0, 16.0, 2.001], 0.0);
+            let scene = shining(&[wall, (lamp, radiance_of_lamp)]);
+            let mut renderer = by_history(&scene);
             let mut sum = 0.0;
             for frame in 0..2 * CYCLE {
                 // By whole pixels, so that history is read at pixels and the offsets meet the lamp alike in each cycle: to and
@@ -295,10 +266,9 @@ fn a_lamp_thinner_than_a_pixel_keeps_its_energy() {
             // The history is a linear filter of a signal with that period, whose mean over a cycle is the signal's; what the
             // first frames lacked is down to 0.8^48 = 2e-5 of it. Only the rows at its two ends part a column's samples: a
             // part of a net between two lines is off by at most log2(64) / 2 + 1 = 4 samples, at either end: 8 of 160, 5 %.
-            assert!(
-                (energy / 2.5 - 1.0).abs() < 0.05,
-                "radiance {radiance_of_lamp}, moves {moves}: {energy} pixels of 2.5"
-            );
+            let off = (energy / 2.5 - 1.0).abs();
+            let what = format!("radiance {radiance_of_lamp}, moves {moves}");
+            assert!(off < 0.05, "{what}: {energy} pixels of 2.5");
         }
     }
 }
@@ -313,9 +283,7 @@ fn a_lamp_does_not_leak_to_pixels_that_never_saw_it() {
         ([-8.0, -8.0, 16.0, 16.0, 2.001], 0.0),
         ([right - 1.0, -1.0, 1.0, 2.0, 2.0], 50.0),
     ]);
-    let mut settings = sequence(Method::Path, Reuse::Off);
-    settings.reconstruct.still = false.into();
-    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
+    let mut renderer = by_history(&scene);
     for frame in 0..40 {
         let aside = DVec3::X * (-0.04 * PIXEL_M * f64::from(frame));
         let views = eyes_at(aside, DQuat::IDENTITY, 45.0);
@@ -335,10 +303,8 @@ fn an_edge_in_the_images_last_row_is_smooth() {
     const PIXEL_M: f64 = 0.125;
     let bottom = -15.5 * PIXEL_M;
     let scene = shining(&[([-8.0, bottom, 16.0, 16.0, 2.0], 1.0)]);
-    let mut settings = sequence(Method::Path, Reuse::Off);
-    settings.reconstruct.still = false.into();
-    let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
-    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 45.0);
+    let mut renderer = by_history(&scene);
+    let views = eyes_at_origin(45.0);
     for frame in 0..CYCLE {
         play(&mut renderer, &views, frame..frame + 1);
         // Any 16 frames from a multiple of 16 meet the surface 8 times; in no 8 in a row does a net in base 2 miss it, so that

@@ -7,8 +7,8 @@ use stereolux::scene::{Scene, ScenePose};
 use stereolux::settings::Reuse;
 use stereolux::xr::{Pose, View};
 
-use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, place_in_pixel, project};
-use super::support::{builtin, meet, parallel_views, renderer, square_fov, start_pose};
+use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, project, sample_at};
+use super::support::{builtin, meet, parallel_views, play, renderer, square_fov, start_pose};
 
 /// Corners in the world of every triangle of a placed mesh.
 struct Placed {
@@ -30,13 +30,10 @@ fn placed(scene: &Scene, pose: &ScenePose) -> Vec<Placed> {
                 (pose.world_from_node[instance.node], positions.collect())
             };
             let corner = |vertex: u32| world.transform_point3(positions[vertex as usize]);
+            let triangles = mesh.triangles.iter().map(|t| t.vertices.map(corner));
             Placed {
                 deforms,
-                triangles: mesh
-                    .triangles
-                    .iter()
-                    .map(|triangle| triangle.vertices.map(corner))
-                    .collect(),
+                triangles: triangles.collect(),
             }
         })
         .collect()
@@ -77,26 +74,18 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
         let step = frame as f64;
         let turn = DQuat::from_euler(glam::EulerRot::YXZ, 0.01 * step, 0.005 * step, 0.0);
         let moved = head.position + DVec3::new(0.02, -0.01, 0.015) * step;
-        parallel_views(
-            Pose::new(moved, head.orientation * turn),
-            IPD_M,
-            square_fov(25.0),
-        )
+        let head = Pose::new(moved, head.orientation * turn);
+        parallel_views(head, IPD_M, square_fov(25.0))
     };
     let times_s = [0.3, 0.42, 1.1];
     let poses = times_s.map(|time_s| scene.pose_at(clip, time_s));
     for frame in 0..times_s.len() {
         renderer.set_pose(&poses[frame]);
-        renderer
-            .render_frame(&views(frame), frame as u32, |_| {})
-            .unwrap();
+        play(&mut renderer, &views(frame), frame as u32..frame as u32 + 1);
         if frame == 0 {
             continue;
         }
-        let (now, then) = (
-            placed(&scene, &poses[frame]),
-            placed(&scene, &poses[frame - 1]),
-        );
+        let [now, then] = [frame, frame - 1].map(|at| placed(&scene, &poses[at]));
         for (eye, index) in [(Eye::Left, 0), (Eye::Right, 1)] {
             let (view, before) = (views(frame)[index], views(frame - 1)[index]);
             let (mut checked, mut bent) = (0, 0);
@@ -106,11 +95,7 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
                     continue;
                 }
                 // The sample's own place.
-                let [x, y] = place_in_pixel(&records[pixel]);
-                let center = [
-                    f64::from(pixel as u32 % SIZE) + 0.5 + x,
-                    f64::from(pixel as u32 / SIZE) + 0.5 + y,
-                ];
+                let center = sample_at(pixel, &records[pixel]);
                 let Some((instance, triangle, [v, w])) = seen(&now, &view, center) else {
                     continue;
                 };
@@ -126,9 +111,8 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
                 };
                 let found = [0, 1].map(|axis| center[axis] + f64::from(moved[axis]));
                 let off = |place: [f64; 2]| {
-                    (0..2)
-                        .map(|axis| (found[axis] - place[axis]).abs())
-                        .fold(0.0, f64::max)
+                    let [x, y] = [0, 1].map(|axis| (found[axis] - place[axis]).abs());
+                    x.max(y)
                 };
                 if off(expected) > MOTION_TOLERANCE_PX || moved[3] != 1.0 {
                     // On a silhouette f32 may meet what lies behind.
@@ -138,10 +122,8 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
                         let near = seen(&now, &view, [center[0] + x, center[1] + y]);
                         near.is_none_or(|(other, ..)| other != instance)
                     });
-                    assert!(
-                        is_silhouette,
-                        "frame {frame}, {eye:?}, pixel {pixel}: {found:?}, not {expected:?}"
-                    );
+                    let what = format!("frame {frame}, {eye:?}, pixel {pixel}");
+                    assert!(is_silhouette, "{what}: {found:?}, not {expected:?}");
                     continue;
                 }
                 checked += 1;
@@ -149,11 +131,8 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
                 let still = project(&before, point(&now));
                 bent += usize::from(still.is_none_or(|still| off(still) > MOTION_TOLERANCE_PX));
             }
-            assert!(checked > 300, "frame {frame}, {eye:?}: {checked}");
-            assert!(
-                bent > checked / 2,
-                "frame {frame}, {eye:?}: {bent} of {checked}"
-            );
+            let what = format!("frame {frame}, {eye:?}: {bent} of {checked}");
+            assert!(checked > 300 && bent > checked / 2, "{what}");
         }
     }
 }

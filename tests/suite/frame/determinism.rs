@@ -1,24 +1,8 @@
 //! One seed, one adapter: the same bytes. Through the program, so that nothing of an earlier run can survive.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use crate::suite::support::{Folder, assert_success, run_into};
-
-/// Bytes of every EXR file of a folder.
-fn exrs(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "exr"))
-        .map(|path| {
-            (
-                path.file_name().unwrap().to_string_lossy().into_owned(),
-                std::fs::read(&path).unwrap(),
-            )
-        })
-        .collect()
-}
+use crate::suite::support::{Folder, assert_success, exrs, run_into};
 
 fn run(folder: &Folder, name: &str, command: &str) -> BTreeMap<String, Vec<u8>> {
     let out = folder.join(name);
@@ -48,8 +32,8 @@ fn one_seed_gives_the_same_bytes_twice() {
         }
         // Negative control: another seed is another picture of the same eyes (the seed moves the sway; keep still).
         let still = |seed: u32| {
-            let args =
-                format!("--session simulated --motion still --frames 1 --seed {seed} {more}");
+            let still = "--session simulated --motion still --frames 1";
+            let args = format!("{still} --seed {seed} {more}");
             run(&folder, &format!("{name}-still-{seed}"), &args)
         };
         assert!(still(7) != still(8), "{name}: the seed does nothing");
@@ -62,25 +46,16 @@ fn a_recording_replays_to_the_same_bytes() {
     let (trace, again) = (folder.join("trace.jsonl"), folder.join("again.jsonl"));
     let (trace, again) = (trace.to_str().unwrap(), again.to_str().unwrap());
     for headset in ["symmetric", "index"] {
-        let recorded = run(
-            &folder,
-            &format!("recorded-{headset}"),
-            &format!(
-                "--session simulated --motion walk --headset {headset} --frames 3 --record {trace}"
-            ),
-        );
+        let walk = format!("--session simulated --motion walk --headset {headset} --frames 3");
+        let recorded = format!("{walk} --record {trace}");
+        let recorded = run(&folder, &format!("recorded-{headset}"), &recorded);
         // The replay takes eyes and angles from the recording, not from a profile.
-        let replayed = run(
-            &folder,
-            &format!("replayed-{headset}"),
-            &format!("--session replay --trace {trace} --record {again}"),
-        );
+        let replayed = format!("--session replay --trace {trace} --record {again}");
+        let replayed = run(&folder, &format!("replayed-{headset}"), &replayed);
         assert_eq!(recorded.len(), 6);
         assert!(recorded == replayed, "{headset}: frames differ");
-        assert!(
-            std::fs::read(trace).unwrap() == std::fs::read(again).unwrap(),
-            "{headset}: traces differ"
-        );
+        let [trace, again] = [trace, again].map(|path| std::fs::read(path).unwrap());
+        assert!(trace == again, "{headset}: traces differ");
         // Negative control: frames of a walk differ from each other.
         assert!(recorded["frame_0000_left.exr"] != recorded["frame_0002_left.exr"]);
     }

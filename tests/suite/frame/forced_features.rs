@@ -4,10 +4,10 @@ use std::path::Path;
 
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
-use stereolux::settings::{Force, ForceSettings, Method, RenderSettings, Reuse};
+use stereolux::settings::{Force, ForceSettings, Method, Reuse};
 
 use super::support::{
-    builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    builtin, parallel_views, radiance, rendered, settings, square_fov, start_pose,
 };
 use super::trace_probe::features;
 
@@ -41,7 +41,7 @@ fn image(
     half_degrees: f64,
     force: ForceSettings,
 ) -> (Vec<[f32; 3]>, Renderer) {
-    let settings: RenderSettings = settings(|s| {
+    let settings = settings(|s| {
         s.method = method;
         s.reuse = Reuse::Off;
         s.path.max_depth = 4;
@@ -49,18 +49,12 @@ fn image(
         s.force = force;
     });
     let views = parallel_views(start_pose(scene), 0.0, square_fov(half_degrees));
-    let mut renderer = renderer(scene, &settings, [24, 24]);
-    frame(&mut renderer, &views);
+    let renderer = rendered(scene, &settings, [24, 24], &views);
     (radiance(&renderer, Eye::Left), renderer)
 }
 
 fn strays(a: &[[f32; 3]], b: &[[f32; 3]]) -> usize {
-    let differs = |a: &[f32; 3], b: &[f32; 3]| {
-        a.iter()
-            .zip(b)
-            .any(|(a, b)| (a - b).abs() > ROUNDING * a.abs().max(b.abs()))
-    };
-    a.iter().zip(b).filter(|(a, b)| differs(a, b)).count()
+    super::support::strays(a, b, ROUNDING)
 }
 
 #[test]
@@ -68,17 +62,12 @@ fn every_feature_forced_into_a_lambert_scene_leaves_its_image() {
     let scene = builtin("cornell");
     let (plain, renderer) = image(&scene, Method::Path, 19.0, ForceSettings::default());
     for (name, switch) in SWITCHES {
-        assert!(
-            !is_compiled_in(&renderer, name),
-            "{name} is needed: it must be tried in another scene"
-        );
+        // What is needed must be tried in another scene.
+        assert!(!is_compiled_in(&renderer, name), "{name} is needed");
         let mut force = ForceSettings::default();
         *switch(&mut force) = Force::On;
         let (forced, renderer) = image(&scene, Method::Path, 19.0, force);
-        assert!(
-            is_compiled_in(&renderer, name),
-            "{name} was not compiled in"
-        );
+        assert!(is_compiled_in(&renderer, name), "{name} was left out");
         assert_eq!(strays(&plain, &forced), 0, "{name}");
     }
     // Negative control: a thousandth more is seen.
@@ -128,9 +117,10 @@ fn normal_maps_bring_textures_and_go_with_them() {
 #[test]
 fn records_in_textures_render_the_same_image() {
     let lights = Scene::load(Path::new("tests/reference/many_lights.gltf")).unwrap();
+    let [gallery, caustic] = ["gallery", "caustic"].map(builtin);
     for (name, scene) in [
-        ("gallery", builtin("gallery")),
-        ("caustic", builtin("caustic")),
+        ("gallery", gallery),
+        ("caustic", caustic),
         ("lights", lights),
     ] {
         for method in [Method::Path, Method::Photon] {

@@ -16,7 +16,9 @@ use stereolux::settings::{
 };
 
 use super::deforming::torn;
-use super::support::{builtin, parallel_views, renderer, square_fov, start_pose};
+use super::support::{
+    assert_says, builtin, parallel_views, renderer, square_fov, start_pose, start_views, words,
+};
 
 type Change = fn(&mut RenderSettings);
 
@@ -77,38 +79,13 @@ fn settings(change: Change) -> RenderSettings {
 
 /// What shaders are given besides the frame's own buffers.
 fn is_given(name: &str) -> bool {
-    const GIVEN: &[&str] = &[
-        "frame",
-        "dispatch",
-        "reconstruction",
-        "previous_instances",
-        "previous_positions",
-        "top_nodes",
-        "mesh_nodes",
-        "instances",
-        "triangles",
-        "triangle_vertices",
-        "vertices",
-        "materials",
-        "texture_infos",
-        "texels",
-        "lights",
-        "light_alias",
-        "environment_texels",
-        "environment_cdf",
-        "rest_vertices",
-        "deform_meshes",
-        "morph_deltas",
-        "morph_weights",
-        "joint_rows",
-        "deformed_positions",
-        "deformed_triangles",
-        "refit_nodes",
-        "refit_costs",
-        "submission",
-        "mirror",
-    ];
-    GIVEN.contains(&name) || name.ends_with("_texels")
+    // Of the frame, of the scene, of what deforms in it, and of what is shown of it.
+    const GIVEN: &str = "frame dispatch reconstruction previous_instances previous_positions \
+        top_nodes mesh_nodes instances triangles triangle_vertices vertices materials texture_infos texels \
+        lights light_alias environment_texels environment_cdf \
+        rest_vertices deform_meshes morph_deltas morph_weights joint_rows deformed_positions deformed_triangles \
+        refit_nodes refit_costs submission mirror";
+    words(GIVEN).contains(&name) || name.ends_with("_texels")
 }
 
 /// What is wrong with a step: names that mean nothing, two bindings of one slot, buffers that it both reads and writes.
@@ -242,11 +219,8 @@ fn memory_is_counted_as_it_is_allocated() {
             let library = ShaderLibrary::embedded();
             let (stages, features) = (&planned.stages, &planned.features);
             let counted = memory(stages, features, &library, size, &planned.maps).unwrap();
-            assert_eq!(
-                counted.total_bytes,
-                renderer.frame_bytes(),
-                "{way} in {name}"
-            );
+            let allocated = renderer.frame_bytes();
+            assert_eq!(counted.total_bytes, allocated, "{way} in {name}");
             let parts = counted.eyes_bytes + counted.shared_bytes + counted.photons_bytes;
             assert_eq!(parts, counted.total_bytes);
         }
@@ -269,10 +243,7 @@ fn a_wrong_name_and_a_pass_that_writes_what_it_reads_are_found() {
         faults(&step, &features, &library)
     };
     let unknown = renamed("direct_to", "direct_pung");
-    assert!(
-        unknown[0].contains("direct_pung means nothing"),
-        "{unknown:?}"
-    );
+    assert_says(&unknown[0], &["direct_pung means nothing"]);
     let from = named(step, "direct_from");
     let same = renamed("direct_to", Box::leak(from.into_boxed_str()));
     assert!(same[0].contains("reads and writes"), "{same:?}");
@@ -288,7 +259,7 @@ fn labels(stages: &[PlannedStage], stage: Stage, only: impl Fn(Only) -> bool) ->
 
 /// Renders two frames and compares the dispatches with the plan.
 fn runs_as_planned(renderer: &mut Renderer, spp: u32, way: &str) {
-    let views = parallel_views(start_pose(&builtin("gallery")), 0.063, square_fov(20.0));
+    let views = start_views(&builtin("gallery"), 20.0);
     for frame in 0..2 {
         let result = renderer.render_frame(&views, frame, |_| {}).unwrap();
         let stages = renderer.plan();
@@ -336,24 +307,13 @@ fn a_new_pose_and_equal_eyes_run_the_plans_stages() {
     let rest = renderer.render_frame(&view, 1, |_| {}).unwrap();
     let stages = renderer.plan();
     let right = labels(&stages, Stage::RightEqual, |_| true);
-    assert!(
-        rest.times.dispatched.ends_with(&right),
-        "{:?}",
-        rest.times.dispatched
-    );
-    assert!(
-        !rest
-            .times
-            .dispatched
-            .iter()
-            .any(|label| label.starts_with("pose."))
-    );
+    let rest = rest.times.dispatched;
+    assert!(rest.ends_with(&right), "{rest:?}");
+    assert!(!rest.iter().any(|label| label.starts_with("pose.")));
     let pose = torn(&scene, 0.3);
     renderer.set_pose(&pose);
     let moved = renderer.render_frame(&view, 2, |_| {}).unwrap();
     let posed = labels(&stages, Stage::Pose, |_| true);
-    assert!(
-        posed.len() > 2 && moved.times.dispatched.starts_with(&posed),
-        "{posed:?}"
-    );
+    let begins = moved.times.dispatched.starts_with(&posed);
+    assert!(posed.len() > 2 && begins, "{posed:?}");
 }

@@ -5,14 +5,14 @@ use std::collections::VecDeque;
 use glam::{DAffine3, DVec3};
 use stereolux::renderer::frames_in_flight::MOST;
 use stereolux::renderer::{
-    Eye, FrameResult, InstanceId, PhotonStats, Renderer, StereoStats, WorkLimits,
+    FrameResult, InstanceId, PhotonStats, Renderer, StereoStats, WorkLimits,
 };
 use stereolux::scene::Scene;
-use stereolux::settings::{Method, Quality, RenderSettings, Reuse};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
-    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    both, builtin, parallel_views, renderer, settings, square_fov, start_pose, white_box,
 };
 
 /// Frames of each run.
@@ -27,15 +27,6 @@ fn views(scene: &Scene, frame: u32) -> [View; 2] {
     let sway = DVec3::new(0.01 * (0.7 * time).sin(), 0.004 * (1.1 * time).cos(), 0.0);
     let head = Pose::new(start.position + sway, start.orientation);
     parallel_views(head, 0.063, square_fov(21.0))
-}
-
-/// A Cornell box of white walls: closed, it keeps more photons than the first guess of two per path.
-fn white_box() -> Scene {
-    let mut scene = builtin("cornell");
-    for material in &mut scene.materials {
-        material.base_color = [0.97, 0.97, 0.97, 1.0];
-    }
-    scene
 }
 
 /// Opens the box until the frame [`CLOSED`], and moves a block in every frame.
@@ -80,16 +71,13 @@ fn run(
         change(&mut renderer, frame);
         let views = views(scene, frame);
         flights.push_back(renderer.send_frame(&views, frame, |_| {}).unwrap());
-        images.push([Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye)));
+        images.push(both(&renderer));
     }
     for flight in flights {
         results.push(renderer.retire(flight).unwrap());
     }
-    let results = results.into_iter();
-    images
-        .into_iter()
-        .zip(results)
-        .map(|(images, result)| (images, result.photons, result.stereo))
+    let all = images.into_iter().zip(results);
+    all.map(|(images, result)| (images, result.photons, result.stereo))
         .collect()
 }
 
@@ -99,10 +87,8 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
     for shares in [1, 4] {
         let settings = moving(shares);
         let one = run(&scene, &settings, 1, move_things);
-        let overflowed = one
-            .iter()
-            .position(|(_, photons, _)| photons.map.dropped > 0);
-        let first = overflowed.expect("no list overflowed");
+        let overflows = |(_, photons, _): &Seen| photons.map.dropped > 0;
+        let first = one.iter().position(overflows).expect("no list overflowed");
         assert!(first >= CLOSED as usize, "frame {first} overflowed");
         let capacity = |frame: usize| one[frame].1.map.capacity;
         let grown = first + MOST as usize;
@@ -111,12 +97,9 @@ fn images_and_statistics_are_the_same_whatever_is_in_flight() {
         for most in [2, 3] {
             let more = run(&scene, &settings, most, move_things);
             for (frame, (a, b)) in one.iter().zip(&more).enumerate() {
-                assert_eq!(a.1, b.1, "{most} in flight, frame {frame}");
-                assert_eq!(a.2, b.2, "{most} in flight, frame {frame}");
-                assert!(
-                    a.0 == b.0,
-                    "{most} in flight, {shares} shares: frame {frame} differs"
-                );
+                let what = format!("{most} in flight, {shares} shares, frame {frame}");
+                assert_eq!((a.1, a.2), (b.1, b.2), "{what}");
+                assert!(a.0 == b.0, "{what} differs");
             }
         }
     }
@@ -128,15 +111,10 @@ fn a_head_that_rests_sees_the_same_whatever_is_in_flight() {
     let mut settings = moving(1);
     // As many as both eyes have pixels: a map per frame.
     settings.photon.count = 512;
-    let reconstruct = &mut settings.reconstruct;
-    for step in [
-        &mut reconstruct.svgf,
-        &mut reconstruct.taa,
-        &mut reconstruct.still,
-    ] {
-        *step = true.into();
-    }
-    reconstruct.still_from = 0;
+    settings.reconstruct.svgf = true.into();
+    settings.reconstruct.taa = true.into();
+    settings.reconstruct.still = true.into();
+    settings.reconstruct.still_from = 0;
     let one = run(&scene, &settings, 1, |_, _| {});
     for (frame, (_, photons, _)) in one.iter().enumerate() {
         // The first frame's, those at rest, and once more as it ends.
@@ -152,25 +130,17 @@ fn a_head_that_rests_sees_the_same_whatever_is_in_flight() {
 /// Changes quality now and then, while photons are shared out and their list grows.
 fn change_quality(renderer: &mut Renderer, frame: u32) {
     move_things(renderer, frame);
-    let most = renderer.most_quality();
-    let quality = match frame % 16 {
-        3 => Quality {
-            resolution_scale: 0.5,
-            ..most
-        },
-        6 => Quality {
-            photons_per_frame: most.photons_per_frame / 3,
-            photon_shares: 2,
-            ..most
-        },
-        9 => Quality {
-            max_depth: 8,
-            reuse: false,
-            ..most
-        },
-        12 => most,
+    let mut quality = renderer.most_quality();
+    match frame % 16 {
+        3 => quality.resolution_scale = 0.5,
+        6 => {
+            quality.photons_per_frame /= 3;
+            quality.photon_shares = 2;
+        }
+        9 => (quality.max_depth, quality.reuse) = (8, false),
+        12 => {}
         _ => return,
-    };
+    }
     renderer.set_quality(&quality).unwrap();
 }
 
@@ -197,10 +167,8 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
             if flights.len() == 2 {
                 let oldest = flights.pop_front().unwrap();
                 let result = renderer.retire(oldest).unwrap();
-                assert!(
-                    result.photons.traced && result.photons.map.dropped == 0,
-                    "{name}"
-                );
+                assert!(result.photons.traced, "{name}");
+                assert_eq!(result.photons.map.dropped, 0, "{name}");
             }
             if name == "cornell" {
                 let beside = DVec3::X * (0.01 * f64::from(frame));
@@ -213,14 +181,10 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
             flights.push_back(renderer.send_frame(&views, frame, |_| {}).unwrap());
             waits.push(renderer.context().host_waits() - before);
         }
-        assert!(
-            waits[0] > 0,
-            "{name}: the first map's counts are waited for"
-        );
-        assert!(
-            waits[1..].iter().all(|waits| *waits == 0),
-            "{name}: {waits:?}"
-        );
+        // The first map's counts are waited for.
+        let (first, later) = waits.split_first().unwrap();
+        assert!(*first > 0, "{name}");
+        assert!(later.iter().all(|waits| *waits == 0), "{name}: {waits:?}");
     }
 }
 
@@ -256,8 +220,7 @@ fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
                 let of_eyes = submissions.iter().filter(|s| s.host.stage == "frame");
                 cuts.push([dispatches, of_eyes.count()]);
             }
-            let images = [Eye::Left, Eye::Right].map(|eye| radiance(&renderer, eye));
-            (cuts, images)
+            (cuts, both(&renderer))
         };
         let (whole, expected) = run(WorkLimits::NONE);
         let runs = method == Method::Path && reuse == Reuse::Off;
@@ -269,38 +232,22 @@ fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
         if runs {
             assert!(whole[0][0] < SAMPLES / 2, "{whole:?}");
         }
-        // One sample per dispatch, all in one submission.
-        let none = WorkLimits::NONE;
-        let short = WorkLimits {
-            dispatch_rays: 1.0,
-            ..none
-        };
-        let (cuts, images) = run(short);
-        assert_eq!(cuts, [[dispatches(SAMPLES), 1]; 2], "{method:?}");
-        assert!(images == expected, "{method:?} {reuse:?}");
-        // The first frame in submissions of one sample; the second was timed, and is not cut.
-        let split = WorkLimits {
-            submission_rays: 1.0,
-            ..none
-        };
-        let (cuts, images) = run(split);
-        assert_eq!(
-            cuts,
-            [[dispatches(SAMPLES), SAMPLES], whole[1]],
-            "{method:?}"
-        );
-        assert!(images == expected, "{method:?} {reuse:?}");
-        // The other way round: no frame takes no time.
-        let slow = WorkLimits {
-            submission_ms: 0.0,
-            ..none
-        };
-        let (cuts, images) = run(slow);
-        assert_eq!(
-            cuts,
-            [whole[0], [dispatches(SAMPLES), SAMPLES]],
-            "{method:?}"
-        );
-        assert!(images == expected, "{method:?} {reuse:?}");
+        let [mut short, mut split, mut slow] = [WorkLimits::NONE; 3];
+        short.dispatch_rays = 1.0;
+        split.submission_rays = 1.0;
+        slow.submission_ms = 0.0;
+        let each = [dispatches(SAMPLES), SAMPLES];
+        for (limits, wanted) in [
+            // One sample per dispatch, all in one submission.
+            (short, [[dispatches(SAMPLES), 1]; 2]),
+            // The first frame in submissions of one sample; the second was timed, and is not cut.
+            (split, [each, whole[1]]),
+            // The other way round: no frame takes no time.
+            (slow, [whole[0], each]),
+        ] {
+            let (cuts, images) = run(limits);
+            assert_eq!(cuts, wanted, "{method:?}");
+            assert!(images == expected, "{method:?} {reuse:?}");
+        }
     }
 }

@@ -5,13 +5,14 @@ use std::mem::{offset_of, size_of};
 
 use stereolux::bvh::{self, bounds, records, top};
 use stereolux::frame::passes;
-use stereolux::frame::photon_layout;
+use stereolux::frame::photon_layout::{self, SCAN_BLOCK};
 use stereolux::frame::run::specialised;
 use stereolux::gpu::kernel::ROW_GROUPS;
 use stereolux::gpu::texels::ROW_TEXELS;
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
-use stereolux::renderer::photon_map;
-use stereolux::renderer::photon_map::KD_TURNS_PER_SLICE;
+use stereolux::renderer::photon_map::{
+    self, KD_TURNS_PER_SLICE, SHARED_BATCH, SHARED_BATCHES_PER_SLICE,
+};
 use stereolux::renderer::records::stereo::{self, Provenance};
 use stereolux::renderer::records::{
     deform, frame, light, material, mirror, reconstruction, submit,
@@ -20,6 +21,7 @@ use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
 use stereolux::settings::registry::{self, Kind};
 
 use super::shaders::every_feature;
+use super::support::words;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Layout {
@@ -296,10 +298,8 @@ fn collect(
                 }
             }
             let name = ty.name.clone().expect("structs of buffers have names");
-            let layout = Layout {
-                size: *span as usize,
-                fields,
-            };
+            let size = *span as usize;
+            let layout = Layout { size, fields };
             if let Some(other) = found.insert(name.clone(), layout.clone()) {
                 assert_eq!(other, layout, "{name} has two layouts");
             }
@@ -318,17 +318,15 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
     };
     let mut found = BTreeMap::new();
     let mut library = library.clone();
-    library.insert(
-        "tests/previous_probe",
-        include_str!("../bvh/previous_probe.wesl"),
-    );
+    let probe = "tests/previous_probe";
+    library.insert(probe, include_str!("../bvh/previous_probe.wesl"));
     let compiled = passes::ALL
         .iter()
         .flat_map(|pass| {
             [every_feature(), buffers]
                 .map(|features| (pass.shader_name(), specialised(pass, &features, false)))
         })
-        .chain([("tests/previous_probe".to_owned(), ShaderFeatures::default())]);
+        .chain([(probe.to_owned(), ShaderFeatures::default())]);
     for (name, features) in compiled {
         let shader = library.compile(&name, &features).unwrap();
         for (_, variable) in shader.module.global_variables.iter() {
@@ -343,11 +341,10 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
 /// Names of the structs whose two layouts differ, and of those that one side lacks.
 fn mismatches(host: &BTreeMap<String, Layout>, shaders: &BTreeMap<String, Layout>) -> Vec<String> {
     let names: BTreeSet<&String> = host.keys().chain(shaders.keys()).collect();
-    names
+    let differ = names
         .into_iter()
-        .filter(|name| host.get(*name) != shaders.get(*name))
-        .cloned()
-        .collect()
+        .filter(|name| host.get(*name) != shaders.get(*name));
+    differ.cloned().collect()
 }
 
 #[test]
@@ -355,23 +352,14 @@ fn shared_structs_have_one_layout() {
     let host = host();
     let mut shaders = shaders(&ShaderLibrary::embedded());
     // Dispatch is written as four numbers; `gpu::kernel::DispatchTable` says which.
-    let dispatch = shaders
-        .remove("Dispatch")
-        .expect("passes read their dispatch");
+    let dispatch = shaders.remove("Dispatch").unwrap();
     assert_eq!(dispatch.size, 16);
-    let names: Vec<&str> = dispatch
-        .fields
-        .iter()
-        .map(|field| field.0.as_str())
-        .collect();
-    assert_eq!(names, ["index", "eye", "count", "slots_per_path"]);
+    let names = dispatch.fields.iter().map(|field| field.0.as_str());
+    assert!(names.eq(["index", "eye", "count", "slots_per_path"]));
     let wrong = mismatches(&host, &shaders);
     for name in &wrong {
-        eprintln!(
-            "{name}: host {:#?}, shaders {:#?}",
-            host.get(name),
-            shaders.get(name)
-        );
+        let [host, shaders] = [&host, &shaders].map(|all| all.get(name));
+        eprintln!("{name}: host {host:#?}, shaders {shaders:#?}");
     }
     assert!(wrong.is_empty(), "{wrong:?}");
 }
@@ -379,6 +367,8 @@ fn shared_structs_have_one_layout() {
 #[test]
 fn a_wrong_layout_is_noticed() {
     // Two fields exchanged, a field inserted, a field grown: each must be found, and nothing else.
+    let exchanged = "    frame_index: u32,\n    seed: u32,";
+    let inserted = "hashed_rows: u32,\n    extra: u32,\n    // Table";
     for (module, from, to, name) in [
         (
             "shared/photon",
@@ -389,22 +379,17 @@ fn a_wrong_layout_is_noticed() {
         (
             "shared/frame",
             "    seed: u32,\n    frame_index: u32,",
-            "    frame_index: u32,\n    seed: u32,",
+            exchanged,
             "Frame",
         ),
         (
             "shared/grid",
             "hashed_rows: u32,\n    // Table",
-            "hashed_rows: u32,\n    extra: u32,\n    // Table",
+            inserted,
             "PhotonGrid",
         ),
     ] {
-        let path = format!("{}/shaders/{module}.wesl", env!("CARGO_MANIFEST_DIR"));
-        let source = std::fs::read_to_string(path).unwrap();
-        let changed = source.replacen(from, to, 1);
-        assert_ne!(changed, source, "{module} does not hold {from:?}");
-        let mut library = ShaderLibrary::embedded();
-        library.insert(module, changed);
+        let library = changed(module, from, to);
         // A changed type may break code that uses it; exchanged names do not. Reflection of what still compiles is enough.
         let outcome = std::panic::catch_unwind(|| shaders(&library));
         if let Ok(mut found) = outcome {
@@ -416,11 +401,18 @@ fn a_wrong_layout_is_noticed() {
     host.remove("Vertex");
     let mut found = shaders(&ShaderLibrary::embedded());
     found.remove("Dispatch");
-    assert_eq!(
-        mismatches(&host, &found),
-        ["Vertex"],
-        "a struct that no test knows"
-    );
+    // A struct that no test knows.
+    assert_eq!(mismatches(&host, &found), ["Vertex"]);
+}
+
+/// The shaders with something in a module exchanged.
+fn changed(module: &str, from: &str, to: &str) -> ShaderLibrary {
+    let mut library = ShaderLibrary::embedded();
+    let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+    let changed = source.replacen(from, to, 1);
+    assert_ne!(changed, source, "{module} does not hold {from:?}");
+    library.insert(module, changed);
+    library
 }
 
 /// Numbers that the host and a shader's module both hold.
@@ -430,32 +422,23 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
     let Kind::Whole { max: nearest, .. } = registry::find("photon.nearest").unwrap().kind else {
         panic!("photon.nearest is a whole number");
     };
-    let most_sums = photon_layout::SCAN_LIMIT / photon_layout::SCAN_BLOCK;
+    let most_sums = photon_layout::SCAN_LIMIT / SCAN_BLOCK;
+    let narrow_alpha = f64::from(CAUSTIC_ROUGHNESS).powi(2);
+    // A texel is 16 bytes.
+    let material_texels = size_of::<material::Material>() as f64 / 16.0;
     let mut numbers: Vec<(&str, &str, f64)> = vec![
-        (
-            "shared/bsdf_types",
-            "NARROW_ALPHA",
-            f64::from(CAUSTIC_ROUGHNESS).powi(2),
-        ),
+        ("shared/bsdf_types", "NARROW_ALPHA", narrow_alpha),
         ("shared/traversal", "ROUNDING_UNIT", rounding_unit),
         ("shared/traversal", "MESH_PAD", mesh_pad),
         ("shared/traversal", "TOP_PAD", top::RAY_CONDITION * mesh_pad),
         ("passes/refit", "PAD", mesh_pad + rounding_unit),
-        (
-            "shared/scan",
-            "SCAN_BLOCK",
-            photon_layout::SCAN_BLOCK as f64,
-        ),
+        ("shared/scan", "SCAN_BLOCK", SCAN_BLOCK as f64),
         ("passes/scan_sums", "THREADS * PER_THREAD", most_sums as f64),
-        (
-            "passes/shared_gather",
-            "BATCH",
-            photon_map::SHARED_BATCH as f64,
-        ),
+        ("passes/shared_gather", "BATCH", SHARED_BATCH as f64),
         (
             "passes/shared_gather",
             "BATCHES_PER_SLICE",
-            photon_map::SHARED_BATCHES_PER_SLICE as f64,
+            SHARED_BATCHES_PER_SLICE as f64,
         ),
         (
             "shared/kd_walk",
@@ -463,12 +446,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
             KD_TURNS_PER_SLICE as f64,
         ),
         ("shared/nearest", "HEAP", nearest as f64),
-        // A texel is 16 bytes.
-        (
-            "shared/records",
-            "MATERIAL_TEXELS",
-            size_of::<material::Material>() as f64 / 16.0,
-        ),
+        ("shared/records", "MATERIAL_TEXELS", material_texels),
     ];
     let words: &[(&str, &[(&str, u32)])] = &[
         (
@@ -549,10 +527,8 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
     ];
     for (module, rows) in words {
-        numbers.extend(
-            rows.iter()
-                .map(|&(name, word)| (*module, name, f64::from(word))),
-        );
+        let rows = rows.iter();
+        numbers.extend(rows.map(|&(name, word)| (*module, name, f64::from(word))));
     }
     numbers
 }
@@ -560,11 +536,8 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
 /// The value of a constant expression of a module, by naga: a pass that does nothing else computes it.
 fn number_in_shader(library: &ShaderLibrary, module: &str, expression: &str) -> naga::Literal {
     let names: Vec<&str> = expression.split(" * ").collect();
-    let import = format!(
-        "import package::{}::{{{}}};",
-        module.replace('/', "::"),
-        names.join(", ")
-    );
+    let (module, names) = (module.replace('/', "::"), names.join(", "));
+    let import = format!("import package::{module}::{{{names}}};");
     let code = format!(
         "const ANSWER = {expression}; @compute @workgroup_size(1) fn main() {{ _ = ANSWER; }}"
     );
@@ -572,9 +545,8 @@ fn number_in_shader(library: &ShaderLibrary, module: &str, expression: &str) -> 
     library.insert("tests/number", import + &code);
     let shader = library.compile("tests/number", &every_feature()).unwrap();
     let mut constants = shader.module.constants.iter().map(|(_, constant)| constant);
-    let answer = constants
-        .find(|constant| constant.name.as_deref() == Some("ANSWER"))
-        .unwrap();
+    let answer = constants.find(|constant| constant.name.as_deref() == Some("ANSWER"));
+    let answer = answer.unwrap();
     match shader.module.global_expressions[answer.init] {
         naga::Expression::Literal(literal) => literal,
         ref other => panic!("{expression} of {module} is {other:?}"),
@@ -583,16 +555,14 @@ fn number_in_shader(library: &ShaderLibrary, module: &str, expression: &str) -> 
 
 /// Names of shared numbers that differ.
 fn differing(library: &ShaderLibrary) -> Vec<&'static str> {
+    let is_wrong = |module, name, host: f64| match number_in_shader(library, module, name) {
+        naga::Literal::U32(word) => f64::from(word) != host,
+        // The host's products are rounded once more.
+        naga::Literal::F32(number) => (f64::from(number) - host).abs() > 1e-7 * host,
+        other => panic!("{name} is {other:?}"),
+    };
     let numbers = shared_numbers().into_iter();
-    let wrong =
-        numbers.filter(
-            |&(module, name, host)| match number_in_shader(library, module, name) {
-                naga::Literal::U32(word) => f64::from(word) != host,
-                // The host's products are rounded once more.
-                naga::Literal::F32(number) => (f64::from(number) - host).abs() > 1e-7 * host,
-                other => panic!("{name} is {other:?}"),
-            },
-        );
+    let wrong = numbers.filter(|&(module, name, host)| is_wrong(module, name, host));
     wrong.map(|(_, name, _)| name).collect()
 }
 
@@ -601,28 +571,16 @@ fn shared_numbers_are_equal() {
     let library = ShaderLibrary::embedded();
     assert!(differing(&library).is_empty(), "{:?}", differing(&library));
     // Turns of a batch of the gather by workgroups, and what its comment adds, within llvmpipe's limit.
-    const {
-        assert!(
-            photon_map::SHARED_BATCHES_PER_SLICE * (photon_map::SHARED_BATCH + 2) + 144 < 65_535
-        )
-    };
+    const { assert!(SHARED_BATCHES_PER_SLICE * (SHARED_BATCH + 2) + 144 < 65_535) };
     // All of the modules that hold nothing but shared numbers are compared.
     let numbers = shared_numbers();
     for (module, source) in library.sources() {
-        let is_shared = [
-            "stereo",
-            "frame",
-            "bvh_types",
-            "material_types",
-            "invocation",
-            "scan",
-        ]
-        .iter()
-        .any(|name| module == format!("shared/{name}"));
+        let shared = words("stereo frame bvh_types material_types invocation scan");
+        let name = module.strip_prefix("shared/");
+        let is_shared = name.is_some_and(|name| shared.contains(&name));
         for line in source.lines().filter(|_| is_shared) {
-            let name = line
-                .strip_prefix("const ")
-                .and_then(|line| line.split(':').next());
+            let after = line.strip_prefix("const ");
+            let name = after.and_then(|line| line.split(':').next());
             let is_known = |name| numbers.iter().any(|row| (row.0, row.1) == (module, name));
             assert!(name.is_none_or(is_known), "{module}: {line}");
         }
@@ -642,9 +600,6 @@ fn shared_numbers_are_equal() {
             "MESH_PAD",
         ),
     ] {
-        let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
-        let mut changed = library.clone();
-        changed.insert(module, source.replace(from, to));
-        assert_eq!(differing(&changed), [name]);
+        assert_eq!(differing(&changed(module, from, to)), [name]);
     }
 }

@@ -7,26 +7,18 @@ use stereolux::renderer::Eye;
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, Reuse};
 
-use super::hard_support::{add, eyes_at, mesh, quad};
+use super::hard_support::{add, eyes_at, glowing, mesh, quad, square_ahead};
 use super::reconstruction::{SIZE, filtered};
-use super::support::{builtin, method, parallel_views, radiance, renderer, square_fov, start_pose};
+use super::support::{builtin, method, play, radiance, rendered, renderer, start_views};
 
 const EMISSION: f32 = 3.1;
 
 /// A pane behind bars thinner than a pixel, all of one mesh, 2 m in front of the origin; nothing reflects.
 fn pane_and_bars() -> Scene {
     let mut scene = Scene::default();
-    let pane = Material {
-        emission: [EMISSION; 3],
-        ..Material::lambert("pane", [0.0; 3])
-    };
-    let wide = DVec3::new(8.0, 0.0, 0.0);
+    let pane = glowing([EMISSION; 3]);
     let tall = DVec3::new(0.0, 8.0, 0.0);
-    add(
-        &mut scene,
-        &quad(DVec3::new(-4.0, -4.0, -2.0), wide, tall),
-        pane,
-    );
+    add(&mut scene, &square_ahead(4.0, 2.0), pane);
     // A pixel is 4 m / 64 wide there.
     let (period, width) = (0.131, 0.045);
     let bars: Vec<_> = (0..60)
@@ -75,9 +67,7 @@ fn a_pane_does_not_mix_with_the_bars_before_it() {
             for step in 0..6 {
                 let head = DVec3::new(0.021, 0.008, 0.0) * f64::from(step);
                 let views = eyes_at(head, DQuat::IDENTITY, 45.0);
-                renderer
-                    .render_frame(&views, step as u32, |_| {})
-                    .expect("a frame");
+                play(&mut renderer, &views, step..step + 1);
             }
             let what = format!("{method:?} {reuse:?}, {spp} samples");
             let mut worst = 0.0_f64;
@@ -102,7 +92,7 @@ fn a_pane_does_not_mix_with_the_bars_before_it() {
 #[test]
 fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let views = start_views(&scene, 21.0);
     let least_albedo = 0.01;
     for frames in [0, 4] {
         // Without the wavelet the first frame's picture is the limited light times albedo.
@@ -115,8 +105,7 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
             settings.output.parts = true;
             settings
         };
-        let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
-        renderer.render_frame(&views, 0, |_| {}).unwrap();
+        let renderer = rendered(&scene, &settings, [SIZE, SIZE], &views);
         let parts = renderer.read_parts(Eye::Left).unwrap().unwrap();
         let shown = radiance(&renderer, Eye::Left);
         let raw = renderer.read_samples(Eye::Left).unwrap().unwrap();
@@ -178,10 +167,8 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
                 // A dozen roundings, of parts that add up to no more than the sum.
                 let slack = 16.0 / f64::from(1u32 << 24) * expected.abs() + 1e-12;
                 let off = (f64::from(*found) - expected).abs();
-                assert!(
-                    off <= slack,
-                    "pixel {pixel}, {frames} frames: {off} of {expected}"
-                );
+                let what = format!("pixel {pixel}, {frames} frames");
+                assert!(off <= slack, "{what}: {off} of {expected}");
             }
         }
         assert!(judged > 3000, "{judged}");

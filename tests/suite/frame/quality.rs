@@ -3,22 +3,23 @@
 use glam::{DAffine3, DVec3};
 use stereolux::FrameLoop;
 use stereolux::gpu::ShaderLibrary;
-use stereolux::renderer::{Eye, InstanceId, PhotonStats, RenderError, Renderer, StereoStats};
+use stereolux::renderer::{InstanceId, PhotonStats, RenderError, Renderer, StereoStats};
 use stereolux::scene::Scene;
-use stereolux::settings::{Eyes, Method, PhotonEstimate, Quality, RenderSettings, Reuse, Search};
+use stereolux::settings::{Method, PhotonEstimate, Quality, RenderSettings, Reuse, Search};
 use stereolux::xr::{
     FrameState, FrameSubmission, Headset, LocatedViews, Motion, RenderTargets, SessionInfo,
     SimulatedSession, View, XrError, XrSession,
 };
 
 use super::support::{
-    bits, builtin, context, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    assert_says, both_bits, builtin, context, renderer, settings, start_pose, start_views,
+    white_box,
 };
 
 const SIZE: [u32; 2] = [45, 34];
 
 fn views(scene: &Scene) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.063, square_fov(25.0))
+    start_views(scene, 25.0)
 }
 
 /// All that a frame gives: both eyes' bits, the right one's provenance, what was counted.
@@ -31,7 +32,7 @@ type Given = (
 
 fn shown(renderer: &mut Renderer, scene: &Scene, index: u32) -> Given {
     let result = renderer.render_frame(&views(scene), index, |_| {}).unwrap();
-    let eyes = [Eye::Left, Eye::Right].map(|eye| bits(&radiance(renderer, eye)));
+    let eyes = both_bits(renderer);
     let provenance = renderer.read_provenance().unwrap();
     (eyes, provenance, result.photons, result.stereo)
 }
@@ -159,14 +160,10 @@ fn photons_and_lookup() {
         })
     };
     let in_a_grid = every_frame(PhotonEstimate::Radius, Search::Grid);
-    let changes = [SHARES];
-    changed_and_made("cornell", &in_a_grid, false, &changes);
-    let at_once = |settings: RenderSettings| RenderSettings {
-        photon: stereolux::settings::PhotonSettings {
-            shares: 1,
-            ..settings.photon.clone()
-        },
-        ..settings
+    changed_and_made("cornell", &in_a_grid, false, &[SHARES]);
+    let at_once = |mut settings: RenderSettings| {
+        settings.photon.shares = 1;
+        settings
     };
     let changes = [
         SCALE, PHOTONS, NO_PHOTONS, DEPTH, CANDIDATES, FULL_RATE, NO_REUSE, ALL,
@@ -239,15 +236,6 @@ fn history_begins_anew_with_the_resolution_and_with_nothing_else() {
             assert_eq!(still, 4, "{name}");
         }
     }
-}
-
-/// A Cornell box of white walls, which keeps more photons than the first guess of three per path.
-fn white_box() -> Scene {
-    let mut scene = builtin("cornell");
-    for material in &mut scene.materials {
-        material.base_color = [0.97, 0.97, 0.97, 1.0];
-    }
-    scene
 }
 
 #[test]
@@ -352,54 +340,39 @@ fn a_rebuilt_and_resized_renderer_keeps_its_quality() {
 fn what_the_renderer_was_not_made_for_is_refused_by_name() {
     let scene = builtin("cornell");
     let made = settings(|s| s.reuse = Reuse::Off);
-    let mut renderer = Renderer::new(
-        context(),
-        &ShaderLibrary::embedded(),
-        &scene,
-        &made,
-        Eyes::Both,
-        SIZE,
-    )
-    .unwrap();
-    let refused: [(fn(&mut Quality), [&str; 2]); 11] = [
-        (|q| q.resolution_scale = 1.01, ["resolution_scale", "1.01"]),
-        (|q| q.resolution_scale = 0.09, ["resolution_scale", "0.1"]),
-        (
-            |q| q.resolution_scale = f32::NAN,
-            ["resolution_scale", "NaN"],
-        ),
-        (
-            |q| q.photons_per_frame = 4097,
-            ["photons_per_frame", "photon.count"],
-        ),
-        (|q| q.photon_shares = 2, ["photon_shares", "photon.shares"]),
-        (
-            |q| q.photon_shares = 0,
-            ["photon_shares", "between 1 and 64"],
-        ),
-        (|q| q.max_depth = 13, ["max_depth", "photon.max_depth"]),
-        (|q| q.light_candidates = 17, ["light_candidates", "16"]),
-        (
-            |q| q.half_rate = true,
-            ["half_rate", "photon.half_rate = true"],
-        ),
-        (
-            |q| q.filter_passes = 5,
-            ["filter_passes", "reconstruct.atrous_passes"],
-        ),
-        (|q| q.reuse = true, ["reuse", "lookup"]),
-    ];
+    let mut renderer = renderer(&scene, &made, SIZE);
     let most = renderer.quality();
-    for (change, words) in refused {
+    let mut refuses = |words: [&str; 2], change: fn(&mut Quality)| {
         let mut quality = most;
         change(&mut quality);
         let error = renderer.set_quality(&quality).unwrap_err();
         assert!(matches!(error, RenderError::Settings(_)));
         let text = error.to_string();
-        assert!(words.iter().all(|word| text.contains(word)), "{text}");
-        assert!(!text.contains('\n'));
+        assert_says(&text, &words);
+        assert!(!text.contains('\n'), "{text}");
         assert_eq!(renderer.quality(), most);
-    }
+    };
+    refuses(["resolution_scale", "1.01"], |q| q.resolution_scale = 1.01);
+    refuses(["resolution_scale", "0.1"], |q| q.resolution_scale = 0.09);
+    refuses(["resolution_scale", "NaN"], |q| {
+        q.resolution_scale = f32::NAN
+    });
+    refuses(["photons_per_frame", "photon.count"], |q| {
+        q.photons_per_frame = 4097
+    });
+    refuses(["photon_shares", "photon.shares"], |q| q.photon_shares = 2);
+    refuses(["photon_shares", "between 1 and 64"], |q| {
+        q.photon_shares = 0
+    });
+    refuses(["max_depth", "photon.max_depth"], |q| q.max_depth = 13);
+    refuses(["light_candidates", "16"], |q| q.light_candidates = 17);
+    refuses(["half_rate", "photon.half_rate = true"], |q| {
+        q.half_rate = true
+    });
+    refuses(["filter_passes", "reconstruct.atrous_passes"], |q| {
+        q.filter_passes = 5
+    });
+    refuses(["reuse", "lookup"], |q| q.reuse = true);
 }
 
 /// A simulated headset that notes what it is handed: the size of the images, and the scale that was set.
@@ -455,11 +428,12 @@ fn a_session_is_told_how_large_its_images_are() {
         assert!(told.unwrap().is_some());
     }
     let (whole, half) = (Some([40, 30]), Some([20, 15]));
+    let [unset, at_half, at_all] = [None, Some(0.5), Some(1.0)];
     let expected = [
-        (whole, None),
-        (half, Some(0.5)),
-        (half, None),
-        (whole, Some(1.0)),
+        (whole, unset),
+        (half, at_half),
+        (half, unset),
+        (whole, at_all),
     ];
     assert_eq!(frames.session().1, expected);
 }

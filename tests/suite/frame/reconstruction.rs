@@ -1,16 +1,17 @@
 //! Filtering over time, neighbours and eyes: motion vectors, what the filter must leave alone, and what it gains.
 
 use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, luminance};
 use stereolux::metrics::{binocular_error, error_image};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::Scene;
+use stereolux::scene::{Instance, Scene};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
-    assert_clean, bits, builtin, context, mean, method, parallel_views, placed, radiance, renderer,
-    square_fov, start_pose,
+    assert_clean, bits, both, builtin, mean, method, parallel_views, placed, play, radiance,
+    renderer, renderer_by, square_fov, start_pose, start_views,
 };
 use crate::suite::embedded_scenes::plane;
 
@@ -29,17 +30,17 @@ pub fn filtered(reuse: Reuse, change: impl FnOnce(&mut RenderSettings)) -> Rende
 
 /// Views that the Cornell box fills.
 fn filling_views(scene: &Scene) -> [View; 2] {
-    parallel_views(start_pose(scene), IPD_M, square_fov(21.0))
+    start_views(scene, 21.0)
+}
+
+/// Every filter over time on.
+fn filter_all(settings: &mut RenderSettings) {
+    settings.reconstruct.svgf = true.into();
+    settings.reconstruct.taa = true.into();
 }
 
 fn rel_mse(image: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     super::cornell::rel_mse(image, reference, &[true; PIXELS])
-}
-
-fn play(renderer: &mut Renderer, views: &[View; 2], frames: std::ops::Range<u32>) {
-    for frame in frames {
-        renderer.render_frame(views, frame, |_| {}).unwrap();
-    }
 }
 
 /// Mean of `frames` frames of one sample, spread over the pixels, per eye, with another seed than what it judges.
@@ -49,14 +50,11 @@ fn mean_of_frames(scene: &Scene, views: &[View; 2], eyes: Eyes, frames: u32) -> 
     settings.reconstruct.still = true.into();
     settings.reconstruct.still_from = 0;
     settings.reconstruct.still_until = 1;
-    let library = stereolux::gpu::ShaderLibrary::embedded();
-    let mut renderer =
-        Renderer::new(context(), &library, scene, &settings, eyes, [SIZE, SIZE]).unwrap();
+    let library = ShaderLibrary::embedded();
+    let mut renderer = renderer_by(&library, scene, &settings, eyes, [SIZE, SIZE]).unwrap();
     play(&mut renderer, views, 0..frames);
-    [Eye::Left, Eye::Right]
-        .into_iter()
-        .filter_map(|eye| renderer.read_radiance(eye).unwrap())
-        .collect()
+    let read = |eye| renderer.read_radiance(eye).unwrap();
+    Eye::BOTH.into_iter().filter_map(read).collect()
 }
 
 /// Displacement of every pixel of the second frame, and whether it is known.
@@ -79,6 +77,13 @@ pub fn project(view: &View, point: DVec3) -> Option<[f64; 2]> {
 /// Where in the pixel a record of what is seen lies, from the centre, in pixels: two signed 16-bit fractions.
 pub fn place_in_pixel(record: &[u32; 4]) -> [f64; 2] {
     [record[3] as i16, (record[3] >> 16) as i16].map(|part| f64::from(part) / 32767.0)
+}
+
+/// Where in the image the sample of a pixel with this record lies, in pixels.
+pub fn sample_at(pixel: usize, record: &[u32; 4]) -> [f64; 2] {
+    let [x, y] = place_in_pixel(record);
+    let [column, row] = [pixel as u32 % SIZE, pixel as u32 / SIZE].map(f64::from);
+    [column + 0.5 + x, row + 0.5 + y]
 }
 
 /// The target: the previous frame's surface point is met to within a sixteenth of a pixel.
@@ -108,18 +113,13 @@ fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before()
         let settings = filtered(Reuse::Scatter, |_| {});
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         let views = |step: f64| {
-            parallel_views(
-                head(if eyes_move { step } else { 0.0 }),
-                IPD_M,
-                square_fov(45.0),
-            )
+            let head = head(if eyes_move { step } else { 0.0 });
+            parallel_views(head, IPD_M, square_fov(45.0))
         };
         let place = |step: f64| turned(if plane_moves { step } else { 0.0 });
         for step in [0.0, 1.0] {
             renderer.set_instance_transform(InstanceId(0), place(step));
-            renderer
-                .render_frame(&views(step), step as u32, |_| {})
-                .unwrap();
+            play(&mut renderer, &views(step), step as u32..step as u32 + 1);
         }
         for (eye, index) in [(Eye::Left, 0), (Eye::Right, 1)] {
             let (now, before) = (views(1.0)[index], views(0.0)[index]);
@@ -127,11 +127,7 @@ fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before()
             let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
             for (pixel, moved) in moved.iter().enumerate() {
                 // Where the pixel's sample lies, in steps of 1 / 32767 pixels.
-                let [x, y] = place_in_pixel(&seen[pixel]);
-                let at = [
-                    f64::from(pixel as u32 % SIZE) + 0.5 + x,
-                    f64::from(pixel as u32 / SIZE) + 0.5 + y,
-                ];
+                let at = sample_at(pixel, &seen[pixel]);
                 let ray = now.ray_through_pixel(at[0], at[1], SIZE, SIZE);
                 let object_from_world = place(1.0).inverse();
                 let origin = object_from_world.transform_point3(ray.origin);
@@ -165,7 +161,7 @@ fn equal_eyes_move_alike() {
             let step = Pose::new(DVec3::X * (0.01 * f64::from(frame)), DQuat::IDENTITY);
             let views = parallel_views(head.then(&step), ipd_m, square_fov(21.0));
             renderer.render_frame(&views, frame, |_| {}).unwrap();
-            let [left, right] = [Eye::Left, Eye::Right].map(|eye| motion(&renderer, eye));
+            let [left, right] = Eye::BOTH.map(|eye| motion(&renderer, eye));
             let moved = left.iter().filter(|moved| moved[0].abs() > 0.1).count();
             match frame {
                 2 => {
@@ -220,11 +216,9 @@ fn light_without_noise_passes_the_filter() {
             }
         }
         let clean = radiance(&renderer, Eye::Left);
-        let worst = mean
-            .iter()
-            .zip(&clean)
-            .map(|(mean, b)| (f64::from(b[0]) / mean - 1.0).abs())
-            .fold(0.0, f64::max);
+        let pairs = mean.iter().zip(&clean);
+        let off = pairs.map(|(mean, b)| (f64::from(b[0]) / mean - 1.0).abs());
+        let worst = off.fold(0.0, f64::max);
         // What those leave decays by 0.8 per frame: of an error under 20 % then, 0.75 * 0.8^36 * 0.2 = 5e-5 are left. With
         // sharing, light is also interpolated between the other eye's samples: off by h^2 / 8 (|L_xx| + |L_yy|) <=
         // 0.0625^2 / 8 * 6 L = 3e-3 (see lookup) in one of two equal shares, per frame of the five that the history is
@@ -241,25 +235,15 @@ fn filtered_frames_come_near_the_reference_and_keep_its_brightness() {
     // The raw frame's relMSE is about 0.16, the filtered one's 0.005: 500 frames leave 0.0003 of noise in the reference.
     let reference = mean_of_frames(&scene, &views, Eyes::Left, 500).remove(0);
     let settings = filtered(Reuse::Off, |s| s.reconstruct.taa = true.into());
-    let library = stereolux::gpu::ShaderLibrary::embedded();
-    let mut renderer = Renderer::new(
-        context(),
-        &library,
-        &scene,
-        &settings,
-        Eyes::Left,
-        [SIZE, SIZE],
-    )
-    .unwrap();
+    let library = ShaderLibrary::embedded();
+    let renderer = renderer_by(&library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
+    let mut renderer = renderer.unwrap();
     play(&mut renderer, &views, 0..32);
     let raw = renderer.read_samples(Eye::Left).unwrap().unwrap();
     let clean = radiance(&renderer, Eye::Left);
     assert_clean(&clean, "filtered");
     let (before, after) = (rel_mse(&raw, &reference), rel_mse(&clean, &reference));
-    assert!(
-        after < 0.1 * before,
-        "relMSE {before} raw, {after} filtered"
-    );
+    assert!(after < 0.1 * before, "relMSE {before}, {after} filtered");
     let brightness = mean(&clean) / mean(&reference);
     assert!((brightness - 1.0).abs() < 0.02, "brightness {brightness}");
     // And as it is shown.
@@ -288,35 +272,31 @@ fn sharing_makes_the_eyes_agree() {
         play(&mut renderer, &views, 0..16);
         let [left_seen, seen] = Eye::BOTH.map(|eye| renderer.read_motion(eye).unwrap().unwrap().0);
         // Pairs in f64: the right pixel's point in the left image, there at the same distance to 1 %.
-        let pairs: Vec<Option<u32>> = seen
-            .iter()
-            .enumerate()
-            .map(|(pixel, record)| {
-                let distance = f64::from(f32::from_bits(record[0]));
-                // Both eyes' samples lie at the same place in their pixels.
-                let [dx, dy] = place_in_pixel(record);
-                let x = f64::from(pixel as u32 % SIZE) + 0.5 + dx;
-                let y = f64::from(pixel as u32 / SIZE) + 0.5 + dy;
-                let ray = views[1].ray_through_pixel(x, y, SIZE, SIZE);
-                let point = ray.origin + ray.direction * distance;
-                let [u, v] = project(&views[0], point).filter(|_| distance > 0.0)?;
-                let (u, v) = (u - dx, v - dy);
-                // Near a left pixel's sample, so that hardly any of the difference is the light's own slope.
-                let inside =
-                    |c: f64| (0.0..f64::from(SIZE)).contains(&c) && (c.fract() - 0.5).abs() < 0.2;
-                if !inside(u) || !inside(v) {
-                    return None;
-                }
-                let left = v as u32 * SIZE + u as u32;
-                let left_distance = f64::from(f32::from_bits(left_seen[left as usize][0]));
-                // One pair across the rim of the lamp, which is not filtered, would outweigh all others.
-                if (record[2] ^ left_seen[left as usize][2]) & 0x3fff_ffff != 0 {
-                    return None;
-                }
-                let expected = point.distance(views[0].position_in_world);
-                ((left_distance / expected - 1.0).abs() < 0.01).then_some(left)
-            })
-            .collect();
+        let partner = |(pixel, record): (usize, &[u32; 4])| {
+            let distance = f64::from(f32::from_bits(record[0]));
+            // Both eyes' samples lie at the same place in their pixels.
+            let [dx, dy] = place_in_pixel(record);
+            let [x, y] = sample_at(pixel, record);
+            let ray = views[1].ray_through_pixel(x, y, SIZE, SIZE);
+            let point = ray.origin + ray.direction * distance;
+            let [u, v] = project(&views[0], point).filter(|_| distance > 0.0)?;
+            let (u, v) = (u - dx, v - dy);
+            // Near a left pixel's sample, so that hardly any of the difference is the light's own slope.
+            let inside =
+                |c: f64| (0.0..f64::from(SIZE)).contains(&c) && (c.fract() - 0.5).abs() < 0.2;
+            if !inside(u) || !inside(v) {
+                return None;
+            }
+            let left = v as u32 * SIZE + u as u32;
+            let left_distance = f64::from(f32::from_bits(left_seen[left as usize][0]));
+            // One pair across the rim of the lamp, which is not filtered, would outweigh all others.
+            if (record[2] ^ left_seen[left as usize][2]) & 0x3fff_ffff != 0 {
+                return None;
+            }
+            let expected = point.distance(views[0].position_in_world);
+            ((left_distance / expected - 1.0).abs() < 0.01).then_some(left)
+        };
+        let pairs: Vec<Option<u32>> = seen.iter().enumerate().map(partner).collect();
         let error = |eye: Eye| error_image(&image(&radiance(&renderer, eye)), &black).unwrap();
         let pairs = Image::new(SIZE, SIZE, pairs).unwrap();
         let found = binocular_error(&error(Eye::Left), &error(Eye::Right), &black, &pairs).unwrap();
@@ -326,7 +306,7 @@ fn sharing_makes_the_eyes_agree() {
     let (alone, shared) = (disagreement(false), disagreement(true));
     assert!(
         shared < 0.5 * alone,
-        "binocular RMSE {shared} shared, {alone} each by itself"
+        "binocular RMSE {shared}, alone {alone}"
     );
 }
 
@@ -428,17 +408,13 @@ fn the_anti_aliased_picture_is_the_bounded_mean_of_linear_light() {
             let old = to(history[pixel].map(|light| light * allowed));
             let mut excess = 1.0_f64;
             for c in 0..3 {
-                let deviation = (sum_of_squares[c] / 9.0 - mean[c] * mean[c])
-                    .max(0.0)
-                    .sqrt();
-                excess = excess
-                    .max((old[c] - mean[c]).abs() / (0.5 * deviation + 4.0 * spread).max(1e-5));
+                let variance = sum_of_squares[c] / 9.0 - mean[c] * mean[c];
+                let allowed = 0.5 * variance.max(0.0).sqrt() + 4.0 * spread;
+                excess = excess.max((old[c] - mean[c]).abs() / allowed.max(1e-5));
             }
             clipped += usize::from(excess > 1.0);
-            let kept = from(std::array::from_fn(|c| {
-                mean[c] + (old[c] - mean[c]) / excess
-            }))
-            .map(|light: f64| light.max(0.0));
+            let kept = std::array::from_fn(|c| mean[c] + (old[c] - mean[c]) / excess);
+            let kept = from(kept).map(|light: f64| light.max(0.0));
             let limit = brightest.max(1e-4).max(256.0 * luminance(kept));
             let limited = now[pixel].map(|c| c * (limit / luminance(now[pixel])).min(1.0));
             history[pixel] = std::array::from_fn(|c| (1.0 - share) * kept[c] + share * limited[c]);
@@ -446,22 +422,17 @@ fn the_anti_aliased_picture_is_the_bounded_mean_of_linear_light() {
             means[pixel] = (1.0 - share) * own + share * bright;
             squares[pixel] = (1.0 - share) * squares[pixel] + share * bright * bright;
         }
-        let scale = mean(&radiance(&renderer, Eye::Left));
-        for (pixel, (shown, expected)) in radiance(&renderer, Eye::Left)
-            .iter()
-            .zip(&history)
-            .enumerate()
-        {
+        let shown = radiance(&renderer, Eye::Left);
+        let scale = mean(&shown);
+        for (pixel, (shown, expected)) in shown.iter().zip(&history).enumerate() {
             for c in 0..3 {
                 // Variances as differences of squares lose half the digits: standard deviations near 0 are off by up to
                 // sqrt(4 eps) = 5e-4 (over time, counted four times) and sqrt(9 eps) = 7e-4 (half) of the light, 2.3e-3
                 // along each of three axes, which a channel adds up: 7e-3, and 5e-4 where the pixel's own samples limit it.
                 // The frames before leave under as much again.
                 let off = (f64::from(shown[c]) - expected[c]).abs();
-                assert!(
-                    off < 1.5e-2 * scale,
-                    "frame {frame}, pixel {pixel}: off by {off} of {scale}"
-                );
+                let what = format!("frame {frame}, pixel {pixel}");
+                assert!(off < 1.5e-2 * scale, "{what}: off by {off} of {scale}");
             }
         }
     }
@@ -480,8 +451,7 @@ fn two_replays_of_moving_eyes_are_equal_bit_for_bit() {
     ] {
         let run = || {
             let mut settings = method(kind, reuse);
-            settings.reconstruct.svgf = true.into();
-            settings.reconstruct.taa = true.into();
+            filter_all(&mut settings);
             settings.reconstruct.still = true.into();
             let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
             for frame in 0..4 {
@@ -491,8 +461,7 @@ fn two_replays_of_moving_eyes_are_equal_bit_for_bit() {
                 let views = parallel_views(head, IPD_M, square_fov(30.0));
                 renderer.render_frame(&views, frame, |_| {}).unwrap();
             }
-            [Eye::Left, Eye::Right].map(|eye| {
-                let shown = radiance(&renderer, eye);
+            both(&renderer).map(|shown| {
                 assert_clean(&shown, "shown");
                 bits(&shown)
             })
@@ -505,11 +474,9 @@ fn two_replays_of_moving_eyes_are_equal_bit_for_bit() {
 
 /// The first instance that shines.
 fn lamp_of(scene: &Scene) -> usize {
-    let shines = |instance: &stereolux::scene::Instance| {
-        let triangles = &scene.meshes[instance.mesh].triangles;
-        triangles
-            .iter()
-            .any(|t| scene.materials[t.material as usize].is_emissive())
+    let shines = |instance: &Instance| {
+        let mut triangles = scene.meshes[instance.mesh].triangles.iter();
+        triangles.any(|t| scene.materials[t.material as usize].is_emissive())
     };
     scene.instances().iter().position(shines).unwrap()
 }
@@ -524,8 +491,7 @@ fn light_that_goes_out_is_gone_after_a_stated_number_of_frames() {
     let views = filling_views(&scene);
     for (kind, shares) in [(Method::Path, 1), (Method::Photon, 1), (Method::Photon, 4)] {
         let mut settings = method(kind, Reuse::Scatter);
-        settings.reconstruct.svgf = true.into();
-        settings.reconstruct.taa = true.into();
+        filter_all(&mut settings);
         settings.photon.shares = shares;
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         play(&mut renderer, &views, 0..12);
@@ -548,8 +514,7 @@ fn what_stays_lit_keeps_its_history_when_another_light_comes() {
     for kind in [Method::Path, Method::Photon] {
         let error = |frames_before: u32, another: bool| {
             let mut settings = method(kind, Reuse::Off);
-            settings.reconstruct.svgf = true.into();
-            settings.reconstruct.taa = true.into();
+            filter_all(&mut settings);
             settings.photon.count = 65_536;
             let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
             play(&mut renderer, &views, 24 - frames_before..24);
@@ -563,9 +528,7 @@ fn what_stays_lit_keeps_its_history_when_another_light_comes() {
             rel_mse(&radiance(&renderer, Eye::Left), &reference)
         };
         let (still, another, anew) = (error(24, false), error(24, true), error(0, false));
-        eprintln!(
-            "{kind:?}: relMSE {still} alone, {another} beside another light, {anew} without history"
-        );
+        eprintln!("{kind:?}: relMSE {still}, {another} beside another light, {anew} anew");
         // Half the photons and light samples now go to the other light: up to twice the variance in the newest frames' share.
         assert!(another < 2.0 * still, "{kind:?}: {another}, {still} alone");
         // Negative control: what forgets all of its history.

@@ -7,56 +7,47 @@ use stereolux::settings::{Eyes, Method, PhotonEstimate, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use crate::suite::support::{
-    bits, builtin, context, frame, parallel_views, radiance, renderer, settings, square_fov,
-    start_pose,
+    bits, both_bits, builtin, frame, play, radiance, rendered, renderer, renderer_by, settings,
+    start_views,
 };
 
 const SMALL: [u32; 2] = [24, 20];
 const LARGE: [u32; 2] = [48, 33];
 
 fn views(scene: &Scene) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.063, square_fov(25.0))
+    start_views(scene, 25.0)
 }
 
 /// Both eyes' bits and what the right eye took over.
-fn picture(renderer: &Renderer) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Option<Vec<u32>>) {
-    (
-        bits(&radiance(renderer, Eye::Left)),
-        bits(&radiance(renderer, Eye::Right)),
-        renderer.read_provenance().unwrap(),
-    )
+fn picture(renderer: &Renderer) -> ([Vec<[u32; 3]>; 2], Option<Vec<u32>>) {
+    (both_bits(renderer), renderer.read_provenance().unwrap())
 }
 
 /// Frame 0 of a renderer that has shown it at `SMALL` before, and that of one made at `LARGE`; twice each, the second as
 /// frame 1, so that history counts.
 fn resized_and_made(scene: &Scene, settings: &RenderSettings) {
     let views = views(scene);
-    let mut resized = renderer(scene, settings, SMALL);
-    frame(&mut resized, &views);
+    let mut resized = rendered(scene, settings, SMALL, &views);
     let small = picture(&resized);
     resized.resize(LARGE).unwrap();
     assert_eq!(resized.size(), LARGE);
     let mut made = renderer(scene, settings, LARGE);
     for index in 0..2 {
         for renderer in [&mut resized, &mut made] {
-            renderer.render_frame(&views, index, |_| {}).unwrap();
+            play(renderer, &views, index..index + 1);
         }
-        assert!(
-            picture(&resized) == picture(&made),
-            "{:?} {:?}: frame {index}",
-            settings.method,
-            settings.reuse
-        );
+        let what = format!("{:?} {:?}: frame {index}", settings.method, settings.reuse);
+        assert!(picture(&resized) == picture(&made), "{what}");
     }
     // Another frame's noise would have been noticed.
     let noisy = picture(&resized);
-    resized.render_frame(&views, 2, |_| {}).unwrap();
+    play(&mut resized, &views, 2..3);
     assert!(picture(&resized) != noisy);
     // And back again, to what the first frame was.
     resized.resize(SMALL).unwrap();
     frame(&mut resized, &views);
     let again = picture(&resized);
-    assert_eq!(again.0.len(), 24 * 20);
+    assert_eq!(again.0[0].len(), 24 * 20);
     assert!(again == small, "the old size again");
 }
 
@@ -67,41 +58,36 @@ fn a_resized_renderer_gives_the_frames_of_one_made_at_that_size() {
         ("cornell", Method::Photon, Reuse::Scatter),
         ("cornell", Method::Path, Reuse::Off),
     ] {
-        resized_and_made(
-            &builtin(name),
-            &settings(|s| {
-                s.method = method;
-                s.reuse = reuse;
-                s.spp = 2;
-                s.path.max_depth = 4;
-                s.photon.count = 2048;
-            }),
-        );
+        let settings = settings(|s| {
+            s.method = method;
+            s.reuse = reuse;
+            s.spp = 2;
+            s.path.max_depth = 4;
+            s.photon.count = 2048;
+        });
+        resized_and_made(&builtin(name), &settings);
     }
 }
 
 #[test]
 fn reconstruction_parts_and_heaps_follow_the_size() {
     let scene = builtin("cornell");
-    resized_and_made(
-        &scene,
-        &settings(|s| {
-            s.reuse = Reuse::Lookup;
-            s.output.parts = true;
-            s.reconstruct.svgf = true.into();
-            s.reconstruct.taa = true.into();
-            s.reconstruct.still = true.into();
-        }),
-    );
-    resized_and_made(
-        &scene,
-        &settings(|s| {
-            // A radius so large that gathers run in slices, each of which keeps a heap.
-            s.photon.estimate = PhotonEstimate::Nearest;
-            s.photon.radius_m = 5.0;
-            s.photon.count = 65_536;
-        }),
-    );
+    let all = settings(|s| {
+        s.reuse = Reuse::Lookup;
+        s.output.parts = true;
+        s.reconstruct.svgf = true.into();
+        s.reconstruct.taa = true.into();
+        s.reconstruct.still = true.into();
+    });
+    let heaps = settings(|s| {
+        // A radius so large that gathers run in slices, each of which keeps a heap.
+        s.photon.estimate = PhotonEstimate::Nearest;
+        s.photon.radius_m = 5.0;
+        s.photon.count = 65_536;
+    });
+    for settings in [all, heaps] {
+        resized_and_made(&scene, &settings);
+    }
 }
 
 #[test]
@@ -117,29 +103,20 @@ fn photons_stay_and_switched_reuse_stays_switched() {
     let again = renderer.render_frame(&views, 1, |_| {}).unwrap();
     assert!(!again.photons.traced);
     // The right eye rendered by itself: as without reuse.
-    let off = {
-        let mut settings = settings.clone();
-        settings.reuse = Reuse::Off;
-        let mut off = super::support::renderer(&scene, &settings, LARGE);
-        off.render_frame(&views, 0, |_| {}).unwrap();
-        off.render_frame(&views, 1, |_| {}).unwrap();
-        bits(&radiance(&off, Eye::Right))
-    };
-    assert!(bits(&radiance(&renderer, Eye::Right)) == off);
+    let mut settings = settings.clone();
+    settings.reuse = Reuse::Off;
+    let mut off = super::support::renderer(&scene, &settings, LARGE);
+    play(&mut off, &views, 0..2);
+    let [off, right] = [&off, &renderer].map(|r| bits(&radiance(r, Eye::Right)));
+    assert!(right == off);
 }
 
 #[test]
 fn sizes_without_pixels_are_refused_and_leave_the_old_one() {
     let scene = builtin("cornell");
-    let mut renderer = Renderer::new(
-        context(),
-        &ShaderLibrary::embedded(),
-        &scene,
-        &settings(|_| {}),
-        Eyes::Right,
-        SMALL,
-    )
-    .unwrap();
+    let (library, settings) = (ShaderLibrary::embedded(), settings(|_| {}));
+    let made = renderer_by(&library, &scene, &settings, Eyes::Right, SMALL);
+    let mut renderer = made.unwrap();
     let views = views(&scene);
     frame(&mut renderer, &views);
     let before = bits(&radiance(&renderer, Eye::Right));

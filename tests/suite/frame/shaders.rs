@@ -9,6 +9,7 @@ use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
 use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 
+use super::support::assert_says;
 use super::trace_probe::features;
 
 /// Storage buffers per stage that the README asks of an adapter.
@@ -28,12 +29,8 @@ pub fn kinds_of_scene() -> Vec<ShaderFeatures> {
         reuse_shadow_rays: false,
         ..every_feature()
     };
-    let mut kinds = vec![
-        features(&[]),
-        features(&["emitters"]),
-        every_feature(),
-        without,
-    ];
+    let (lambert, lit) = (features(&[]), features(&["emitters"]));
+    let mut kinds = vec![lambert, lit, every_feature(), without];
     kinds.extend(every_feature().select(WORDS).map(|word| {
         // Maps and second coordinates come with textures.
         if word.ends_with("_maps") || matches!(word, "uv1" | "mips") {
@@ -76,11 +73,8 @@ fn shaders_ask_for_the_features_of_the_table_and_for_all_of_them() {
     assert_eq!(unknown, [(module.to_owned(), "uv_1".to_owned())]);
     assert_eq!(unasked, ["uv1"]);
     // It is not off in silence.
-    let error = misspelt
-        .compile(&passes::path_trace.shader_name(), &every_feature())
-        .err()
-        .expect("an unknown feature");
-    assert!(error.to_string().contains("uv_1"), "{error}");
+    let compiled = misspelt.compile(&passes::path_trace.shader_name(), &every_feature());
+    assert_says(&compiled.err().unwrap().to_string(), &["uv_1"]);
 }
 
 #[test]
@@ -94,19 +88,14 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                 if from_list && *pass != passes::path_trace {
                     continue;
                 }
-                let shader = library
-                    .compile(
-                        &pass.shader_name(),
-                        &specialised(pass, &features, from_list),
-                    )
-                    .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
+                let own = specialised(pass, &features, from_list);
+                let what = format!("{} (features {features:?})", pass.name);
+                let shader = library.compile(&pass.shader_name(), &own).expect(&what);
                 // The library compiles nothing twice.
                 if !seen.insert(Arc::as_ptr(&shader)) {
                     continue;
                 }
-                shader
-                    .validate()
-                    .unwrap_or_else(|error| panic!("{error} (features {features:?})"));
+                shader.validate().expect(&what);
                 let bindings = reflect_bindings(&shader).unwrap();
                 let is_storage = |binding: &&Binding| {
                     matches!(binding.kind, BindingKind::Read | BindingKind::ReadWrite)
@@ -114,11 +103,8 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
                 let storage = bindings.iter().filter(is_storage).count();
                 // For comparison only; where it does not fit, the device refuses it in one line.
                 let may_exceed = pass.name == "eye_fused";
-                assert!(
-                    may_exceed || storage <= STORAGE_BUFFERS,
-                    "{} binds {storage} storage buffers (features {features:?})",
-                    pass.name
-                );
+                let fits = may_exceed || storage <= STORAGE_BUFFERS;
+                assert!(fits, "{what} binds {storage} storage buffers");
             }
         }
     }
@@ -128,17 +114,7 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
 fn every_shader_file_is_a_pass_or_is_imported_by_one() {
     let library = ShaderLibrary::embedded();
     let passes: BTreeSet<String> = passes::ALL.iter().map(|pass| pass.shader_name()).collect();
-    for name in library.sources().map(|(name, _)| name) {
-        if name.starts_with("passes/") {
-            assert!(
-                passes.contains(name),
-                "shaders/{name}.wesl belongs to no pass"
-            );
-        }
-    }
-    assert!(
-        passes
-            .iter()
-            .all(|pass| library.sources().any(|(name, _)| name == pass))
-    );
+    let names = library.sources().map(|(name, _)| name.to_owned());
+    let files: BTreeSet<String> = names.filter(|name| name.starts_with("passes/")).collect();
+    assert_eq!(files, passes);
 }

@@ -49,10 +49,8 @@ impl Scope<'_> {
     fn source(&self, module: &Module, expression: Handle<Expression>) -> Source {
         let of = |e: Handle<Expression>| self.source(module, e);
         match self.function.expressions[expression] {
-            Expression::Literal(_)
-            | Expression::Constant(_)
-            | Expression::Override(_)
-            | Expression::ZeroValue(_) => Constants,
+            Expression::Literal(_) | Expression::Constant(_) => Constants,
+            Expression::Override(_) | Expression::ZeroValue(_) => Constants,
             Expression::Compose { ref components, .. } => {
                 components.iter().map(|&e| of(e)).max().unwrap_or(Constants)
             }
@@ -83,12 +81,10 @@ impl Scope<'_> {
                 arg2,
                 arg3,
                 ..
-            } => [Some(arg), arg1, arg2, arg3]
-                .into_iter()
-                .flatten()
-                .map(of)
-                .max()
-                .unwrap_or(Constants),
+            } => {
+                let arguments = [Some(arg), arg1, arg2, arg3].into_iter().flatten();
+                arguments.map(of).max().unwrap_or(Constants)
+            }
             Expression::CallResult(_) => self.calls.get(&expression).copied().unwrap_or(Constants),
             _ => Threads,
         }
@@ -155,9 +151,8 @@ impl<'a> Search<'a> {
         };
         scope.is_plain = scope.is_plain(&function.body, true);
         for (variable, local) in function.local_variables.iter() {
-            let source = local
-                .init
-                .map_or(Constants, |e| scope.source(self.module, e));
+            let init = |e| scope.source(self.module, e);
+            let source = local.init.map_or(Constants, init);
             scope.locals.insert(variable, source);
         }
         // What comes later in a loop is read earlier in its next turn: nothing counts before it all is known.
@@ -247,16 +242,11 @@ impl<'a> Search<'a> {
                     arguments,
                     result,
                 } => {
-                    let sources: Vec<Source> = arguments
-                        .iter()
-                        .map(|&e| scope.source(self.module, e))
-                        .collect();
+                    let sources = arguments.iter().map(|&e| scope.source(self.module, e));
+                    let sources: Vec<Source> = sources.collect();
                     for &argument in arguments {
-                        let is_pointer = matches!(
-                            scope.function.expressions[argument],
-                            Expression::LocalVariable(_)
-                        );
-                        if is_pointer {
+                        let given = &scope.function.expressions[argument];
+                        if matches!(given, Expression::LocalVariable(_)) {
                             scope.note_store(argument, Threads);
                         }
                     }
@@ -293,13 +283,10 @@ fn uniform_branches(module: &Module, wgsl: &str) -> Vec<String> {
         let arguments = vec![Threads; entry.function.arguments.len()];
         search.function(&entry.function, arguments, false);
     }
-    search
-        .found
-        .iter()
-        .map(|(function, start)| {
-            let line = wgsl[*start..].lines().next().unwrap_or_default();
-            format!("{function}: {}", line.trim())
-        })
+    let line = |start: usize| wgsl[start..].lines().next().unwrap_or_default().trim();
+    let found = search.found.into_iter();
+    found
+        .map(|(function, start)| format!("{function}: {}", line(start)))
         .collect()
 }
 
@@ -310,16 +297,14 @@ fn no_loop_is_decided_by_uniforms_alone() {
     let mut seen = HashSet::new();
     for features in kinds_of_scene() {
         for pass in passes::ALL {
-            let shader = library
-                .compile(&pass.shader_name(), &specialised(pass, &features, false))
-                .unwrap();
+            let features = specialised(pass, &features, false);
+            let shader = library.compile(&pass.shader_name(), &features).unwrap();
             // The library compiles nothing twice.
             if !seen.insert(Arc::as_ptr(&shader)) {
                 continue;
             }
-            for line in uniform_branches(&shader.module, &shader.wgsl) {
-                found.insert(format!("{}, {line}", pass.name));
-            }
+            let lines = uniform_branches(&shader.module, &shader.wgsl).into_iter();
+            found.extend(lines.map(|line| format!("{}, {line}", pass.name)));
         }
     }
     assert!(found.is_empty(), "{found:#?}");

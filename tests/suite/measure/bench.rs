@@ -8,31 +8,23 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use stereolux::images::read_image;
 
-use crate::suite::support::{Folder, adapter_name, stereolux};
+use crate::suite::support::{
+    Folder, adapter_name, assert_says, assert_success, json, run_into, stderr, words,
+};
 
 /// A suite small enough for the tests: what it measures means nothing, how it is written does.
-fn smoke(out: &Path) -> Vec<String> {
-    [
-        "bench",
-        "smoke",
-        "--size",
-        "16x16",
-        "--rounds",
-        "2",
-        "--frames",
-        "2",
-        "--reference-spp",
-        "16",
-        "--set",
-        "photon.count=512",
-        "--adapter",
-        adapter_name(),
-        "--out",
-    ]
-    .iter()
-    .map(|&arg| arg.to_owned())
-    .chain([out.display().to_string()])
-    .collect()
+const SMOKE: &str =
+    "bench smoke --size 16x16 --rounds 2 --frames 2 --reference-spp 16 --set photon.count=512";
+
+/// Starts it.
+fn smoking(out: &Path, stderr: Stdio) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_stereolux"))
+        .args(words(SMOKE))
+        .args(["--adapter", adapter_name(), "--out"])
+        .arg(out)
+        .stderr(stderr)
+        .spawn()
+        .unwrap()
 }
 
 fn lines(path: &Path) -> usize {
@@ -42,10 +34,8 @@ fn lines(path: &Path) -> usize {
 fn wait_for_rows(child: &mut Child, journal: &Path, rows: usize) {
     let began = Instant::now();
     while lines(journal) < rows {
-        assert!(
-            child.try_wait().unwrap().is_none(),
-            "the suite ended before it could be killed"
-        );
+        // It must not end before it can be killed.
+        assert!(child.try_wait().unwrap().is_none());
         assert!(began.elapsed() < Duration::from_secs(300), "no rows");
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -105,14 +95,12 @@ impl Report {
 
     /// The row of a suite whose group ends in `group`.
     fn find(&self, suite: &str, group: &str, variant: &str) -> &Value {
-        self.rows()
-            .iter()
-            .find(|row| {
-                row["suite"] == suite
-                    && row["group"].as_str().unwrap().ends_with(group)
-                    && row["variant"] == variant
-            })
-            .unwrap_or_else(|| panic!("no row {suite}, {group}, {variant}"))
+        let is_it = |row: &&Value| {
+            let is_group = row["group"].as_str().unwrap().ends_with(group);
+            row["suite"] == suite && is_group && row["variant"] == variant
+        };
+        let found = self.rows().iter().find(is_it);
+        found.unwrap_or_else(|| panic!("no row {suite}, {group}, {variant}"))
     }
 }
 
@@ -122,23 +110,15 @@ fn an_interrupted_suite_says_how_to_go_on() {
     let folder = Folder::new("bench-interrupted");
     let out = folder.join("report");
     let journal = out.join("journal.jsonl");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
-        .args(smoke(&out))
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child = smoking(&out, Stdio::piped());
     wait_for_rows(&mut child, &journal, 1);
     let asked = Command::new("kill").arg(child.id().to_string()).status();
     assert!(asked.unwrap().success());
     let output = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    let last = said.lines().last().unwrap();
-    assert!(
-        last.contains("the same command goes on from there"),
-        "{said}"
-    );
-    assert!(last.contains("interrupted after"), "{said}");
+    let says = ["the same command goes on from there", "interrupted after"];
+    assert_says(said.lines().last().unwrap(), &says);
     // Whole groups are in the journal, and in the report.
     let report = Report::read(&out);
     assert_eq!(report.rows().len(), lines(&journal));
@@ -151,58 +131,44 @@ fn a_killed_suite_is_resumed_and_its_files_agree() {
     let folder = Folder::new("bench-smoke");
     let out = folder.join("report");
     let journal = out.join("journal.jsonl");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
-        .args(smoke(&out))
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut child = smoking(&out, Stdio::null());
     wait_for_rows(&mut child, &journal, 4);
     child.kill().unwrap();
     child.wait().unwrap();
     let kept = lines(&journal);
     assert!(!out.join("report.json").exists());
     let mut bytes = std::fs::read(&journal).unwrap();
-    let first: Value =
-        serde_json::from_slice(bytes.split(|&b| b == b'\n').next().unwrap()).unwrap();
+    let line = bytes.split(|&b| b == b'\n').next().unwrap();
+    let first: Value = serde_json::from_slice(line).unwrap();
     bytes.extend_from_slice(br#"{"key":"cut o"#);
     std::fs::write(&journal, bytes).unwrap();
 
-    let output = stereolux(&smoke(&out));
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{said}");
-    assert!(
-        said.contains(&format!("{kept} of them from an earlier run")),
-        "{said}"
+    let output = run_into(&out, SMOKE, &[]);
+    assert_success(&output);
+    assert_says(
+        &stderr(&output),
+        &[&format!("{kept} of them from an earlier run")],
     );
     let report = Report::read(&out);
-    assert_eq!(
-        lines(&journal),
-        report.rows().len(),
-        "one line per row, the cut one gone"
-    );
-    assert_eq!(
-        report.find("tables", "radius 0.1", "off"),
-        &first,
-        "the very row that was kept"
-    );
+    // One line per row, the cut one gone, and the very row that was kept.
+    assert_eq!(lines(&journal), report.rows().len());
+    assert_eq!(report.find("tables", "radius 0.1", "off"), &first);
 
     files_agree(&out, &report);
     figures_hold(&report);
 
     // Everything is there now: nothing is measured, and the same report comes out.
-    let before: Vec<Vec<u8>> = ["report.json", "report.md", "rows.csv"]
-        .map(|name| std::fs::read(out.join(name)).unwrap())
-        .into();
-    let output = stereolux(&smoke(&out));
-    assert!(output.status.success());
-    for (name, bytes) in ["report.json", "report.md", "rows.csv"].iter().zip(before) {
-        assert!(
-            std::fs::read(out.join(name)).unwrap() == bytes,
-            "{name} changed"
-        );
-    }
+    let before = read_all(&out);
+    assert_success(&run_into(&out, SMOKE, &[]));
+    assert!(read_all(&out) == before, "the report changed");
     assert_eq!(lines(&journal), report.rows().len());
     parts_make_the_whole(&folder, &out);
+}
+
+/// What a report is read from.
+fn read_all(out: &Path) -> [Vec<u8>; 3] {
+    let names = ["report.json", "report.md", "rows.csv"];
+    names.map(|name| std::fs::read(out.join(name)).unwrap())
 }
 
 /// Three parts that find their rows in the journal, merged: the whole suite's report byte for byte.
@@ -212,37 +178,27 @@ fn parts_make_the_whole(folder: &Folder, whole: &Path) {
     for (number, part) in (1..).zip(&parts) {
         std::fs::create_dir_all(part).unwrap();
         std::fs::copy(whole.join("journal.jsonl"), part.join("journal.jsonl")).unwrap();
-        let mut args = smoke(part);
-        args.extend(["--shard".to_owned(), format!("{number}/3")]);
-        let output = stereolux(&args);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{said}");
+        let output = run_into(part, SMOKE, &["--shard", &format!("{number}/3")]);
+        assert_success(&output);
         let of_part = Report::read(part).rows().len();
-        assert!(
-            said.contains(&format!("{of_part} of them from an earlier run")),
-            "{said}"
+        assert_says(
+            &stderr(&output),
+            &[&format!("{of_part} of them from an earlier run")],
         );
         rows += of_part;
     }
     assert_eq!(rows, Report::read(whole).rows().len());
     let merged = folder.join("merged");
     let merge = |parts: &[PathBuf]| {
-        let folders = parts.iter().map(|part| part.display().to_string());
-        let mut args = vec!["merge".to_owned()];
-        args.extend(folders);
-        args.extend(["--out".to_owned(), merged.display().to_string()]);
-        stereolux(&args)
+        let parts: Vec<&str> = parts.iter().map(|part| part.to_str().unwrap()).collect();
+        run_into(&merged, "merge", &parts)
     };
     let output = merge(&parts[..2]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2));
-    assert!(said.contains("part 3 of 3 is in none"), "{said}");
+    assert_says(&stderr(&output), &["part 3 of 3 is in none"]);
     assert!(!merged.exists());
-    assert!(merge(&parts).status.success());
-    for name in ["report.json", "report.md", "rows.csv"] {
-        let [one, other] = [whole, &merged].map(|folder| std::fs::read(folder.join(name)).unwrap());
-        assert!(one == other, "{name} differs");
-    }
+    assert_success(&merge(&parts));
+    assert!(read_all(whole) == read_all(&merged), "another report");
     assert_eq!(lines(&merged.join("journal.jsonl")), rows);
 }
 
@@ -252,11 +208,8 @@ fn figure(value: &Value) -> f64 {
 
 fn files_agree(out: &Path, report: &Report) {
     assert_eq!(report.csv.len(), report.rows().len());
-    let keys: BTreeSet<&str> = report
-        .rows()
-        .iter()
-        .map(|row| row["key"].as_str().unwrap())
-        .collect();
+    let keys = report.rows().iter().map(|row| row["key"].as_str().unwrap());
+    let keys: BTreeSet<&str> = keys.collect();
     assert_eq!(keys.len(), report.rows().len(), "keys are unique");
     let explained: Vec<&str> = report.columns.keys().map(String::as_str).collect();
     assert_eq!(explained, report.header);
@@ -264,26 +217,19 @@ fn files_agree(out: &Path, report: &Report) {
         assert!(holds.is_string(), "columns.csv says nothing of {column}");
     }
     // The page needs no other file: all addresses in it are the name of SVG itself.
-    let addresses = report.html.matches("://").count();
-    assert_eq!(
-        addresses,
-        report.html.matches("http://www.w3.org/2000/svg").count()
-    );
+    let count = |text: &str| report.html.matches(text).count();
+    assert_eq!(count("://"), count("http://www.w3.org/2000/svg"));
     for foreign in ["<img", "<link", "src=", "@import", "url("] {
         assert!(!report.html.contains(foreign), "{foreign} in report.html");
     }
     let machine = &report.json["machine"];
     for (index, row) in report.rows().iter().enumerate() {
         assert_eq!(report.csv[index].len(), report.header.len());
-        for name in [
-            "key", "suite", "group", "variant", "scene", "code", "version",
-        ] {
+        for name in words("key suite group variant scene code version") {
             assert_eq!(report.cell(index, name), row[name].as_str().unwrap());
         }
-        assert_eq!(
-            &row["machine"], machine,
-            "every row says where it was measured"
-        );
+        // Every row says where it was measured.
+        assert_eq!(&row["machine"], machine);
         assert_eq!(report.cell(index, "machine.adapter"), machine["adapter"]);
         assert!(!report.cell(index, "machine.driver").is_empty());
         assert_eq!(report.cell(index, "settings.photon.every_frame"), "true");
@@ -308,31 +254,18 @@ fn files_agree(out: &Path, report: &Report) {
             "pareto" => "variant",
             _ => "group",
         };
-        if row["factors"]["method"] != "anchor" {
-            assert!(
-                report.markdown.contains(row[shown].as_str().unwrap()),
-                "{row}"
-            );
-        }
+        let is_shown = report.markdown.contains(row[shown].as_str().unwrap());
+        assert!(is_shown || row["factors"]["method"] == "anchor", "{row}");
     }
     if machine["software_adapter"] == true {
         assert!(report.markdown.contains("**Software adapter**"));
-        let marked = report
-            .markdown
-            .lines()
-            .filter(|line| line.contains("(software adapter)"));
-        assert!(
-            marked.count() >= report.rows().len() - 3,
-            "every row's line is marked"
-        );
+        // Every row's line is marked.
+        let is_marked = |line: &&str| line.contains("(software adapter)");
+        let marked = report.markdown.lines().filter(is_marked).count();
+        assert!(marked >= report.rows().len() - 3, "{marked}");
     }
     // Each of the first four tables shows the default and what it is compared with.
-    for (number, way) in [
-        (1, "kd-tree"),
-        (2, "nearest"),
-        (3, "fused"),
-        (4, "cooperative"),
-    ] {
+    for (number, way) in (1..).zip(["kd-tree", "nearest", "fused", "cooperative"]) {
         let head = format!("### Table {number}: ");
         let (_, table) = report.markdown.split_once(&head).unwrap();
         let table = &table[..table.find("\n### ").unwrap()];
@@ -347,35 +280,26 @@ fn files_agree(out: &Path, report: &Report) {
     }
     let plots = report.json["plots"].as_array().unwrap();
     assert!(plots.len() >= 9, "{plots:?}");
-    assert!(
-        plots.contains(&"tables_cornell_0_1".into()),
-        "{plots:?}: the ways to gather are not drawn"
-    );
+    // The ways to gather are drawn.
+    assert!(plots.contains(&"tables_cornell_0_1".into()), "{plots:?}");
     for stem in plots {
         let stem = stem.as_str().unwrap();
         let svg = std::fs::read_to_string(out.join(format!("plots/{stem}.svg"))).unwrap();
-        assert!(
-            svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"),
-            "{stem}"
-        );
+        let is_whole = svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>");
+        assert!(is_whole, "{stem}");
         let picture = read_image(&out.join(format!("plots/{stem}.png"))).unwrap();
-        let dark = picture
-            .pixels
-            .iter()
-            .filter(|pixel| pixel[0] + pixel[1] + pixel[2] < 1.0);
-        assert!(dark.count() > 500, "{stem}.png is blank");
+        let is_dark = |pixel: &&[f32; 3]| pixel.iter().sum::<f32>() < 1.0;
+        let dark = picture.pixels.iter().filter(is_dark).count();
+        assert!(dark > 500, "{stem}.png is blank");
         assert!(report.markdown.contains(&format!("plots/{stem}.png")));
         assert!(
             report.html.contains(svg.trim()),
             "{stem} is not in the page"
         );
     }
+    // Two files per plot and none half-written.
     let drawn = std::fs::read_dir(out.join("plots")).unwrap().count();
-    assert_eq!(
-        drawn,
-        2 * plots.len(),
-        "two files per plot and none half-written"
-    );
+    assert_eq!(drawn, 2 * plots.len());
     // The front's rows are rows, and none of them is beaten.
     for scene in report.json["analysis"]["pareto"].as_array().unwrap() {
         let front = scene["front"].as_array().unwrap();
@@ -384,13 +308,15 @@ fn files_agree(out: &Path, report: &Report) {
             assert!(keys.contains(point["key"].as_str().unwrap()));
             for row in report.rows() {
                 let beyond = |value: &Value| value.as_f64().unwrap_or(f64::INFINITY);
-                let beaten = row["suite"] == "pareto"
-                    && row["factors"]["method"] != "anchor"
-                    && row["scene"] == scene["scene"]
-                    && beyond(&row["timing"]["ms"]["frame"]["median"]) < beyond(&point["ms"])
-                    && beyond(&row["errors"]["left"]["rel_mse"]["value"])
-                        < beyond(&point["rel_mse"]);
-                assert!(!beaten, "{} beats {point}", row["variant"]);
+                let (ms, error) = (
+                    &row["timing"]["ms"]["frame"]["median"],
+                    &row["errors"]["left"]["rel_mse"]["value"],
+                );
+                let takes_part = row["suite"] == "pareto" && row["factors"]["method"] != "anchor";
+                let is_faster = beyond(ms) < beyond(&point["ms"]);
+                let is_truer = beyond(error) < beyond(&point["rel_mse"]);
+                let beats = takes_part && row["scene"] == scene["scene"] && is_faster && is_truer;
+                assert!(!beats, "{} beats {point}", row["variant"]);
             }
         }
     }
@@ -399,48 +325,25 @@ fn files_agree(out: &Path, report: &Report) {
 /// What must hold whatever the machine: exact figures, and those that follow from how the rows are made.
 fn figures_hold(report: &Report) {
     // At IPD 0 everything is taken over, bit for bit, so the error is the same as without reuse.
-    let (off, scatter) = (
-        report.find("stereo", "ipd 0 mm", "off"),
-        report.find("stereo", "ipd 0 mm", "scatter"),
-    );
+    let [off, scatter] = ["off", "scatter"].map(|way| report.find("stereo", "ipd 0 mm", way));
+    let rel_mse = |row: &Value, eye: &str| row["errors"][eye]["rel_mse"].clone();
+    let ratio = |row: &Value, part: &str| row["errors"][part]["rel_mse_ratio"]["median"].clone();
     assert_eq!(scatter["stereo"]["reuse_fraction"]["median"], 1.0);
     assert_eq!(scatter["stereo"]["filled"], 0.0);
-    assert_eq!(
-        scatter["errors"]["right"]["rel_mse"],
-        off["errors"]["right"]["rel_mse"]
-    );
-    assert_eq!(
-        scatter["errors"]["right_reused"]["rel_mse_ratio"]["median"],
-        1.0
-    );
-    assert_eq!(
-        off["errors"]["left"]["rel_mse"],
-        off["errors"]["right"]["rel_mse"]
-    );
+    assert_eq!(rel_mse(scatter, "right"), rel_mse(off, "right"));
+    assert_eq!(ratio(scatter, "right_reused"), 1.0);
+    assert_eq!(rel_mse(off, "left"), rel_mse(off, "right"));
     // Both eyes' errors agree where the eyes are one.
     assert_eq!(scatter["stereo"]["binocular_rel_mse"]["value"], 0.0);
     // Apart, filled pixels are rendered as without reuse, and reused ones are lit by other samples.
     let apart = report.find("stereo", "ipd 63 mm", "scatter");
-    assert_eq!(
-        apart["errors"]["right_filled"]["rel_mse_ratio"]["median"],
-        1.0
-    );
-    assert_ne!(
-        apart["errors"]["right_reused"]["rel_mse_ratio"]["median"],
-        1.0
-    );
+    assert_eq!(ratio(apart, "right_filled"), 1.0);
+    assert_ne!(ratio(apart, "right_reused"), 1.0);
     let stereo = &apart["stereo"];
-    let because: f64 = stereo["because"]
-        .as_object()
-        .unwrap()
-        .values()
-        .map(figure)
-        .sum();
-    assert_eq!(because, figure(&stereo["filled"]));
-    assert!(
-        figure(&stereo["binocular_pairs"]) > 100.0,
-        "most pixels have a partner"
-    );
+    let because = stereo["because"].as_object().unwrap().values().map(figure);
+    assert_eq!(because.sum::<f64>(), figure(&stereo["filled"]));
+    // Most pixels have a partner.
+    assert!(figure(&stereo["binocular_pairs"]) > 100.0);
     // Sixteen samples a reference are too few, and it says so.
     assert_eq!(apart["errors"]["right"]["reference_settled"], false);
     assert!(report.markdown.contains("NO: stopped at the cap"));
@@ -455,44 +358,17 @@ fn figures_hold(report: &Report) {
 fn work_states_a_frame_of_each_method_and_explains_its_columns() {
     let folder = Folder::new("bench-work");
     let out = folder.join("out");
-    let args = [
-        "bench",
-        "work",
-        "--size",
-        "16x16",
-        "--scene",
-        "builtin:cornell",
-    ];
-    let more = [
-        "--set",
-        "photon.count=512",
-        "--adapter",
-        adapter_name(),
-        "--out",
-    ];
-    let all: Vec<&str> = args
-        .into_iter()
-        .chain(more)
-        .chain([out.to_str().unwrap()])
-        .collect();
-    let output = stereolux(&all);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    let command = "bench work --size 16x16 --scene builtin:cornell --set photon.count=512";
+    assert_success(&run_into(&out, command, &[]));
     let table = std::fs::read_to_string(out.join("rows.csv")).unwrap();
     let rows: Vec<Vec<String>> = table.lines().map(fields).collect();
     let column = |name: &str| rows[0].iter().position(|cell| cell == name).unwrap();
     let number = |row: &[String], name: &str| row[column(name)].parse::<f64>().unwrap();
-    let columns: Value =
-        serde_json::from_slice(&std::fs::read(out.join("columns.json")).unwrap()).unwrap();
+    let columns = json(&out.join("columns.json"));
     assert!(rows[0].iter().all(|name| columns[name].is_string()));
     for method in ["photon", "path"] {
-        let of_method: Vec<&Vec<String>> = rows[1..]
-            .iter()
-            .filter(|row| row[column("method")] == method)
-            .collect();
+        let is_of_method = |row: &&Vec<String>| row[column("method")] == method;
+        let of_method: Vec<&Vec<String>> = rows[1..].iter().filter(is_of_method).collect();
         let (all, passes) = of_method.split_first().unwrap();
         assert_eq!(all[column("pass")], "all");
         assert!(passes.len() > 10, "{method}: {}", passes.len());
@@ -500,27 +376,17 @@ fn work_states_a_frame_of_each_method_and_explains_its_columns() {
             let sum: f64 = passes.iter().map(|row| number(row, name)).sum();
             let whole = number(all, name);
             // Cells are rounded to a whole number, times to 1e-4 ms.
-            assert!(
-                whole > 0.0 && (whole - sum).abs() <= 0.5 * passes.len() as f64,
-                "{method} {name}"
-            );
+            let off = (whole - sum).abs();
+            let is_sum = off <= 0.5 * passes.len() as f64;
+            assert!(whole > 0.0 && is_sum, "{method} {name}");
         }
         // A primary ray per pixel of the headset, 2,064 by 2,208, whatever size was counted.
-        let primary = if method == "photon" {
-            "left.first_hits"
-        } else {
-            "left.path_trace"
-        };
-        let first = passes
-            .iter()
-            .find(|row| row[column("pass")] == primary)
-            .unwrap();
+        let primary = ["left.path_trace", "left.first_hits"][usize::from(method == "photon")];
+        let is_primary = |row: &&&Vec<String>| row[column("pass")] == primary;
+        let first = passes.iter().find(is_primary).unwrap();
         assert!(number(first, "rays") >= 2064.0 * 2208.0, "{first:?}");
         assert!(number(first, "code_instructions") > 0.0);
     }
     let report = std::fs::read_to_string(out.join("report.md")).unwrap();
-    assert!(
-        report.contains("Counted at 16x16") && report.contains("2064x2208"),
-        "{report}"
-    );
+    assert_says(&report, &["Counted at 16x16", "2064x2208"]);
 }

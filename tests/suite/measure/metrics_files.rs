@@ -1,76 +1,9 @@
-//! `compare` on files: the numbers, the limit, the mask, and what cannot be compared.
+//! `compare`'s page: its pictures and values, and what has none.
 
 use base64::prelude::{BASE64_STANDARD, Engine as _};
-use stereolux::images::{Image, ImageRgb, tone_map, write_exr, write_png};
-use stereolux::limits::LoadLimits;
-use stereolux::metrics::{FlipView, compare_files};
+use stereolux::images::{Image, tone_map, write_exr};
 
-use super::support::{Folder, stereolux};
-
-#[test]
-fn files_are_compared_and_faults_named() {
-    let folder = Folder::new("metrics");
-    let path = |name: &str| folder.join(name);
-    let plane = |value: f32| Image::filled(24, 16, [value; 3]).unwrap();
-    let save = |name: &str, image: &ImageRgb| write_exr(&path(name), image).unwrap();
-    save("two.exr", &plane(2.0));
-    save("three.exr", &plane(3.0));
-    save("other-size.exr", &Image::filled(16, 24, [2.0; 3]).unwrap());
-    // White on the left half.
-    let mask = (0..24 * 16)
-        .map(|i| if i % 24 < 12 { [255; 3] } else { [0; 3] })
-        .collect();
-    write_png(&path("mask.png"), &Image::new(24, 16, mask).unwrap()).unwrap();
-    let (view, limits) = (FlipView::default(), LoadLimits::default());
-
-    let same = compare_files(&path("two.exr"), &path("two.exr"), None, view, limits).unwrap();
-    assert_eq!((same.rel_mse, same.rmse, same.flip), (Some(0.0), 0.0, 0.0));
-
-    // r = 2, x = 3, s = 4: 1 / (4 + 0.04).
-    let wrong = compare_files(
-        &path("three.exr"),
-        &path("two.exr"),
-        Some(&path("mask.png")),
-        view,
-        limits,
-    )
-    .unwrap();
-    assert!((wrong.rel_mse.unwrap() - 1.0 / 4.04).abs() < 1e-12);
-    assert_eq!(wrong.pixels, 12 * 16);
-    assert!(wrong.exceeds(0.24) && !wrong.exceeds(0.25));
-
-    let json = serde_json::to_value(&wrong).unwrap();
-    for key in [
-        "rel_mse",
-        "rel_mse_se",
-        "rmse",
-        "rmse_se",
-        "mean_rel_bias",
-        "mean_rel_bias_se",
-        "flip",
-        "flip_se",
-        "width",
-        "height",
-        "pixels",
-        "non_finite",
-    ] {
-        assert!(json[key].is_number(), "{key} in {json}");
-    }
-
-    for (image, says) in [
-        ("other-size.exr", "[16, 24]"),
-        ("missing.exr", "missing.exr"),
-        ("mask.png/x", "mask.png"),
-    ] {
-        let message = compare_files(&path(image), &path("two.exr"), None, view, limits)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains(says) && !message.contains('\n'),
-            "{message}"
-        );
-    }
-}
+use super::support::{Folder, assert_says, assert_success, printed, stderr, stereolux};
 
 /// The picture that a page has under `element`, as RGB bytes.
 fn inline_picture(page: &str, element: &str) -> image::RgbImage {
@@ -97,13 +30,12 @@ fn a_page_holds_both_pictures_and_their_values() {
     }
     let plain = ["compare", &path("image.exr"), &path("reference.exr")];
     let alone = stereolux(&plain);
-    assert!(alone.status.success());
+    assert_success(&alone);
     let report = path("new/page");
     let output = stereolux(&[&plain[..], &["--report", &report, "--exposure", "2"]].concat());
-    assert!(output.status.success(), "{output:?}");
+    assert_success(&output);
     // FLIP depends on the exposure, all else stays.
-    let [alone, output] = [alone, output]
-        .map(|output| serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap());
+    let [alone, output] = [alone, output].map(|output| printed(&output));
     assert_eq!(alone["rel_mse"], output["rel_mse"]);
     let keys = |json: &serde_json::Value| json.as_object().unwrap().keys().cloned().collect();
     let [alone, output]: [Vec<String>; 2] = [&alone, &output].map(keys);
@@ -134,11 +66,8 @@ fn a_page_holds_both_pictures_and_their_values() {
         }
     }
     // Green is darker by 0.25 everywhere, and nothing else differs: the end of the map, and its middle.
-    for (name, color) in [
-        ("red", [255; 3]),
-        ("green", [0, 114, 178]),
-        ("blue", [255; 3]),
-    ] {
+    let white = [255; 3];
+    for (name, color) in [("red", white), ("green", [0, 114, 178]), ("blue", white)] {
         let map = inline_picture(&page, &format!("alt=\"difference of {name}\""));
         assert!(map.pixels().all(|pixel| pixel.0 == color), "{name}");
     }
@@ -163,12 +92,10 @@ fn a_page_that_cannot_be_made_is_one_line_and_no_file() {
     ] {
         let (image, reference) = (path("a.exr"), path(reference));
         let output = stereolux(&["compare", &image, &reference, "--report", report]);
-        let message = String::from_utf8(output.stderr).unwrap();
+        let message = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{message}");
-        assert!(
-            message.contains(says) && message.lines().count() == 1,
-            "{message}"
-        );
+        assert_says(&message, &[says]);
+        assert_eq!(message.lines().count(), 1, "{message}");
         assert!(output.stdout.is_empty());
     }
     assert_eq!(folder.files(), ["a.exr", "wider.exr"]);

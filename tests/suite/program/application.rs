@@ -1,6 +1,7 @@
 //! Applications as their users write them: the examples run, what they change is seen, and a recording drives them
 //! through the same frames.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -14,6 +15,7 @@ use stereolux::{Fov, Headset, ImageRgb8, Motion, RenderSettings, Scene, Simulate
 
 use super::gallery_tour_example::{self as gallery_tour, Tour};
 use super::minimal_example::{self as minimal, PickUp};
+use super::support::{assert_says, exrs, words};
 use super::{own_loop_example, support, template};
 
 /// The example's last picture of so many frames, its head held still.
@@ -44,44 +46,23 @@ fn a_loop_of_ones_own_shows_what_turns() {
 
 /// Runs an application at little cost, with more arguments; images of every frame go to `out`.
 pub fn run(app: &mut dyn App, defaults: &[&str], out: &Path, more: &[&str]) -> ExitCode {
-    let out = out.to_str().unwrap();
-    let adapter = support::adapter_name();
-    let fixed = [
-        "application",
-        "--session=simulated",
-        "--size=32x32",
-        "--photons=2048",
-        "--adapter",
-        adapter,
-        "--out",
-        out,
-        "--headset=symmetric",
-    ];
+    let mut args = words("application --size=32x32 --photons=2048 --headset=symmetric");
+    args.extend(["--adapter", support::adapter_name()]);
+    args.extend(["--out", out.to_str().unwrap()]);
     // A replay brings its own views.
-    let fixed = fixed.iter().filter(|word| {
-        let replays = more.iter().any(|word| word.starts_with("--trace"));
-        !(replays && word.starts_with("--session"))
-    });
-    let args = fixed.chain(more).map(std::ffi::OsString::from);
-    run_app_with(app, defaults, args)
+    let replays = more.iter().any(|word| word.starts_with("--trace"));
+    args.extend((!replays).then_some("--session=simulated"));
+    args.extend(more);
+    run_app_with(app, defaults, args.into_iter().map(OsString::from))
+}
+
+/// As [`run`], and it succeeds.
+pub fn run_well(app: &mut dyn App, defaults: &[&str], out: &Path, more: &[&str]) {
+    assert_eq!(run(app, defaults, out, more), ExitCode::SUCCESS);
 }
 
 pub fn with_trace(word: &str, path: &Path) -> String {
     format!("--{word}={}", path.display())
-}
-
-/// Every EXR file in the folder, by name.
-fn images(folder: &Path) -> Vec<(String, Vec<u8>)> {
-    let files = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
-    let mut images: Vec<_> = files
-        .filter(|file| file.path().extension().is_some_and(|kind| kind == "exr"))
-        .map(|file| {
-            let name = file.file_name().into_string().unwrap();
-            (name, std::fs::read(file.path()).unwrap())
-        })
-        .collect();
-    images.sort();
-    images
 }
 
 /// The left eye's radiance in a frame: files of other frames differ by their attributes alone.
@@ -95,34 +76,22 @@ pub fn replays_to_the_bit<A: App + Default>(name: &str, defaults: &[&str], frame
     let folder = support::Folder::new(name);
     let [first, second, trace] =
         ["first", "second", "trace.jsonl"].map(|name| folder.path().join(name));
-    let recorded = run(
-        &mut A::default(),
-        defaults,
-        &first,
-        &[&with_trace("record", &trace), &format!("--frames={frames}")],
-    );
-    assert_eq!(recorded, ExitCode::SUCCESS);
+    let record = [
+        &*with_trace("record", &trace),
+        &format!("--frames={frames}"),
+    ];
+    run_well(&mut A::default(), defaults, &first, &record);
     // Without the hands' script: all that drives it is the recording.
-    let bare: Vec<&str> = defaults
-        .iter()
-        .copied()
-        .filter(|word| !word.contains("simulated.") && !word.starts_with("--motion"))
-        .collect();
-    let replayed = run(
-        &mut A::default(),
-        &bare,
-        &second,
-        &[&with_trace("trace", &trace)],
-    );
-    assert_eq!(replayed, ExitCode::SUCCESS);
-    let [recorded, replayed] = [&first, &second].map(|folder| images(folder));
+    let mut bare = defaults.to_vec();
+    bare.retain(|word| !word.contains("simulated.") && !word.starts_with("--motion"));
+    let replay = [&*with_trace("trace", &trace)];
+    run_well(&mut A::default(), &bare, &second, &replay);
+    let [recorded, replayed] = [&first, &second].map(|folder| exrs(folder));
     assert_eq!(recorded.len(), 2 * frames);
     assert!(recorded == replayed, "a replay has other images");
     // Without the application the same frame is another.
     let idle = folder.join("idle");
-    let mut nothing = Changes(|_, _| Ok(()));
-    let replayed = run(&mut nothing, &bare, &idle, &[&with_trace("trace", &trace)]);
-    assert_eq!(replayed, ExitCode::SUCCESS);
+    run_well(&mut nothing(), &bare, &idle, &replay);
     assert_ne!(left(&idle, frames - 1), left(&first, frames - 1));
 }
 
@@ -174,15 +143,9 @@ fn what_a_simulated_hand_grabs_goes_where_the_hand_goes() {
         node: "short block",
         seen: Vec::new(),
     };
-    let silent = [
-        "--frames=12",
-        "--set=output.images=false",
-        "--set=simulated.hands=examples/minimal_hands.toml",
-    ];
-    assert_eq!(
-        run(&mut app, minimal::DEFAULTS, folder.path(), &silent),
-        ExitCode::SUCCESS
-    );
+    let hands = "--set=simulated.hands=examples/minimal_hands.toml";
+    let silent = ["--frames=12", "--set=output.images=false", hands];
+    run_well(&mut app, minimal::DEFAULTS, folder.path(), &silent);
     assert_eq!(app.seen.len(), 12);
     let whole = DVec3::new(0.1, 0.2, 0.05);
     for (frame, (grip, block)) in app.seen.iter().enumerate() {
@@ -190,18 +153,13 @@ fn what_a_simulated_hand_grabs_goes_where_the_hand_goes() {
         let share = ((seconds - 0.04) / 0.05).clamp(0.0, 1.0);
         let expected = whole * share;
         let moved = block.translation;
-        assert!(
-            (moved - expected).length() < 1e-6,
-            "frame {frame}: {moved}, not {expected}"
-        );
+        let off = (moved - expected).length();
+        assert!(off < 1e-6, "frame {frame}: {moved}, not {expected}");
         // The hand goes on alone.
         let hand_moved = *grip - app.seen[2].0;
-        let is_alone = (hand_moved - moved).length() > 1e-3;
-        assert_eq!(
-            is_alone,
-            !(2..=8).contains(&frame),
-            "frame {frame}: {hand_moved}, {moved}"
-        );
+        let is_held = (hand_moved - moved).length() <= 1e-3;
+        let what = format!("frame {frame}: {hand_moved}, {moved}");
+        assert_eq!(is_held, (2..=8).contains(&frame), "{what}");
     }
 }
 
@@ -214,16 +172,34 @@ impl App for Changes {
     }
 }
 
-const STILL: &[&str] = &[
-    "--scene=builtin:cornell",
+/// Leaves the scene alone.
+fn nothing() -> Changes {
+    Changes(|_, _| Ok(()))
+}
+
+/// A head at rest and frames without history.
+pub const RAW: [&str; 4] = [
     "--motion=still",
-    "--frames=4",
     "--set=reconstruct.taa=false",
     "--set=reconstruct.svgf=false",
     "--set=reconstruct.still=false",
-    // Photons of a frame are the same whenever the renderer was made.
-    "--set=photon.every_frame=true",
 ];
+/// Photons of a frame are the same whenever the renderer was made.
+pub const EVERY_FRAME: &str = "--set=photon.every_frame=true";
+
+/// Four frames of the box; images go to `out`.
+fn run_still(app: &mut dyn App, out: &Path, more: &[&str]) -> ExitCode {
+    let still = ["--scene=builtin:cornell", "--frames=4", EVERY_FRAME];
+    run(app, &[&still[..], &RAW].concat(), out, more)
+}
+
+/// Which of the four frames an application changes.
+fn shows_change(folder: &support::Folder, app: &mut dyn App) -> [bool; 4] {
+    let [with, without] = ["with", "without"].map(|name| folder.join(name));
+    assert_eq!(run_still(app, &with, &[]), ExitCode::SUCCESS);
+    assert_eq!(run_still(&mut nothing(), &without, &[]), ExitCode::SUCCESS);
+    [0, 1, 2, 3].map(|frame| left(&with, frame) != left(&without, frame))
+}
 
 /// Glass is not compiled in for the box: the change shows one frame later, as the renderer's that knew it from the start.
 #[test]
@@ -237,19 +213,11 @@ fn what_needs_compiling_shows_one_frame_later() {
     let [late, early] = ["late", "early"].map(|name| folder.path().join(name));
     let mut from_second = Changes(|frame, world| if frame == 1 { glass(world) } else { Ok(()) });
     let mut from_first = Changes(|frame, world| if frame == 0 { glass(world) } else { Ok(()) });
-    assert_eq!(run(&mut from_second, STILL, &late, &[]), ExitCode::SUCCESS);
-    assert_eq!(run(&mut from_first, STILL, &early, &[]), ExitCode::SUCCESS);
-    assert_eq!(left(&late, 0), left(&early, 0));
-    let [late_first, early_first] = [left(&late, 1), left(&early, 1)];
-    assert!(
-        late_first != early_first,
-        "the change of frame 0 shows in frame 1"
-    );
-    let [late_second, early_second] = [left(&late, 2), left(&early, 2)];
-    assert!(
-        late_second == early_second,
-        "the change of frame 1 shows in frame 2"
-    );
+    assert_eq!(run_still(&mut from_second, &late, &[]), ExitCode::SUCCESS);
+    assert_eq!(run_still(&mut from_first, &early, &[]), ExitCode::SUCCESS);
+    // The change of frame 0 shows in frame 1, that of frame 1 in frame 2.
+    let are_same = [0, 1, 2].map(|frame| left(&late, frame) == left(&early, frame));
+    assert_eq!(are_same, [true, false, true]);
 }
 
 /// Quality by what no recording holds: which frames are expensive, as an application that times them would find.
@@ -290,81 +258,69 @@ fn quality_is_recorded_and_replayed_to_the_bit() {
     let mut steered = Steered {
         expensive: |frame| matches!(frame, 2 | 3 | 5),
     };
-    let more = ["--frames=7", "--motion=sway"].map(str::to_owned);
+    let more = ["--frames=7", "--motion=sway"];
     let trace = at("trace.jsonl");
-    let record = [&more[..], &[with_trace("record", &trace)]].concat();
-    let record: Vec<&str> = record.iter().map(String::as_str).collect();
     let first = at("first");
-    assert_eq!(
-        run(&mut steered, &scene, &first, &record),
-        ExitCode::SUCCESS
+    run_well(
+        &mut steered,
+        &scene,
+        &first,
+        &[&more[..], &[&*with_trace("record", &trace)]].concat(),
     );
     let sizes = (0..7).map(|frame| left(&first, frame).len());
     let [all, quarter] = [32 * 32, 16 * 16];
     assert!(sizes.eq([all, all, quarter, quarter, all, quarter, all]));
     let text = std::fs::read_to_string(&trace).unwrap();
-    let told: Vec<bool> = text
-        .lines()
-        .map(|line| line.contains("\"quality\":"))
-        .collect();
     // The header, then frames: the first, and those from which on it is another.
-    assert_eq!(told, [false, true, false, true, false, true, true, true]);
+    let told = text.lines().map(|line| line.contains("\"quality\":"));
+    assert!(told.eq([false, true, false, true, false, true, true, true]));
     let replay = |app: &mut dyn App, trace: &Path, name: &str| {
         let again = at(&format!("{name}.jsonl"));
         let words = [with_trace("trace", trace), with_trace("record", &again)];
-        let replayed = run(
+        run_well(
             app,
             &scene,
             &at(name),
             &words.each_ref().map(String::as_str),
         );
-        assert_eq!(replayed, ExitCode::SUCCESS);
-        (images(&at(name)), std::fs::read_to_string(&again).unwrap())
+        (exrs(&at(name)), std::fs::read_to_string(&again).unwrap())
     };
     let mut other = Steered {
         expensive: |frame| frame % 2 == 0,
     };
-    let mut idle = Changes(|_, _| Ok(()));
+    let mut idle = nothing();
     for (app, name) in [(&mut other as &mut dyn App, "other"), (&mut idle, "idle")] {
         let (replayed, again) = replay(app, &trace, name);
-        assert!(replayed == images(&first), "{name}: other images");
+        assert!(replayed == exrs(&first), "{name}: other images");
         assert!(again == text, "{name}: another recording");
     }
     // A change that is not applied is seen: here that of frame 5, of which only the size is taken back, or the photons.
     for (name, from, to) in [
-        (
-            "size",
-            "\"resolution_scale\":0.5",
-            "\"resolution_scale\":1.0",
-        ),
-        (
-            "photons",
-            "\"photons_per_frame\":1024",
-            "\"photons_per_frame\":2048",
-        ),
-        ("passes", "\"filter_passes\":1", "\"filter_passes\":4"),
-        ("reuse", "\"reuse\":false", "\"reuse\":true"),
+        ("resolution_scale", "0.5", "1.0"),
+        ("photons_per_frame", "1024", "2048"),
+        ("filter_passes", "1", "4"),
+        ("reuse", "false", "true"),
     ] {
+        let [from, to] = [from, to].map(|value| format!("\"{name}\":{value}"));
         let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-        assert!(lines[6].contains(from), "{}", lines[6]);
-        lines[6] = lines[6].replace(from, to);
+        assert_says(&lines[6], &[&from]);
+        lines[6] = lines[6].replace(&from, &to);
         let changed = at(&format!("changed_{name}.jsonl"));
         std::fs::write(&changed, lines.join("\n") + "\n").unwrap();
-        replay(&mut idle, &changed, &format!("without_{name}"));
-        let differs: Vec<usize> = (0..7)
-            .filter(|frame| left(&at(&format!("without_{name}")), *frame) != left(&first, *frame))
-            .collect();
+        let without = format!("without_{name}");
+        replay(&mut idle, &changed, &without);
+        let differs = |frame: &usize| left(&at(&without), *frame) != left(&first, *frame);
         // Also of reuse: filtered light is shared between the eyes.
-        assert_eq!(differs.first(), Some(&5), "{name}");
+        assert_eq!((0..7).find(differs), Some(5), "{name}");
     }
     // A recording without any leaves it to the application.
     let plain = at("plain.jsonl");
-    let record = [&more[..], &[with_trace("record", &plain)]].concat();
-    let record: Vec<&str> = record.iter().map(String::as_str).collect();
+    let record = with_trace("record", &plain);
+    let record = [&more[..], &[&*record]].concat();
     run(&mut idle, &scene, &at("plain"), &record);
     assert!(!std::fs::read_to_string(&plain).unwrap().contains("quality"));
     let (replayed, _) = replay(&mut steered, &plain, "steered");
-    assert!(replayed == images(&first));
+    assert!(replayed == exrs(&first));
 }
 
 #[test]
@@ -376,30 +332,23 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
         }
         Ok(())
     });
-    assert_eq!(
-        run(&mut quits, STILL, folder.path(), &[]),
-        ExitCode::SUCCESS
-    );
-    assert_eq!(images(folder.path()).len(), 4);
+    let ended = |app: &mut dyn App, more: &[&str]| run_still(app, folder.path(), more);
+    assert_eq!(ended(&mut quits, &[]), ExitCode::SUCCESS);
+    assert_eq!(exrs(folder.path()).len(), 4);
     let mut fails = Changes(|frame, world| {
         if frame == 1 {
             world.node("tall blok")?;
         }
         Ok(())
     });
-    assert_eq!(
-        run(&mut fails, STILL, folder.path(), &[]),
-        ExitCode::from(1)
-    );
-    assert_eq!(images(folder.path()).len(), 2);
+    assert_eq!(ended(&mut fails, &[]), ExitCode::from(1));
+    assert_eq!(exrs(folder.path()).len(), 2);
     struct Lacks;
     impl App for Lacks {
         fn start(&mut self, world: &mut World) -> Result<(), AppError> {
             let error = world.node("tall blok").unwrap_err().to_string();
-            assert_eq!(
-                error,
-                "the scene has no node 'tall blok'; the nearest is 'tall block'"
-            );
+            let nearest = "the scene has no node 'tall blok'; the nearest is 'tall block'";
+            assert_eq!(error, nearest);
             world.node("tall blok")?;
             Ok(())
         }
@@ -407,12 +356,9 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
             Ok(())
         }
     }
-    assert_eq!(
-        run(&mut Lacks, STILL, folder.path(), &[]),
-        ExitCode::from(2)
-    );
-    let flag = run(&mut Lacks, STILL, folder.path(), &["--speed=3"]);
-    assert_eq!(flag, ExitCode::from(2));
+    for more in [&[][..], &["--speed=3"]] {
+        assert_eq!(ended(&mut Lacks, more), ExitCode::from(2), "{more:?}");
+    }
 }
 
 /// A file is loaded in frame 0, shown in frame 1 and taken out in frame 3: frame 1 has it, and frame 3 is the untouched one.
@@ -453,15 +399,8 @@ fn a_file_is_loaded_on_a_thread_and_comes_and_goes() {
         }
     }
     let folder = support::Folder::new("part_application");
-    let [with, without] = ["with", "without"].map(|name| folder.join(name));
-    let mut nothing = Changes(|_, _| Ok(()));
-    assert_eq!(
-        run(&mut Comes::default(), STILL, &with, &[]),
-        ExitCode::SUCCESS
-    );
-    assert_eq!(run(&mut nothing, STILL, &without, &[]), ExitCode::SUCCESS);
-    let shows_change = |frame| left(&with, frame) != left(&without, frame);
-    assert_eq!([0, 1, 2, 3].map(shows_change), [false, true, true, false]);
+    let changed = shows_change(&folder, &mut Comes::default());
+    assert_eq!(changed, [false, true, true, false]);
 }
 
 /// Instances that come and go, nodes that are hidden, edits that cannot be.
@@ -492,13 +431,9 @@ fn the_world_changes_by_name_and_refuses_what_cannot_be() {
         }
         Ok(())
     });
-    assert_eq!(run(&mut app, STILL, folder.path(), &[]), ExitCode::SUCCESS);
-    let untouched = folder.join("untouched");
-    let mut nothing = Changes(|_, _| Ok(()));
-    assert_eq!(run(&mut nothing, STILL, &untouched, &[]), ExitCode::SUCCESS);
-    let shows_change = |frame| left(folder.path(), frame) != left(&untouched, frame);
     // What was undone leaves nothing behind.
-    assert_eq!([0, 1, 2, 3].map(shows_change), [false, true, false, false]);
+    let changed = shows_change(&folder, &mut app);
+    assert_eq!(changed, [false, true, false, false]);
 }
 
 /// What `stereolux new` writes, and its recording replayed by its own code: the cube goes with the hand. Cargo's part, building the crate, is not repeated here: it takes minutes.
@@ -507,31 +442,25 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
     let folder = support::Folder::new("new-crate");
     let made = folder.join("my-app");
     let new = |more: &[&str]| {
-        let mut args = vec!["new", made.to_str().unwrap()];
-        args.extend(more);
-        support::stereolux(&args)
+        let args = ["new", made.to_str().unwrap()];
+        support::stereolux(&[&args[..], more].concat())
     };
     let checkout = env!("CARGO_MANIFEST_DIR");
-    let refused = [
-        vec!["--path", "nowhere"],
-        vec!["--path", concat!(env!("CARGO_MANIFEST_DIR"), "/crates/bvh")],
-    ];
-    for more in refused {
-        let output = new(&more);
+    for path in [
+        "nowhere",
+        concat!(env!("CARGO_MANIFEST_DIR"), "/crates/bvh"),
+    ] {
+        let output = new(&["--path", path]);
         assert_eq!(output.status.code(), Some(2));
-        assert_eq!(String::from_utf8_lossy(&output.stderr).lines().count(), 1);
+        assert_eq!(support::stderr(&output).lines().count(), 1);
         assert!(!made.exists());
     }
     assert_eq!(new(&["--path", checkout]).status.code(), Some(0));
-    let manifest: toml::Table = std::fs::read_to_string(made.join("Cargo.toml"))
-        .unwrap()
-        .parse()
-        .unwrap();
+    let manifest = std::fs::read_to_string(made.join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = manifest.parse().unwrap();
     assert_eq!(manifest["package"]["name"].as_str(), Some("my-app"));
-    assert_eq!(
-        manifest["dependencies"]["stereolux"]["path"].as_str(),
-        Some(checkout)
-    );
+    let path = &manifest["dependencies"]["stereolux"]["path"];
+    assert_eq!(path.as_str(), Some(checkout));
     assert!(made.join("Cargo.lock").is_file() && made.join(".gitignore").is_file());
     let test = std::fs::read_to_string(made.join("tests/replay.rs")).unwrap();
     assert!(test.contains("CARGO_BIN_EXE_my-app"));
@@ -541,13 +470,10 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
         let output = support::stereolux(&["new", folder.join(name).to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{name}");
     }
-    assert_eq!(
-        folder
-            .files()
-            .iter()
-            .filter(|file| file.contains(".part"))
-            .count(),
-        0
+    let files = folder.files();
+    assert!(
+        !files.iter().any(|file| file.contains(".part")),
+        "{files:?}"
     );
 
     let [scene, trace] = ["scene.gltf", "recording.jsonl"].map(|name| made.join(name));
@@ -558,14 +484,11 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
         seen: Vec::new(),
     };
     let scene = with_trace("scene", &scene);
-    let replayed = run(&mut app, &[&scene], &out, &[&with_trace("trace", &trace)]);
-    assert_eq!(replayed, ExitCode::SUCCESS);
+    run_well(&mut app, &[&scene], &out, &[&with_trace("trace", &trace)]);
     let place = |frame: usize| app.seen[frame].1.translation;
     // Taken at frame 3 (0.0333 s) and let go at 14 (0.156 s), when the hand has gone all its way, by 0.14 s.
     let moved = place(15) - place(0);
-    assert!(
-        (moved - DVec3::new(0.4, 0.1, 0.0)).length() < 1e-6,
-        "{moved}"
-    );
+    let off = (moved - DVec3::new(0.4, 0.1, 0.0)).length();
+    assert!(off < 1e-6, "{moved}");
     assert_eq!(place(2), place(0));
 }

@@ -7,7 +7,19 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use stereolux::images::read_image;
 
-use crate::suite::support::{Folder, assert_success, json, run_into, stats, stderr, stereolux};
+use crate::suite::support::{
+    Folder, assert_says, assert_success, json, printed, run_into, stats, stderr, stereolux, words,
+};
+
+/// What a run of one frame leaves, by name.
+pub const ONE_FRAME: [&str; 6] = [
+    "frame_0000.png",
+    "frame_0000_left.exr",
+    "frame_0000_reuse.png",
+    "frame_0000_right.exr",
+    "run.json",
+    "stats.jsonl",
+];
 
 fn render(folder: &Folder, args: &[&str]) -> Output {
     render_into(&folder.join("out"), args)
@@ -33,39 +45,29 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
         )
     };
     let mesh = |position: &str, count: &str| {
-        gltf(
-            r#"[{"mesh":0}]"#,
-            &format!(
-                r#","meshes":[{{"primitives":[{{"attributes":{{"POSITION":{position}}}}}]}}],
-                "accessors":[{{"bufferView":0,"componentType":5126,"count":{count},"type":"VEC3"}}],
-                "bufferViews":[{{"buffer":0,"byteLength":36}}],
-                "buffers":[{{"byteLength":36,"uri":"nan.bin"}}]"#
-            ),
-        )
+        let more = format!(
+            r#","meshes":[{{"primitives":[{{"attributes":{{"POSITION":{position}}}}}]}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":{count},"type":"VEC3"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}}],
+            "buffers":[{{"byteLength":36,"uri":"nan.bin"}}]"#
+        );
+        gltf(r#"[{"mesh":0}]"#, &more)
     };
-    let nan: Vec<u8> = [f32::NAN; 9]
-        .iter()
-        .flat_map(|value| value.to_le_bytes())
-        .collect();
-    put("nan.bin", &nan);
+    put("nan.bin", [f32::NAN.to_le_bytes(); 9].as_flattened());
     let missing = folder.join("missing.glb").display().to_string();
     let directory = folder.path().display().to_string();
     let empty = put("empty.glb", b"");
     let truncated = put("truncated.glb", &glb[..glb.len() / 2]);
     let header = put("header.glb", &glb[..11]);
-    let cyclic = put(
-        "cyclic.gltf",
-        gltf(r#"[{"children":[1]},{"children":[0]}]"#, "").as_bytes(),
-    );
+    let circle = gltf(r#"[{"children":[1]},{"children":[0]}]"#, "");
+    let cyclic = put("cyclic.gltf", circle.as_bytes());
     let range = put("range.gltf", gltf(r#"[{"mesh":3}]"#, "").as_bytes());
     let accessor = put("accessor.gltf", mesh("9", "3").as_bytes());
     let not_finite = put("nan.gltf", mesh("0", "3").as_bytes());
     let huge = put("huge.gltf", mesh("0", "4611686018427387904").as_bytes());
     let head = r#"{"format":"stereolux-trace","version":1,"headset":"x","refresh_hz":90.0}"#;
-    let broken_trace = put(
-        "broken.jsonl",
-        format!("{head}\n{{\"t_ns\":0\n{head}\n").as_bytes(),
-    );
+    let broken = format!("{head}\n{{\"t_ns\":0\n{head}\n");
+    let broken_trace = put("broken.jsonl", broken.as_bytes());
     let unknown_key = put("unknown.toml", b"[photon]\ncout = 3\n");
     let syntax = put("syntax.toml", b"seed = = 3\n");
     let file = put("a-file", b"in the way");
@@ -73,88 +75,70 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
     let picture = put("picture.exr", b"no picture");
     let before = folder.files();
 
-    let cases: Vec<(Vec<&str>, &str)> = vec![
-        (vec!["render", "--scene", &missing], "missing.glb"),
-        (vec!["render", "--scene", &directory], "directory"),
-        (vec!["render", "--scene", &empty], "empty"),
-        (vec!["render", "--scene", &truncated], "truncated"),
-        (vec!["render", "--scene", &header], "header.glb"),
-        (vec!["render", "--scene", &cyclic], "cycle"),
-        (vec!["render", "--scene", &range], "nodes[0].mesh"),
-        (vec!["render", "--scene", &accessor], "accessor"),
-        (vec!["render", "--scene", &not_finite], "finite"),
-        (vec!["render", "--scene", &huge], "accessors[0]"),
-        (vec!["render", "--scene", "builtin:cornel"], "cornell"),
-        (vec!["run", "--trace", &broken_trace], "line 2"),
-        (vec!["run", "--trace", &missing], "missing.glb"),
-        (vec!["run", "--trace", &directory], "directory"),
-        (vec!["render", "--fov", "-95 40 40 -40"], "89"),
-        (vec!["render", "--fov", "40 -40 40 -40"], "left"),
-        (vec!["render", "--fov", "-40 40 40"], "--fov"),
-        (vec!["render", "--pose", "0 0 0 0 0 0 2"], "--pose"),
-        (vec!["render", "--ipd", "-1"], "--ipd"),
-        (vec!["render", "--size", "0x0"], "--size"),
-        (vec!["render", "--size", "16384x16384"], "--size"),
-        (vec!["render", "--spp", "0"], "--spp"),
-        (vec!["render", "--headset", "nonsuch"], "quest3"),
-        (vec!["render", "--set", "photon.cout=3"], "photon.count"),
+    let adapter = "no such adapter";
+    let compare_missing = format!("compare {missing}");
+    let compare_picture = format!("compare {picture}");
+    // Words, and a last one that may hold spaces.
+    let cases: [(&str, &str, &str); 48] = [
+        ("render --scene", &missing, "missing.glb"),
+        ("render --scene", &directory, "directory"),
+        ("render --scene", &empty, "empty"),
+        ("render --scene", &truncated, "truncated"),
+        ("render --scene", &header, "header.glb"),
+        ("render --scene", &cyclic, "cycle"),
+        ("render --scene", &range, "nodes[0].mesh"),
+        ("render --scene", &accessor, "accessor"),
+        ("render --scene", &not_finite, "finite"),
+        ("render --scene", &huge, "accessors[0]"),
+        ("render --scene", "builtin:cornel", "cornell"),
+        ("run --trace", &broken_trace, "line 2"),
+        ("run --trace", &missing, "missing.glb"),
+        ("run --trace", &directory, "directory"),
+        ("render --fov", "-95 40 40 -40", "89"),
+        ("render --fov", "40 -40 40 -40", "left"),
+        ("render --fov", "-40 40 40", "--fov"),
+        ("render --pose", "0 0 0 0 0 0 2", "--pose"),
+        ("render --ipd", "-1", "--ipd"),
+        ("render --size", "0x0", "--size"),
+        ("render --size", "16384x16384", "--size"),
+        ("render --spp", "0", "--spp"),
+        ("render --headset", "nonsuch", "quest3"),
+        ("render --set", "photon.cout=3", "photon.count"),
         (
-            vec!["render", "--set", "environment.path=nowhere.hdr"],
+            "render --set",
+            "environment.path=nowhere.hdr",
             "nowhere.hdr",
         ),
-        (vec!["render", "--config", &unknown_key], "unknown.toml:2"),
-        (vec!["render", "--config", &syntax], "syntax.toml:1"),
-        (vec!["render", "--config", &missing], "missing.glb"),
-        (
-            vec!["render", "--adapter", "no such adapter"],
-            "no such adapter",
-        ),
-        (
-            vec!["run", "--adapter", "no such adapter"],
-            "no such adapter",
-        ),
-        (vec!["render", "--out", &file], "--out"),
-        (vec!["run", "--out", &file, "--frames", "1"], "--out"),
-        (vec!["render", "--out", &below_file], "--out"),
-        (
-            vec!["run", "--record", &below_file, "--frames", "1"],
-            "below",
-        ),
-        (vec!["compare", &missing, &missing], "missing.glb"),
-        (vec!["compare", &picture, &picture], "picture.exr"),
-        (vec!["info", "--scene", &missing], "missing.glb"),
-        (
-            vec!["bench", "nonsuch"],
-            "tables, stereo, pareto, scaling, smoke",
-        ),
-        (vec!["bench", "smoke", "--scene", &missing], "missing.glb"),
-        (
-            vec!["bench", "stereo", "--scene", "builtin:cornel"],
-            "cornell",
-        ),
-        (vec!["bench", "smoke", "--rounds", "0"], "--rounds"),
-        (vec!["bench", "work", "--rounds", "2"], "leave --rounds out"),
-        (
-            vec!["bench", "smoke", "--reference-spp", "4"],
-            "--reference-spp",
-        ),
-        (vec!["bench", "smoke", "--size", "0x4"], "--size"),
-        (
-            vec!["bench", "smoke", "--set", "photon.cout=3"],
-            "photon.count",
-        ),
-        (vec!["bench", "smoke", "--set", "headset=nonsuch"], "quest3"),
-        (
-            vec!["bench", "smoke", "--adapter", "no such adapter"],
-            "no such adapter",
-        ),
-        (vec!["bench", "smoke", "--out", &file], "--out"),
+        ("render --config", &unknown_key, "unknown.toml:2"),
+        ("render --config", &syntax, "syntax.toml:1"),
+        ("render --config", &missing, "missing.glb"),
+        ("render --adapter", adapter, adapter),
+        ("run --adapter", adapter, adapter),
+        ("render --out", &file, "--out"),
+        ("run --frames 1 --out", &file, "--out"),
+        ("render --out", &below_file, "--out"),
+        ("run --frames 1 --record", &below_file, "below"),
+        (&compare_missing, &missing, "missing.glb"),
+        (&compare_picture, &picture, "picture.exr"),
+        ("info --scene", &missing, "missing.glb"),
+        ("bench", "nonsuch", "tables, stereo, pareto, scaling, smoke"),
+        ("bench smoke --scene", &missing, "missing.glb"),
+        ("bench stereo --scene", "builtin:cornel", "cornell"),
+        ("bench smoke --rounds", "0", "--rounds"),
+        ("bench work --rounds", "2", "leave --rounds out"),
+        ("bench smoke --reference-spp", "4", "--reference-spp"),
+        ("bench smoke --size", "0x4", "--size"),
+        ("bench smoke --set", "photon.cout=3", "photon.count"),
+        ("bench smoke --set", "headset=nonsuch", "quest3"),
+        ("bench smoke --adapter", adapter, adapter),
+        ("bench smoke --out", &file, "--out"),
     ];
     let out = folder.join("out").display().to_string();
     let mut faults = Vec::new();
-    for (args, says) in &cases {
-        let mut all = args.clone();
-        if matches!(args[0], "run" | "render" | "bench") && !args.contains(&"--out") {
+    for (command, last, says) in cases {
+        let mut all = words(command);
+        all.push(last);
+        if matches!(all[0], "run" | "render" | "bench") && !all.contains(&"--out") {
             all.extend(["--out", &out]);
         }
         let began = Instant::now();
@@ -178,18 +162,13 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
             wrong.push(format!("took {took:?}"));
         }
         if folder.files() != before {
-            wrong.push(format!(
-                "left {:?}",
-                folder
-                    .files()
-                    .into_iter()
-                    .filter(|f| !before.contains(f))
-                    .collect::<Vec<_>>()
-            ));
+            let mut left = folder.files();
+            left.retain(|file| !before.contains(file));
+            wrong.push(format!("left {left:?}"));
             let _ = std::fs::remove_dir_all(&out);
         }
         if !wrong.is_empty() {
-            faults.push(format!("{args:?}: {}: {text:?}", wrong.join(", ")));
+            faults.push(format!("{all:?}: {}: {text:?}", wrong.join(", ")));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
@@ -199,30 +178,10 @@ fn bad_input_is_one_clear_line_and_leaves_nothing() {
 #[test]
 fn a_rendering_writes_the_files_of_the_contract() {
     let folder = Folder::new("files");
-    let output = render(
-        &folder,
-        &[
-            "--fov",
-            "-40 40 40 -40",
-            "--pose",
-            "-0.278 0.273 0.8 0 0 0 1",
-            "--ipd",
-            "0.063",
-        ],
-    );
-    assert_success(&output);
-    assert_eq!(
-        folder.files(),
-        [
-            "frame_0000.png",
-            "frame_0000_left.exr",
-            "frame_0000_reuse.png",
-            "frame_0000_right.exr",
-            "run.json",
-            "stats.jsonl"
-        ]
-        .map(|name| format!("out/{name}"))
-    );
+    let eyes = ["--fov", "-40 40 40 -40", "--ipd", "0.063"];
+    let pose = ["--pose", "-0.278 0.273 0.8 0 0 0 1"];
+    assert_success(&render(&folder, &[&eyes[..], &pose].concat()));
+    assert_eq!(folder.files(), ONE_FRAME.map(|name| format!("out/{name}")));
     let out = folder.join("out");
     for (name, size) in [
         ("frame_0000_left.exr", (16, 12)),
@@ -232,76 +191,48 @@ fn a_rendering_writes_the_files_of_the_contract() {
     ] {
         let image = read_image(&out.join(name)).unwrap();
         assert_eq!((image.width, image.height), size, "{name}");
-        assert!(
-            image.pixels.iter().flatten().any(|&channel| channel > 0.0),
-            "{name} is black"
-        );
+        let is_lit = image.pixels.iter().flatten().any(|&channel| channel > 0.0);
+        assert!(is_lit, "{name} is black");
     }
-    let text = std::fs::read_to_string(out.join("stats.jsonl")).unwrap();
-    assert_eq!(text.lines().count(), 1);
-    let stats: Value = serde_json::from_str(&text).unwrap();
+    let [stats] = &stats(&out)[..] else {
+        panic!("one frame");
+    };
     assert_eq!(stats["frame"], 0);
     assert!(stats["display_time_ns"].is_i64());
     assert_eq!(stats["non_finite_pixels"], 0);
     for key in ["pass_ms", "cpu_ms"] {
         let values = stats[key].as_object().unwrap();
-        assert!(
-            !values.is_empty() && values.values().all(|ms| ms.as_f64().unwrap() >= 0.0),
-            "{key}: {values:?}"
-        );
+        let are_times = values.values().all(|ms| ms.as_f64().unwrap() >= 0.0);
+        assert!(!values.is_empty() && are_times, "{key}: {values:?}");
     }
     for key in ["emitted", "stored", "dropped"] {
         assert!(stats["photons"][key].is_u64(), "photons.{key}");
     }
     assert_eq!(stats["photons"]["emitted"], 500);
-    assert_eq!(
-        stats["photons"]["traced"], true,
-        "stats say which frames traced photons"
-    );
+    assert_eq!(stats["photons"]["traced"], true);
     let stereo = &stats["stereo"];
     for key in ["left_hits", "scattered", "reused", "filled"] {
         assert!(stereo[key].is_u64(), "stereo.{key}");
     }
-    let (reused, filled) = (
-        stereo["reused"].as_f64().unwrap(),
-        stereo["filled"].as_f64().unwrap(),
-    );
-    assert_eq!(
-        stereo["reuse_fraction"].as_f64().unwrap(),
-        reused / (reused + filled)
-    );
+    let [reused, filled] = ["reused", "filled"].map(|key| stereo[key].as_f64().unwrap());
+    let fraction = stereo["reuse_fraction"].as_f64().unwrap();
+    assert_eq!(fraction, reused / (reused + filled));
     let reasons = stereo["filled_because"].as_object().unwrap();
-    for key in [
-        "out_of_left_view",
-        "disoccluded",
-        "edge",
-        "view_dependent",
-        "gap",
-    ] {
+    for key in words("out_of_left_view disoccluded edge view_dependent gap") {
         assert!(reasons[key].is_u64(), "filled_because.{key}");
     }
-    assert_eq!(
-        reasons
-            .values()
-            .map(|count| count.as_f64().unwrap())
-            .sum::<f64>(),
-        filled
-    );
+    let because = reasons.values().map(|count| count.as_f64().unwrap());
+    assert_eq!(because.sum::<f64>(), filled);
     let run = json(&out.join("run.json"));
-    for key in [
-        "version", "adapter", "settings", "scene", "needs", "medians", "size", "session",
-    ] {
+    for key in words("version adapter settings scene needs medians size session") {
         assert!(!run[key].is_null(), "run.json lacks {key}");
     }
     assert_eq!(run["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(run["size"], serde_json::json!([16, 12]));
     assert_eq!(run["settings"]["photon"]["count"], 500);
     assert!(run["adapter"]["driver"].is_string() && run["adapter"]["name"].is_string());
-    assert!(
-        run["needs"]["left_out"].is_array() || run["needs"].get("left_out").is_some(),
-        "{}",
-        run["needs"]
-    );
+    let needs = &run["needs"];
+    assert!(needs.get("left_out").is_some(), "{needs}");
 }
 
 #[test]
@@ -323,73 +254,50 @@ fn one_eye_alone_is_the_same_picture() {
 fn runs_write_every_kth_frame_and_statistics_of_all() {
     let folder = Folder::new("every");
     let out = folder.join("out");
-    let output = run_into(
-        &out,
-        "run --session simulated --frames 5 --every 2 --size 12x8 --photons 300",
-        &[],
-    );
-    assert_success(&output);
-    let left: Vec<String> = folder
-        .files()
-        .into_iter()
-        .filter(|name| name.ends_with("_left.exr"))
-        .collect();
+    let command = "run --session simulated --frames 5 --every 2 --size 12x8 --photons 300";
+    assert_success(&run_into(&out, command, &[]));
+    let mut left = folder.files();
+    left.retain(|name| name.ends_with("_left.exr"));
     assert_eq!(
         left,
-        [
-            "out/frame_0000_left.exr",
-            "out/frame_0002_left.exr",
-            "out/frame_0004_left.exr"
-        ]
+        [0, 2, 4].map(|frame| format!("out/frame_000{frame}_left.exr"))
     );
     let frames = stats(&out);
     assert_eq!(frames.len(), 5);
     for (index, frame) in frames.iter().enumerate() {
         assert_eq!(frame["frame"], index);
-        assert_eq!(
-            frame["photons"]["traced"],
-            index == 0,
-            "static scene, photons once"
-        );
-        assert!(
-            index == 0
-                || frame["display_time_ns"].as_i64()
-                    > frames[index - 1]["display_time_ns"].as_i64()
-        );
+        // A static scene: photons once.
+        assert_eq!(frame["photons"]["traced"], index == 0);
     }
+    let times = frames.iter().map(|frame| frame["display_time_ns"].as_i64());
+    assert!(times.is_sorted_by(|a, b| a < b));
     assert_eq!(json(&out.join("run.json"))["frames"], 5);
     // Nothing half-written lies about.
-    assert!(
-        folder.files().iter().all(|name| name.ends_with(".exr")
-            || name.ends_with(".png")
-            || name.ends_with(".json")
-            || name.ends_with(".jsonl")),
-        "{:?}",
-        folder.files()
-    );
+    let files = folder.files();
+    let kinds = [".exr", ".png", ".json", ".jsonl"];
+    let is_whole = |name: &String| kinds.iter().any(|kind| name.ends_with(kind));
+    assert!(files.iter().all(is_whole), "{files:?}");
 }
 
 #[test]
 fn compare_answers_in_json_and_status() {
     let folder = Folder::new("compare");
     assert!(render(&folder, &[]).status.success());
-    let (left, right) = (
-        folder.join("out/frame_0000_left.exr"),
-        folder.join("out/frame_0000_right.exr"),
-    );
-    let (left, right) = (left.to_str().unwrap(), right.to_str().unwrap());
+    let [left, right, png] = ["_left.exr", "_right.exr", ".png"].map(|end| {
+        folder
+            .join(&format!("out/frame_0000{end}"))
+            .display()
+            .to_string()
+    });
+    let (left, right) = (&*left, &*right);
     let compare = |args: &[&str]| {
         let output = stereolux(&[&["compare"], args].concat());
-        (
-            output.status.code(),
-            serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(),
-        )
+        let said = serde_json::from_slice::<Value>(&output.stdout);
+        (output.status.code(), said.unwrap_or_default())
     };
     let (status, same) = compare(&[left, left, "--max-rel-mse", "0"]);
-    assert_eq!(
-        (status, &same["rel_mse"], &same["rmse"]),
-        (Some(0), &0.0.into(), &0.0.into())
-    );
+    assert_eq!(status, Some(0));
+    assert_eq!([&same["rel_mse"], &same["rmse"]], [0.0, 0.0]);
     let (status, other) = compare(&[left, right]);
     assert_eq!(status, Some(0), "without a limit the status says nothing");
     for key in ["rel_mse", "rmse", "mean_rel_bias", "flip"] {
@@ -398,12 +306,7 @@ fn compare_answers_in_json_and_status() {
     assert!(other["rel_mse"].as_f64().unwrap() > 0.0);
     assert_eq!(compare(&[left, right, "--max-rel-mse", "1e-9"]).0, Some(1));
     assert_eq!(compare(&[left, right, "--max-rel-mse", "1e9"]).0, Some(0));
-    let png = folder.join("out/frame_0000.png");
-    assert_eq!(
-        compare(&[left, png.to_str().unwrap()]).0,
-        Some(2),
-        "images of different size"
-    );
+    assert_eq!(compare(&[left, &png]).0, Some(2), "of different size");
 }
 
 #[test]
@@ -424,13 +327,11 @@ fn a_reader_that_leaves_early_is_no_failure() {
 #[test]
 fn info_is_json() {
     let output = stereolux(&["info", "--scene", "builtin:gallery"]);
-    assert!(output.status.success());
-    let info: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_success(&output);
+    let info = printed(&output);
     assert!(!info["adapters"].as_array().unwrap().is_empty());
     assert!(info["openxr"]["reason"].is_string() || info["openxr"]["runtime"].is_string());
     assert!(info["scene"]["needs"].is_object());
-    assert!(
-        info["scene"].to_string().contains("dielectric"),
-        "the gallery holds glass"
-    );
+    // The gallery holds glass.
+    assert_says(&info["scene"].to_string(), &["dielectric"]);
 }

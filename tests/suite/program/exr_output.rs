@@ -5,9 +5,8 @@ use std::path::Path;
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
 use glam::{DMat4, DQuat, DVec3, DVec4};
-use serde_json::Value;
 
-use crate::suite::support::{Folder, assert_success, run_into, stereolux};
+use crate::suite::support::{Folder, assert_says, assert_success, json, run_into, stderr, words};
 
 const POSE: &str = "-0.2 0.3 0.9 0 0.1736482 0 0.9848078";
 const SIZE: [usize; 2] = [24, 18];
@@ -44,18 +43,15 @@ fn names(channels: &[(String, Vec<f64>, u32)]) -> Vec<&str> {
 }
 
 fn of<'a>(channels: &'a [(String, Vec<f64>, u32)], name: &str) -> &'a [f64] {
-    &channels
-        .iter()
-        .find(|(known, ..)| known == name)
-        .unwrap_or_else(|| panic!("no {name}"))
-        .1
+    let found = channels.iter().find(|(known, ..)| known == name);
+    &found.unwrap_or_else(|| panic!("no {name}")).1
 }
 
 #[test]
 fn attributes_say_where_the_eye_was_and_what_it_saw() {
     let folder = Folder::new("exr-attributes");
     let out = render(&folder, "out", &[]);
-    let run: Value = serde_json::from_slice(&std::fs::read(out.join("run.json")).unwrap()).unwrap();
+    let run = json(&out.join("run.json"));
     for (eye, side) in [("left", -0.05), ("right", 0.05)] {
         let path = out.join(format!("frame_0000_{eye}.exr"));
         let meta = exr::meta::MetaData::read_from_file(&path, true).unwrap();
@@ -65,27 +61,17 @@ fn attributes_say_where_the_eye_was_and_what_it_saw() {
         assert_eq!(header.compression, exr::compression::Compression::ZIP16);
         let own = &header.own_attributes;
         assert_eq!(own.view_name.as_ref().unwrap().to_string(), eye);
-        assert_eq!(
-            own.software_name.as_ref().unwrap().to_string(),
-            concat!("stereolux ", env!("CARGO_PKG_VERSION"))
-        );
+        let software = own.software_name.as_ref().unwrap().to_string();
+        assert_eq!(software, concat!("stereolux ", env!("CARGO_PKG_VERSION")));
         let text = |name: &str| match own.other.iter().find(|(known, _)| **known == *name) {
             Some((_, AttributeValue::Text(text))) => text.to_string(),
             other => panic!("{name}: {other:?}"),
         };
-        assert_eq!(
-            text("stereolux.adapter"),
-            run["adapter"]["name"].as_str().unwrap()
-        );
-        assert_eq!(
-            text("stereolux.settings"),
-            run["settings_hash"].as_str().unwrap()
-        );
+        assert_eq!(run["adapter"]["name"], text("stereolux.adapter"));
+        assert_eq!(run["settings_hash"], text("stereolux.settings"));
         assert_eq!(text("stereolux.displayTimeNs"), "0");
-        assert_eq!(
-            text("fovDegrees"),
-            "-50.000000 40.000000 30.000000 -35.000000"
-        );
+        let degrees = "-50.000000 40.000000 30.000000 -35.000000";
+        assert_eq!(text("fovDegrees"), degrees);
         // The screen window is the field of view at distance 1; f32 of tangents near 1: 1e-6.
         let tan = |degrees: f64| degrees.to_radians().tan();
         let near = |found: f32, wanted: f64| {
@@ -104,46 +90,26 @@ fn attributes_say_where_the_eye_was_and_what_it_saw() {
         let eye_in_world = DVec3::new(-0.2, 0.3, 0.9) + head * DVec3::new(side, 0.0, 0.0);
         let point = eye_in_world + head * DVec3::new(0.2, 0.1, -1.0);
         let seen = camera_from_world * DVec4::from((point, 1.0));
-        assert!(
-            (seen.truncate() - DVec3::new(0.2, 0.1, 1.0)).length() < 1e-6,
-            "{seen}"
-        );
+        let off = seen.truncate() - DVec3::new(0.2, 0.1, 1.0);
+        assert!(off.length() < 1e-6, "{seen}");
     }
 }
 
 #[test]
 fn half_floats_and_one_file_for_both_eyes_hold_the_same_pixels() {
     let folder = Folder::new("exr-samples");
+    let parts = "--set=output.parts=true";
     let aovs = [
-        "--set",
-        "output.aovs=depth,normal,albedo,motion,instance",
-        "--set",
-        "output.parts=true",
+        parts,
+        "--set=output.aovs=depth,normal,albedo,motion,instance",
     ];
-    let with = |more: &[&'static str]| [&aovs[..], more].concat();
-    let plain = render(&folder, "plain", &["--set", "output.parts=true"]);
-    let files = render(&folder, "files", &with(&[]));
-    let both = render(
-        &folder,
-        "both",
-        &with(&["--set", "output.layout=multiview"]),
-    );
-    let half = render(&folder, "half", &with(&["--set", "output.exr=f16"]));
-    let layers = [
-        "B",
-        "G",
-        "N.X",
-        "N.Y",
-        "N.Z",
-        "R",
-        "Z",
-        "albedo.B",
-        "albedo.G",
-        "albedo.R",
-        "instance.id",
-        "motion.X",
-        "motion.Y",
-    ];
+    let plain = render(&folder, "plain", &[parts]);
+    let files = render(&folder, "files", &aovs);
+    let with = |name: &str, more: &str| render(&folder, name, &[&aovs[..], &[more]].concat());
+    let both = with("both", "--set=output.layout=multiview");
+    let half = with("half", "--set=output.exr=f16");
+    let layers =
+        words("B G N.X N.Y N.Z R Z albedo.B albedo.G albedo.R instance.id motion.X motion.Y");
     let multiview = channels(&both.join("frame_0000.exr"));
     assert!(!both.join("frame_0000_left.exr").exists());
     for eye in ["left", "right"] {
@@ -164,37 +130,26 @@ fn half_floats_and_one_file_for_both_eyes_hold_the_same_pixels() {
             let (of_layer, channel) = layer.rsplit_once('.').unwrap_or(("", layer));
             let dot = if of_layer.is_empty() { "" } else { "." };
             // `albedo` is a part's name too; the layer that was asked for wins.
-            assert!(
-                of(&multiview, &format!("{of_layer}{dot}{view}{channel}")) == of(&own, layer),
-                "{layer}"
-            );
+            let of_both = of(&multiview, &format!("{of_layer}{dot}{view}{channel}"));
+            assert!(of_both == of(&own, layer), "{layer}");
         }
         let halves = channels(&half.join(&name));
         for (name, samples, bits) in &halves {
-            let depths = ["Z", "motion.X", "motion.Y"].contains(&name.as_str());
-            assert_eq!(
-                *bits,
-                if name == "instance.id" {
-                    0
-                } else if depths {
-                    32
-                } else {
-                    16
-                },
-                "{name}"
-            );
+            let expected = match name.as_str() {
+                "instance.id" => 0,
+                "Z" | "motion.X" | "motion.Y" => 32,
+                _ => 16,
+            };
+            assert_eq!(*bits, expected, "{name}");
             // Half of a unit in the last of 11 bits; 2^-25 where halves are denormal.
             for (half, full) in samples.iter().zip(of(&own, name)) {
-                assert!(
-                    (half - full).abs() <= full.abs() / 2048.0 + 3e-8,
-                    "{name}: {half} and {full}"
-                );
+                let allowed = full.abs() / 2048.0 + 3e-8;
+                assert!((half - full).abs() <= allowed, "{name}: {half} and {full}");
             }
         }
         // What pixels see of the box: a unit normal, a depth, an instance, a grey or coloured wall.
-        let seen = (0..SIZE[0] * SIZE[1])
-            .filter(|pixel| of(&own, "Z")[*pixel] > 0.0)
-            .collect::<Vec<_>>();
+        let mut seen: Vec<usize> = (0..SIZE[0] * SIZE[1]).collect();
+        seen.retain(|pixel| of(&own, "Z")[*pixel] > 0.0);
         assert!(seen.len() > 50, "{} pixels see the box", seen.len());
         for pixel in seen {
             let at = |name: &str| of(&own, name)[pixel];
@@ -205,22 +160,11 @@ fn half_floats_and_one_file_for_both_eyes_hold_the_same_pixels() {
         }
     }
     let meta = exr::meta::MetaData::read_from_file(both.join("frame_0000.exr"), true).unwrap();
-    let views = meta.headers[0]
-        .own_attributes
-        .multi_view_names
-        .clone()
-        .unwrap();
-    assert_eq!(
-        views.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        ["left", "right"]
-    );
-    let refused = stereolux(&[
-        "render",
-        "--set",
-        "output.aovs=depth,norml",
-        "--out",
-        folder.join("x").to_str().unwrap(),
-    ]);
+    let views = meta.headers[0].own_attributes.multi_view_names.as_ref();
+    let views = views.unwrap().iter().map(ToString::to_string);
+    assert!(views.eq(["left", "right"]));
+    let misspelt = "render --set output.aovs=depth,norml";
+    let refused = run_into(&folder.join("x"), misspelt, &[]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("norml"));
+    assert_says(&stderr(&refused), &["norml"]);
 }

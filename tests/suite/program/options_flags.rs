@@ -9,6 +9,8 @@ use stereolux::scene::builtin;
 use stereolux::settings::{Eyes, Method, Motion, Reuse, Settings};
 use stereolux::xr::{Fov, TraceBody, TraceUp};
 
+use super::support::{assert_says, words};
+
 fn outcome(args: &[&str]) -> Result<Options, String> {
     let args = std::iter::once("stereolux")
         .chain(args.iter().copied())
@@ -42,14 +44,12 @@ fn render(args: &[&str]) -> RenderOptions {
     }
 }
 
-/// The message, checked to be one line.
-fn refused(args: &[&str]) -> String {
+/// Fails unless these are refused in one line that says so.
+fn refused(args: &[&str], says: &[&str]) {
     let message = outcome(args).expect_err("must be refused");
-    assert!(
-        !message.contains('\n') && !message.is_empty(),
-        "{args:?}: {message:?}"
-    );
-    message
+    let is_one_line = !message.contains('\n') && !message.is_empty();
+    assert!(is_one_line, "{args:?}: {message:?}");
+    assert_says(&message, says);
 }
 
 #[test]
@@ -59,10 +59,8 @@ fn defaults() {
     assert_eq!(options.shared.out.to_str(), Some("out"));
     let session = options.session;
     assert_eq!(session.choice, SessionChoice::Auto);
-    assert_eq!(
-        (session.recording.trace, session.record, session.frames),
-        (None, None, None)
-    );
+    assert_eq!((session.recording.trace, session.record), (None, None));
+    assert_eq!(session.frames, None);
     assert_eq!((session.every, session.realtime), (1, false));
     let view = render(&[]).view;
     assert_eq!((view.pose, view.ipd, view.fov), (None, None, None));
@@ -71,84 +69,41 @@ fn defaults() {
 
 #[test]
 fn every_shared_flag() {
-    let settings = run(&[
-        "--scene",
-        "a b.glb",
-        "--method",
-        "path",
-        "--reuse",
-        "off",
-        "--photons",
-        "1000",
-        "--radius",
-        "0.25",
-        "--spp",
-        "16",
-        "--size",
-        "640x480",
-        "--headset",
-        "quest3",
-        "--seed",
-        "4294967295",
-        "--adapter",
-        "llvm",
-        "--out",
-        "o",
-        "--motion",
-        "walk",
-    ])
-    .settings;
+    let mut args = words(
+        "--method path --reuse off --photons 1000 --radius 0.25 --spp 16 --size 640x480 --headset quest3 \
+         --seed 4294967295 --adapter llvm --out o --motion walk",
+    );
+    args.extend(["--scene", "a b.glb"]);
+    let settings = run(&args).settings;
+    let render = &settings.render;
     assert_eq!(settings.scene, "a b.glb");
-    assert_eq!(
-        (settings.render.method, settings.render.reuse),
-        (Method::Path, Reuse::Off)
-    );
-    assert_eq!(
-        (
-            settings.render.photon.count,
-            settings.render.photon.radius_m
-        ),
-        (1000, 0.25)
-    );
-    assert_eq!(
-        (settings.render.spp, settings.render.seed, settings.size),
-        (16, u32::MAX, Some([640, 480]))
-    );
-    assert_eq!(
-        (settings.headset.as_str(), settings.adapter.as_str()),
-        ("quest3", "llvm")
-    );
+    assert_eq!((render.method, render.reuse), (Method::Path, Reuse::Off));
+    assert_eq!((render.photon.count, render.photon.radius_m), (1000, 0.25));
+    assert_eq!((render.spp, render.seed), (16, u32::MAX));
+    assert_eq!(settings.size, Some([640, 480]));
+    assert_eq!((&*settings.headset, &*settings.adapter), ("quest3", "llvm"));
     assert_eq!(settings.simulated.motion, Motion::Walk);
 }
 
 #[test]
 fn values_may_begin_with_a_minus_sign_after_a_space() {
-    let options = render(&[
-        "--fov",
-        "-40 45 30 -35",
-        "--pose",
-        "-1 2 -3 0 0 0 1",
-        "--set",
-        "photon.normal_min_cos=-1",
-        "--scene",
-        "-x.glb",
-        "--out",
-        "-o",
-    ]);
+    let mut args = words("--set photon.normal_min_cos=-1 --scene -x.glb --out -o");
+    args.extend(["--fov", "-40 45 30 -35", "--pose", "-1 2 -3 0 0 0 1"]);
+    let options = render(&args);
     let fov = options.view.fov.unwrap();
     assert_eq!(fov, Fov::from_degrees(-40.0, 45.0, 30.0, -35.0));
     let pose = options.view.pose.unwrap();
     assert_eq!(pose.position.to_array(), [-1.0, 2.0, -3.0]);
     assert_eq!(options.settings.render.photon.normal_min_cos, -1.0);
-    assert_eq!(
-        (options.settings.scene.as_str(), options.shared.out.to_str()),
-        ("-x.glb", Some("-o"))
-    );
+    assert_eq!(options.settings.scene, "-x.glb");
+    assert_eq!(options.shared.out.to_str(), Some("-o"));
     let turned = session(&["--trace", "t", "--trace-body", "-0.5 0.5 -0.5 0.5"]);
     assert!(matches!(turned.recording.trace_body, Some(TraceBody::Quaternion(q)) if q.x == -0.5));
     // A flag is not a value, though: this is a forgotten value.
-    let message = refused(&["run", "--scene", "--spp", "4"]);
-    assert!(message.contains("--scene needs a value"), "{message}");
+    refused(
+        &["run", "--scene", "--spp", "4"],
+        &["--scene needs a value"],
+    );
 }
 
 #[test]
@@ -186,11 +141,7 @@ fn poses_and_angles_are_checked() {
         ("--ipd", "1.1", "from 0 to 1"),
         ("--ipd", "6cm", "in metres"),
     ] {
-        let message = refused(&["render", flag, value]);
-        assert!(
-            message.contains(says) && message.contains(flag),
-            "{message}"
-        );
+        refused(&["render", flag, value], &[says, flag]);
     }
     // Section 10's extremes pass: 170 degrees, 1 degree, half a metre, none.
     assert!(view(&["--fov", "-85 85 85 -85"]).fov.is_some());
@@ -228,9 +179,7 @@ fn unusable_values_name_flag_value_and_range() {
         ),
         (["--motion", "jump"], "still, yaw, walk, sway"),
     ] {
-        let message = refused(&[&["run"][..], &args].concat());
-        assert!(message.contains(says), "{message}");
-        assert!(message.contains(args[0]), "{message}");
+        refused(&[&["run"][..], &args].concat(), &[says, args[0]]);
     }
 }
 
@@ -247,176 +196,104 @@ fn unknown_commands_and_flags() {
         (&["compare", "only-one.exr"], "<REFERENCE>"),
         (&["run", "--ipd", "0.06"], "--ipd"),
     ] {
-        let message = refused(args);
-        assert!(message.contains(says), "{message}");
+        refused(args, &[says]);
     }
 }
 
 #[test]
 fn sessions_and_traces_go_together() {
     assert_eq!(session(&["--trace", "t"]).choice, SessionChoice::Replay);
-    let options = session(&[
-        "--session",
-        "replay",
-        "--trace",
-        "t",
-        "--trace-up",
-        "y",
-        "--trace-body",
-        "optical",
-        "--trace-recenter",
-        "false",
-        "--frames",
-        "7",
-        "--every",
-        "3",
-        "--realtime",
-        "--record",
-        "r",
-    ]);
+    let options = session(&words(
+        "--session replay --trace t --trace-up y --trace-body optical --trace-recenter false --frames 7 --every 3 \
+         --realtime --record r",
+    ));
     let recording = options.recording;
     assert_eq!(recording.trace.unwrap().to_str(), Some("t"));
-    assert_eq!(
-        (
-            recording.trace_up,
-            recording.trace_body,
-            recording.trace_recenter
-        ),
-        (Some(TraceUp::Y), Some(TraceBody::Optical), Some(false))
-    );
-    assert_eq!(
-        (options.frames, options.every, options.realtime),
-        (Some(7), 3, true)
-    );
-    assert_eq!(
-        session(&["--trace", "t", "--trace-recenter"])
-            .recording
-            .trace_recenter,
-        Some(true)
-    );
+    assert_eq!(recording.trace_up, Some(TraceUp::Y));
+    assert_eq!(recording.trace_body, Some(TraceBody::Optical));
+    assert_eq!(recording.trace_recenter, Some(false));
+    let (frames, every) = (options.frames, options.every);
+    assert_eq!((frames, every, options.realtime), (Some(7), 3, true));
+    let recenter = session(&["--trace", "t", "--trace-recenter"]).recording;
+    assert_eq!(recenter.trace_recenter, Some(true));
+    let on_replay = "--session replay";
     for (args, says) in [
         (&["--session", "replay"][..], "add --trace"),
-        (
-            &["--session", "simulated", "--trace", "t"],
-            "--session replay",
-        ),
-        (&["--session", "openxr", "--trace", "t"], "--session replay"),
+        (&["--session", "simulated", "--trace", "t"], on_replay),
+        (&["--session", "openxr", "--trace", "t"], on_replay),
         (&["--trace-up", "y"], "--trace-up"),
         (&["--trace-body", "optical"], "--trace-body"),
         (&["--trace-recenter"], "--trace-recenter"),
-        (
-            &["--trace", "t", "--trace-body", "sideways"],
-            "openxr, optical or",
-        ),
-        (&["--trace", "t", "--trace-body", "0 0 0 2"], "length is 2"),
-        (
-            &["--trace", "t", "--trace-body", "0 0 0"],
-            "3 numbers where 4",
-        ),
-        (
-            &["--trace", "t", "--trace-body", "0 0 0 1 0"],
-            "5 numbers where 4",
-        ),
-        (&["--trace", "t", "--trace-body", "nan 0 0 1"], "not finite"),
-        (&["--trace", "t", "--trace-body", ""], "0 numbers where 4"),
         (&["--trace", "t", "--trace-up", "x"], "y, z"),
         (&["--trace", "t", "--record", "t"], "another name"),
         (&["--trace", "t", "--motion", "yaw"], "--motion"),
         (&["--session", "openxr", "--realtime"], "--realtime"),
     ] {
-        let message = refused(&[&["run"], args].concat());
-        assert!(message.contains(says), "{message}");
+        refused(&[&["run"], args].concat(), &[says]);
+    }
+    for (body, says) in [
+        ("sideways", "openxr, optical or"),
+        ("0 0 0 2", "length is 2"),
+        ("0 0 0", "3 numbers where 4"),
+        ("0 0 0 1 0", "5 numbers where 4"),
+        ("nan 0 0 1", "not finite"),
+        ("", "0 numbers where 4"),
+    ] {
+        refused(&["run", "--trace", "t", "--trace-body", body], &[says]);
     }
 }
 
 #[test]
 fn compare_and_info() {
-    let options = match outcome(&[
-        "compare",
-        "a.exr",
-        "b.exr",
-        "--max-rel-mse",
-        "0.01",
-        "--mask",
-        "m.png",
-    ]) {
-        Ok(Options::Compare(options)) => options,
-        other => panic!("{other:?}"),
+    let compared = outcome(&words(
+        "compare a.exr b.exr --max-rel-mse 0.01 --mask m.png",
+    ));
+    let Ok(Options::Compare(options)) = compared else {
+        panic!("{compared:?}")
     };
-    assert_eq!(
-        (
-            options.max_rel_mse,
-            options.exposure,
-            options.pixels_per_degree
-        ),
-        (Some(0.01), 1.0, 67.0)
-    );
+    assert_eq!(options.max_rel_mse, Some(0.01));
+    assert_eq!((options.exposure, options.pixels_per_degree), (1.0, 67.0));
     for flags in [
         ["--max-rel-mse", "-1"],
         ["--max-rel-mse", "nan"],
         ["--exposure", "0"],
         ["--pixels-per-degree", "0"],
     ] {
-        refused(&[&["compare", "a", "b"][..], &flags].concat());
+        refused(&[&["compare", "a", "b"][..], &flags].concat(), &[]);
     }
     let scene = |args: &[&str]| match outcome(args) {
         Ok(Options::Info(options)) => options.names_scene.then_some(options.settings.scene),
         other => panic!("{other:?}"),
     };
     assert_eq!(scene(&["info"]), None);
-    assert_eq!(
-        scene(&["info", "--scene", "x.glb"]).as_deref(),
-        Some("x.glb")
-    );
-    assert_eq!(
-        scene(&["info", "--set", "scene=y.glb"]).as_deref(),
-        Some("y.glb")
-    );
+    let given = scene(&["info", "--scene", "x.glb"]);
+    assert_eq!(given.as_deref(), Some("x.glb"));
+    let set = scene(&["info", "--set", "scene=y.glb"]);
+    assert_eq!(set.as_deref(), Some("y.glb"));
 }
 
 #[test]
 fn bench_takes_a_suite_and_its_sizes() {
     use stereolux::options::Suite;
-    let Ok(Options::Bench(options)) = outcome(&["bench", "pareto"]) else {
-        panic!("not accepted");
+    let bench = |line: &str| match outcome(&words(line)) {
+        Ok(Options::Bench(options)) => options,
+        other => panic!("{other:?}"),
     };
+    let options = bench("bench pareto");
     assert_eq!(options.suite, Suite::Pareto);
     assert!(options.scenes.is_empty() && options.rounds.is_none());
-    let Ok(Options::Bench(options)) = outcome(&[
-        "bench",
-        "stereo",
-        "--scene",
-        "a.glb",
-        "--scene",
-        "builtin:plane",
-        "--size",
-        "32x24",
-        "--rounds",
-        "5",
-        "--frames",
-        "7",
-        "--reference-spp",
-        "64",
-        "--references",
-        "kept",
-        "--set",
-        "photon.count=9",
-    ]) else {
-        panic!("not accepted");
-    };
+    let options = bench(
+        "bench stereo --scene a.glb --scene builtin:plane --size 32x24 --rounds 5 --frames 7 --reference-spp 64 \
+         --references kept --set photon.count=9",
+    );
     assert_eq!(options.scenes, ["a.glb", "builtin:plane"]);
     assert_eq!(options.settings.size, Some([32, 24]));
     assert_eq!(options.settings.render.photon.count, 9);
-    assert_eq!(
-        (options.rounds, options.frames, options.reference_spp),
-        (Some(5), Some(7), Some(64))
-    );
+    assert_eq!((options.rounds, options.frames), (Some(5), Some(7)));
+    assert_eq!(options.reference_spp, Some(64));
     assert_eq!(options.references.unwrap().to_str(), Some("kept"));
     // A scene from --set is the one to measure.
-    let Ok(Options::Bench(options)) = outcome(&["bench", "smoke", "--set", "scene=x.glb"]) else {
-        panic!("not accepted");
-    };
-    assert_eq!(options.scenes, ["x.glb"]);
+    assert_eq!(bench("bench smoke --set scene=x.glb").scenes, ["x.glb"]);
     for flags in [
         ["--rounds", "0"],
         ["--rounds", "1000000"],
@@ -425,7 +302,7 @@ fn bench_takes_a_suite_and_its_sizes() {
         ["--references", ""],
         ["--scene", ""],
     ] {
-        refused(&[&["bench", "smoke"][..], &flags].concat());
+        refused(&[&["bench", "smoke"][..], &flags].concat(), &[]);
     }
 }
 
@@ -439,25 +316,15 @@ fn help_is_there_for_every_command_and_names_the_list_of_settings() {
         assert_eq!(exit.status, 0);
         exit.text
     };
-    for command in [
-        "run", "render", "compare", "bench", "info", "view", "settings", "merge",
-    ] {
-        assert!(help(&["--help"]).contains(command));
-        assert!(
-            help(&[command, "--help"]).contains("Exit status"),
-            "{command}"
-        );
+    for command in words("run render compare bench info view settings merge") {
+        assert_says(&help(&["--help"]), &[command]);
+        assert_says(&help(&[command, "--help"]), &["Exit status"]);
     }
+    let scenes = format!("NAME one of {} [default", builtin::NAMES.join(", "));
     for command in ["run", "render", "bench", "view"] {
         let text = help(&[command, "--help"]);
-        assert!(text.contains("stereolux settings WORD"), "{command}");
-        if command != "bench" {
-            let scenes = builtin::NAMES.join(", ");
-            assert!(
-                text.contains(&format!("NAME one of {scenes} [default")),
-                "{text}"
-            );
-        }
+        assert_says(&text, &["stereolux settings WORD"]);
+        assert!(command == "bench" || text.contains(&scenes), "{text}");
     }
     assert!(help(&["--version"]).starts_with("stereolux "));
 }

@@ -8,7 +8,7 @@ use stereolux::options::{Extent, SettingsFile as _, example_toml};
 use stereolux::settings::registry::{self, sections};
 use stereolux::settings::{Kind, Settings};
 
-use super::support::{Folder, stereolux};
+use super::support::{Folder, assert_says, assert_success, stereolux};
 use super::trace_probe::Random;
 
 fn from_toml(text: &str) -> Settings {
@@ -85,19 +85,14 @@ fn only_what_differs_is_written_with_its_explanation() {
     let changed = plain.with("photon.count", &json!(1000)).unwrap();
     let changed = changed.with("spp", &json!(4)).unwrap();
     let text = changed.to_toml(Extent::Changed);
-    let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(
-        lines[1..],
-        [
-            "",
-            "# samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)",
-            "spp = 4",
-            "",
-            "[photon]",
-            "# photons emitted per frame (photons, a whole number from 0 to 67108864)",
-            "count = 1000",
-        ]
-    );
+    let expected = "
+# samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)
+spp = 4
+
+[photon]
+# photons emitted per frame (photons, a whole number from 0 to 67108864)
+count = 1000";
+    assert!(text.lines().skip(1).eq(expected.lines()), "{text}");
     let all = plain.to_toml(Extent::All);
     for setting in registry::all() {
         let key = setting.key.rsplit('.').next().unwrap();
@@ -186,10 +181,8 @@ fn the_example_is_what_the_table_gives_and_holds_the_defaults() {
     assert_eq!(settings, registry::all().count());
     let taken = from_toml(&uncommented);
     assert!(taken.size.is_some());
-    assert_eq!(
-        taken.with("size", &Value::Null).unwrap(),
-        Settings::default()
-    );
+    let unsized_again = taken.with("size", &Value::Null).unwrap();
+    assert_eq!(unsized_again, Settings::default());
 }
 
 #[test]
@@ -213,19 +206,10 @@ fn a_saved_file_works_from_another_folder() {
     let saved = names.with("photon.count", &json!(777)).unwrap();
     saved.save(&path, Extent::Changed).unwrap();
     assert_eq!(from_toml(&std::fs::read_to_string(&path).unwrap()), saved);
-    let output = stereolux(&["info", "--config", path.to_str().unwrap()]);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    let error = saved
-        .save(folder.path(), Extent::All)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("settings cannot be written") && !error.contains('\n'),
-        "{error}"
-    );
+    assert_success(&stereolux(&["info", "--config", path.to_str().unwrap()]));
+    let error = saved.save(folder.path(), Extent::All).unwrap_err();
+    let error = error.to_string();
+    assert_says(&error, &["settings cannot be written"]);
+    assert!(!error.contains('\n'), "{error}");
     assert_eq!(folder.files(), ["mine.toml"]);
 }

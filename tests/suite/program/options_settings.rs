@@ -5,7 +5,7 @@ use std::path::Path;
 use stereolux::options::layers::Layers;
 use stereolux::settings::{Kernel, Kind, Settings, registry};
 
-use super::support::Folder;
+use super::support::{Folder, assert_begins, assert_says, words};
 
 fn from_toml(text: &str) -> Result<Settings, String> {
     let mut layers = Layers::default();
@@ -18,9 +18,8 @@ fn from_toml(text: &str) -> Result<Settings, String> {
 fn from_set(arguments: &[&str]) -> Result<Settings, String> {
     let mut layers = Layers::default();
     for argument in arguments {
-        layers
-            .add_set(argument)
-            .map_err(|error| error.to_string())?;
+        let added = layers.add_set(argument);
+        added.map_err(|error| error.to_string())?;
     }
     layers.finish().map_err(|error| error.to_string())
 }
@@ -36,56 +35,44 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
         assert_eq!(from_set(&[&set]), Ok(Settings::default()), "{set}");
     }
     for setting in registry::all() {
+        let owned = |line: &str| -> Vec<String> {
+            let words = words(line).into_iter();
+            words.map(str::to_owned).collect()
+        };
         let (inside, outside) = match setting.kind {
             Kind::Whole { min, max } => (
-                vec![min.to_string(), max.to_string()],
-                vec![(max + 1).to_string(), "-1".into(), "1.5".into()],
+                owned(&format!("{min} {max}")),
+                owned(&format!("{} -1 1.5", max + 1)),
             ),
             Kind::Real {
                 min,
                 max,
                 inclusive,
             } => {
-                let bounds = vec![min.to_string(), max.to_string()];
-                let beyond = vec![
-                    (min - 0.5).to_string(),
-                    (max * 2.0).to_string(),
-                    "nan".into(),
-                    "inf".into(),
-                    "x".into(),
-                ];
+                let bounds = owned(&format!("{min} {max}"));
+                let beyond = owned(&format!("{} {} nan inf x", min - 0.5, max * 2.0));
                 if inclusive {
                     (bounds, beyond)
                 } else {
                     (vec![], [bounds, beyond].concat())
                 }
             }
-            Kind::Bool => (
-                vec!["true".into(), "false".into()],
-                vec!["1".into(), "yes".into()],
-            ),
-            Kind::Choice { words, .. } => (
-                words.iter().map(|&word| word.to_owned()).collect(),
-                // What has the word on may be true.
-                match words.contains(&"on") {
-                    true => vec!["other".into(), "1".into()],
-                    false => vec!["other".into(), "true".into(), "false".into()],
-                },
-            ),
+            Kind::Bool => (owned("true false"), owned("1 yes")),
+            // What has the word on may be true.
+            Kind::Choice { words, .. } => match words.contains(&"on") {
+                true => (owned(&words.join(" ")), owned("other 1")),
+                false => (owned(&words.join(" ")), owned("other true false")),
+            },
             // A list of words; `exr_output` has one that is refused.
             Kind::Text { .. } if setting.key == "output.aovs" => {
-                (vec!["depth,normal".into(), "motion".into()], vec![])
+                (owned("depth,normal motion"), vec![])
             }
             Kind::Text { .. } => (vec!["some text".into()], vec![]),
-            Kind::Size { max } => (
-                vec!["[1, 1]".into(), format!("{max}x{max}")],
-                vec![
-                    "0x1".into(),
-                    format!("[1, {}]", max + 1),
-                    "[1]".into(),
-                    "7".into(),
-                ],
-            ),
+            Kind::Size { max } => {
+                let beyond = format!("[1, {}]", max + 1);
+                let inside = vec!["[1, 1]".into(), format!("{max}x{max}")];
+                (inside, [owned("0x1 [1] 7"), vec![beyond]].concat())
+            }
         };
         for value in inside {
             let set = format!("{}={value}", setting.key);
@@ -94,11 +81,7 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
         for value in outside {
             let set = format!("{}={value}", setting.key);
             let message = from_set(&[&set]).expect_err(&set);
-            assert!(
-                message.contains(setting.key) && message.contains(&value),
-                "{message}"
-            );
-            assert!(message.contains(&setting.kind.allowed()), "{message}");
+            assert_says(&message, &[setting.key, &value, &setting.kind.allowed()]);
         }
     }
 }
@@ -106,26 +89,18 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
 #[test]
 fn later_layers_win() {
     let mut layers = Layers::default();
-    layers
-        .add_toml(
-            "spp = 2\nseed = 5\n[photon]\ncount = 10\nkernel = 'cone'\n",
-            "c.toml",
-        )
-        .unwrap();
+    let file = "spp = 2\nseed = 5\n[photon]\ncount = 10\nkernel = 'cone'\n";
+    layers.add_toml(file, "c.toml").unwrap();
     layers.add_set("photon.count = 20").unwrap();
     layers.add_set("spp=3").unwrap();
     layers.add_flag("--spp", "spp", "4").unwrap();
     assert!(layers.is_set("seed") && !layers.is_set("scene"));
-    let settings = layers.finish().unwrap();
-    assert_eq!((settings.render.spp, settings.render.seed), (4, 5));
-    assert_eq!(
-        (settings.render.photon.count, settings.render.photon.kernel),
-        (20, Kernel::Cone)
-    );
-    assert_eq!(
-        settings.render.photon.max_depth,
-        Settings::default().render.photon.max_depth
-    );
+    let render = layers.finish().unwrap().render;
+    assert_eq!((render.spp, render.seed), (4, 5));
+    let photon = render.photon;
+    assert_eq!((photon.count, photon.kernel), (20, Kernel::Cone));
+    let default = Settings::default().render.photon.max_depth;
+    assert_eq!(photon.max_depth, default);
 }
 
 #[test]
@@ -154,22 +129,17 @@ fn ways_to_gather_that_do_not_go_together_are_one_clear_error() {
                         Err(message) => {
                             assert!(!fits, "{message}");
                             assert!(!message.contains('\n') && message.contains(" needs "));
-                            let odd = if schedule == "fused" {
-                                "photon.schedule"
-                            } else {
-                                "photon.loads"
-                            };
-                            assert!(message.contains(odd), "{message}");
+                            let is_fused = usize::from(schedule == "fused");
+                            let odd = ["photon.loads", "photon.schedule"][is_fused];
+                            assert_says(&message, &[odd]);
                         }
                     }
                 }
             }
         }
     }
-    assert_eq!(
-        taken, 6,
-        "four searches and estimates, and the two others alone"
-    );
+    // Four searches and estimates, and the two others alone.
+    assert_eq!(taken, 6);
 }
 
 #[test]
@@ -184,44 +154,26 @@ fn toml_and_bare_values() {
         "size=64x32",
     ])
     .unwrap();
-    assert_eq!(
-        (
-            settings.render.photon.radius_m,
-            settings.render.photon.count,
-            settings.render.photon.capacity
-        ),
-        (0.05, 16, 1000)
-    );
+    let photon = settings.render.photon;
+    assert_eq!((photon.radius_m, photon.count), (0.05, 16));
+    assert_eq!(photon.capacity, 1000);
     assert_eq!(settings.environment.path, "/a dir/b=c.hdr");
-    assert_eq!(
-        (settings.scene.as_str(), settings.environment.strength),
-        ("quoted.glb", 2.0)
-    );
+    assert_eq!(settings.environment.strength, 2.0);
+    assert_eq!(settings.scene, "quoted.glb");
     assert_eq!(settings.size, Some([64, 32]));
-    assert_eq!(
-        from_toml("size = [64, 32]\nphoton.count = 3")
-            .unwrap()
-            .render
-            .photon
-            .count,
-        3
-    );
+    let dotted = from_toml("size = [64, 32]\nphoton.count = 3").unwrap();
+    assert_eq!(dotted.render.photon.count, 3);
 }
 
 #[test]
 fn faults_in_a_file_name_line_key_value_and_remedy() {
+    let radius = "`photon.raduis_m`; the nearest known one is `photon.radius_m`";
+    let photon = "nearest known one is `photon`";
+    let many_nines = format!("seed = {}\n", "9".repeat(44));
     for (text, line, says) in [
-        (
-            "spp = 2\n[photon]\nraduis_m = 1\n",
-            3,
-            "`photon.raduis_m`; the nearest known one is `photon.radius_m`",
-        ),
-        (
-            "# c\n\n[photons]\ncount = 3\n",
-            3,
-            "nearest known one is `photon`",
-        ),
-        ("photons.count = 3", 1, "nearest known one is `photon`"),
+        ("spp = 2\n[photon]\nraduis_m = 1\n", 3, radius),
+        ("# c\n\n[photons]\ncount = 3\n", 3, photon),
+        ("photons.count = 3", 1, photon),
         ("spp = 2\nspp = 3\n", 2, "duplicate"),
         (
             "\nspp = 0\n",
@@ -239,21 +191,14 @@ fn faults_in_a_file_name_line_key_value_and_remedy() {
         ("spp = \n", 1, "TOML"),
         ("spp = 1\nsize = [64,\n", 2, "TOML"),
         ("scene = 1979-05-27\n", 1, "must be text"),
-        (
-            "seed = 99999999999999999999999999999999999999999999\n",
-            1,
-            "seed",
-        ),
+        (&many_nines, 1, "seed"),
         ("size = [64]\n", 1, "[width, height]"),
         ("gpu.timestamps = 1\n", 1, "must be auto, on, stages or off"),
         ("photon.every_frame = 1\n", 1, "true or false"),
     ] {
         let message = from_toml(text).expect_err(text);
-        assert!(
-            message.starts_with(&format!("c.toml:{line}: ")),
-            "{text:?}: {message}"
-        );
-        assert!(message.contains(says), "{message}");
+        assert_begins(&message, &format!("c.toml:{line}: "));
+        assert_says(&message, &[says]);
         assert!(!message.contains('\n'), "{message}");
     }
     // Negative control: the same file without its fault is taken.
@@ -287,11 +232,7 @@ fn config_files_that_cannot_be_read() {
     assert!(refused(&directory.join("missing.toml")).contains("cannot be read"));
     let binary = directory.join("binary.toml");
     std::fs::write(&binary, b"spp = 1\n\xff\xfe").unwrap();
-    assert!(
-        refused(&binary).contains("binary.toml:2: "),
-        "{}",
-        refused(&binary)
-    );
+    assert_says(&refused(&binary), &["binary.toml:2: "]);
     let huge = directory.join("huge.toml");
     std::fs::write(&huge, vec![b'#'; (1 << 20) + 1]).unwrap();
     assert!(refused(&huge).contains("longer than"));

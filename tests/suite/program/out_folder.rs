@@ -6,7 +6,10 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 use stereolux::images::{read_image, srgb_encode};
 
-use crate::suite::support::{Folder, adapter_name, json, run_into};
+use super::commands::ONE_FRAME;
+use crate::suite::support::{
+    Folder, adapter_name, assert_says, assert_success, json, run_into, stderr, words,
+};
 
 fn run(folder: &Folder, frames: &str, more: &[&str]) -> std::process::Output {
     let command = format!("run --session simulated --size 12x8 --photons 300 --frames {frames}");
@@ -20,18 +23,10 @@ fn run_json(folder: &Folder) -> Value {
 #[test]
 fn files_of_an_older_run_go_and_others_stay() {
     let folder = Folder::new("older-run");
-    let first = run(
-        &folder,
-        "3",
-        &[
-            "--set",
-            "output.parts=true",
-            "--set",
-            "output.chrome_trace=true",
-        ],
-    );
-    assert!(first.status.success());
-    assert!(!String::from_utf8_lossy(&first.stderr).contains("removed"));
+    let more = ["--set=output.parts=true", "--set=output.chrome_trace=true"];
+    let first = run(&folder, "3", &more);
+    assert_success(&first);
+    assert!(!stderr(&first).contains("removed"));
     // 3 frames of 2 eyes in 4 parts, 2 pictures each, run.json, trace.json.
     let old = folder.files().len();
     assert_eq!(old, 3 * (2 * 4 + 2) + 3);
@@ -40,23 +35,10 @@ fn files_of_an_older_run_go_and_others_stay() {
         std::fs::write(folder.join("out").join(name), "mine").unwrap();
     }
     let second = run(&folder, "1", &[]);
-    let text = String::from_utf8_lossy(&second.stderr).into_owned();
-    assert!(
-        text.contains(&format!("removed {} files of an older run", old - 1)),
-        "{text}"
-    );
-    let mut left: Vec<String> = [
-        "frame_0000.png",
-        "frame_0000_left.exr",
-        "frame_0000_reuse.png",
-        "frame_0000_right.exr",
-        "run.json",
-        "stats.jsonl",
-    ]
-    .iter()
-    .chain(&mine)
-    .map(|name| format!("out/{name}"))
-    .collect();
+    let removed = format!("removed {} files of an older run", old - 1);
+    assert_says(&stderr(&second), &[&removed]);
+    let left = ONE_FRAME.iter().chain(&mine);
+    let mut left: Vec<String> = left.map(|name| format!("out/{name}")).collect();
     left.sort();
     assert_eq!(folder.files(), left);
     assert_eq!(run_json(&folder)["error"], Value::Null);
@@ -69,16 +51,9 @@ fn a_run_that_fails_says_so_in_run_json() {
     std::fs::create_dir_all(folder.join("out/frame_0002_left.exr/x")).unwrap();
     let output = run(&folder, "5", &[]);
     assert_eq!(output.status.code(), Some(1));
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(text.lines().count(), 1, "{text}");
+    assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
     let run = run_json(&folder);
-    assert!(
-        run["error"]
-            .as_str()
-            .unwrap()
-            .contains("frame_0002_left.exr"),
-        "{run}"
-    );
+    assert_says(run["error"].as_str().unwrap(), &["frame_0002_left.exr"]);
     assert_eq!(run["frames"], 2);
     assert!(run["medians"]["left_ms"].is_f64());
 }
@@ -87,30 +62,24 @@ fn a_run_that_fails_says_so_in_run_json() {
 fn the_last_line_compares_with_the_headset() {
     let folder = Folder::new("last-line");
     let output = run(&folder, "4", &[]);
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
     let run = run_json(&folder);
-    let (medians, hz) = (&run["medians"], run["refresh_hz"].as_f64().unwrap());
-    assert_eq!(run["budget_ms"].as_f64().unwrap(), 1e3 / hz);
-    let total = medians["total_ms"].as_f64().unwrap();
-    assert!(total >= medians["left_ms"].as_f64().unwrap());
-    for part in [
-        format!(
-            "both eyes {total:.1} ms of the {:.1} ms that {hz:.0} Hz allow",
-            1e3 / hz
-        ),
-        format!(
-            "{:.1} frames/s of wall time",
-            run["frames_per_second"].as_f64().unwrap()
-        ),
-        format!(
-            "{:.0} % of the right eye reused",
-            100.0 * medians["reuse_fraction"].as_f64().unwrap()
-        ),
-    ] {
-        assert!(text.contains(&part), "{text:?} lacks {part:?}");
-    }
-    let per_second = 4.0 / run["wall_s"].as_f64().unwrap();
-    assert!((run["frames_per_second"].as_f64().unwrap() - per_second).abs() < 1e-9 * per_second);
+    let number = |at: &str| run.pointer(at).unwrap().as_f64().unwrap();
+    let (hz, budget_ms) = (number("/refresh_hz"), number("/budget_ms"));
+    assert_eq!(budget_ms, 1e3 / hz);
+    let total = number("/medians/total_ms");
+    assert!(total >= number("/medians/left_ms"));
+    let (speed, reused) = (
+        number("/frames_per_second"),
+        100.0 * number("/medians/reuse_fraction"),
+    );
+    let parts = [
+        format!("both eyes {total:.1} ms of the {budget_ms:.1} ms that {hz:.0} Hz allow"),
+        format!("{speed:.1} frames/s of wall time"),
+        format!("{reused:.0} % of the right eye reused"),
+    ];
+    assert_says(&stderr(&output), &parts.each_ref().map(String::as_str));
+    let per_second = 4.0 / number("/wall_s");
+    assert!((speed - per_second).abs() < 1e-9 * per_second);
 }
 
 #[test]
@@ -141,26 +110,17 @@ fn pictures_have_the_curve_that_is_asked_for() {
 fn much_output_is_announced_before_it_is_written() {
     let folder = Folder::new("much-output");
     let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
-        .args([
-            "run",
-            "--session",
-            "simulated",
-            "--size",
-            "16x12",
-            "--photons",
-            "100",
-        ])
+        .args(words("run --session simulated --size 16x12 --photons 100"))
         .args(["--frames", "1000000", "--adapter", adapter_name(), "--out"])
         .arg(folder.join("out"))
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let mut line = String::new();
-    BufReader::new(child.stderr.take().unwrap())
-        .read_line(&mut line)
-        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    said.read_line(&mut line).unwrap();
     child.kill().unwrap();
     child.wait().unwrap();
     // Two eyes of 192 pixels, 12 bytes of radiance and 6 of pictures each.
-    assert!(line.contains("1000000 frames take up to 6.9 GB"), "{line}");
+    assert_says(&line, &["1000000 frames take up to 6.9 GB"]);
 }

@@ -1,29 +1,21 @@
 //! Panels: what they show is seen in the frame that says so, and hands click what they point at.
 
-use std::process::ExitCode;
-
 use glam::{DQuat, DVec3};
 use stereolux::egui::{self, Color32};
 use stereolux::{App, AppError, FrameInput, Panel, PanelSpec, Pose, Scene, World};
 
-use super::application::{left, replays_to_the_bit, run};
-use super::support::Folder;
+use super::application::{RAW, left, replays_to_the_bit, run_well};
+use super::support::{Folder, assert_begins};
 
-const STILL: [&str; 5] = [
-    "--scene=builtin:gallery",
-    "--motion=still",
-    "--set=reconstruct.taa=false",
-    "--set=reconstruct.svgf=false",
-    "--set=reconstruct.still=false",
-];
+/// The gallery, and more.
+fn still<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["--scene=builtin:gallery"], &RAW[..], more].concat()
+}
 
 /// So far before the head, facing it.
 fn before_head(distance_m: f64) -> Pose {
     let start = Scene::builtin("gallery").unwrap().start_pose();
-    start.then(&Pose::new(
-        DVec3::new(0.0, 0.0, -distance_m),
-        DQuat::IDENTITY,
-    ))
+    start.then(&Pose::new(DVec3::NEG_Z * distance_m, DQuat::IDENTITY))
 }
 
 /// A panel of one colour that fills the view.
@@ -41,22 +33,16 @@ impl App for Sheet {
             ..PanelSpec::default()
         };
         self.panel = Some(world.add_panel(&spec)?);
-        for bad in [
-            PanelSpec {
-                pixels: [0, 4],
-                ..spec.clone()
-            },
-            PanelSpec {
-                width_m: f64::NAN,
-                ..spec.clone()
-            },
-            PanelSpec {
-                radiance: 0.0,
-                ..spec.clone()
-            },
-        ] {
+        let faults: [fn(&mut PanelSpec); 3] = [
+            |spec| spec.pixels = [0, 4],
+            |spec| spec.width_m = f64::NAN,
+            |spec| spec.radiance = 0.0,
+        ];
+        for fault in faults {
+            let mut bad = spec.clone();
+            fault(&mut bad);
             let refused = world.add_panel(&bad).unwrap_err().to_string();
-            assert!(refused.starts_with("panel: panel: "), "{refused}");
+            assert_begins(&refused, "panel: panel: ");
         }
         let spare = world.add_panel(&spec)?;
         world.remove_panel(spare)?;
@@ -87,8 +73,7 @@ fn a_panel_shines_with_its_picture_in_the_frame_that_drew_it() {
             Color32::BLACK,
         ],
     };
-    let args = [&STILL[..], &["--frames=4"]].concat();
-    assert_eq!(run(&mut app, &[], folder.path(), &args), ExitCode::SUCCESS);
+    run_well(&mut app, &[], folder.path(), &still(&["--frames=4"]));
     let half = 2.0 * ((188.0_f64 / 255.0 + 0.055) / 1.055).powf(2.4) as f32;
     assert!((half - 1.0058).abs() < 1e-4);
     let expected = [[2.0; 3], [half, 0.0, 2.0], [0.0; 3], [2.0; 3]];
@@ -154,10 +139,8 @@ fn script(folder: &Folder, at: &Pose) -> String {
 fn a_hand_clicks_what_it_points_at_and_nothing_else() {
     let folder = Folder::new("panel_clicks");
     let away = Pose::new(DVec3::ZERO, DQuat::from_rotation_y(1.0));
-    let behind = before_head(0.9).then(&Pose::new(
-        DVec3::ZERO,
-        DQuat::from_rotation_y(std::f64::consts::PI),
-    ));
+    let turned = DQuat::from_rotation_y(std::f64::consts::PI);
+    let behind = before_head(0.9).then(&Pose::new(DVec3::ZERO, turned));
     for (at, clicked_in) in [
         (before_head(0.3), vec![6]),
         (before_head(0.3).then(&away), vec![]),
@@ -166,12 +149,8 @@ fn a_hand_clicks_what_it_points_at_and_nothing_else() {
     ] {
         let hands = script(&folder, &at);
         let mut app = Counter::default();
-        let args = [
-            &STILL[..],
-            &["--frames=8", "--set=output.images=false", &hands],
-        ]
-        .concat();
-        assert_eq!(run(&mut app, &[], folder.path(), &args), ExitCode::SUCCESS);
+        let args = still(&["--frames=8", "--set=output.images=false", &hands]);
+        run_well(&mut app, &[], folder.path(), &args);
         assert_eq!(app.clicked_in, clicked_in, "from {at:?}");
     }
 }
@@ -180,10 +159,7 @@ fn a_hand_clicks_what_it_points_at_and_nothing_else() {
 fn clicks_replay_to_the_bit() {
     let folder = Folder::new("panel_script");
     // Beside the line of sight, so that the number is seen.
-    let hands = script(
-        &folder,
-        &before_head(0.3).then(&Pose::new(DVec3::new(0.1, 0.05, 0.0), DQuat::IDENTITY)),
-    );
-    let defaults = [&STILL[..], &[&hands]].concat();
-    replays_to_the_bit::<Counter>("panel_replay", &defaults, 10);
+    let beside = Pose::new(DVec3::new(0.1, 0.05, 0.0), DQuat::IDENTITY);
+    let hands = script(&folder, &before_head(0.3).then(&beside));
+    replays_to_the_bit::<Counter>("panel_replay", &still(&[&hands]), 10);
 }

@@ -1,10 +1,12 @@
 //! `run --range`: parts of a run are the whole run's frames, and `merge` joins what they report.
 
 use std::path::Path;
+use std::process::Output;
 
-use serde_json::Value;
-
-use crate::suite::support::{Folder, RAW_FRAMES, assert_success, run_into, stats, stereolux};
+use crate::suite::support::{
+    Folder, RAW_FRAMES, assert_says, assert_success, json, run_into, stats, stderr, stereolux,
+    words,
+};
 
 fn run(out: &Path, scene: &str, args: &[&str]) {
     // Raw frames know nothing of the frames before them; what a test switches on comes later and wins.
@@ -13,6 +15,10 @@ fn run(out: &Path, scene: &str, args: &[&str]) {
         RAW_FRAMES.join(" ")
     );
     assert_success(&run_into(out, &command, args));
+}
+
+fn merge(a: &Path, b: &Path, out: &Path) -> Output {
+    run_into(out, "merge", &[a, b].map(|part| part.to_str().unwrap()))
 }
 
 #[test]
@@ -35,14 +41,8 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
                 assert!(!other.join(&name).exists());
             }
         }
-        let output = stereolux(&[
-            "merge",
-            first.to_str().unwrap(),
-            second.to_str().unwrap(),
-            "--out",
-            merged.to_str().unwrap(),
-        ]);
-        assert!(output.status.success(), "{output:?}");
+        let output = merge(&first, &second, &merged);
+        assert_success(&output);
         assert!(output.stderr.is_empty(), "{output:?}");
         let (all, joined) = (stats(&whole), stats(&merged));
         assert_eq!(joined.len(), 6);
@@ -52,61 +52,35 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
             }
             assert_eq!(a["photons"]["stored"], b["photons"]["stored"]);
         }
-        let json = |folder: &Path| -> Value {
-            serde_json::from_slice(&std::fs::read(folder.join("run.json")).unwrap()).unwrap()
-        };
-        let (one, joined) = (json(&whole), json(&merged));
-        for key in [
-            "frames",
-            "settings",
-            "settings_hash",
-            "scene",
-            "size",
-            "error",
-        ] {
+        let [one, joined] = [&whole, &merged].map(|folder| json(&folder.join("run.json")));
+        for key in words("frames settings settings_hash scene size error") {
             assert_eq!(one[key], joined[key], "{key}");
         }
-        assert_eq!(
-            one["medians"]["reuse_fraction"],
-            joined["medians"]["reuse_fraction"]
-        );
-        let again = |a: &Path, b: &Path| {
+        let [one, joined] = [one, joined].map(|run| run["medians"]["reuse_fraction"].clone());
+        assert_eq!(one, joined);
+        let again = |a: &Path, b: &Path, says: &str| {
             let out = folder.join("no");
-            let output = stereolux(&[
-                "merge",
-                a.to_str().unwrap(),
-                b.to_str().unwrap(),
-                "--out",
-                out.to_str().unwrap(),
-            ]);
+            let output = merge(a, b, &out);
             assert_eq!(output.status.code(), Some(2));
             assert!(!out.exists());
-            String::from_utf8_lossy(&output.stderr).into_owned()
+            assert_says(&stderr(&output), &[says]);
         };
-        assert!(again(&whole, &first).contains("frame 0 is in"));
+        again(&whole, &first, "frame 0 is in");
         run(&second, scene, &["--range", "3..6", "--seed", "5"]);
-        assert!(again(&first, &second).contains("settings_hash"));
+        again(&first, &second, "settings_hash");
     }
 }
 
 #[test]
 fn filters_need_the_frames_before_them() {
     let folder = Folder::new("warm-up");
-    let filter = [
-        "--set",
-        "reconstruct.svgf=true",
-        "--set",
-        "reconstruct.taa=true",
-    ];
+    let filter = ["--set=reconstruct.svgf=true", "--set=reconstruct.taa=true"];
     let [whole, cold, warm] = ["whole", "cold", "warm"].map(|name| folder.join(name));
     let scene = "builtin:cornell";
     run(&whole, scene, &filter);
-    run(&cold, scene, &[&filter[..], &["--range", "4..6"]].concat());
-    run(
-        &warm,
-        scene,
-        &[&filter[..], &["--range", "4..6", "--warm-up", "4"]].concat(),
-    );
+    let last = [&filter[..], &["--range", "4..6"]].concat();
+    run(&cold, scene, &last);
+    run(&warm, scene, &[&last[..], &["--warm-up", "4"]].concat());
     let read = |folder: &Path| std::fs::read(folder.join("frame_0005_left.exr")).unwrap();
     // All frames before it: nothing is missing. None of them: something is.
     assert!(read(&whole) == read(&warm));
@@ -120,9 +94,6 @@ fn filters_need_the_frames_before_them() {
     ] {
         let output = stereolux(&[&["run"], args].concat());
         assert_eq!(output.status.code(), Some(2), "{args:?}");
-        assert!(
-            String::from_utf8_lossy(&output.stderr).contains(says),
-            "{args:?}"
-        );
+        assert_says(&stderr(&output), &[says]);
     }
 }

@@ -3,22 +3,22 @@
 use std::path::Path;
 use std::process::Output;
 
-use serde_json::Value;
+use glam::DVec3;
 use stereolux::images::{ImageRgb, read_image};
 use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::xr::trace::Trace;
 
 use super::commands::render_into;
-use crate::suite::support::{Folder, json, stderr, stereolux};
+use crate::suite::support::{
+    Folder, assert_says, assert_success, json, printed, run_into, stderr, stereolux, words,
+};
 
 /// A triangle facing +Z, `size` units wide, without light; a camera of 0.5 rad before it if `camera` says so.
 fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
-    let corners: [f32; 9] = [-0.5, -0.5, 0.0, 0.5, -0.5, 0.0, 0.0, 0.5, 0.0];
-    let bytes: Vec<u8> = corners
-        .iter()
-        .flat_map(|c| (c * size as f32).to_le_bytes())
-        .collect();
+    let corners = [-0.5_f32, -0.5, 0.0, 0.5, -0.5, 0.0, 0.0, 0.5, 0.0];
+    let bytes = corners.map(|c| (c * size as f32).to_le_bytes());
+    let bytes = bytes.as_flattened();
     std::fs::write(folder.join(&format!("{name}.bin")), bytes).unwrap();
     let half = size / 2.0;
     let (nodes, cameras) = match camera {
@@ -64,22 +64,17 @@ fn a_scene_without_light_is_lit_or_said_to_be_black() {
     assert!(output.status.success());
     let warnings: Vec<&str> = text.lines().filter(|line| line.contains("WARN")).collect();
     assert_eq!(warnings.len(), 1, "{text}");
-    assert!(
-        warnings[0].contains("--light") && warnings[0].contains("black"),
-        "{text}"
-    );
+    assert_says(warnings[0], &["--light", "black"]);
     assert_eq!(sum(&left(&out)), 0.0);
     for (light, name) in [("auto", "studio"), ("studio", "studio"), ("sky", "sky")] {
         let (output, text) = render(&out, &["--scene", &scene, "--light", light]);
         assert!(output.status.success() && !text.contains("WARN"), "{text}");
-        assert!(text.contains(&format!("light: builtin:{name}")), "{text}");
+        assert_says(&text, &[&format!("light: builtin:{name}")]);
         assert!(sum(&left(&out)) > 1.0);
         let run = json(&out.join("run.json"));
         assert!(run["scene"]["light"].as_str().unwrap().contains(name));
-        assert_eq!(
-            run["settings"]["environment"]["path"],
-            format!("builtin:{name}")
-        );
+        let path = &run["settings"]["environment"]["path"];
+        assert_eq!(*path, format!("builtin:{name}"));
     }
     let lit = left(&out);
     // The same by its path; and half as strong.
@@ -96,12 +91,9 @@ fn a_scene_without_light_is_lit_or_said_to_be_black() {
     let (output, text) = render(&own, &["--light", "sky", "--set", sky]);
     assert_eq!(output.status.code(), Some(2), "{text}");
     let (output, text) = render(&own, &["--set", "environment.path=builtin:studo"]);
-    assert!(
-        output.status.code() == Some(2) && text.contains("'studio'"),
-        "{text}"
-    );
-    let info = stereolux(&["info", "--scene", &scene, "--light", "auto"]);
-    let info: Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert_says(&text, &["'studio'"]);
+    let info = printed(&stereolux(&["info", "--scene", &scene, "--light", "auto"]));
     assert!(info["scene"]["light"].as_str().unwrap().contains("studio"));
 }
 
@@ -117,33 +109,23 @@ fn scale_takes_units_for_metres_and_odd_sizes_are_told() {
         let out = folder.join("out");
         let lit = ["--scene", &scene, "--light", "studio"];
         let (_, text) = render(&out, &lit);
-        assert_eq!(
-            text.contains("--scene-scale"),
-            !factor.is_empty(),
-            "{name}: {text}"
-        );
+        let is_told = text.contains("--scene-scale");
+        assert_eq!(is_told, !factor.is_empty(), "{name}: {text}");
         if factor.is_empty() {
             continue;
         }
-        assert!(
-            text.contains(&format!("--scene-scale {factor}")),
-            "{name}: {text}"
-        );
+        assert_says(&text, &[&format!("--scene-scale {factor}")]);
         let (output, text) = render(&out, &[&lit[..], &["--scene-scale", factor]].concat());
-        assert!(
-            output.status.success() && !text.contains("WARN"),
-            "{name}: {text}"
-        );
+        assert_success(&output);
+        assert!(!text.contains("WARN"), "{name}: {text}");
         let run = json(&out.join("run.json"));
         let wanted = size * factor.parse::<f64>().unwrap();
         let width = run["scene"]["bounds_in_world"][1][0].as_f64().unwrap() * 2.0;
         // Corners are f32.
         assert!((width - wanted).abs() < 1e-6 * wanted, "{name}: {width}");
-        let by_key = render(
-            &folder.join("key"),
-            &[&lit[..], &["--set", &format!("scene.scale={factor}")]].concat(),
-        );
-        assert!(by_key.0.status.success());
+        let key = format!("--set=scene.scale={factor}");
+        let by_key = render(&folder.join("key"), &[&lit[..], &[&key]].concat());
+        assert_success(&by_key.0);
         assert!(left(&folder.join("key")) == left(&out));
     }
 }
@@ -155,17 +137,12 @@ fn scaling_keeps_the_tree_and_lengths_inside_materials() {
         let plain = Scene::builtin(name).unwrap();
         let mut scaled = plain.clone();
         scaled.scale(0.5);
-        let (a, b) = (
-            plain.bounds_in_world().unwrap(),
-            scaled.bounds_in_world().unwrap(),
-        );
+        let [a, b] = [&plain, &scaled].map(|scene| scene.bounds_in_world().unwrap());
         assert!((a.min * 0.5 - b.min).length() + (a.max * 0.5 - b.max).length() < 1e-9);
         assert!((plain.start_pose().position * 0.5 - scaled.start_pose().position).length() < 1e-9);
         for (before, after) in plain.materials.iter().zip(&scaled.materials) {
-            assert_eq!(
-                before.attenuation_distance_m * 0.5,
-                after.attenuation_distance_m
-            );
+            let [before, after] = [before, after].map(|m| m.attenuation_distance_m);
+            assert_eq!(before * 0.5, after);
         }
         // Saved, the scale is a node.
         let mut document = Document::load(&format!("builtin:{name}")).unwrap();
@@ -185,26 +162,19 @@ fn a_cameras_angles_are_taken_unless_others_are_given() {
     let scene = triangle(&folder, "seen", 1.0, true);
     let fov = |args: &[&str]| {
         let out = folder.join("out");
-        let (output, text) = render(
-            &out,
-            &[&["--scene", &scene, "--light", "sky"], args].concat(),
-        );
-        assert!(output.status.success(), "{text}");
-        let meta =
-            exr::meta::MetaData::read_from_file(out.join("frame_0000_left.exr"), true).unwrap();
-        (
-            f64::from(meta.headers[0].own_attributes.screen_window_width),
-            text,
-        )
+        let lit = ["--scene", &scene, "--light", "sky"];
+        let (output, text) = render(&out, &[&lit, args].concat());
+        assert_success(&output);
+        let path = out.join("frame_0000_left.exr");
+        let meta = exr::meta::MetaData::read_from_file(path, true).unwrap();
+        let width = meta.headers[0].own_attributes.screen_window_width;
+        (f64::from(width), text)
     };
     let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
     let (width, text) = fov(&[]);
     // 0.5 rad high, 16:12.
     near(width, 2.0 * 0.25_f64.tan() * 16.0 / 12.0);
-    assert!(
-        text.contains("'Front'") && text.contains("28.6 degrees"),
-        "{text}"
-    );
+    assert_says(&text, &["'Front'", "28.6 degrees"]);
     for args in [
         &["--headset", "symmetric"][..],
         &["--fov", "-45 45 45 -45"],
@@ -220,55 +190,30 @@ fn a_cameras_angles_are_taken_unless_others_are_given() {
 fn a_run_starts_where_it_is_told_and_the_box_fills_the_view() {
     let folder = Folder::new("start");
     let first = |args: &[&str]| {
-        let (trace, out) = (folder.join("trace.jsonl"), folder.join("out"));
-        let mut all = vec![
-            "run",
-            "--session",
-            "simulated",
-            "--motion",
-            "still",
-            "--frames",
-            "1",
-            "--size",
-            "8x8",
-            "--photons",
-            "100",
-            "--record",
-            trace.to_str().unwrap(),
-            "--out",
-            out.to_str().unwrap(),
-        ];
-        all.extend(args);
-        let output = stereolux(&all);
-        assert!(output.status.success(), "{output:?}");
+        let trace = folder.join("trace.jsonl");
+        let still = "run --session simulated --motion still --frames 1 --size 8x8 --photons 100";
+        let record = ["--record", trace.to_str().unwrap()];
+        let more = [&record[..], args].concat();
+        assert_success(&run_into(&folder.join("out"), still, &more));
         let views = Trace::read(&trace).unwrap().frames[0].views.views;
         (views[0].position_in_world + views[1].position_in_world) / 2.0
     };
     let told = first(&["--pose", "1 2 3 0 0 0 1"]);
-    assert!(
-        (told - glam::DVec3::new(1.0, 2.0, 3.0)).length() < 1e-9,
-        "{told}"
-    );
+    let off = (told - DVec3::new(1.0, 2.0, 3.0)).length();
+    assert!(off < 1e-9, "{told}");
     // 45 degrees up and down: what the camera sees of the opening fills the view.
     let scene = Scene::builtin("cornell").unwrap();
     let camera = scene.start_pose().position;
     let front = scene.bounds_in_world().unwrap().max.z;
     let angle = f64::from(scene.start_camera().unwrap().yfov_rad.unwrap());
     let start = first(&[]);
-    assert!(
-        (start.z - front - (camera.z - front) * (angle / 2.0).tan()).abs() < 1e-9,
-        "{start}"
-    );
+    let off = start.z - front - (camera.z - front) * (angle / 2.0).tan();
+    assert!(off.abs() < 1e-9, "{start}");
     let native = folder.join("trace.jsonl");
-    let refused = stereolux(&[
-        "run",
-        "--trace",
-        native.to_str().unwrap(),
-        "--pose",
-        "1 2 3 0 0 0 1",
-    ]);
+    let trace = ["run", "--trace", native.to_str().unwrap()];
+    let refused = stereolux(&[&trace[..], &["--pose", "1 2 3 0 0 0 1"]].concat());
     assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("--pose"));
+    assert_says(&stderr(&refused), &["--pose"]);
 }
 
 #[test]
@@ -276,7 +221,7 @@ fn names_that_are_nearly_right_are_told() {
     let said = |args: &[&str]| {
         let output = stereolux(args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
-        String::from_utf8_lossy(&output.stderr).into_owned()
+        stderr(&output)
     };
     for (args, nearest) in [
         (["render", "--headset", "quest"], "quest3"),
@@ -285,54 +230,37 @@ fn names_that_are_nearly_right_are_told() {
         (["settings", "expsure", "--"], "exposure"),
     ] {
         let text = said(&args);
-        assert!(text.contains(&format!("nearest is '{nearest}'")), "{text}");
+        assert_says(&text, &[&format!("nearest is '{nearest}'")]);
         assert_eq!(text.lines().count(), 1);
     }
-    let clip = Scene::builtin("parade").unwrap().animations[0]
-        .name
-        .to_uppercase();
-    let text = said(&[
-        "render",
-        "--scene",
-        "builtin:parade",
-        "--set",
-        &format!("animation.clip={clip}"),
-    ]);
-    assert!(text.contains("nearest is"), "{text}");
+    let parade = Scene::builtin("parade").unwrap();
+    let clip = parade.animations[0].name.to_uppercase();
+    let clip = format!("--set=animation.clip={clip}");
+    let text = said(&["render", "--scene", "builtin:parade", &clip]);
+    assert_says(&text, &["nearest is"]);
 }
 
 #[test]
 fn settings_are_found_by_words_and_info_has_ten_lines() {
     let print = |args: &[&str]| {
         let output = stereolux(args);
-        assert!(output.status.success(), "{output:?}");
+        assert_success(&output);
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     let all = print(&["settings"]);
     for setting in stereolux::settings::registry::all() {
-        assert!(
-            all.contains(&format!("  {} = ", setting.key)),
-            "{}",
-            setting.key
-        );
+        assert_says(&all, &[&format!("  {} = ", setting.key)]);
     }
     let some = print(&["settings", "tone"]);
-    assert!(
-        some.contains("output.tone") && some.contains("agx:") && !some.contains("photon.count"),
-        "{some}"
-    );
+    assert_says(&some, &["output.tone", "agx:"]);
+    assert!(!some.contains("photon.count"), "{some}");
     let group = print(&["settings", "photon mapping"]);
     assert!(group.contains("photon.kernel") && !group.contains("output.tone"));
     let brief = print(&["info", "--brief", "--scene", "builtin:gallery"]);
     assert!((8..=12).contains(&brief.lines().count()), "{brief}");
-    for word in [
-        "adapter",
-        "OpenXR",
-        "builtin:gallery",
-        "triangles",
-        "emissive triangles",
-        "radius",
-    ] {
-        assert!(brief.contains(word), "{brief} lacks {word}");
-    }
+    assert_says(
+        &brief,
+        &words("adapter OpenXR builtin:gallery triangles radius"),
+    );
+    assert_says(&brief, &["emissive triangles"]);
 }

@@ -1,11 +1,9 @@
 //! An application moves the wearer: along an arc, in the next frame, and again from the recording.
 
-use std::process::ExitCode;
-
 use glam::DVec3;
 use stereolux::{App, AppError, FrameInput, Side, World};
 
-use super::application::{run, with_trace};
+use super::application::{run_well, with_trace};
 use super::gallery_tour_example::{self as gallery_tour, Tour};
 use super::support::Folder;
 
@@ -53,43 +51,27 @@ fn an_arc_lands_where_a_fall_does_and_the_wearer_is_there_in_the_next_frame() {
     std::fs::write(&hands, "[[right]]\nat_s = 0.0\noffset_m = [0, 0, 0]\n").unwrap();
     let silent = ["--scene=builtin:gallery", "--set=output.images=false"];
     let mut live = Teleports::default();
-    let recorded = run(
-        &mut live,
-        &silent,
-        &folder.join("live"),
-        &[
-            "--motion=still",
-            "--frames=4",
-            &format!("--set=simulated.hands={}", hands.display()),
-            &with_trace("record", &trace),
-        ],
-    );
-    assert_eq!(recorded, ExitCode::SUCCESS);
+    let hands = format!("--set=simulated.hands={}", hands.display());
+    let record = with_trace("record", &trace);
+    let more = ["--motion=still", "--frames=4", &hands, &record];
+    run_well(&mut live, &silent, &folder.join("live"), &more);
     let [start, landing] = [live.heads[0], live.landing.unwrap()];
     let fallen_m = start.y - landing.y;
     let far_m = SPEED_M_PER_S * (2.0 * fallen_m / 9.81).sqrt();
-    assert!(
-        (landing.x - start.x - far_m).abs() < 1e-3,
-        "{start} {landing}"
-    );
+    let off = (landing.x - start.x - far_m).abs();
+    assert!(off < 1e-3, "{start} {landing}");
     assert_eq!(live.heads[1], start, "not in the frame that asks for it");
     let moved = DVec3::new(landing.x, start.y, start.z);
     for frame in [2, 3] {
-        assert!(
-            (live.heads[frame] - moved).length() < 1e-9,
-            "{:?}",
-            live.heads
-        );
+        let off = (live.heads[frame] - moved).length();
+        assert!(off < 1e-9, "{:?}", live.heads);
+        // Hands go with the head.
         let [before, after] = [live.hands[1], live.hands[frame]].map(Option::unwrap);
-        assert!(
-            (after - before - (moved - start)).length() < 1e-9,
-            "hands go with the head"
-        );
+        assert!((after - before - (moved - start)).length() < 1e-9);
     }
     let mut again = Teleports::default();
     let traced = with_trace("trace", &trace);
-    let replayed = run(&mut again, &silent, &folder.join("again"), &[&traced]);
-    assert_eq!(replayed, ExitCode::SUCCESS);
+    run_well(&mut again, &silent, &folder.join("again"), &[&traced]);
     assert_eq!((again.heads, again.hands), (live.heads, live.hands));
 }
 
@@ -112,8 +94,7 @@ fn the_tour_of_the_gallery_teleports() {
     let folder = Folder::new("teleport-tour");
     let mut tour = Followed(Tour::default(), Vec::new());
     let silent = ["--frames=23", "--set=output.images=false"];
-    let ended = run(&mut tour, gallery_tour::DEFAULTS, folder.path(), &silent);
-    assert_eq!(ended, ExitCode::SUCCESS);
+    run_well(&mut tour, gallery_tour::DEFAULTS, folder.path(), &silent);
     let way = |frame: usize| tour.1[frame] - tour.1[0];
     assert_eq!(way(20), DVec3::ZERO);
     assert!(way(21).length() > 0.5 && way(21).y == 0.0, "{}", way(21));

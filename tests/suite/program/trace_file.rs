@@ -34,6 +34,10 @@ impl Event {
         }
     }
 
+    fn ms(&self) -> f64 {
+        (self.end_us - self.begin_us) / 1e3
+    }
+
     fn holds(&self, other: &Self) -> bool {
         self.begin_us <= other.begin_us + ROUNDING_US && other.end_us <= self.end_us + ROUNDING_US
     }
@@ -50,12 +54,9 @@ fn assert_nested(spans: &[Event]) {
             .iter()
             .filter(|other| other.thread == one.thread)
         {
-            assert!(
-                one.is_apart_from(other) || one.holds(other) || other.holds(one),
-                "{} and {} overlap",
-                one.name,
-                other.name
-            );
+            let is_nested = one.holds(other) || other.holds(one);
+            let is_fine = one.is_apart_from(other) || is_nested;
+            assert!(is_fine, "{} and {} overlap", one.name, other.name);
         }
     }
 }
@@ -64,12 +65,9 @@ fn assert_nested(spans: &[Event]) {
 fn frames_in_flight_overlap_on_threads_of_their_own() {
     let folder = Folder::new("chrome-trace-in-flight");
     let out = folder.join("out");
-    let output = run_into(
-        &out,
-        "run --session simulated --frames 8 --size 48x48 --photons 5000 --set photon.every_frame=true --set output.images=false --set output.chrome_trace=true --set gpu.frames_in_flight=2",
-        &[],
-    );
-    assert_success(&output);
+    let command = "run --session simulated --frames 8 --size 48x48 --photons 5000 --set photon.every_frame=true \
+                   --set output.images=false --set output.chrome_trace=true --set gpu.frames_in_flight=2";
+    assert_success(&run_into(&out, command, &[]));
     let events = json(&out.join("trace.json"));
     let events = events.as_array().unwrap();
     let spans = events.iter().filter(|event| event["ph"] == "X");
@@ -77,15 +75,13 @@ fn frames_in_flight_overlap_on_threads_of_their_own() {
     assert_nested(&spans);
     // The host begins a frame while the device still computes the one before; where each is waited for it never does.
     let overlaps = |frame: u64| {
-        let turn = spans
-            .iter()
-            .find(|event| event.name == "frame" && event.frame == frame)
-            .unwrap();
+        let is_turn = |event: &&Event| event.name == "frame" && event.frame == frame;
+        let turn = spans.iter().find(is_turn).unwrap();
         let passes = spans.iter().filter(|event| event.thread == DEVICE);
         let before = passes.filter(|event| event.frame == frame - 1);
         before
             .map(|event| event.end_us)
-            .any(|ended_us| turn.begin_us < ended_us)
+            .any(|end_us| turn.begin_us < end_us)
     };
     assert!((1..8).any(overlaps), "no frame overlapped");
     let stats = stats(&out);
@@ -103,12 +99,8 @@ fn frames_in_flight_overlap_on_threads_of_their_own() {
 fn a_trace_holds_stages_and_passes_on_one_clock() {
     let folder = Folder::new("chrome-trace");
     let out = folder.join("out");
-    let output = run_into(
-        &out,
-        "run --session simulated --frames 3 --size 16x12 --photons 500 --set output.chrome_trace=true",
-        &[],
-    );
-    assert_success(&output);
+    let command = "run --session simulated --frames 3 --size 16x12 --photons 500 --set output.chrome_trace=true";
+    assert_success(&run_into(&out, command, &[]));
     let events = json(&out.join("trace.json"));
     let events = events.as_array().unwrap();
     let (names, spans): (Vec<_>, Vec<_>) = events.iter().partition(|event| event["ph"] == "M");
@@ -119,10 +111,8 @@ fn a_trace_holds_stages_and_passes_on_one_clock() {
         named.unwrap()["tid"].as_u64().unwrap()
     };
     let run = json(&out.join("run.json"));
-    let (host, device) = (
-        thread("host"),
-        thread(run["adapter"]["name"].as_str().unwrap()),
-    );
+    let host = thread("host");
+    let device = thread(run["adapter"]["name"].as_str().unwrap());
     let spans: Vec<Event> = spans.into_iter().map(Event::of).collect();
 
     assert_nested(&spans);
@@ -131,42 +121,31 @@ fn a_trace_holds_stages_and_passes_on_one_clock() {
     for stats in &stats {
         let of_frame = |thread| {
             let number = stats["frame"].as_u64();
-            spans
-                .iter()
-                .filter(move |event| event.thread == thread && Some(event.frame) == number)
+            let is_there =
+                move |event: &&Event| event.thread == thread && Some(event.frame) == number;
+            spans.iter().filter(is_there)
         };
         let frame = of_frame(host).find(|event| event.name == "frame").unwrap();
         for stage in ["wait", "session", "update", "render", "read_back", "write"] {
-            let sum_ms: f64 = of_frame(host)
-                .filter(|event| event.name == stage)
-                .map(|event| (event.end_us - event.begin_us) / 1e3)
-                .sum();
+            let of_stage = of_frame(host).filter(|event| event.name == stage);
+            let sum_ms: f64 = of_stage.map(Event::ms).sum();
             let wanted = stats["cpu_ms"][stage].as_f64().unwrap();
-            assert!(
-                (sum_ms - wanted).abs() < 1e-6,
-                "{stage}: {sum_ms} and {wanted}"
-            );
+            let off = (sum_ms - wanted).abs();
+            assert!(off < 1e-6, "{stage}: {sum_ms} and {wanted}");
         }
         let mut pass_ms: BTreeMap<String, f64> = BTreeMap::new();
         for event in of_frame(device) {
             assert!(frame.holds(event), "{} lies outside its frame", event.name);
             let submissions = of_frame(host).filter(|host| host.name.starts_with("submission"));
-            assert_eq!(
-                submissions.filter(|host| host.holds(event)).count(),
-                1,
-                "{}",
-                event.name
-            );
-            *pass_ms.entry(event.name.clone()).or_default() +=
-                (event.end_us - event.begin_us) / 1e3;
+            let holders = submissions.filter(|host| host.holds(event)).count();
+            assert_eq!(holders, 1, "{}", event.name);
+            *pass_ms.entry(event.name.clone()).or_default() += event.ms();
         }
         assert!(of_frame(host).all(|event| frame.holds(event)));
         let wanted = stats["pass_ms"].as_object().unwrap();
         assert!(!wanted.is_empty());
-        assert!(
-            pass_ms.keys().eq(wanted.keys()),
-            "{pass_ms:?} and {wanted:?}"
-        );
+        let are_same = pass_ms.keys().eq(wanted.keys());
+        assert!(are_same, "{pass_ms:?} and {wanted:?}");
         for (name, ms) in &pass_ms {
             // Ticks are whole: only differences of microseconds are rounded.
             let wanted = wanted[name].as_f64().unwrap();

@@ -1,20 +1,14 @@
 //! Clips and surroundings that an application changes while it runs.
 
-use std::process::ExitCode;
-
 use stereolux::{App, AppError, Environment, FrameInput, World, WorldError, load_environment};
 
-use super::application::{left, replays_to_the_bit, run};
+use super::application::{EVERY_FRAME, RAW, left, replays_to_the_bit, run_well};
 use super::support::Folder;
 
-const RAW: [&str; 5] = [
-    "--motion=still",
-    "--set=reconstruct.taa=false",
-    "--set=reconstruct.svgf=false",
-    "--set=reconstruct.still=false",
-    // Photons of a frame are the same whenever the light came.
-    "--set=photon.every_frame=true",
-];
+/// Frames without history, and more.
+fn raw<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&RAW[..], &[EVERY_FRAME], more].concat()
+}
 
 /// Puts other surroundings around the scene: at the start, or in a frame.
 struct Surrounds {
@@ -29,11 +23,12 @@ impl App for Surrounds {
         }
         let mut bad = (self.with)();
         bad.radiance[0][1] = -1.0;
-        let refused = world.set_surroundings(bad.clone());
-        assert!(matches!(refused, Err(WorldError::Surroundings(_))));
-        bad.radiance.clear();
-        let refused = world.set_surroundings(bad);
-        assert!(matches!(refused, Err(WorldError::Surroundings(_))));
+        let mut none = bad.clone();
+        none.radiance.clear();
+        for bad in [bad, none] {
+            let refused = world.set_surroundings(bad);
+            assert!(matches!(refused, Err(WorldError::Surroundings(_))));
+        }
         Ok(())
     }
 
@@ -59,21 +54,15 @@ fn other_surroundings_are_those_of_a_run_that_began_with_them() {
         radiance: (0..8).map(|texel| [0.1 * texel as f32, 0.5, 0.2]).collect(),
         name: "small".to_owned(),
     };
-    let scene = [
-        "--scene=builtin:cornell",
-        "--set=environment.path=builtin:sky",
-        "--frames=3",
-    ];
-    let args = [&scene[..], &RAW].concat();
-    for (name, with) in [
-        ("brighter", brighter as fn() -> Environment),
-        ("small", small),
-    ] {
+    let sky = "--set=environment.path=builtin:sky";
+    let args = raw(&["--scene=builtin:cornell", sky, "--frames=3"]);
+    let surroundings: [(&str, fn() -> Environment); 2] = [("brighter", brighter), ("small", small)];
+    for (name, with) in surroundings {
         let folder = Folder::new(&format!("surroundings_{name}"));
         let [early, late] = ["early", "late"].map(|name| folder.join(name));
         for (at, out) in [(None, &early), (Some(1), &late)] {
             let mut app = Surrounds { at, with };
-            assert_eq!(run(&mut app, &[], out, &args), ExitCode::SUCCESS);
+            run_well(&mut app, &[], out, &args);
         }
         assert_ne!(left(&early, 0), left(&late, 0), "{name}");
         for frame in 1..3 {
@@ -98,11 +87,8 @@ impl App for Clips {
             6 => world.play_clip(&name, 0.0, 1.0 + 2.0 / 90.0)?,
             _ => {}
         }
-        let refused = world.play_clip("no such clip", 1.0, 0.0);
-        assert!(matches!(
-            refused,
-            Err(WorldError::Unknown { what: "clip", .. })
-        ));
+        let refused = world.play_clip("no such clip", 1.0, 0.0).unwrap_err();
+        assert!(matches!(refused, WorldError::Unknown { what: "clip", .. }));
         assert!(world.play_clip(&name, f64::NAN, 0.0).is_err());
         self.times_s.push(world.clip().ok_or("no clip plays")?.1);
         Ok(())
@@ -116,8 +102,7 @@ const PARADE: &str = "--scene=builtin:parade";
 fn a_clip_plays_stands_and_is_sought() {
     let folder = Folder::new("clips");
     let mut app = Clips::default();
-    let args = [&[PARADE, "--frames=7"], &RAW[..]].concat();
-    assert_eq!(run(&mut app, &[], folder.path(), &args), ExitCode::SUCCESS);
+    run_well(&mut app, &[], folder.path(), &raw(&[PARADE, "--frames=7"]));
     let period_s = 1.0 / 90.0;
     let third = 1.0 + 2.0 * period_s;
     let fourth = 1.0 + 4.0 * period_s;
@@ -133,6 +118,5 @@ fn a_clip_plays_stands_and_is_sought() {
 
 #[test]
 fn clips_replay_to_the_bit() {
-    let defaults = [&[PARADE], &RAW[..]].concat();
-    replays_to_the_bit::<Clips>("clips_replay", &defaults, 7);
+    replays_to_the_bit::<Clips>("clips_replay", &raw(&[PARADE]), 7);
 }

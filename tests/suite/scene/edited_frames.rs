@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::renderer::{Applied, Eye, InPlace, Renderer};
+use stereolux::renderer::{Applied, InPlace, Renderer};
 use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
-use stereolux::scene::{LightKind, Node, Scene, Trs};
+use stereolux::scene::{LightKind, Material, Node, Scene, Trs};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::edits::{edit_everything, lamp, node};
 use super::support::{
-    Folder, bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
-    stereolux,
+    Folder, assert_says, assert_success, both_bits, builtin, parallel_views, play, renderer,
+    settings, square_fov, start_pose, stereolux,
 };
 
 const SIZE: [u32; 2] = [64, 64];
@@ -21,9 +21,18 @@ fn views(scene: &Scene) -> [View; 2] {
     parallel_views(start_pose(scene), 0.06, square_fov(35.0))
 }
 
-fn image(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> [Vec<[u32; 3]>; 2] {
-    renderer.render_frame(views, frame, |_| {}).unwrap();
-    [Eye::Left, Eye::Right].map(|eye| bits(&radiance(renderer, eye)))
+/// Bits of both eyes in a frame of this number.
+pub fn image(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> [Vec<[u32; 3]>; 2] {
+    play(renderer, views, frame..frame + 1);
+    both_bits(renderer)
+}
+
+/// Fails unless no pixel of either eye differs.
+pub fn assert_same(shown: &[Vec<[u32; 3]>; 2], wanted: &[Vec<[u32; 3]>; 2], what: &str) {
+    for (eye, (shown, wanted)) in shown.iter().zip(wanted).enumerate() {
+        let differ = shown.iter().zip(wanted).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 0, "{what}: pixels of eye {eye} that differ");
+    }
 }
 
 fn in_place(applied: Applied) -> InPlace {
@@ -80,10 +89,7 @@ impl Live {
         assert_eq!(new.features(), self.renderer.features(), "{what}");
         assert_eq!(new.radius_m(), self.renderer.radius_m(), "{what}");
         let wanted = image(&mut new, &self.views, 0);
-        for (eye, (shown, wanted)) in shown.iter().zip(&wanted).enumerate() {
-            let differ = shown.iter().zip(wanted).filter(|(a, b)| a != b).count();
-            assert_eq!(differ, 0, "{what}: pixels of eye {eye} that differ");
-        }
+        assert_same(&shown, &wanted, what);
         // Negative control: the same frame of the scene before the edit, whose random numbers are the same.
         assert!(shown != self.last, "{what}: nothing changed");
         self.last = shown;
@@ -105,11 +111,7 @@ fn shift(scene: &Scene, node: usize, by: DVec3, turn: f64, scale: DVec3) -> Edit
     }
 }
 
-fn with_material(
-    scene: &Scene,
-    name: &str,
-    change: impl FnOnce(&mut stereolux::scene::Material),
-) -> Edit {
+fn with_material(scene: &Scene, name: &str, change: impl FnOnce(&mut Material)) -> Edit {
     let found = scene.materials.iter().position(|m| m.name == name);
     let material = found.unwrap_or_else(|| panic!("no material {name}"));
     let mut to = scene.materials[material].clone();
@@ -117,6 +119,25 @@ fn with_material(
     Edit::Material {
         material,
         to: Box::new(to),
+    }
+}
+
+fn hide(node: usize) -> Edit {
+    Edit::Visibility {
+        node,
+        is_hidden: true,
+    }
+}
+
+/// A new light.
+fn torch(parent: Option<usize>, kind: LightKind) -> Edit {
+    Edit::Add {
+        parent,
+        node: NewNode {
+            name: "torch".to_owned(),
+            to: Placement::Parts(Trs::default()),
+            content: NewContent::Light(lamp(kind)),
+        },
     }
 }
 
@@ -130,37 +151,24 @@ fn material_of(scene: &Scene, node: usize) -> usize {
 fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
     let mut live = Live::new(builtin("cornell"), settings(|_| {}));
     let block = node(&live.scene, "short block");
-    let moved = shift(
-        &live.scene,
-        block,
-        DVec3::new(0.05, 0.02, 0.1),
-        0.4,
-        DVec3::new(1.2, 0.7, 1.0),
-    );
+    let (by, scale) = (DVec3::new(0.05, 0.02, 0.1), DVec3::new(1.2, 0.7, 1.0));
+    let moved = shift(&live.scene, block, by, 0.4, scale);
     let done = live.edit(vec![moved]);
     assert!(!done.renumbered && done.keeps_history && done.uploaded_bytes == 0);
     live.check("moved, turned and scaled");
 
     // The lamp itself: powers, places and the table of picks follow.
-    let lamp_material = live
-        .scene
-        .materials
-        .iter()
-        .find(|material| material.is_emissive())
-        .unwrap()
-        .name
-        .clone();
-    let lamp_node = (0..live.scene.nodes.len())
-        .find(|node| {
-            live.scene.nodes[*node].mesh.is_some()
-                && live.scene.materials[material_of(&live.scene, *node)].is_emissive()
-        })
-        .unwrap();
-    let dimmer = with_material(&live.scene, &lamp_material, |m| {
-        m.emission = [4.0, 9.0, 2.0];
-    });
+    let mut materials = live.scene.materials.iter();
+    let lamp_material = materials.find(|material| material.is_emissive()).unwrap();
+    let scene = &live.scene;
+    let shines = |node: &usize| {
+        scene.nodes[*node].mesh.is_some()
+            && scene.materials[material_of(scene, *node)].is_emissive()
+    };
+    let lamp_node = (0..scene.nodes.len()).find(shines).unwrap();
+    let dimmer = with_material(scene, &lamp_material.name, |m| m.emission = [4.0, 9.0, 2.0]);
     let aside = shift(
-        &live.scene,
+        scene,
         lamp_node,
         DVec3::X * 0.1,
         0.3,
@@ -173,13 +181,8 @@ fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
     let copy = Edit::Duplicate { node: lamp_node };
     copy.apply(&mut live.scene).unwrap();
     let added = live.scene.nodes.len() - 1;
-    let elsewhere = shift(
-        &live.scene,
-        added,
-        DVec3::new(-0.2, -0.1, 0.2),
-        0.0,
-        DVec3::ONE,
-    );
+    let by = DVec3::new(-0.2, -0.1, 0.2);
+    let elsewhere = shift(&live.scene, added, by, 0.0, DVec3::ONE);
     let done = live.edit(vec![elsewhere]);
     assert!(done.renumbered && !done.keeps_history);
     live.check("a second lamp that emits");
@@ -197,11 +200,7 @@ fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
         material: own,
         to: Box::new(glowing),
     };
-    let hide = Edit::Visibility {
-        node: lamp_node,
-        is_hidden: true,
-    };
-    live.edit(vec![glow, hide]);
+    live.edit(vec![glow, hide(lamp_node)]);
     live.check("a block that glows and a lamp that is hidden");
     live.edit(vec![Edit::Delete { node: block }]);
     live.check("the block deleted");
@@ -233,24 +232,12 @@ fn edits_of_the_path_tracers_scene_are_exact_too() {
     live.edit(edits);
     live.check("lights of every kind");
     let first = live.scene.instances()[0].node;
-    let larger = shift(
-        &live.scene,
-        first,
-        DVec3::new(0.1, 0.3, 0.0),
-        0.1,
-        DVec3::splat(1.3),
-    );
+    let by = DVec3::new(0.1, 0.3, 0.0);
+    let larger = shift(&live.scene, first, by, 0.1, DVec3::splat(1.3));
     live.edit(vec![larger]);
     live.check("a larger scene for light from afar");
-    let add = Edit::Add {
-        parent: Some(first),
-        node: NewNode {
-            name: "torch".to_owned(),
-            to: Placement::Parts(Trs::default()),
-            content: NewContent::Light(lamp(live.scene.lights[lit[0].light].kind)),
-        },
-    };
-    live.edit(vec![add]);
+    let kind = live.scene.lights[lit[0].light].kind;
+    live.edit(vec![torch(Some(first), kind)]);
     live.check("one more light");
 }
 
@@ -262,18 +249,10 @@ fn edits_of_the_gallery_are_exact() {
         m.roughness = 0.4;
         m.base_color = [0.9, 0.4, 0.3, 1.0];
     });
-    let raise = shift(
-        &live.scene,
-        vase,
-        DVec3::new(0.1, 0.2, 0.3),
-        0.5,
-        DVec3::ONE,
-    );
-    let hide = Edit::Visibility {
-        node: bench,
-        is_hidden: true,
-    };
-    live.edit(vec![paint, raise, hide, Edit::Duplicate { node: vase }]);
+    let by = DVec3::new(0.1, 0.2, 0.3);
+    let raise = shift(&live.scene, vase, by, 0.5, DVec3::ONE);
+    let copy = Edit::Duplicate { node: vase };
+    live.edit(vec![paint, raise, hide(bench), copy]);
     live.check("floor, vases and bench");
 }
 
@@ -285,48 +264,36 @@ fn edits_hold_while_a_clip_plays() {
     let mut shown = renderer(&scene, &settings, SIZE);
     shown.animate(0);
     image(&mut shown, &views, 0);
-    let still = scene
-        .instances()
-        .iter()
-        .map(|instance| instance.node)
-        .find(|node| {
-            let mut tracks = scene.animations[0].nodes.iter();
-            !scene.deforms(*node) && !tracks.any(|tracks| tracks.node == *node)
-        })
-        .unwrap();
+    let stands = |node: &usize| {
+        let mut tracks = scene.animations[0].nodes.iter();
+        !scene.deforms(*node) && !tracks.any(|tracks| tracks.node == *node)
+    };
+    let mut nodes = scene.instances().into_iter().map(|instance| instance.node);
+    let still = nodes.find(stands).unwrap();
     let tube = node(&scene, "tube");
     let joint = scene.skins[scene.nodes[tube].skin.unwrap()].joints[0];
-    shift(
-        &scene,
-        still,
-        DVec3::new(0.1, 0.2, 0.0),
-        0.3,
-        DVec3::splat(1.1),
-    )
-    .apply(&mut scene)
-    .unwrap();
+    let by = DVec3::new(0.1, 0.2, 0.0);
+    let aside = shift(&scene, still, by, 0.3, DVec3::splat(1.1));
+    aside.apply(&mut scene).unwrap();
     // The tube follows its first joint, whose place the clip leaves alone.
-    shift(&scene, joint, DVec3::new(0.2, 0.0, 0.1), 0.0, DVec3::ONE)
-        .apply(&mut scene)
-        .unwrap();
+    let aside = shift(&scene, joint, DVec3::new(0.2, 0.0, 0.1), 0.0, DVec3::ONE);
+    aside.apply(&mut scene).unwrap();
     let done = in_place(shown.apply_scene(&scene).unwrap());
     assert!(done.keeps_history && !done.renumbered);
     // The clip has not been set back.
     let placed = shown.instance_of_node(still).unwrap();
-    assert_eq!(
-        shown.scene().placement(placed),
-        Some(scene.rest_pose().world_from_node[still])
-    );
+    let place = shown.scene().placement(placed);
+    assert_eq!(place, Some(scene.rest_pose().world_from_node[still]));
     shown.animate(700_000_000);
     let edited = image(&mut shown, &views, 1);
-    let mut new = renderer(&scene, &settings, SIZE);
-    new.animate(0);
-    new.animate(700_000_000);
-    assert!(image(&mut new, &views, 1) == edited);
-    let mut unmoved = renderer(&builtin("parade"), &settings, SIZE);
-    unmoved.animate(0);
-    unmoved.animate(700_000_000);
-    assert!(image(&mut unmoved, &views, 1) != edited, "negative control");
+    let anew = |scene: &Scene| {
+        let mut new = renderer(scene, &settings, SIZE);
+        new.animate(0);
+        new.animate(700_000_000);
+        image(&mut new, &views, 1)
+    };
+    assert!(anew(&scene) == edited);
+    assert!(anew(&builtin("parade")) != edited, "negative control");
 }
 
 #[test]
@@ -341,8 +308,7 @@ fn what_was_not_compiled_or_uploaded_asks_for_a_new_renderer() {
         for edit in edits {
             edit.apply(&mut edited).unwrap();
         }
-        let said = why(shown.apply_scene(&edited).unwrap());
-        assert!(said.contains(words), "{said}");
+        assert_says(&why(shown.apply_scene(&edited).unwrap()), &[words]);
     };
     let block = node(&scene, "short block");
     let material = material_of(&scene, block);
@@ -351,37 +317,26 @@ fn what_was_not_compiled_or_uploaded_asks_for_a_new_renderer() {
         to: Box::new(preset.applied_to(&scene.materials[material])),
     };
     ask(vec![preset(MaterialPreset::Glass)], "is not compiled in");
-    ask(
-        vec![preset(MaterialPreset::Glossy)],
-        "gloss and metal is not compiled in",
-    );
-    let torch = Edit::Add {
-        parent: None,
-        node: NewNode {
-            name: "torch".to_owned(),
-            to: Placement::Parts(Trs::default()),
-            content: NewContent::Light(lamp(LightKind::Point)),
-        },
-    };
+    let glossy = preset(MaterialPreset::Glossy);
+    ask(vec![glossy], "gloss and metal is not compiled in");
+    let torch = torch(None, LightKind::Point);
     ask(vec![torch], "point lights is not compiled in");
-    let lamp_off = scene
-        .materials
-        .iter()
+    let mut materials = scene.materials.iter();
+    let lamp = materials
         .position(|material| material.is_emissive())
-        .map(|material| Edit::Material {
-            material,
-            to: Box::new(MaterialPreset::Diffuse.applied_to(&scene.materials[material])),
-        });
-    ask(vec![lamp_off.unwrap()], "no light is left");
+        .unwrap();
+    let lamp_off = Edit::Material {
+        material: lamp,
+        to: Box::new(MaterialPreset::Diffuse.applied_to(&scene.materials[lamp])),
+    };
+    ask(vec![lamp_off], "no light is left");
     // A mesh's own material and a refused change: what is known of the mesh comes back.
+    let own = Edit::OwnMaterial {
+        mesh: scene.nodes[block].mesh.unwrap(),
+        material,
+    };
     ask(
-        vec![
-            Edit::OwnMaterial {
-                mesh: scene.nodes[block].mesh.unwrap(),
-                material,
-            },
-            preset(MaterialPreset::Metal),
-        ],
+        vec![own, preset(MaterialPreset::Metal)],
         "is not compiled in",
     );
     let mut other = scene.clone();
@@ -432,16 +387,14 @@ fn history_is_kept_for_motion_and_dropped_for_other_light() {
     let still = |shown: &Renderer| shown.reconstruction().unwrap().still_frames();
     assert_eq!(still(&shown), 3);
     let block = node(&scene, "short block");
-    shift(&scene, block, DVec3::Y * 0.1, 0.0, DVec3::ONE)
-        .apply(&mut scene)
-        .unwrap();
+    let raised = shift(&scene, block, DVec3::Y * 0.1, 0.0, DVec3::ONE);
+    raised.apply(&mut scene).unwrap();
     assert!(in_place(shown.apply_scene(&scene).unwrap()).keeps_history);
     image(&mut shown, &views, 3);
     assert_eq!(still(&shown), 1, "the mean of still frames begins anew");
     let name = scene.materials[material_of(&scene, block)].name.clone();
-    with_material(&scene, &name, |m| m.base_color = [0.2, 0.9, 0.2, 1.0])
-        .apply(&mut scene)
-        .unwrap();
+    let painted = with_material(&scene, &name, |m| m.base_color = [0.2, 0.9, 0.2, 1.0]);
+    painted.apply(&mut scene).unwrap();
     assert!(!in_place(shown.apply_scene(&scene).unwrap()).keeps_history);
     // No history: the frame is that of a renderer that has seen nothing before.
     let edited = image(&mut shown, &views, 4);
@@ -491,10 +444,7 @@ fn an_edit_uploads_in_proportion_to_instances_and_not_to_triangles() {
         let edits = [
             shift(&scene, moved, DVec3::Y * 0.1, 0.1, DVec3::ONE),
             with_material(&scene, &name, |m| m.base_color = [0.2, 0.3, 0.4, 1.0]),
-            Edit::Visibility {
-                node: moved,
-                is_hidden: true,
-            },
+            hide(moved),
             Edit::Duplicate {
                 node: node(&scene, "block 7"),
             },
@@ -535,15 +485,7 @@ fn a_saved_scene_renders_the_same_picture() {
     };
     let saved = picture(&read);
     assert!(saved == picture(document.scene()));
-    assert!(
-        saved != picture(&Scene::builtin("cornell").unwrap()),
-        "negative control"
-    );
+    assert!(saved != picture(&builtin("cornell")), "negative control");
     // The program reads it too.
-    let output = stereolux(&["info", "--scene", path.to_str().unwrap()]);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert_success(&stereolux(&["info", "--scene", path.to_str().unwrap()]));
 }

@@ -5,25 +5,22 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 use stereolux::gpu::ShaderLibrary;
-use stereolux::renderer::{Applied, Eye, Renderer};
-use stereolux::scene::edit::{Edit, Placement};
+use stereolux::renderer::{Applied, Renderer};
+use stereolux::scene::edit::{Edit, NewContent, NewNode, Placement};
 use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
 use stereolux::settings::{Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
+use super::edited_frames::{assert_same, image};
 use super::support::{
-    bits, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    assert_says, assert_success, builtin, parallel_views, renderer, resident_kb, settings,
+    square_fov, start_pose, words,
 };
 use super::trace_probe::Random;
 
 const SIZE: [u32; 2] = [48, 48];
 
 type Image = [Vec<[u32; 3]>; 2];
-
-fn image(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> Image {
-    renderer.render_frame(views, frame, |_| {}).unwrap();
-    [Eye::Left, Eye::Right].map(|eye| bits(&radiance(renderer, eye)))
-}
 
 fn is_in_place(applied: &Applied) -> bool {
     matches!(applied, Applied::InPlace(_))
@@ -59,11 +56,8 @@ impl Live {
         })
         .join()
         .unwrap();
-        let to = DAffine3::from_scale_rotation_translation(
-            DVec3::splat(scale),
-            glam::DQuat::from_rotation_y(0.4),
-            at,
-        );
+        let (scale, turn) = (DVec3::splat(scale), glam::DQuat::from_rotation_y(0.4));
+        let to = DAffine3::from_scale_rotation_translation(scale, turn, at);
         let added = self.scene.add_part(part, "added", None, Placement::of(to));
         let added = added.unwrap();
         let applied = self.renderer.add_part(&self.scene, &added, &prepared);
@@ -92,24 +86,14 @@ impl Live {
         let mut new = renderer(&self.scene, &self.settings, SIZE);
         assert_eq!(new.features(), self.renderer.features(), "{what}");
         let wanted = image(&mut new, &self.views, 0);
-        for (eye, (shown, wanted)) in shown.iter().zip(&wanted).enumerate() {
-            let differ = shown.iter().zip(wanted).filter(|(a, b)| a != b).count();
-            assert_eq!(differ, 0, "{what}: pixels of eye {eye} that differ");
-        }
+        assert_same(&shown, &wanted, what);
         shown
     }
 
     /// Bytes of the scene's buffers on the device.
     fn bytes(&self) -> u64 {
         let resources = self.renderer.scene().resources();
-        let names = [
-            "mesh_nodes",
-            "triangles",
-            "triangle_vertices",
-            "vertices",
-            "texture_infos",
-            "texels",
-        ];
+        let names = words("mesh_nodes triangles triangle_vertices vertices texture_infos texels");
         let size = |name| match resources.get(name) {
             Some(wgpu::BindingResource::Buffer(binding)) => binding.buffer.size(),
             _ => 0,
@@ -123,16 +107,12 @@ fn ball(rings: u32, emission: f32) -> Scene {
     let point = |ring: u32, along: u32| {
         let polar = f64::from(ring) * std::f64::consts::PI / f64::from(rings);
         let turn = f64::from(along) * std::f64::consts::PI / f64::from(rings);
-        DVec3::new(
-            polar.sin() * turn.cos(),
-            polar.cos(),
-            polar.sin() * turn.sin(),
-        )
+        let (x, z) = (polar.sin() * turn.cos(), polar.sin() * turn.sin());
+        DVec3::new(x, polar.cos(), z)
     };
     let places = || (0..=rings).flat_map(|ring| (0..=2 * rings).map(move |along| (ring, along)));
-    let normals: Vec<[f32; 3]> = places()
-        .map(|(r, a)| point(r, a).as_vec3().to_array())
-        .collect();
+    let normals = places().map(|(r, a)| point(r, a).as_vec3().to_array());
+    let normals: Vec<[f32; 3]> = normals.collect();
     let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |along| (ring, along)));
     let triangles = quads.flat_map(|(ring, along)| {
         let at = |ring: u32, along: u32| ring * (2 * rings + 1) + along;
@@ -175,6 +155,14 @@ fn ball(rings: u32, emission: f32) -> Scene {
     }
 }
 
+/// A ball that needs shaders of its own.
+fn shiny() -> Scene {
+    let mut shiny = ball(8, 0.0);
+    shiny.materials[0].specular = 1.0;
+    shiny.materials[0].roughness = 0.2;
+    shiny
+}
+
 fn middle(scene: &Scene) -> DVec3 {
     scene.bounds_in_world().unwrap().center()
 }
@@ -203,19 +191,16 @@ fn what_is_added_is_shown_as_if_it_had_always_been_there() {
         let all = live.check("another box with its own lamp");
         live.renderer.scene().hierarchies().validate().unwrap();
         // An edit of what was added.
-        let hide = |is_hidden| Edit::Visibility {
-            node: room.root(),
-            is_hidden,
+        let hide = |live: &mut Live, is_hidden| {
+            let node = room.root();
+            let edit = Edit::Visibility { node, is_hidden };
+            edit.apply(&mut live.scene).unwrap();
+            let applied = live.renderer.apply_scene(&live.scene).unwrap();
+            assert!(is_in_place(&applied), "{applied:?}");
         };
-        hide(true).apply(&mut live.scene).unwrap();
-        assert!(is_in_place(
-            &live.renderer.apply_scene(&live.scene).unwrap()
-        ));
+        hide(&mut live, true);
         live.check("hidden");
-        hide(false).apply(&mut live.scene).unwrap();
-        assert!(is_in_place(
-            &live.renderer.apply_scene(&live.scene).unwrap()
-        ));
+        hide(&mut live, false);
         assert!(live.shown() == all);
         // Out of the middle, and something larger and something smaller for its place.
         live.remove(&lamp);
@@ -309,10 +294,7 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
     let empty = live.shown();
     let bytes = live.bytes();
     let front = middle(&live.scene);
-    let mut glossy = ball(8, 0.0);
-    glossy.materials[0].specular = 1.0;
-    glossy.materials[0].roughness = 0.2;
-    let (part, applied) = live.add(glossy, front, 0.2);
+    let (part, applied) = live.add(shiny(), front, 0.2);
     let Applied::NeedsRebuild { why } = applied else {
         panic!("cornell has no glossy surfaces");
     };
@@ -325,25 +307,15 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
     assert!(!is_in_place(&unknown));
     // Two parts at once, of which one is told of.
     let to = || Placement::of(DAffine3::from_translation(front));
-    let prepared = live
-        .renderer
-        .part_preparation()
-        .prepare(&ball(3, 0.0))
-        .unwrap();
-    let one = live
-        .scene
-        .add_part(ball(3, 0.0), "one", None, to())
-        .unwrap();
-    let two = live
-        .scene
-        .add_part(ball(3, 0.0), "two", None, to())
-        .unwrap();
+    let preparation = live.renderer.part_preparation();
+    let prepared = preparation.prepare(&ball(3, 0.0)).unwrap();
+    let [one, two] = ["one", "two"].map(|name| {
+        let added = live.scene.add_part(ball(3, 0.0), name, None, to());
+        added.unwrap()
+    });
     for part in [&one, &two] {
-        let applied = live
-            .renderer
-            .add_part(&live.scene, part, &prepared)
-            .unwrap();
-        assert!(!is_in_place(&applied));
+        let applied = live.renderer.add_part(&live.scene, part, &prepared);
+        assert!(!is_in_place(&applied.unwrap()));
     }
     live.scene.remove_part(&two).unwrap();
     let applied = live
@@ -355,18 +327,15 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
     // What another part shows stays.
     let shared = Edit::Add {
         parent: None,
-        node: stereolux::scene::edit::NewNode {
+        node: NewNode {
             name: "shares".to_owned(),
             to: to(),
-            content: stereolux::scene::edit::NewContent::Mesh(one.meshes.start),
+            content: NewContent::Mesh(one.meshes.start),
         },
     };
     let undo = shared.apply(&mut live.scene).unwrap();
     let refused = live.scene.remove_part(&one).unwrap_err().to_string();
-    assert!(
-        refused.contains("shares") && refused.contains("one"),
-        "{refused}"
-    );
+    assert_says(&refused, &["shares", "one"]);
     undo.apply(&mut live.scene).unwrap();
     live.remove(&one);
     assert!(live.scene.remove_part(&one).is_err());
@@ -376,12 +345,6 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
 /// What needs other shaders: a renderer made on another thread takes over at the frame that the application chooses.
 #[test]
 fn a_renderer_made_on_a_thread_takes_over() {
-    let shiny = || {
-        let mut shiny = ball(8, 0.0);
-        shiny.materials[0].specular = 1.0;
-        shiny.materials[0].roughness = 0.2;
-        shiny
-    };
     for settings in [settings(|s| s.spp = 2), path()] {
         let mut live = Live::new(builtin("cornell"), settings);
         let front = middle(&live.scene);
@@ -401,18 +364,9 @@ fn a_renderer_made_on_a_thread_takes_over() {
         live.check("and another");
         live.remove(&more);
         live.scene.remove_part(&part).unwrap();
-        assert!(!is_in_place(
-            &live.renderer.remove_part(&live.scene, &part).unwrap()
-        ));
+        let applied = live.renderer.remove_part(&live.scene, &part).unwrap();
+        assert!(!is_in_place(&applied));
     }
-}
-
-/// kB of the process that lie in memory.
-fn resident_kb() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let words = line.unwrap().split_whitespace().next().unwrap();
-    words.parse().unwrap()
 }
 
 #[test]
@@ -424,12 +378,8 @@ fn many_additions_leave_no_memory_behind() {
         let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
         let alone = alone.args(["--exact", name, "--nocapture"]).env(ALONE, "1");
         let output = alone.output().unwrap();
-        let said = String::from_utf8_lossy(&output.stdout);
-        let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(
-            output.status.success() && said.contains("1 passed"),
-            "{said}{errors}"
-        );
+        assert_success(&output);
+        assert_says(&String::from_utf8_lossy(&output.stdout), &["1 passed"]);
         return;
     }
     let scene = builtin("cornell");
@@ -445,7 +395,7 @@ fn many_additions_leave_no_memory_behind() {
         let most = live.bytes();
         live.remove(&added);
         image(&mut live.renderer, &live.views, 0);
-        seen.push((most, live.bytes(), resident_kb()));
+        seen.push((most, live.bytes(), resident_kb("self")));
     }
     assert!(live.shown() == empty);
     assert_eq!(live.scene, scene);

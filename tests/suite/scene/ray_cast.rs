@@ -8,7 +8,7 @@ use stereolux::scene::{Scene, ScenePose};
 use stereolux::settings::{Method, Reuse};
 
 use super::support::{
-    builtin, frame, meet, method, parallel_views, renderer, square_fov, start_pose,
+    builtin, frame, meet, method, parallel_views, pixel_ray, renderer, square_fov, start_pose,
 };
 use super::trace_probe::Random;
 
@@ -22,14 +22,11 @@ fn small(scene: &Scene) -> Renderer {
 fn other_pixels(scene: &Scene, renderer: &mut Renderer) -> (usize, usize) {
     let views = parallel_views(start_pose(scene), 0.06, square_fov(35.0));
     frame(renderer, &views);
-    let seen = renderer
-        .inspect_surfaces(&ShaderLibrary::embedded(), Eye::Left)
-        .unwrap();
+    let library = ShaderLibrary::embedded();
+    let seen = renderer.inspect_surfaces(&library, Eye::Left).unwrap();
     let (mut others, mut surfaces, mut renamed) = (0, 0, 0);
     for (pixel, seen) in seen.iter().enumerate() {
-        let (x, y) = (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
-        let at = [x, y].map(|i| f64::from(i) + 0.5);
-        let ray = views[0].ray_through_pixel(at[0], at[1], SIZE[0], SIZE[1]);
+        let ray = pixel_ray(&views[0], pixel, SIZE);
         let hit = renderer.cast_ray(ray.origin, ray.direction, f64::INFINITY);
         let (Some(hit), Some(instance)) = (hit, seen.instance) else {
             others += usize::from(hit.is_some() || seen.instance.is_some());
@@ -97,10 +94,10 @@ fn is_same(hit: Option<RayHit>, wanted: &[(usize, u32, f64)]) -> bool {
         return wanted.is_empty();
     };
     let near = |t: f64| (hit.distance_m - t).abs() < ROUNDING_M;
-    wanted.first().is_some_and(|(.., t)| near(*t))
-        && wanted.iter().any(|(node, triangle, t)| {
-            near(*t) && (hit.node, hit.triangle) == (Some(*node), *triangle)
-        })
+    let is_it = |(node, triangle, t): &(usize, u32, f64)| {
+        near(*t) && (hit.node, hit.triangle) == (Some(*node), *triangle)
+    };
+    wanted.first().is_some_and(|(.., t)| near(*t)) && wanted.iter().any(is_it)
 }
 
 /// No frame is rendered in between: what the renderer has been told of counts.
@@ -109,11 +106,8 @@ fn what_bends_is_met_as_it_is_bent_now() {
     let scene = builtin("parade");
     let mut renderer = small(&scene);
     let clip = scene.clip("parade").unwrap().unwrap();
-    let bent: Vec<_> = scene
-        .instances()
-        .into_iter()
-        .filter(|i| scene.deforms(i.node))
-        .collect();
+    let mut bent = scene.instances();
+    bent.retain(|instance| scene.deforms(instance.node));
     let mut random = Random(5);
     let (mut met, mut stale) = (0, 0);
     for step in 0..4 {

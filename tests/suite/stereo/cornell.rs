@@ -3,16 +3,17 @@
 use stereolux::renderer::{Eye, Provenance};
 use stereolux::scene::Scene;
 use stereolux::settings::{Method, Reuse, Sampler};
+use stereolux::xr::View;
 
 use crate::suite::support::{
-    builtin, frame, method, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    builtin, frame, method, radiance, rendered, renderer, settings, start_views,
 };
 
 const SIZE: [u32; 2] = [64, 64];
 
-fn views(scene: &Scene) -> [stereolux::xr::View; 2] {
+fn views(scene: &Scene) -> [View; 2] {
     // The published camera's opening.
-    parallel_views(start_pose(scene), 0.063, square_fov(19.65))
+    start_views(scene, 19.65)
 }
 
 #[test]
@@ -57,16 +58,11 @@ fn reused_pixels_are_about_as_true_as_native_ones() {
             s.spp = 192;
             s.seed = seed;
         });
-        let mut renderer = renderer(&scene, &settings, SIZE);
-        frame(&mut renderer, &views);
-        radiance(&renderer, Eye::Right)
+        radiance(&rendered(&scene, &settings, SIZE, &views), Eye::Right)
     };
     let (a, b) = (reference(1), reference(2));
-    let truth: Vec<[f32; 3]> = a
-        .iter()
-        .zip(&b)
-        .map(|(a, b)| [0, 1, 2].map(|channel| 0.5 * (a[channel] + b[channel])))
-        .collect();
+    let mean = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]));
+    let truth: Vec<[f32; 3]> = a.iter().zip(&b).map(mean).collect();
     let render = |reuse, sampler| {
         let settings = settings(|s| {
             s.reuse = reuse;
@@ -74,17 +70,13 @@ fn reused_pixels_are_about_as_true_as_native_ones() {
             s.photon.count = 65_536;
             s.path.sampler = sampler;
         });
-        let mut renderer = renderer(&scene, &settings, SIZE);
-        frame(&mut renderer, &views);
+        let renderer = rendered(&scene, &settings, SIZE, &views);
         let provenance = renderer.read_provenance().unwrap();
         (radiance(&renderer, Eye::Right), provenance)
     };
     // For the negative control: the left image in the right one's place is far off.
-    let left = {
-        let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Off), SIZE);
-        frame(&mut renderer, &views);
-        radiance(&renderer, Eye::Left)
-    };
+    let left = method(Method::Photon, Reuse::Off);
+    let left = radiance(&rendered(&scene, &left, SIZE, &views), Eye::Left);
     // Samples that are scattered come from several left pixels, each of whose Sobol points are stratified by themselves:
     // a right pixel has the noise of independent ones (measured: 1.4 times native), so that is what it is held to.
     let cases = [
@@ -96,32 +88,20 @@ fn reused_pixels_are_about_as_true_as_native_ones() {
     for (reuse, sampler, native_sampler, most) in cases {
         let (reusing, provenance) = render(reuse, sampler);
         let (native, _) = render(Reuse::Off, native_sampler);
-        let mask: Vec<bool> = provenance
-            .unwrap()
-            .iter()
-            .map(|&p| Provenance::is_reused(p))
-            .collect();
-        let (with, without) = (
-            rel_mse(&reusing, &truth, &mask),
-            rel_mse(&native, &truth, &mask),
-        );
+        let provenance = provenance.unwrap().into_iter();
+        let mask: Vec<bool> = provenance.map(Provenance::is_reused).collect();
+        let [with, without] = [&reusing, &native].map(|image| rel_mse(image, &truth, &mask));
         // The two halves of the reference differ by twice the squared error of one, four times that of their mean.
         let own = rel_mse(&a, &b, &mask) / 4.0;
-        eprintln!(
-            "relMSE of reused pixels: {with:.5} by {reuse:?} of {sampler:?}, {without:.5} native, {native_sampler:?}; the reference's own {own:.5}"
+        let what = format!(
+            "relMSE of reused pixels: {with:.5} by {reuse:?} of {sampler:?}, {without:.5} native, {native_sampler:?}; \
+             the reference's own {own:.5}"
         );
-        assert!(
-            own < 0.1 * without,
-            "the reference is not converged: {own} against {without}"
-        );
-        assert!(
-            with <= most * without,
-            "{reuse:?} of {sampler:?} costs accuracy: {with} against {without}"
-        );
-        // Negative control.
-        assert!(
-            rel_mse(&left, &truth, &mask) > 2.0 * without,
-            "the measure does not tell eyes apart"
-        );
+        eprintln!("{what}");
+        // The reference has converged, and reuse costs no accuracy.
+        assert!(own < 0.1 * without, "{what}");
+        assert!(with <= most * without, "{what}");
+        // Negative control: the measure tells eyes apart.
+        assert!(rel_mse(&left, &truth, &mask) > 2.0 * without, "{what}");
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::process::Command;
 
 use glam::DVec3;
-use stereolux::renderer::{Eye, Provenance, Renderer};
+use stereolux::renderer::{Eye, Provenance, StereoStats};
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{
     DirectLight, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
@@ -12,17 +12,14 @@ use stereolux::settings::{
 use stereolux::xr::Pose;
 
 use super::cornell::rel_mse;
-use super::stereo_exact::has_sharp_lobe;
+use super::stereo_exact::{has_sharp_lobe, provenance};
 use super::support::{
-    Folder, Triangles, adapter_name, bits, builtin, frame, method, parallel_views, radiance,
-    renderer, settings, square_fov, start_pose,
+    Folder, Triangles, adapter_name, assert_says, assert_success, bits, builtin, exrs, frame,
+    method, parallel_views, pixel_ray, radiance, rendered, renderer, settings, square_fov,
+    start_pose, start_views,
 };
 use crate::suite::embedded_scenes::plane;
-use crate::suite::transport::hard_support::{add, add_point_light, quad};
-
-fn provenance(renderer: &Renderer) -> Vec<u32> {
-    renderer.read_provenance().unwrap().unwrap()
-}
+use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
 
 #[test]
 fn light_on_a_plane_is_interpolated_to_second_order() {
@@ -53,12 +50,7 @@ fn light_on_a_plane_is_interpolated_to_second_order() {
                     if at > f64::from(SIZE) - 0.5 || !Provenance::is_reused(provenance[pixel]) {
                         continue;
                     }
-                    let ray = views[1].ray_through_pixel(
-                        f64::from(x) + 0.5,
-                        f64::from(y) + 0.5,
-                        SIZE,
-                        SIZE,
-                    );
+                    let ray = pixel_ray(&views[1], pixel, [SIZE, SIZE]);
                     let point = ray.origin - ray.direction * (plane::DISTANCE_M / ray.direction.z);
                     let expected = plane::radiance_at(point.x, point.y);
                     let off = |value: f32| (f64::from(value) / expected - 1.0).abs();
@@ -68,25 +60,24 @@ fn light_on_a_plane_is_interpolated_to_second_order() {
                     compared += 1;
                 }
             }
-            assert!(
-                compared > 3000,
-                "{kind:?} {reuse:?}: {compared} pixels reused"
-            );
+            assert!(compared > 3000, "{kind:?} {reuse:?}: {compared} reused");
             (worst, worst_displaced, result.stereo)
         };
         for reuse in [Reuse::Scatter, Reuse::Lookup] {
             let (worst, displaced, stereo) = worst(reuse);
             let what = format!("{kind:?} {reuse:?}");
             assert!(worst < bound, "{what}: off by {worst}, bound {bound}");
-            // Everything but what lies outside the left view.
-            assert_eq!(
-                stereo.filled, stereo.filled_because.out_of_left_view,
-                "{what}: {stereo:?}"
-            );
+            assert_all_seen(&stereo, &what);
             // Negative control: a sample carried over as it stands is off by up to half a pixel's worth of gradient.
             assert!(displaced > 3.0 * bound, "{what}: off by {displaced}");
         }
     }
+}
+
+/// Everything is taken over but what lies outside the left view.
+fn assert_all_seen(stereo: &StereoStats, what: &str) {
+    let outside = stereo.filled_because.out_of_left_view;
+    assert_eq!(stereo.filled, outside, "{what}: {stereo:?}");
 }
 
 #[test]
@@ -97,16 +88,15 @@ fn only_diffuse_light_is_taken_over_whole_and_nothing_that_mirrors_or_glass_show
 }
 
 fn only_diffuse_light_is_taken_over_whole(by: Method) {
-    let (width, height) = (96, 64);
+    const SIZE: [u32; 2] = [96, 64];
     let scene = builtin("gallery");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(40.0));
-    let mut renderer = renderer(&scene, &method(by, Reuse::Lookup), [width, height]);
+    let views = start_views(&scene, 40.0);
+    let mut renderer = renderer(&scene, &method(by, Reuse::Lookup), SIZE);
     let result = frame(&mut renderer, &views);
     let triangles = Triangles::of(&scene);
     let (mut diffuse, mut mixed, mut wrong) = (0, 0, 0);
     for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
-        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-        let ray = views[1].ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
+        let ray = pixel_ray(&views[1], pixel, SIZE);
         let Some((_, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
             continue;
         };
@@ -178,10 +168,7 @@ fn glossy_surfaces_take_light_over(by: Method) {
     let (carried, stereo) = right(Reuse::Lookup, 0.5, 0.063, &|_| {});
     let (native, _) = right(Reuse::Off, 0.5, 0.063, &|_| {});
     let share = f64::from(stereo.reused) / f64::from(stereo.reused + stereo.filled);
-    let (with, without) = (
-        rel_mse(&carried, &truth, &all),
-        rel_mse(&native, &truth, &all),
-    );
+    let [with, without] = [&carried, &native].map(|image| rel_mse(image, &truth, &all));
     eprintln!("relMSE {with:.5} with light taken over, {without:.5} without; share {share:.3}");
     assert!(share > 0.8, "{stereo:?}");
     assert!(with <= 1.05 * without, "{with} against {without}");
@@ -218,13 +205,8 @@ impl Blade {
 
     fn scene() -> Scene {
         let mut scene = Scene::default();
-        let corner = DVec3::new(-8.0, -8.0, Self::WALL_Z);
-        let wall = quad(corner, DVec3::X * 16.0, DVec3::Y * 16.0);
-        add(
-            &mut scene,
-            &wall,
-            Material::lambert("wall", [Self::ALBEDO as f32; 3]),
-        );
+        let wall = Material::lambert("wall", [Self::ALBEDO as f32; 3]);
+        add(&mut scene, &square_ahead(8.0, -Self::WALL_Z), wall);
         let blade = quad(Self::CORNER, DVec3::X * Self::WIDTH, Self::EDGE);
         add(&mut scene, &blade, Material::lambert("blade", [0.0; 3]));
         add_point_light(&mut scene, Self::LIGHT, Self::INTENSITY as f32);
@@ -258,13 +240,11 @@ fn shadows_are_the_right_eyes_own_where_it_traces_shadow_rays() {
         settings.stereo.shadow_rays = shadow_rays;
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         let stereo = frame(&mut renderer, &views).stereo;
-        assert_eq!(stereo.filled, stereo.filled_because.out_of_left_view);
+        assert_all_seen(&stereo, "blade");
         let (image, provenance) = (radiance(&renderer, Eye::Right), provenance(&renderer));
         let mut errors = Vec::new();
         for (pixel, from) in provenance.into_iter().enumerate() {
-            let (x, y) = (pixel as u32 % SIZE, pixel as u32 / SIZE);
-            let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let ray = views[1].ray_through_pixel(x, y, SIZE, SIZE);
+            let ray = pixel_ray(&views[1], pixel, [SIZE, SIZE]);
             let distance = (Blade::WALL_Z - ray.origin.z) / ray.direction.z;
             let Some(truth) = Blade::radiance(ray.origin + ray.direction * distance) else {
                 continue;
@@ -298,13 +278,11 @@ fn shadows_are_the_right_eyes_own_where_it_traces_shadow_rays() {
 fn striped_floor() -> Scene {
     let mut scene = Scene::default();
     for (name, albedo, first) in [("dark", 0.02, 0), ("bright", 0.8, 1)] {
-        let stripes: Vec<_> = (first..60)
-            .step_by(2)
-            .flat_map(|stripe| {
-                let left = -3.0 + 0.1 * f64::from(stripe);
-                quad(DVec3::new(left, -0.4, 2.0), DVec3::X * 0.1, DVec3::Z * -6.0)
-            })
-            .collect();
+        let stripe = |stripe: i32| {
+            let left = -3.0 + 0.1 * f64::from(stripe);
+            quad(DVec3::new(left, -0.4, 2.0), DVec3::X * 0.1, DVec3::Z * -6.0)
+        };
+        let stripes: Vec<_> = (first..60).step_by(2).flat_map(stripe).collect();
         let material = Material {
             specular: 1.0,
             roughness: 0.5,
@@ -333,8 +311,7 @@ fn light_is_carried_between_surfaces_by_what_they_reflect_towards_the_eye() {
             s.photon.count = 100_000;
             s.photon.radius_m = 0.4;
         });
-        let mut renderer = renderer(&scene, &settings, SIZE);
-        frame(&mut renderer, &views);
+        let renderer = rendered(&scene, &settings, SIZE, &views);
         let provenance = renderer.read_provenance().unwrap();
         (radiance(&renderer, Eye::Right), provenance)
     };
@@ -343,10 +320,8 @@ fn light_is_carried_between_surfaces_by_what_they_reflect_towards_the_eye() {
     let provenance = provenance.unwrap();
     let resampled = |pixel: &usize| provenance[*pixel] == Provenance::Resampled as u32;
     let sum = |image: &[[f32; 3]]| -> f64 {
-        (0..image.len())
-            .filter(resampled)
-            .map(|pixel| f64::from(image[pixel][0]))
-            .sum()
+        let pixels = (0..image.len()).filter(resampled);
+        pixels.map(|pixel| f64::from(image[pixel][0])).sum()
     };
     let bias = sum(&carried) / sum(&native) - 1.0;
     let pixels = (0..native.len()).filter(resampled).count();
@@ -366,13 +341,14 @@ fn shadow_rays_need_samples_of_the_lights() {
         settings.check().unwrap_err()
     };
     let line = refused(|s| s.photon.schedule = Schedule::Fused);
-    assert!(line.contains("stereo.shadow_rays") && line.contains("photon.schedule"));
-    assert!(refused(|s| s.photon.direct = DirectLight::Map).contains("photon.direct"));
+    assert_says(&line, &["stereo.shadow_rays", "photon.schedule"]);
+    let line = refused(|s| s.photon.direct = DirectLight::Map);
+    assert_says(&line, &["photon.direct"]);
     let line = refused(|s| {
         s.method = Method::Path;
         s.path.technique = Technique::Light;
     });
-    assert!(line.contains("path.technique"));
+    assert_says(&line, &["path.technique"]);
 }
 
 /// Frames run without wgpu's check of indirect dispatches, which turns those beyond the device's limits into nothing: with
@@ -389,18 +365,16 @@ fn sizes_of_indirect_dispatches_pass_wgpus_check() {
             .arg("--out")
             .arg(&out)
             .env("WGPU_VALIDATION_INDIRECT_CALL", check);
-        let output = command.output().unwrap();
-        assert!(output.status.success(), "{output:?}");
-        ["left", "right"]
-            .map(|eye| std::fs::read(out.join(format!("frame_0000_{eye}.exr"))).unwrap())
+        assert_success(&command.output().unwrap());
+        let images = exrs(&out);
+        assert_eq!(images.len(), 2);
+        images
     };
     for search in ["grid", "kd-tree"] {
         let set = format!("photon.search={search}");
         let checked = render("checked", "1", &set);
-        assert!(
-            checked == render("unchecked", "0", &set),
-            "{search}: the check changes the images"
-        );
+        // The check does not change the images.
+        assert!(checked == render("unchecked", "0", &set), "{search}");
         assert!(checked != render("other", "0", "seed=7"));
     }
 }
@@ -433,21 +407,13 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
     let light = DVec3::from_array(plane::LIGHT_POSITION);
     // Towards eye `to`, what the eye's ray through the pixel meets.
     let expected = |to: usize, x: u32, y: u32| {
-        let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let ray = views[1].ray_through_pixel(x, y, SIZE, SIZE);
+        let ray = pixel_ray(&views[1], (y * SIZE + x) as usize, [SIZE, SIZE]);
         let point = ray.origin - ray.direction * (plane::DISTANCE_M / ray.direction.z);
         let (to_eye, to_light) = (views[to].position_in_world - point, light - point);
-        let irradiance =
-            f64::from(plane::LIGHT_INTENSITY) * to_light.normalize().z / to_light.length_squared();
+        let (square_m2, to_light) = (to_light.length_squared(), to_light.normalize());
+        let irradiance = f64::from(plane::LIGHT_INTENSITY) * to_light.z / square_m2;
         let albedo = f64::from(plane::ALBEDO);
-        irradiance
-            * varnish(
-                albedo,
-                alpha,
-                DVec3::Z,
-                to_eye.normalize(),
-                to_light.normalize(),
-            )
+        irradiance * varnish(albedo, alpha, DVec3::Z, to_eye.normalize(), to_light)
     };
     for (by, reuse) in [
         (Method::Photon, Reuse::Scatter),
@@ -457,21 +423,16 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
     ] {
         let mut renderer = renderer(&scene, &method(by, reuse), [SIZE, SIZE]);
         let stereo = frame(&mut renderer, &views).stereo;
-        assert_eq!(
-            stereo.filled, stereo.filled_because.out_of_left_view,
-            "{by:?} {reuse:?}: {stereo:?}"
-        );
+        let what = format!("{by:?} {reuse:?}");
+        assert_all_seen(&stereo, &what);
         let (image, provenance) = (radiance(&renderer, Eye::Right), provenance(&renderer));
         let (mut worst, mut worst_of_left, mut compared) = (0.0_f64, 0.0_f64, 0);
         let mut brightest = [(0.0, 0); 2];
+        let resampled = Provenance::Resampled as u32;
         for y in 1..SIZE - 1 {
             for x in 0..SIZE * 3 / 4 {
                 let pixel = (y * SIZE + x) as usize;
-                assert_eq!(
-                    provenance[pixel],
-                    Provenance::Resampled as u32,
-                    "({x}, {y})"
-                );
+                assert_eq!(provenance[pixel], resampled, "({x}, {y})");
                 let (found, truth) = (f64::from(image[pixel][0]), expected(1, x, y));
                 worst = worst.max((found / truth - 1.0).abs());
                 worst_of_left = worst_of_left.max((found / expected(0, x, y) - 1.0).abs());
@@ -483,18 +444,16 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
                 compared += 1;
             }
         }
-        assert_eq!(
-            brightest[0].1, brightest[1].1,
-            "{by:?} {reuse:?}: the highlight stands elsewhere"
-        );
+        let [stands, should] = brightest.map(|most| most.1);
+        assert_eq!(stands, should, "{what}: where the highlight stands");
         // The lobe is the eye's own; directions of light are those at samples at most a pixel away, about which the light
         // is linear to first order. Second order: h^2 / 8 times the second derivatives of light over the half vector's
         // width, at most 1 / (alpha d)^2 each way: (2.4 cm / (0.16 x 1.5 m))^2 / 8 x 2 = 0.25 %. Four times that bounds it.
         eprintln!(
-            "{by:?} {reuse:?}: off by {worst}; from what the left eye sees by {worst_of_left}; {compared} pixels"
+            "{what}: off by {worst}, from what the left eye sees by {worst_of_left}; {compared} pixels"
         );
-        assert!(worst < 0.01, "{by:?} {reuse:?}: off by {worst}");
+        assert!(worst < 0.01, "{what}: off by {worst}");
         // Negative control: what the left eye sees at the same points.
-        assert!(worst_of_left > 0.1, "{by:?} {reuse:?}: {worst_of_left}");
+        assert!(worst_of_left > 0.1, "{what}: {worst_of_left}");
     }
 }

@@ -8,24 +8,23 @@ use stereolux::xr::{Fov, Headset, Pose, View};
 
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
-    Triangles, bits, builtin, frame, hit_in_world, hit_rays, method, parallel_views, placed,
-    radiance, renderer, square_fov, start_pose,
+    Triangles, bits, both, both_bits, builtin, frame, hit_in_world, hit_rays, method,
+    parallel_views, pixel_ray, placed, radiance, rendered, renderer, square_fov, start_pose,
+    start_views,
 };
 
 fn winners(renderer: &Renderer) -> Vec<u32> {
     renderer.read_winners().unwrap().unwrap()
 }
 
-fn provenance(renderer: &Renderer) -> Vec<u32> {
+pub fn provenance(renderer: &Renderer) -> Vec<u32> {
     renderer.read_provenance().unwrap().unwrap()
 }
 
 /// The head rolled about its line of sight, degrees.
 fn rolled(head: Pose, degrees: f64) -> Pose {
-    head.then(&Pose::new(
-        DVec3::ZERO,
-        DQuat::from_rotation_z(degrees.to_radians()),
-    ))
+    let turn = DQuat::from_rotation_z(degrees.to_radians());
+    head.then(&Pose::new(DVec3::ZERO, turn))
 }
 
 #[test]
@@ -47,17 +46,11 @@ fn equal_eyes_give_equal_images_bit_for_bit() {
                 ..method(kind, reuse)
             };
             let mut renderer = renderer(&scene, &settings, [32, 24]);
-            for (fov, roll) in [
-                (square_fov(20.0), 0.0),
-                (asymmetric, 0.0),
-                (asymmetric, 90.0),
-            ] {
+            let square = square_fov(20.0);
+            for (fov, roll) in [(square, 0.0), (asymmetric, 0.0), (asymmetric, 90.0)] {
                 let views = parallel_views(rolled(head, roll), 0.0, fov);
                 let result = frame(&mut renderer, &views);
-                let (left, right) = (
-                    radiance(&renderer, Eye::Left),
-                    radiance(&renderer, Eye::Right),
-                );
+                let [left, right] = both(&renderer);
                 let what = format!("{kind:?} {reuse:?} {spp} spp roll {roll}");
                 assert!(bits(&left) == bits(&right), "{what}: eyes differ");
                 assert!(left.iter().flatten().any(|&c| c > 0.0), "{what}: black");
@@ -69,9 +62,8 @@ fn equal_eyes_give_equal_images_bit_for_bit() {
             }
             // Negative control: eyes apart are not equal.
             frame(&mut renderer, &parallel_views(head, 0.02, square_fov(20.0)));
-            assert!(
-                bits(&radiance(&renderer, Eye::Left)) != bits(&radiance(&renderer, Eye::Right))
-            );
+            let [left, right] = both_bits(&renderer);
+            assert!(left != right);
         }
     }
 }
@@ -97,15 +89,13 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
             let views = parallel_views(Pose::IDENTITY, ipd_m, fov);
             let result = frame(&mut renderer, &views);
             let tangents = fov.tangents();
-            let disparity =
-                f64::from(width) * ipd_m / (plane::DISTANCE_M * (tangents.right - tangents.left));
+            let across_m = plane::DISTANCE_M * (tangents.right - tangents.left);
+            let disparity = f64::from(width) * ipd_m / across_m;
             // A left pixel's centre moves left by the disparity. Its distance from the nearest pixel border is the
             // same for the whole image; these settings keep it far above f32 rounding (1e-5 pixels).
             let landing = 0.5 - disparity;
-            assert!(
-                (landing - landing.round()).abs() > 1e-3,
-                "choose another size: lands on a border"
-            );
+            let is_on_border = (landing - landing.round()).abs() <= 1e-3;
+            assert!(!is_on_border, "choose another size");
             let shift = -(landing.floor() as i64) as u32;
             assert!(shift >= 1, "the test must move something");
             let (winners, provenance) = (winners(&renderer), provenance(&renderer));
@@ -113,51 +103,32 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
             for y in 0..height {
                 for x in 0..width {
                     let here = (y * width + x) as usize;
-                    let from = if x + shift < width {
-                        y * width + x + shift
-                    } else {
-                        u32::MAX
-                    };
-                    assert_eq!(
-                        winners[here], from,
-                        "{size:?} ipd {ipd_m}: right pixel ({x}, {y})"
+                    let from = (x + shift < width).then_some(y * width + x + shift);
+                    let what = format!("{size:?} ipd {ipd_m}: right pixel ({x}, {y})");
+                    assert_eq!(winners[here], from.unwrap_or(u32::MAX), "{what}");
+                    let is_outside = provenance[here] == Provenance::OutOfLeftView as u32;
+                    assert_eq!(is_outside, from.is_none(), "{what}");
+                    assert_ne!(
+                        is_outside,
+                        Provenance::is_reused(provenance[here]),
+                        "{what}"
                     );
-                    if from == u32::MAX {
-                        assert_eq!(
-                            provenance[here],
-                            Provenance::OutOfLeftView as u32,
-                            "({x}, {y})"
-                        );
-                    } else {
-                        assert!(Provenance::is_reused(provenance[here]));
-                    }
                 }
             }
-            let reused = (width - shift) * height;
-            assert_eq!(result.stereo.reused, reused);
-            assert_eq!(
-                result.stereo.filled_because.out_of_left_view,
-                shift * height
-            );
-            assert_eq!(result.stereo.filled, shift * height);
+            let stereo = result.stereo;
+            let outside = stereo.filled_because.out_of_left_view;
+            assert_eq!(stereo.reused, (width - shift) * height);
+            assert_eq!([outside, stereo.filled], [shift * height; 2]);
             // Direct light of one point light is the whole truth here: a plane alone scatters nothing to itself. f32
             // arithmetic of some twenty steps keeps 1e-5; 1e-4 leaves room for a driver's division.
             for (pixel, value) in left.iter().enumerate() {
-                let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-                let ray = views[0].ray_through_pixel(
-                    f64::from(x) + 0.5,
-                    f64::from(y) + 0.5,
-                    width,
-                    height,
-                );
+                let ray = pixel_ray(&views[0], pixel, size);
                 let point = ray.origin
                     + ray.direction * (-plane::DISTANCE_M - ray.origin.z) / ray.direction.z;
                 let expected = plane::radiance_at(point.x, point.y);
                 for channel in value {
-                    assert!(
-                        (f64::from(*channel) / expected - 1.0).abs() < 1e-4,
-                        "({x}, {y}): {channel} for {expected}"
-                    );
+                    let off = (f64::from(*channel) / expected - 1.0).abs();
+                    assert!(off < 1e-4, "pixel {pixel}: {channel} for {expected}");
                 }
             }
         }
@@ -184,9 +155,8 @@ fn misplaced(
         }
         all += 1;
         let hit = hit_in_world(&views[0], rays[winner as usize]);
-        let here = judge
-            .pixel_from_point_in_world(hit, size[0], size[1])
-            .map(|(x, y)| y.floor() as usize * size[0] as usize + x.floor() as usize);
+        let here = judge.pixel_from_point_in_world(hit, size[0], size[1]);
+        let here = here.map(|(x, y)| y.floor() as usize * size[0] as usize + x.floor() as usize);
         wrong += usize::from(here != Some(pixel));
     }
     (wrong, all)
@@ -226,10 +196,7 @@ fn check_landing(scene: &Scene, kind: Method, far: DVec3) {
         let mut shifted = views[1];
         shifted.position_in_world += shifted.orientation * DVec3::new(0.05, 0.03, 0.0);
         let (wrong, _) = misplaced(&renderer, &views, &shifted, size);
-        assert!(
-            wrong > reused / 10,
-            "{what}: the judge is blind ({wrong} of {reused})"
-        );
+        assert!(wrong > reused / 10, "{what}, blind: {wrong} of {reused}");
     }
 }
 
@@ -259,19 +226,16 @@ fn far_from_the_origin_as_much_is_reused_as_at_it() {
     let fraction = |far: DVec3| {
         let scene = placed(scene.clone(), DAffine3::from_translation(far));
         let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), [64, 64]);
-        frame(
-            &mut renderer,
-            &parallel_views(start_pose(&scene), 0.063, square_fov(19.0)),
-        )
-        .stereo
-        .reuse_fraction
+        let stereo = frame(&mut renderer, &start_views(&scene, 19.0)).stereo;
+        stereo.reuse_fraction
     };
     let near = fraction(DVec3::ZERO);
     // A power of two: f64 holds the moved scene to 2^-32 m, so geometry and views are the same but for that. A pixel or
     // two (of 4096) may have stood on a border.
     let far = fraction(DVec3::splat(1_048_576.0));
+    let off = (near - far).abs();
     assert!(
-        (near - far).abs() < 4.0 / 4096.0,
+        off < 4.0 / 4096.0,
         "{near} at the origin, {far} far from it"
     );
 }
@@ -306,13 +270,8 @@ fn the_nearest_visible_hit_wins() {
                 || blocked != triangles.blocked(hit, right_eye, 1e-5)
             {
                 let (i, j) = (x.round() as i64, y.round() as i64);
-                for (i, j) in [
-                    (i, j),
-                    (i - 1, j),
-                    (i, j - 1),
-                    (i - 1, j - 1),
-                    (x as i64, y as i64),
-                ] {
+                let around = [(i, j), (i - 1, j), (i, j - 1), (i - 1, j - 1)];
+                for (i, j) in around.into_iter().chain([(x as i64, y as i64)]) {
                     if (0..64).contains(&i) && (0..64).contains(&j) {
                         doubtful[(j * 64 + i) as usize] = true;
                     }
@@ -327,60 +286,40 @@ fn the_nearest_visible_hit_wins() {
             if doubtful[pixel] {
                 continue;
             }
-            let nearest = candidates[pixel]
-                .iter()
-                .map(|c| c.1)
-                .fold(f64::INFINITY, f64::min);
+            let mut front = candidates[pixel].clone();
+            let nearest = front.iter().map(|c| c.1).fold(f64::INFINITY, f64::min);
             // f32 squares tell distances apart that differ by more than 1e-6 of themselves.
-            let front: Vec<u32> = candidates[pixel]
-                .iter()
-                .filter(|c| c.1 <= nearest * (1.0 + 1e-6))
-                .map(|c| c.0)
-                .collect();
+            front.retain(|c| c.1 <= nearest * (1.0 + 1e-6));
             checked += 1;
             contested += usize::from(candidates[pixel].len() > front.len());
-            if front.is_empty() {
-                assert_eq!(
-                    winners[pixel],
-                    u32::MAX,
-                    "pixel {pixel}: nothing lands there"
-                );
-            } else {
-                assert!(
-                    front.contains(&winners[pixel]),
-                    "pixel {pixel}: {} won over {front:?}",
-                    winners[pixel]
-                );
-            }
+            let winner = winners[pixel];
+            // Where nothing lands nobody wins.
+            let is_due = match front.is_empty() {
+                true => winner == u32::MAX,
+                false => front.iter().any(|c| c.0 == winner),
+            };
+            assert!(is_due, "pixel {pixel}: {winner} won over {front:?}");
         }
         assert!(checked > 3000, "only {checked} pixels could be judged");
     }
-    assert!(
-        contested > 20,
-        "only {contested} pixels had more than one candidate"
-    );
+    assert!(contested > 20, "{contested} pixels with several candidates");
 }
 
 #[test]
 fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
     for (name, half) in [("cornell", 22.0), ("gallery", 40.0)] {
         let scene = builtin(name);
-        let views = parallel_views(start_pose(&scene), 0.063, square_fov(half));
+        let views = start_views(&scene, half);
         for kind in [Method::Photon, Method::Path] {
             let size = [64, 48];
-            let mut native = renderer(&scene, &method(kind, Reuse::Off), size);
+            let native = rendered(&scene, &method(kind, Reuse::Off), size, &views);
             let mut reusing = renderer(&scene, &method(kind, Reuse::Scatter), size);
-            frame(&mut native, &views);
             let result = frame(&mut reusing, &views);
             let what = format!("{name} {kind:?}");
-            assert!(
-                bits(&radiance(&native, Eye::Left)) == bits(&radiance(&reusing, Eye::Left)),
-                "{what}: the left eye does not know about reuse"
-            );
-            let (expected, found) = (
-                bits(&radiance(&native, Eye::Right)),
-                bits(&radiance(&reusing, Eye::Right)),
-            );
+            let ([native_left, expected], [left, found]) =
+                (both_bits(&native), both_bits(&reusing));
+            // The left eye does not know about reuse.
+            assert!(native_left == left, "{what}");
             let sees = hit_rays(&native, Eye::Right);
             let from = provenance(&reusing);
             let mut counts = [0_u32; 8];
@@ -391,55 +330,32 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
                     reused_differ += usize::from(expected[pixel] != found[pixel]);
                     continue;
                 }
-                assert_eq!(
-                    expected[pixel], found[pixel],
-                    "{what}: filled pixel {pixel} ({})",
-                    from[pixel]
-                );
+                let of_pixel = format!("{what}: filled pixel {pixel} ({})", from[pixel]);
+                assert_eq!(expected[pixel], found[pixel], "{of_pixel}");
                 let is_background = from[pixel] == Provenance::Background as u32;
-                assert_eq!(
-                    is_background,
-                    sees[pixel][3] <= 0.0,
-                    "{what}: pixel {pixel}"
-                );
+                assert_eq!(is_background, sees[pixel][3] <= 0.0, "{of_pixel}");
             }
             // Negative control: carried over values are another sample's.
-            let reused =
-                counts[Provenance::Reused as usize] + counts[Provenance::Resampled as usize];
-            assert!(
-                reused_differ > reused as usize / 2,
-                "{what}: the comparison sees nothing"
-            );
+            let resampled = counts[Provenance::Resampled as usize];
+            let reused = counts[Provenance::Reused as usize] + resampled;
+            assert!(reused_differ > reused as usize / 2, "{what}: sees nothing");
             let s = result.stereo;
             let b = s.filled_because;
-            assert_eq!(s.reused, reused, "{what}");
-            assert_eq!(
-                s.resampled,
-                counts[Provenance::Resampled as usize],
-                "{what}"
-            );
-            assert_eq!(
-                [
-                    b.out_of_left_view,
-                    b.disoccluded,
-                    b.edge,
-                    b.view_dependent,
-                    b.gap
-                ],
-                [counts[2], counts[3], counts[4], counts[5], counts[6]],
-                "{what}"
-            );
+            assert_eq!((s.reused, s.resampled), (reused, resampled), "{what}");
+            let because = [
+                b.out_of_left_view,
+                b.disoccluded,
+                b.edge,
+                b.view_dependent,
+                b.gap,
+            ];
+            assert_eq!(because, counts[2..7], "{what}");
             assert_eq!(s.filled, counts[2..7].iter().sum::<u32>(), "{what}");
             assert_eq!(reused + s.filled + counts[0], size[0] * size[1], "{what}");
-            assert_eq!(
-                s.reuse_fraction,
-                f64::from(s.reused) / f64::from(s.reused + s.filled),
-                "{what}"
-            );
-            assert!(
-                s.scattered <= s.left_hits && s.traced < size[0] * size[1] / 2,
-                "{what}: {s:?}"
-            );
+            let fraction = f64::from(s.reused) / f64::from(s.reused + s.filled);
+            assert_eq!(s.reuse_fraction, fraction, "{what}");
+            assert!(s.scattered <= s.left_hits, "{what}: {s:?}");
+            assert!(s.traced < size[0] * size[1] / 2, "{what}: {s:?}");
         }
     }
 }
@@ -457,36 +373,28 @@ fn mirrors_and_glass_are_not_carried_over() {
     // What a mirror shows depends on the eye: every pixel whose first surface is view dependent must be filled, and say so
     // unless the left eye does not look there.
     let scene = builtin("gallery");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(40.0));
+    let views = start_views(&scene, 40.0);
     let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), [96, 64]);
     let result = frame(&mut renderer, &views);
     let triangles = Triangles::of(&scene);
     let mut seen = 0;
     for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
-        let (x, y) = (pixel % 96, pixel / 96);
-        let ray = views[1].ray_through_pixel(x as f64 + 0.5, y as f64 + 0.5, 96, 64);
+        let ray = pixel_ray(&views[1], pixel, [96, 64]);
         let Some((t, _, material)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
             continue;
         };
-        let is_sharp = has_sharp_lobe(&scene.materials[material as usize]);
-        assert!(
-            !is_sharp || !Provenance::is_reused(from),
-            "pixel ({x}, {y})"
-        );
-        if !is_sharp {
+        let material = &scene.materials[material as usize];
+        if !has_sharp_lobe(material) {
             continue;
         }
+        let what = format!("pixel {pixel}, {}", material.name);
+        assert!(!Provenance::is_reused(from), "{what}");
         seen += 1;
         let in_left = views[0].pixel_from_point_in_world(ray.origin + ray.direction * t, 96, 64);
         match in_left {
             // Near the left image's border either may be right.
             Some((u, v)) if (1.0..95.0).contains(&u) && (1.0..63.0).contains(&v) => {
-                assert_eq!(
-                    from,
-                    Provenance::ViewDependent as u32,
-                    "pixel ({x}, {y}), {}",
-                    scene.materials[material as usize].name
-                );
+                assert_eq!(from, Provenance::ViewDependent as u32, "{what}");
             }
             _ => {}
         }

@@ -6,14 +6,13 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
-use stereolux::gpu::ShaderLibrary;
+use glam::{DQuat, DVec3};
 use stereolux::scene::{Material, Needs, Scene};
 use stereolux::settings::{Force, Method, Reuse};
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, DELTA, NONE, TRANSMITTED, at_angle, wide};
 use super::bsdf_twin::{Dice, tolerance};
-use super::hard_support::{add, eyes_at, images, quad};
+use super::hard_support::{add, constant_environment, eyes_at, images, quad, square_ahead};
 use super::support::{bits, context, mean, method};
 
 const BASE: [f32; 3] = [0.8, 0.5, 0.2];
@@ -31,9 +30,8 @@ fn plastic(ior: f32, specular: f32, specular_color: [f32; 3]) -> Material {
 /// A wall of the material under a white sky.
 fn wall(material: &Material) -> Scene {
     let mut scene = Scene::default();
-    let square = quad(DVec3::new(-4.0, -4.0, -1.0), DVec3::X * 8.0, DVec3::Y * 8.0);
-    add(&mut scene, &square, material.clone());
-    scene.environment = Some(super::hard_support::constant_environment([1.0; 3]));
+    add(&mut scene, &square_ahead(4.0, 1.0), material.clone());
+    scene.environment = Some(constant_environment([1.0; 3]));
     scene
 }
 
@@ -61,10 +59,9 @@ fn only_specular_strength_zero_is_lambert() {
     }
     // What shows as a full mirror focuses light as metal does.
     let caustics = |ior, roughness| {
-        let mut scene = wall(&Material {
-            roughness,
-            ..plastic(ior, 1.0, [1.0; 3])
-        });
+        let mut material = plastic(ior, 1.0, [1.0; 3]);
+        material.roughness = roughness;
+        let mut scene = wall(&material);
         let floor = quad(DVec3::new(-4.0, -4.0, 4.0), DVec3::X * 8.0, DVec3::Z * -8.0);
         add(&mut scene, &floor, Material::lambert("floor", [0.5; 3]));
         Needs::of(&scene).caustics
@@ -99,27 +96,15 @@ fn values_at_the_ends_are_the_extensions() {
     ];
     let context = context();
     let materials: Vec<Material> = cases.iter().map(|(material, _)| material.clone()).collect();
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy"],
-        &materials,
-    );
+    let probe = BsdfProbe::embedded(&context, &["glossy"], &materials);
     let mut dice = Dice::new(11);
     let mut most_beside_lambert = [0.0_f64; 5];
     for (index, (material, fresnel)) in cases.iter().enumerate() {
         // Random pairs, and one at grazing incidence: 89 degrees to either side.
         let mut pairs = vec![(at_angle(89.0, 0.0), at_angle(89.0, PI))];
         pairs.extend((0..400).map(|_| (dice.direction(false), dice.direction(false))));
-        let queries: Vec<BsdfQuery> = pairs
-            .into_iter()
-            .map(|(wo, wi)| BsdfQuery {
-                wo,
-                material: index as u32,
-                wi,
-                flags: 0,
-            })
-            .collect();
+        let query = |(wo, wi)| BsdfQuery::pair(wo, index, wi, 0);
+        let queries: Vec<BsdfQuery> = pairs.into_iter().map(query).collect();
         for (query, answer) in queries.iter().zip(probe.evaluate(&queries)) {
             let (wo, wi) = (wide(query.wo).normalize(), wide(query.wi).normalize());
             for channel in 0..3 {
@@ -132,20 +117,17 @@ fn values_at_the_ends_are_the_extensions() {
                 };
                 let due = value(wo, wi);
                 let found = f64::from(answer.value[channel]);
-                assert!(
-                    (found - due).abs() <= tolerance(&value, wo, wi),
-                    "{found} for {due}: {query:?} of {material:?}"
-                );
+                let off = (found - due).abs();
+                let what = format!("{found} for {due}: {query:?} of {material:?}");
+                assert!(off <= tolerance(&value, wo, wi), "{what}");
                 let beside = (due - base).abs() / base;
                 most_beside_lambert[index] = most_beside_lambert[index].max(beside);
             }
         }
     }
     // Negative control: as Lambert, which the first three were once taken for, each would be far off.
-    assert!(
-        most_beside_lambert.iter().all(|&off| off > 0.5),
-        "{most_beside_lambert:?}"
-    );
+    let are_far = most_beside_lambert.iter().all(|&off| off > 0.5);
+    assert!(are_far, "{most_beside_lambert:?}");
 }
 
 #[test]
@@ -156,26 +138,14 @@ fn glass_of_infinite_index_is_a_mirror_from_both_sides() {
         ..plastic(0.0, 1.0, [1.0; 3])
     };
     let context = context();
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy", "dielectric"],
-        &[mirror],
-    );
+    let probe = BsdfProbe::embedded(&context, &["glossy", "dielectric"], &[mirror]);
     for flags in [0, BACK] {
         for degrees in [0.0, 45.0, 85.0] {
             let wo = at_angle(degrees, 0.4);
-            let query = BsdfQuery {
-                wo,
-                material: 0,
-                wi: [0.0; 3],
-                flags,
-            };
+            let query = BsdfQuery::from(wo, 0, flags);
             for sample in probe.samples(query, 2000, 2) {
-                assert!(
-                    sample.flags & (DELTA | NONE | TRANSMITTED) == DELTA,
-                    "{degrees} degrees: {sample:?}"
-                );
+                let kind = sample.flags & (DELTA | NONE | TRANSMITTED);
+                assert_eq!(kind, DELTA, "{degrees} degrees: {sample:?}");
                 assert_eq!(sample.wi, [-wo[0], -wo[1], wo[2]]);
                 // The share that passes is 2 / (n cos) = 2e-7 at 85 degrees with the packed n of 1e8: rarely drawn.
                 assert!(sample.value.iter().all(|w| (w - 1.0).abs() < 1e-6));
@@ -188,11 +158,8 @@ fn glass_of_infinite_index_is_a_mirror_from_both_sides() {
 fn an_index_of_one_renders_as_with_the_layer_forced_on() {
     let scene = wall(&plastic(1.0, 1.0, [1.0; 3]));
     // The wall nearly edge on.
-    let views = eyes_at(
-        DVec3::new(0.0, 0.0, -0.7),
-        glam::DQuat::from_rotation_y(1.2),
-        20.0,
-    );
+    let turn = DQuat::from_rotation_y(1.2);
+    let views = eyes_at(DVec3::NEG_Z * 0.7, turn, 20.0);
     let render = |scene: &Scene, force| {
         let mut settings = method(Method::Path, Reuse::Off);
         settings.spp = 16;
@@ -206,10 +173,6 @@ fn an_index_of_one_renders_as_with_the_layer_forced_on() {
     // Negative control: without the layer it is another picture. The base reflects 0.5 on average; a layer with
     // F90 = 1 seen at 70 degrees and beyond adds a tenth at least.
     let lambert = render(&scene, Force::Off);
-    assert!(
-        mean(&automatic) > 1.05 * mean(&lambert),
-        "{} with, {} without",
-        mean(&automatic),
-        mean(&lambert)
-    );
+    let (with, without) = (mean(&automatic), mean(&lambert));
+    assert!(with > 1.05 * without, "{with} with, {without} without");
 }

@@ -19,6 +19,22 @@ pub struct BsdfQuery {
     pub flags: u32,
 }
 
+impl BsdfQuery {
+    pub fn pair(wo: [f32; 3], material: usize, wi: [f32; 3], flags: u32) -> Self {
+        Self {
+            wo,
+            material: material as u32,
+            wi,
+            flags,
+        }
+    }
+
+    /// For samples.
+    pub fn from(wo: [f32; 3], material: usize, flags: u32) -> Self {
+        Self::pair(wo, material, [0.0; 3], flags)
+    }
+}
+
 /// [`BsdfQuery::flags`]: the ray meets the back.
 pub const BACK: u32 = 1;
 /// [`BsdfQuery::flags`]: photons instead of radiance.
@@ -48,6 +64,11 @@ pub struct BsdfProbe<'a> {
 }
 
 impl<'a> BsdfProbe<'a> {
+    /// By the shaders as they are.
+    pub fn embedded(context: &'a GpuContext, on: &[&str], materials: &[Material]) -> Self {
+        Self::new(context, &ShaderLibrary::embedded(), on, materials)
+    }
+
     pub fn new(
         context: &'a GpuContext,
         library: &ShaderLibrary,
@@ -106,13 +127,8 @@ impl<'a> BsdfProbe<'a> {
 /// Direction in the local frame at an angle from the normal, f32.
 pub fn at_angle(degrees: f64, azimuth: f64) -> [f32; 3] {
     let theta = degrees.to_radians();
-    DVec3::new(
-        theta.sin() * azimuth.cos(),
-        theta.sin() * azimuth.sin(),
-        theta.cos(),
-    )
-    .as_vec3()
-    .to_array()
+    let (x, y) = (theta.sin() * azimuth.cos(), theta.sin() * azimuth.sin());
+    DVec3::new(x, y, theta.cos()).as_vec3().to_array()
 }
 
 /// f64 from the f32 triple that the shader got.

@@ -1,9 +1,7 @@
 //! BSDF sampling against its density: chi-square at normal, 45 and 85 degrees.
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
-use stereolux::gpu::{GpuContext, ShaderLibrary};
+use stereolux::gpu::GpuContext;
 use stereolux::scene::Material;
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, DELTA, NONE, at_angle, wide};
@@ -48,24 +46,18 @@ fn coordinates(wi: DVec3) -> (f64, f64) {
 /// p-value of the shader's samples under the twin's density for another material perhaps.
 fn test_against(
     probe: &BsdfProbe<'_>,
-    index: u32,
+    index: usize,
     twin: &Twin,
     degrees: f64,
     flags: u32,
     is_delta_share: bool,
 ) -> f64 {
     let wo = at_angle(degrees, 0.7);
-    let query = BsdfQuery {
-        wo,
-        material: index,
-        wi: [0.0; 3],
-        flags,
-    };
+    let query = BsdfQuery::from(wo, index, flags);
     let directions = |count: u32, seed: u32| -> Vec<(f64, f64)> {
-        probe
-            .samples(query, count, seed)
-            .iter()
-            .filter(|sample| sample.flags & (NONE | DELTA) == 0)
+        let samples = probe.samples(query, count, seed).into_iter();
+        let directions = samples.filter(|sample| sample.flags & (NONE | DELTA) == 0);
+        directions
             .map(|sample| coordinates(wide(sample.wi).normalize()))
             .collect()
     };
@@ -77,58 +69,30 @@ fn test_against(
         let r = (1.0 - z * z).max(0.0).sqrt();
         twin.pdf(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))
     };
-    let sampled = Sampled {
-        points: &points,
-        draws: DRAWS as usize,
-        pilot: &pilot,
-        domain: [(-1.0, 1.0), (-PI, PI)],
-        breaks: &[0.0],
-    };
-    p_value(&sampled, &density)
+    p_value(
+        &Sampled::on_sphere(&points, DRAWS as usize, &pilot, &[0.0]),
+        &density,
+    )
 }
 
 fn glossy_probe<'a>(context: &'a GpuContext, materials: &[Material]) -> BsdfProbe<'a> {
-    let on = ["glossy", "dielectric"];
-    BsdfProbe::new(context, &ShaderLibrary::embedded(), &on, materials)
+    BsdfProbe::embedded(context, &["glossy", "dielectric"], materials)
 }
 
 fn cases() -> Vec<(&'static str, Material, u32)> {
+    let [mut half_metal, mut half_glass] = [metal(0.4), glass(0.4)];
+    half_metal.metallic = 0.5;
+    half_glass.transmission = 0.5;
+    let [mut everything, mut strong_index] = [glass(0.6), glass(0.4)];
+    (everything.transmission, everything.metallic) = (0.5, 0.3);
+    strong_index.ior = 2.4;
     let mut cases = vec![
         ("lambert", Material::lambert("lambert", [0.8, 0.5, 0.2]), 0),
         ("smooth coat over a base", coated(0.0), 0),
-        (
-            "half metal",
-            Material {
-                metallic: 0.5,
-                ..metal(0.4)
-            },
-            0,
-        ),
-        (
-            "half glass",
-            Material {
-                transmission: 0.5,
-                ..glass(0.4)
-            },
-            0,
-        ),
-        (
-            "everything",
-            Material {
-                transmission: 0.5,
-                metallic: 0.3,
-                ..glass(0.6)
-            },
-            0,
-        ),
-        (
-            "strong index",
-            Material {
-                ior: 2.4,
-                ..glass(0.4)
-            },
-            BACK,
-        ),
+        ("half metal", half_metal, 0),
+        ("half glass", half_glass, 0),
+        ("everything", everything, 0),
+        ("strong index", strong_index, BACK),
     ];
     for roughness in [0.15, 0.3, 0.6, 1.0] {
         cases.push(("metal", metal(roughness), 0));
@@ -150,12 +114,12 @@ fn samples_follow_the_density() {
     for (index, (name, material, flags)) in cases.iter().enumerate() {
         for degrees in angles {
             let twin = Twin::new(material, *flags);
-            let p = test_against(&probe, index as u32, &twin, degrees, *flags, false);
-            assert!(
-                p > level,
-                "{name}, roughness {}, {degrees} degrees: p = {p:e} < {level:e}",
+            let p = test_against(&probe, index, &twin, degrees, *flags, false);
+            let what = format!(
+                "{name}, roughness {}, {degrees} degrees",
                 material.roughness
             );
+            assert!(p > level, "{what}: p = {p:e} < {level:e}");
         }
     }
 }
@@ -163,34 +127,16 @@ fn samples_follow_the_density() {
 #[test]
 fn a_wrong_density_fails() {
     let context = context();
-    let materials = [
-        metal(0.3),
-        glass(0.3),
-        Material::lambert("lambert", [0.5; 3]),
-        coated(0.3),
-    ];
-    let wrong = [
-        Material {
-            roughness: 0.31,
-            ..metal(0.3)
-        },
-        Material {
-            ior: 1.52,
-            ..glass(0.3)
-        },
-        coated(1.0),
-        Material {
-            base_color: [0.3, 0.3, 0.3, 1.0],
-            ..coated(0.3)
-        },
-    ];
+    let lambert = Material::lambert("lambert", [0.5; 3]);
+    let materials = [metal(0.3), glass(0.3), lambert, coated(0.3)];
+    let [mut bent, mut grey] = [glass(0.3), coated(0.3)];
+    bent.ior = 1.52;
+    grey.base_color = [0.3, 0.3, 0.3, 1.0];
+    let wrong = [metal(0.31), bent, coated(1.0), grey];
     let probe = glossy_probe(&context, &materials);
     for (index, other) in wrong.iter().enumerate() {
-        let p = test_against(&probe, index as u32, &Twin::new(other, 0), 45.0, 0, false);
-        assert!(
-            p < 1e-6,
-            "case {index}: p = {p:e} for a density that is wrong"
-        );
+        let p = test_against(&probe, index, &Twin::new(other, 0), 45.0, 0, false);
+        assert!(p < 1e-6, "case {index}: p = {p:e} for a wrong density");
     }
 }
 
@@ -202,25 +148,16 @@ fn samples_carry_the_density_and_the_weight_that_eval_and_pdf_give() {
     let probe = glossy_probe(&context, &materials);
     for (index, (name, _, flags)) in cases.iter().enumerate() {
         for degrees in [0.0, 60.0, 89.0, 89.99] {
-            let query = BsdfQuery {
-                wo: at_angle(degrees, -2.0),
-                material: index as u32,
-                wi: [0.0; 3],
-                flags: *flags,
-            };
+            let query = BsdfQuery::from(at_angle(degrees, -2.0), index, *flags);
             let samples = probe.samples(query, 2000, 3);
-            let queries: Vec<BsdfQuery> = samples
-                .iter()
-                .map(|sample| BsdfQuery {
-                    wi: sample.wi,
-                    ..query
-                })
-                .collect();
-            for (sample, answer) in samples.iter().zip(probe.evaluate(&queries)) {
-                assert!(
-                    sample.value.iter().all(|v| v.is_finite()) && sample.pdf.is_finite(),
-                    "{name}: {sample:?}"
-                );
+            let asked = samples.iter().map(|sample| BsdfQuery {
+                wi: sample.wi,
+                ..query
+            });
+            let answers = probe.evaluate(&asked.collect::<Vec<_>>());
+            for (sample, answer) in samples.iter().zip(answers) {
+                let is_finite = sample.value.iter().all(|v| v.is_finite());
+                assert!(is_finite && sample.pdf.is_finite(), "{name}: {sample:?}");
                 if sample.flags & (NONE | DELTA) != 0 {
                     continue;
                 }
@@ -229,10 +166,8 @@ fn samples_carry_the_density_and_the_weight_that_eval_and_pdf_give() {
                     let due = f64::from(answer.value[channel]) * cosine / f64::from(answer.pdf);
                     // Same code on the same numbers: only the compiler's choice of fused operations differs.
                     let error = (f64::from(sample.value[channel]) - due).abs();
-                    assert!(
-                        error <= 1e-4 * due.max(1e-3),
-                        "{name}, {degrees} degrees: {sample:?} but {due} is due"
-                    );
+                    let what = format!("{name}, {degrees} degrees: {sample:?}");
+                    assert!(error <= 1e-4 * due.max(1e-3), "{what}, {due} is due");
                 }
             }
         }

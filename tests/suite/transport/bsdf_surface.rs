@@ -75,15 +75,19 @@ fn query(weights: [f32; 2]) -> Query {
     }
 }
 
+/// The triangle of this material, as it stands.
+fn triangle_of(scene: &mut Scene, material: Material) {
+    add_triangles(scene, &[triangle()], material, DAffine3::IDENTITY);
+}
+
 fn noise_image(seed: u64, width: u32, height: u32) -> Image {
     let mut dice = Dice::new(seed);
+    let bytes = (0..width * height * 4).map(|_| (dice.unit() * 256.0) as u8);
     Image {
         name: format!("noise {seed}"),
         width,
         height,
-        rgba8: (0..width * height * 4)
-            .map(|_| (dice.unit() * 256.0) as u8)
-            .collect(),
+        rgba8: bytes.collect(),
     }
 }
 
@@ -130,15 +134,13 @@ fn textures_read_as_gltf_samplers_say() {
                 images: vec![noise_image(1, 64, 64), noise_image(2, 7, 5)],
                 ..Scene::default()
             };
-            scene.textures = vec![
-                texture(0),
-                Texture {
-                    image: 1,
-                    wrap_u,
-                    wrap_v,
-                    filter,
-                },
-            ];
+            let sampler = Texture {
+                image: 1,
+                wrap_u,
+                wrap_v,
+                filter,
+            };
+            scene.textures = vec![texture(0), sampler];
             // KHR_texture_transform: offset, rotation and scale that leave the unit square on all sides.
             let transform = [2.5f32, -1.2, -0.7, 0.9, 3.1, -1.9];
             let uv_set = case as u32;
@@ -151,41 +153,27 @@ fn textures_read_as_gltf_samplers_say() {
                 }),
                 ..Material::lambert("textured", [1.0; 3])
             };
-            add_triangles(&mut scene, &[triangle()], material, DAffine3::IDENTITY);
+            triangle_of(&mut scene, material);
             scene.meshes[0].uv1 = vec![[0.3, 0.1], [0.9, -0.4], [-0.2, 1.3]];
-            let corners = if uv_set == 1 {
-                &scene.meshes[0].uv1
-            } else {
-                &scene.meshes[0].uv0
-            }
-            .clone();
-            let queries: Vec<Query> = (0..1000)
-                .map(|_| {
-                    let (a, b) = (dice.unit(), dice.unit());
-                    query(if a + b < 1.0 {
-                        [a as f32, b as f32]
-                    } else {
-                        [1.0 - a as f32, 1.0 - b as f32]
-                    })
-                })
-                .collect();
+            let mesh = &scene.meshes[0];
+            let corners = [&mesh.uv0, &mesh.uv1][case].clone();
+            let mut random = |_| {
+                let at = [dice.unit(), dice.unit()];
+                let is_inside = at[0] + at[1] < 1.0;
+                query(at.map(|x| if is_inside { x as f32 } else { 1.0 - x as f32 }))
+            };
+            let queries: Vec<Query> = (0..1000).map(&mut random).collect();
+            let on = ["textures", "base_color_maps", "uv1"];
+            let answers = load(&context, &on, &scene, &queries);
             let mut compared = 0;
-            for (query, answer) in queries.iter().zip(load(
-                &context,
-                &["textures", "base_color_maps", "uv1"],
-                &scene,
-                &queries,
-            )) {
+            for (query, answer) in queries.iter().zip(answers) {
                 let [b1, b2] = query.weights.map(f64::from);
                 let uv: [f64; 2] = std::array::from_fn(|axis| {
                     let at = |corner: usize| f64::from(corners[corner][axis]);
                     (1.0 - b1 - b2) * at(0) + b1 * at(1) + b2 * at(2)
                 });
                 let m = transform.map(f64::from);
-                let at = [
-                    m[0] * uv[0] + m[1] * uv[1] + m[2],
-                    m[3] * uv[0] + m[4] * uv[1] + m[5],
-                ];
+                let at = [0, 3].map(|row| m[row] * uv[0] + m[row + 1] * uv[1] + m[row + 2]);
                 let near_edge = |t: f64| (t - t.round()).abs() < 1e-4;
                 if filter == Filter::Nearest && (near_edge(at[0] * 7.0) || near_edge(at[1] * 5.0)) {
                     continue;
@@ -196,10 +184,8 @@ fn textures_read_as_gltf_samplers_say() {
                     let due = factor * texel[channel];
                     // Coordinates of up to 30 texels carry 30 x 2^-22; one texel changes the colour by at most 1.
                     let error = (f64::from(answer.albedo[channel]) - due).abs();
-                    assert!(
-                        error < 2e-5,
-                        "{filter:?} {wrap_u:?} {wrap_v:?} at {at:?}: {answer:?}, {due} is due"
-                    );
+                    let what = format!("{filter:?} {wrap_u:?} {wrap_v:?} at {at:?}");
+                    assert!(error < 2e-5, "{what}: {answer:?}, {due} is due");
                 }
             }
             assert!(compared > 990);
@@ -211,12 +197,7 @@ fn textures_read_as_gltf_samplers_say() {
 fn vertex_colours_multiply_and_features_that_are_off_do_not() {
     let context = context();
     let mut scene = Scene::default();
-    add_triangles(
-        &mut scene,
-        &[triangle()],
-        Material::lambert("painted", [0.8, 0.6, 0.4]),
-        DAffine3::IDENTITY,
-    );
+    triangle_of(&mut scene, Material::lambert("painted", [0.8, 0.6, 0.4]));
     scene.meshes[0].colors = vec![
         [1.0, 0.0, 0.0, 1.0],
         [0.0, 1.0, 0.0, 1.0],
@@ -228,10 +209,8 @@ fn vertex_colours_multiply_and_features_that_are_off_do_not() {
         // unorm16 is exact at 0 and 1.
         assert!((f64::from(*albedo) - due).abs() < 1e-6, "{painted:?}");
     }
-    assert_eq!(
-        load(&context, &[], &scene, &queries)[0].albedo,
-        [0.8, 0.6, 0.4]
-    );
+    let plain = load(&context, &[], &scene, &queries)[0].albedo;
+    assert_eq!(plain, [0.8, 0.6, 0.4]);
 }
 
 /// Placement with shear and different scales.
@@ -291,18 +270,14 @@ fn normals_and_normal_maps_survive_placement_and_mirroring() {
                 let bumpy = load(&context, &["textures", "normal_maps"], &scene, &[from])[0];
                 let near = |a: [f32; 3], b: DVec3| (wide(a) - b).length() < 1e-5;
                 assert_eq!(plain.front_face == 1, face > 0.0);
-                assert!(
-                    near(plain.geometric_normal, face * outward),
-                    "{plain:?} {outward}"
-                );
-                assert!(
-                    near(plain.shading_normal, face * carried),
-                    "{plain:?} {carried}"
-                );
-                assert!(
-                    near(bumpy.shading_normal, face * mapped),
-                    "mirrored {mirrored}, w {sign}: {bumpy:?} {mapped}"
-                );
+                for (found, due) in [
+                    (plain.geometric_normal, outward),
+                    (plain.shading_normal, carried),
+                    (bumpy.shading_normal, mapped),
+                ] {
+                    let what = format!("mirrored {mirrored}, w {sign}, face {face}");
+                    assert!(near(found, face * due), "{what}: {found:?}, {due} is due");
+                }
             }
         }
     }
@@ -313,12 +288,7 @@ fn normals_that_contradict_the_winding_are_turned_and_broken_ones_replaced() {
     let context = context();
     for normal in [[0.0f32, 0.0, -1.0], [0.0; 3], [f32::NAN; 3]] {
         let mut scene = Scene::default();
-        add_triangles(
-            &mut scene,
-            &[triangle()],
-            Material::lambert("flat", [0.5; 3]),
-            DAffine3::IDENTITY,
-        );
+        triangle_of(&mut scene, Material::lambert("flat", [0.5; 3]));
         scene.meshes[0].normals = vec![normal; 3];
         let answer = load(&context, &[], &scene, &[query([0.3, 0.3])])[0];
         assert_eq!(answer.shading_normal, [0.0, 0.0, 1.0], "{normal:?}");
@@ -335,7 +305,7 @@ fn emission_shows_on_the_front_or_on_both_sides_times_its_texture() {
             double_sided,
             ..glowing([3.0, 2.0, 1.0])
         };
-        add_triangles(&mut scene, &[triangle()], material, DAffine3::IDENTITY);
+        triangle_of(&mut scene, material);
         let front = query([0.3, 0.3]);
         let back = Query {
             ray_direction: [0.0, 0.0, 1.0],
@@ -347,11 +317,9 @@ fn emission_shows_on_the_front_or_on_both_sides_times_its_texture() {
         let near =
             |emission: [f32; 3]| (0..3).all(|c| (f64::from(emission[c]) - due[c]).abs() < 1e-5);
         assert!(near(answers[0].emission), "{:?}", answers[0]);
-        assert!(if double_sided {
-            near(answers[1].emission)
-        } else {
-            answers[1].emission == [0.0; 3]
-        });
+        let back = answers[1].emission;
+        let is_due = [back == [0.0; 3], near(back)][usize::from(double_sided)];
+        assert!(is_due, "double sided {double_sided}: {back:?}");
     }
 }
 
@@ -372,12 +340,7 @@ fn blend_passes_by_chance_and_mask_by_threshold() {
         (0.9, cutoff),
         (0.7, cutoff),
     ] {
-        add_triangles(
-            &mut scene,
-            &[triangle()],
-            material(alpha, mode),
-            DAffine3::IDENTITY,
-        );
+        triangle_of(&mut scene, material(alpha, mode));
     }
     let count = 100_000u32;
     let mut counts = [0u32; 4];
@@ -396,28 +359,21 @@ fn blend_passes_by_chance_and_mask_by_threshold() {
     let each = f64::from(count / 4);
     let chance = 1.0 - 0.6 * 128.0 / 255.0;
     let error = (chance * (1.0 - chance) / each).sqrt();
+    let share = f64::from(counts[0]) / each;
     assert!(
-        (f64::from(counts[0]) / each - chance).abs() < 4.0 * error,
-        "{} of {each}, {chance} due",
-        counts[0]
+        (share - chance).abs() < 4.0 * error,
+        "{share}, {chance} due"
     );
     // 0.9 x 128 / 255 is above the cutoff of 0.4, 0.7 x 128 / 255 below it.
     assert_eq!(counts[1..], [0, 0, count / 4]);
     // The same ray gets the same answer however often it asks.
-    let elsewhere: Vec<Query> = queries
-        .iter()
-        .map(|q| Query {
-            instance: 0,
-            triangle: 0,
-            ..*q
-        })
-        .collect();
+    let mut elsewhere = queries.clone();
+    for query in &mut elsewhere {
+        (query.instance, query.triangle) = (0, 0);
+    }
     let again = load(&context, &ALL, &scene, &elsewhere);
-    assert!(
-        again
-            .chunks(4)
-            .all(|asked| asked.iter().all(|answer| answer.passes == asked[0].passes))
-    );
+    let is_one = |asked: &[Answer]| asked.iter().all(|a| a.passes == asked[0].passes);
+    assert!(again.chunks(4).all(is_one));
 }
 
 #[test]
@@ -430,12 +386,10 @@ fn absorption_follows_beers_law() {
         attenuation_color: [0.5, 1.0, 0.1],
         ..Material::lambert("glass", [1.0; 3])
     };
-    add_triangles(&mut scene, &[triangle()], material, DAffine3::IDENTITY);
+    triangle_of(&mut scene, material);
     let left = load(&context, &ALL, &scene, &[query([0.3, 0.3])])[0].attenuation;
     for (left, due) in left.iter().zip([0.25, 1.0, 0.01]) {
-        assert!(
-            (f64::from(*left) / due - 1.0).abs() < 1e-5,
-            "{left} of {due}"
-        );
+        let off = (f64::from(*left) / due - 1.0).abs();
+        assert!(off < 1e-5, "{left} of {due}");
     }
 }

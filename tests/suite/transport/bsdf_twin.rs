@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use stereolux::gpu::ShaderLibrary;
 use stereolux::scene::Material;
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, PHOTONS, wide};
@@ -61,11 +60,7 @@ fn visible(wo: DVec3, m: DVec3, alpha: f64) -> f64 {
 impl Twin {
     pub fn new(material: &Material, flags: u32) -> Self {
         let wide3 = |v: [f32; 3]| v.map(f64::from);
-        let base = [
-            material.base_color[0],
-            material.base_color[1],
-            material.base_color[2],
-        ];
+        let [r, g, b, _] = material.base_color;
         let rough = f64::from(material.roughness).powi(2);
         let alpha = if rough < 1e-3 { 0.0 } else { rough };
         let ior = f64::from(material.ior);
@@ -73,7 +68,7 @@ impl Twin {
         let ratio = ((ior - 1.0) / (ior + 1.0)).powi(2);
         let eta = if flags & BACK == 0 { ior } else { 1.0 / ior };
         Self {
-            base: wide3(base),
+            base: wide3([r, g, b]),
             metallic: f64::from(material.metallic),
             alpha,
             transmission: f64::from(material.transmission),
@@ -117,10 +112,8 @@ impl Twin {
         }
         // Walter et al. 2007, eq. 17, with indices 1 on the side of wo and eta beyond.
         let denominator = wo.dot(m) + self.eta * wi.dot(m);
-        Some((
-            m,
-            self.eta * self.eta * wi.dot(m).abs() / (denominator * denominator),
-        ))
+        let jacobian = self.eta * self.eta * wi.dot(m).abs() / (denominator * denominator);
+        Some((m, jacobian))
     }
 
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> [f64; 3] {
@@ -134,9 +127,8 @@ impl Twin {
             };
             let masking = 1.0 / (1.0 + lambda(wo, alpha) + lambda(wi, alpha));
             let passed = 1.0 - fresnel(wo.dot(m), self.eta);
-            let mut f =
-                self.glass() * passed * distribution(m, alpha) * masking * jacobian * wo.dot(m)
-                    / (wo.z * wi.z.abs());
+            let lobe = distribution(m, alpha) * masking * jacobian * wo.dot(m);
+            let mut f = self.glass() * passed * lobe / (wo.z * wi.z.abs());
             if !self.for_photons {
                 f /= self.eta * self.eta;
             }
@@ -149,8 +141,8 @@ impl Twin {
             if alpha == 0.0 {
                 return 0.0;
             }
-            distribution(h, alpha)
-                / ((1.0 + lambda(wo, alpha) + lambda(wi, alpha)) * 4.0 * wo.z * wi.z)
+            let masking = 1.0 / (1.0 + lambda(wo, alpha) + lambda(wi, alpha));
+            distribution(h, alpha) * masking / (4.0 * wo.z * wi.z)
         };
         let specular = self.specular_reflectance(cosine);
         std::array::from_fn(|c| {
@@ -178,10 +170,8 @@ impl Twin {
                 return 0.0;
             }
             return self.refraction(wo, wi).map_or(0.0, |(m, jacobian)| {
-                lobes[2]
-                    * (1.0 - fresnel(wo.dot(m), self.eta))
-                    * visible(wo, m, self.glass_alpha)
-                    * jacobian
+                let passed = 1.0 - fresnel(wo.dot(m), self.eta);
+                lobes[2] * passed * visible(wo, m, self.glass_alpha) * jacobian
             });
         }
         let h = (wo + wi).normalize();
@@ -222,9 +212,8 @@ impl Dice {
         let z = if both && self.unit() < 0.5 { -z } else { z };
         let phi = 2.0 * PI * self.unit();
         let r = (1.0 - z * z).max(0.0).sqrt();
-        DVec3::new(r * phi.cos(), r * phi.sin(), z)
-            .as_vec3()
-            .to_array()
+        let direction = DVec3::new(r * phi.cos(), r * phi.sin(), z);
+        direction.as_vec3().to_array()
     }
 
     /// A material of the glTF model; some factors at their ends.
@@ -267,16 +256,18 @@ pub fn tolerance(value: &dyn Fn(DVec3, DVec3) -> f64, wo: DVec3, wi: DVec3) -> f
 
 fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
     let context = context();
-    let probe = BsdfProbe::new(&context, &ShaderLibrary::embedded(), on, materials);
+    let probe = BsdfProbe::embedded(&context, on, materials);
     let mut dice = Dice::new(7);
-    let queries: Vec<BsdfQuery> = (0..materials.len() * 64)
-        .map(|index| BsdfQuery {
-            wo: dice.direction(false),
-            material: (index / 64) as u32,
-            wi: dice.direction(is_glass_on),
-            flags: (index % 4) as u32,
-        })
-        .collect();
+    let random = |index: usize| {
+        let wo = dice.direction(false);
+        BsdfQuery::pair(
+            wo,
+            index / 64,
+            dice.direction(is_glass_on),
+            index as u32 % 4,
+        )
+    };
+    let queries: Vec<BsdfQuery> = (0..materials.len() * 64).map(random).collect();
     let answers = probe.evaluate(&queries);
     let mut worst: f64 = 0.0;
     let mut compared = 0;
@@ -296,12 +287,9 @@ fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
         for (channel, due) in expected.iter().enumerate() {
             let allowed = tolerance(&|o, i| twin.eval(o, i)[channel], wo, wi) + 1e-30;
             let error = (f64::from(answer.value[channel]) - due).abs();
-            assert!(
-                error <= allowed,
-                "off by {error:e}, allowed {allowed:e}: {} where {due} is due for {query:?} of {:?}",
-                answer.value[channel],
-                materials[query.material as usize]
-            );
+            let material = &materials[query.material as usize];
+            let what = format!("{answer:?}, {due} is due for {query:?} of {material:?}");
+            assert!(error <= allowed, "off by {error:e} of {allowed:e}: {what}");
             if *due > 1e-6 {
                 worst = worst.max(error / allowed);
             }
@@ -309,11 +297,8 @@ fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
         let density = twin.pdf(wo, wi);
         let allowed = tolerance(&|o, i| twin.pdf(o, i), wo, wi) + 1e-30;
         let error = (f64::from(answer.pdf) - density).abs();
-        assert!(
-            error <= allowed,
-            "off by {error:e}: density {} where {density} is due for {query:?}",
-            answer.pdf
-        );
+        let what = format!("{answer:?}, {density} is due for {query:?}");
+        assert!(error <= allowed, "density off by {error:e}: {what}");
         compared += 1;
     }
     assert!(compared > queries.len() / 2, "only {compared} comparisons");
@@ -328,37 +313,25 @@ fn shaders_equal_the_f64_twin() {
     // A bound a hundred times too wide would prove nothing.
     assert!(
         worst > 0.01,
-        "the tolerance is {} times what is needed",
-        1.0 / worst
+        "{worst} of the tolerance is all that is needed"
     );
 }
 
 #[test]
 fn specialised_shaders_equal_the_twin_on_what_they_keep() {
     let mut dice = Dice::new(2);
-    let opaque: Vec<Material> = (0..100)
-        .map(|_| Material {
-            transmission: 0.0,
-            ..dice.material()
-        })
-        .collect();
+    let mut materials = |count: usize, change: fn(&mut Material)| -> Vec<Material> {
+        let mut all: Vec<Material> = (0..count).map(|_| dice.material()).collect();
+        all.iter_mut().for_each(change);
+        all
+    };
+    let opaque = materials(100, |m| m.transmission = 0.0);
     compare(&["glossy"], &opaque, false);
-    let glass: Vec<Material> = (0..100)
-        .map(|_| Material {
-            metallic: 0.0,
-            specular: 0.0,
-            ..dice.material()
-        })
-        .collect();
+    let glass = materials(100, |m| (m.metallic, m.specular) = (0.0, 0.0));
     compare(&["dielectric"], &glass, true);
-    let lambert: Vec<Material> = (0..20)
-        .map(|_| Material {
-            transmission: 0.0,
-            metallic: 0.0,
-            specular: 0.0,
-            ..dice.material()
-        })
-        .collect();
+    let lambert = materials(20, |m| {
+        (m.transmission, m.metallic, m.specular) = (0.0, 0.0, 0.0);
+    });
     compare(&[], &lambert, false);
 }
 
@@ -372,19 +345,32 @@ fn the_comparison_notices_a_wrong_model() {
     };
     let (wo, wi) = (dice.direction(false), dice.direction(false));
     let twin = Twin::new(&material, 0);
-    let other = Twin::new(
-        &Material {
-            roughness: 0.505,
-            ..material
-        },
-        0,
-    );
+    let other = Material {
+        roughness: 0.505,
+        ..material
+    };
+    let other = Twin::new(&other, 0);
     let (wo, wi) = (wide(wo).normalize(), wide(wi).normalize());
     let change = (twin.eval(wo, wi)[0] - other.eval(wo, wi)[0]).abs();
-    assert!(
-        change > 10.0 * tolerance(&|o, i| twin.eval(o, i)[0], wo, wi),
-        "a roughness of 0.505 for 0.5 changes the value by {change:e}"
-    );
+    let allowed = tolerance(&|o, i| twin.eval(o, i)[0], wo, wi);
+    assert!(change > 10.0 * allowed, "changes the value by {change:e}");
+}
+
+/// Queries, and values for them and for the same light's way back.
+fn there_and_back<'a>(
+    probe: &BsdfProbe<'_>,
+    pairs: &'a [BsdfQuery],
+    turned: impl Fn(&BsdfQuery) -> BsdfQuery,
+) -> impl Iterator<Item = (&'a BsdfQuery, [f64; 3], [f64; 3])> {
+    let there = probe.evaluate(pairs).into_iter();
+    let back = probe.evaluate(&pairs.iter().map(turned).collect::<Vec<_>>());
+    let values = there
+        .zip(back)
+        .map(|both| [both.0, both.1].map(|a| a.value.map(f64::from)));
+    pairs
+        .iter()
+        .zip(values)
+        .map(|(query, [there, back])| (query, there, back))
 }
 
 #[test]
@@ -397,43 +383,18 @@ fn reflection_is_reciprocal() {
             ..dice.material()
         })
         .collect();
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["glossy", "dielectric"],
-        &materials,
-    );
-    let pairs: Vec<BsdfQuery> = (0..materials.len() * 50)
-        .map(|index| BsdfQuery {
-            wo: dice.direction(false),
-            material: (index / 50) as u32,
-            wi: dice.direction(false),
-            flags: 0,
-        })
-        .collect();
-    let swapped: Vec<BsdfQuery> = pairs
-        .iter()
-        .map(|q| BsdfQuery {
-            wo: q.wi,
-            wi: q.wo,
-            ..*q
-        })
-        .collect();
-    for ((query, there), back) in pairs
-        .iter()
-        .zip(probe.evaluate(&pairs))
-        .zip(probe.evaluate(&swapped))
-    {
-        for channel in 0..3 {
-            let (a, b) = (
-                f64::from(there.value[channel]),
-                f64::from(back.value[channel]),
-            );
-            let largest = f64::from(there.value[0].max(there.value[1]).max(there.value[2]));
-            assert!(
-                (a - b).abs() <= 1e-4 * largest,
-                "{query:?}: {a} there, {b} back"
-            );
+    let probe = BsdfProbe::embedded(&context, &["glossy", "dielectric"], &materials);
+    let random = |index: usize| {
+        let wo = dice.direction(false);
+        BsdfQuery::pair(wo, index / 50, dice.direction(false), 0)
+    };
+    let pairs: Vec<BsdfQuery> = (0..materials.len() * 50).map(random).collect();
+    let turned = |q: &BsdfQuery| BsdfQuery::pair(q.wi, q.material as usize, q.wo, 0);
+    for (query, there, back) in there_and_back(&probe, &pairs, turned) {
+        let largest = max3(there);
+        for (a, b) in there.into_iter().zip(back) {
+            let off = (a - b).abs();
+            assert!(off <= 1e-4 * largest, "{query:?}: {a} there, {b} back");
         }
     }
 }
@@ -448,54 +409,28 @@ fn refraction_obeys_the_generalised_reciprocity() {
         roughness: 0.6,
         ..Material::lambert("glass", [1.0; 3])
     };
-    let probe = BsdfProbe::new(
-        &context,
-        &ShaderLibrary::embedded(),
-        &["dielectric"],
-        std::slice::from_ref(&material),
-    );
+    let eta2 = f64::from(material.ior).powi(2);
+    let probe = BsdfProbe::embedded(&context, &["dielectric"], &[material]);
     let mut dice = Dice::new(5);
-    let pairs: Vec<BsdfQuery> = (0..2000)
-        .map(|_| {
-            let mut wi = dice.direction(false);
-            wi[2] = -wi[2];
-            BsdfQuery {
-                wo: dice.direction(false),
-                material: 0,
-                wi,
-                flags: 0,
-            }
-        })
-        .collect();
     // From the other side the frame is turned over: z changes its sign.
     let over = |v: [f32; 3]| [v[0], v[1], -v[2]];
-    let swapped: Vec<BsdfQuery> = pairs
-        .iter()
-        .map(|q| BsdfQuery {
-            wo: over(q.wi),
-            wi: over(q.wo),
-            flags: BACK,
-            ..*q
-        })
-        .collect();
-    let eta2 = f64::from(material.ior).powi(2);
+    let random = |_| {
+        let wi = over(dice.direction(false));
+        BsdfQuery::pair(dice.direction(false), 0, wi, 0)
+    };
+    let pairs: Vec<BsdfQuery> = (0..2000).map(random).collect();
+    let turned = |q: &BsdfQuery| BsdfQuery::pair(over(q.wi), 0, over(q.wo), BACK);
     let mut seen = 0;
-    for ((query, there), back) in pairs
-        .iter()
-        .zip(probe.evaluate(&pairs))
-        .zip(probe.evaluate(&swapped))
-    {
-        let (a, b) = (f64::from(there.value[0]) * eta2, f64::from(back.value[0]));
-        let (_, wi) = (wide(query.wo), wide(query.wi));
-        let m = (wide(query.wo) + wi * 1.5).normalize();
-        if wide(query.wo).dot(m).abs().min(wi.dot(m).abs()) < 1e-2 || a == 0.0 {
+    for (query, there, back) in there_and_back(&probe, &pairs, turned) {
+        let (a, b) = (there[0] * eta2, back[0]);
+        let (wo, wi) = (wide(query.wo), wide(query.wi));
+        let m = (wo + wi * 1.5).normalize();
+        if wo.dot(m).abs().min(wi.dot(m).abs()) < 1e-2 || a == 0.0 {
             continue;
         }
         seen += 1;
-        assert!(
-            (a - b).abs() <= 1e-3 * a.max(b),
-            "{query:?}: {a} there, {b} back"
-        );
+        let off = (a - b).abs();
+        assert!(off <= 1e-3 * a.max(b), "{query:?}: {a} there, {b} back");
     }
     assert!(seen > 200);
 }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::renderer::{Eye, Renderer};
+use stereolux::renderer::Eye;
 use stereolux::scene::{Material, Needs, Scene};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 
@@ -13,9 +13,10 @@ use super::block_statistics::{BlockStatistics, z_test};
 use super::bsdf_probe::{BsdfProbe, BsdfQuery, NONE, at_angle, wide};
 use super::bsdf_twin::{Dice, tolerance};
 use super::chi_square::{Sampled, p_value, sidak};
+use super::lights_sampling::mean_and_error;
 use super::support::{
-    Folder, adapter_name, assert_clean, context, parallel_views, radiance, settings, square_fov,
-    start_pose,
+    Folder, adapter_name, assert_clean, assert_says, context, radiance, renderer_by, settings,
+    start_views,
 };
 use super::user_bsdf_example as example;
 use crate::suite::embedded_scenes::cornell::WHITE;
@@ -30,40 +31,29 @@ fn clay(spread_rad: f32) -> Material {
     example::clay(spread_rad, REFLECTANCE)
 }
 
+/// Rough clay, smooth clay, and what smooth clay is.
+fn rough_smooth_and_plain() -> [Material; 3] {
+    let plain = Material::lambert("plain", [0.9, 0.5, 0.2]);
+    [clay(0.5), clay(0.0), plain]
+}
+
 #[test]
 fn a_users_bsdf_samples_as_its_density_says() {
     let context = context();
-    let materials = [
-        clay(0.5),
-        clay(0.0),
-        Material::lambert("plain", [0.9, 0.5, 0.2]),
-    ];
+    let materials = rough_smooth_and_plain();
     let level = sidak(0.01, 6);
     for on in [&["user_bsdf"][..], &["user_bsdf", "glossy", "dielectric"]] {
         let probe = BsdfProbe::new(&context, &library(), on, &materials);
         for degrees in [0.0, 45.0, 85.0] {
-            let query = BsdfQuery {
-                wo: at_angle(degrees, 0.1),
-                material: 0,
-                wi: [0.0; 3],
-                flags: 0,
-            };
+            let query = BsdfQuery::from(at_angle(degrees, 0.1), 0, 0);
             let draw = |count: u32, seed: u32| -> Vec<(f64, f64)> {
                 let samples = probe.samples(query, count, seed);
                 assert!(samples.iter().all(|s| s.flags & NONE == 0));
-                samples
-                    .iter()
-                    .map(|s| (wide(s.wi).z, f64::from(s.wi[1]).atan2(f64::from(s.wi[0]))))
-                    .collect()
+                let directions = samples.iter().map(|s| wide(s.wi));
+                directions.map(|wi| (wi.z, wi.y.atan2(wi.x))).collect()
             };
             let (points, pilot) = (draw(200_000, 1), draw(20_000, 2));
-            let sampled = Sampled {
-                points: &points,
-                draws: points.len(),
-                pilot: &pilot,
-                domain: [(-1.0, 1.0), (-PI, PI)],
-                breaks: &[0.0],
-            };
+            let sampled = Sampled::on_sphere(&points, points.len(), &pilot, &[0.0]);
             let p = p_value(&sampled, &|z, _| z.max(0.0) / PI);
             assert!(p > level, "{degrees} degrees: p = {p:e}");
         }
@@ -73,48 +63,28 @@ fn a_users_bsdf_samples_as_its_density_says() {
 #[test]
 fn a_users_bsdf_is_reciprocal_and_lambert_without_roughness() {
     let context = context();
-    let materials = [
-        clay(0.5),
-        clay(0.0),
-        Material::lambert("plain", [0.9, 0.5, 0.2]),
-    ];
+    let materials = rough_smooth_and_plain();
     let probe = BsdfProbe::new(&context, &library(), &["user_bsdf"], &materials);
     let mut dice = Dice::new(31);
     for _ in 0..50 {
         let (wo, wi) = (dice.direction(false), dice.direction(false));
         let ask = |wo, wi, material| {
-            probe.evaluate(&[BsdfQuery {
-                wo,
-                material,
-                wi,
-                flags: 0,
-            }])[0]
-                .value
+            wide(probe.evaluate(&[BsdfQuery::pair(wo, material, wi, 0)])[0].value)
         };
-        let (there, back) = (
-            DVec3::from(ask(wo, wi, 0).map(f64::from)),
-            DVec3::from(ask(wi, wo, 0).map(f64::from)),
-        );
+        let (there, back) = (ask(wo, wi, 0), ask(wi, wo, 0));
         assert!((there - back).length() <= 1e-5 * there.length());
-        let (smooth, plain) = (
-            DVec3::from(ask(wo, wi, 1).map(f64::from)),
-            DVec3::from(ask(wo, wi, 2).map(f64::from)),
-        );
+        let (smooth, plain) = (ask(wo, wi, 1), ask(wo, wi, 2));
         assert!((smooth - plain).length() <= 1e-6 * plain.length());
-        assert!(
-            (there - plain).length() > 1e-3 * plain.length(),
-            "the user's model is not called"
-        );
+        // The user's model is called.
+        assert!((there - plain).length() > 1e-3 * plain.length());
     }
 }
 
 /// A and B of the model for a spread of slopes, radians.
 fn coefficients(spread_rad: f64) -> (f64, f64) {
     let squared = spread_rad * spread_rad;
-    (
-        1.0 - 0.5 * squared / (squared + 0.33),
-        0.45 * squared / (squared + 0.09),
-    )
+    let a = 1.0 - 0.5 * squared / (squared + 0.33);
+    (a, 0.45 * squared / (squared + 0.09))
 }
 
 /// Oren and Nayar 1994, section 4.4, eq. 30, by its angles; over the reflectance.
@@ -142,14 +112,11 @@ fn the_examples_shader_is_oren_and_nayars_model() {
     let materials = spreads.map(clay);
     let probe = BsdfProbe::new(&context, &library(), &["user_bsdf"], &materials);
     let mut dice = Dice::new(32);
-    let queries: Vec<BsdfQuery> = (0..1000)
-        .map(|index| BsdfQuery {
-            wo: dice.direction(false),
-            material: index % 5,
-            wi: dice.direction(false),
-            flags: 0,
-        })
-        .collect();
+    let random = |index: usize| {
+        let wo = dice.direction(false);
+        BsdfQuery::pair(wo, index % 5, dice.direction(false), 0)
+    };
+    let queries: Vec<BsdfQuery> = (0..1000).map(random).collect();
     let mut other_roughness = 0;
     for (query, answer) in queries.iter().zip(probe.evaluate(&queries)) {
         let (wo, wi) = (wide(query.wo).normalize(), wide(query.wi).normalize());
@@ -180,26 +147,14 @@ fn a_furnace_of_clay_returns_what_the_model_says() {
     let probe = BsdfProbe::new(&context, &library(), &["user_bsdf"], &materials);
     for (material, spread) in spreads.iter().enumerate() {
         for degrees in [0.0, 45.0, 85.0, 89.99] {
-            let query = BsdfQuery {
-                wo: at_angle(degrees, 0.3),
-                material: material as u32,
-                wi: [0.0; 3],
-                flags: 0,
-            };
+            let query = BsdfQuery::from(at_angle(degrees, 0.3), material, 0);
             let samples = probe.samples(query, 65_536, 3);
-            let count = samples.len() as f64;
-            let (sum, squares) = samples.iter().fold((0.0, 0.0), |(sum, squares), sample| {
-                let weight = f64::from(sample.value[0]);
-                (sum + weight, squares + weight * weight)
-            });
-            let mean = sum / count;
-            let error = ((squares / count - mean * mean).max(0.0) / count).sqrt();
+            let (mean, error) = mean_and_error(samples.iter().map(|s| f64::from(s.value[0])));
             let due =
                 f64::from(REFLECTANCE[0]) * returned(f64::from(*spread), degrees.to_radians());
-            assert!(
-                (mean - due).abs() <= 4.0 * error + 1e-6,
-                "spread {spread}, {degrees} degrees: {mean} +- {error} for {due}"
-            );
+            let off = (mean - due).abs();
+            let what = format!("spread {spread}, {degrees} degrees: {mean} +- {error}");
+            assert!(off <= 4.0 * error + 1e-6, "{what} for {due}");
         }
     }
     // The model is a fit: white and slightly rough, it returns up to 1.6 % more than arrives, at grazing angles.
@@ -222,9 +177,8 @@ fn renders(scene: &Scene, count: u32, change: impl FnOnce(&mut RenderSettings)) 
         change(s);
     });
     let size = [SIZE, SIZE];
-    let mut renderer =
-        Renderer::new(context(), &library(), scene, &settings, Eyes::Left, size).unwrap();
-    let views = parallel_views(start_pose(scene), 0.063, square_fov(19.65));
+    let mut renderer = renderer_by(&library(), scene, &settings, Eyes::Left, size).unwrap();
+    let views = start_views(scene, 19.65);
     (0..count)
         .map(|index| {
             renderer.render_frame(&views, index, |_| {}).unwrap();
@@ -287,19 +241,9 @@ fn a_users_bsdf_brings_its_own_code_alone() {
         ..clay(0.6)
     };
     let scene = example::cornell_with(&PAINTED, &beyond).unwrap();
-    let made = Renderer::new(
-        context(),
-        &library(),
-        &scene,
-        &settings(|_| {}),
-        Eyes::Both,
-        [8, 8],
-    );
+    let made = renderer_by(&library(), &scene, &settings(|_| {}), Eyes::Both, [8, 8]);
     let error = made.err().unwrap().to_string();
-    assert!(
-        error.contains("number 2") && error.contains("holds 1"),
-        "{error}"
-    );
+    assert_says(&error, &["number 2", "holds 1"]);
     // A mesh that is not there is named.
     let error = example::cornell_with(&["sofa"], &clay(0.6)).unwrap_err();
     assert!(error.to_string().contains("sofa"), "{error}");
@@ -318,10 +262,6 @@ fn the_example_writes_its_pictures() {
     assert_clean(&clay.pixels, "clay");
     assert_eq!([clay.width, clay.height], [24, 24]);
     // The blocks are other ones, and with them what they reflect elsewhere.
-    let changed = plain
-        .pixels
-        .iter()
-        .zip(&clay.pixels)
-        .filter(|(a, b)| a != b);
-    assert!(changed.count() > 50);
+    let pairs = plain.pixels.iter().zip(&clay.pixels);
+    assert!(pairs.filter(|(a, b)| a != b).count() > 50);
 }

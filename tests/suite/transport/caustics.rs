@@ -10,8 +10,8 @@ use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::support::{
-    assert_clean, builtin, frame, parallel_views, radiance, renderer, settings, square_fov,
-    start_pose,
+    assert_clean, builtin, frame, parallel_views, radiance, rendered, renderer, settings,
+    square_fov, start_pose, statistics,
 };
 use crate::suite::embedded_scenes::caustic;
 
@@ -32,11 +32,9 @@ fn a_lambert_scene_has_no_caustic_pass_and_forcing_one_changes_nothing() {
     let scene = builtin("cornell");
     let views = views(&scene, 19.0);
     let caustic_names = |renderer: &Renderer| -> Vec<String> {
-        let names = renderer.pass_names();
+        let mut names = renderer.pass_names();
+        names.retain(|name| name.contains("caustic"));
         names
-            .into_iter()
-            .filter(|name| name.contains("caustic"))
-            .collect()
     };
     let mut plain = renderer(&scene, &photon_settings(|_| {}), [32, 32]);
     let result = frame(&mut plain, &views);
@@ -49,11 +47,8 @@ fn a_lambert_scene_has_no_caustic_pass_and_forcing_one_changes_nothing() {
     let result = frame(&mut forced, &views);
     assert_eq!(caustic_names(&forced), ["caustic_gather", "caustic_trace"]);
     let caustics = result.photons.caustics.unwrap();
-    assert_eq!(
-        (caustics.emitted, caustics.stored),
-        (4096, 0),
-        "Lambert walls focus nothing"
-    );
+    // Lambert walls focus nothing.
+    assert_eq!((caustics.emitted, caustics.stored), (4096, 0));
     // The same operations in another program: a compiler may fuse multiplications and additions otherwise, which moves
     // each of a pixel's terms (at most some 200 photons and one light sample) by half a unit of 2^-24 or so, and the
     // sum by as much per term at worst: 200 x 2^-23 = 2.4e-5.
@@ -65,22 +60,13 @@ fn a_lambert_scene_has_no_caustic_pass_and_forcing_one_changes_nothing() {
     let scene = builtin("caustic");
     let views = self::views(&scene, 15.0);
     let image = |force| {
-        let mut renderer = renderer(
-            &scene,
-            &photon_settings(|s| s.force.caustics = force),
-            [32, 32],
-        );
-        frame(&mut renderer, &views);
-        radiance(&renderer, Eye::Left)
+        let settings = photon_settings(|s| s.force.caustics = force);
+        radiance(&rendered(&scene, &settings, [32, 32], &views), Eye::Left)
     };
     let (with, without) = (image(Force::Auto), image(Force::Off));
-    let differs = with.iter().flatten().zip(without.iter().flatten());
-    assert!(
-        differs
-            .filter(|(a, b)| (*a - *b).abs() > 2.4e-5 * a.abs())
-            .count()
-            > 20
-    );
+    let pairs = with.iter().flatten().zip(without.iter().flatten());
+    let differ = pairs.filter(|(a, b)| (*a - *b).abs() > 2.4e-5 * a.abs());
+    assert!(differ.count() > 20);
 }
 
 #[test]
@@ -101,19 +87,9 @@ fn scenes_with_glass_or_polished_metal_list_the_passes() {
 fn flux_per_path(map: Option<&PhotonMap>, renderer: &Renderer) -> DVec3 {
     let Some(map) = map else { return DVec3::ZERO };
     let photons: Vec<Photon> = renderer.read_photons(map.kind()).unwrap().unwrap();
-    let sum: DVec3 = photons
-        .iter()
-        .map(|photon| DVec3::from_array(photon.flux.map(f64::from)))
-        .sum();
+    let flux = photons.iter().map(|photon| photon.flux.map(f64::from));
+    let sum: DVec3 = flux.map(DVec3::from_array).sum();
     sum / f64::from(map.counters().paths_kept)
-}
-
-/// Mean and squared standard error.
-fn statistics(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (mean, variance / n)
 }
 
 #[test]
@@ -143,33 +119,20 @@ fn the_two_maps_share_out_the_light_of_one() {
             .collect()
     };
     for direct in [DirectLight::Nee, DirectLight::Map] {
-        let one: Vec<f64> = flux(Force::Off, direct, 0..10)
-            .iter()
-            .map(|f| f.0)
-            .collect();
-        let two = flux(Force::On, direct, 10..20);
-        let both: Vec<f64> = two
-            .iter()
-            .map(|(photons, caustics)| photons + caustics)
-            .collect();
-        let photons: Vec<f64> = two.iter().map(|(photons, _)| *photons).collect();
+        let (one, _): (Vec<f64>, Vec<f64>) = flux(Force::Off, direct, 0..10).into_iter().unzip();
+        let two = flux(Force::On, direct, 10..20).into_iter();
+        let (photons, caustics): (Vec<f64>, Vec<f64>) = two.unzip();
+        let both: Vec<f64> = photons.iter().zip(caustics).map(|(p, c)| p + c).collect();
         let (expected, expected_error) = statistics(&one);
         let z = |values: &[f64]| {
             let (mean, error) = statistics(values);
             (mean - expected) / (error + expected_error).sqrt()
         };
         // Student's t with 18 degrees of freedom lies beyond 5 with probability 1e-4.
-        assert!(
-            z(&both).abs() < 5.0,
-            "{direct:?}: {} standard errors",
-            z(&both)
-        );
+        let (z_both, z_photons) = (z(&both), z(&photons));
+        assert!(z_both.abs() < 5.0, "{direct:?}: {z_both} standard errors");
         // Negative control: without the caustics the sum falls short.
-        assert!(
-            z(&photons) < -5.0,
-            "{direct:?}: {} standard errors",
-            z(&photons)
-        );
+        assert!(z_photons < -5.0, "{direct:?}: {z_photons} standard errors");
     }
 }
 
@@ -192,14 +155,9 @@ fn spot(image: &[[f32; 3]], view: &View, size: u32) -> (f64, f64) {
     let (mut energy, mut second) = (0.0, 0.0);
     for y in 0..size {
         for x in 0..size {
-            let corner =
-                |dx: f64, dy: f64| floor_point(view, [f64::from(x) + dx, f64::from(y) + dy], size);
-            let corners = [
-                corner(0.0, 0.0),
-                corner(1.0, 0.0),
-                corner(1.0, 1.0),
-                corner(0.0, 1.0),
-            ];
+            let corners = [[0, 0], [1, 0], [1, 1], [0, 1]];
+            let corners = corners
+                .map(|[dx, dy]| floor_point(view, [f64::from(x + dx), f64::from(y + dy)], size));
             let [Some(a), Some(b), Some(c), Some(d)] = corners else {
                 continue;
             };
@@ -258,18 +216,14 @@ fn the_spot_under_a_glass_ball_is_the_path_tracers() {
     let ((energy, energy_error), (width, width_error)) = moments(&path);
     let ((found, found_error), (found_width, found_width_error)) = moments(&photons(8, RADIUS_M));
     let sigma = (energy_error + found_error).sqrt();
-    assert!(
-        (found - energy).abs() < 4.0 * sigma,
-        "{found} W for {energy} +- {sigma}"
-    );
+    let off = (found - energy).abs();
+    assert!(off < 4.0 * sigma, "{found} W for {energy} +- {sigma}");
     let sigma = (width_error + found_width_error).sqrt();
     let blur = RADIUS_M * RADIUS_M / 4.0;
     // A disc of radius r spreads its light with a variance of r^2 / 4 along each axis.
     let agrees = |excess: f64| excess > -4.0 * sigma && excess < blur + 4.0 * sigma;
-    assert!(
-        agrees(found_width - width),
-        "{found_width} m^2 for {width} + {blur} +- {sigma}"
-    );
+    let what = format!("{found_width} m^2 for {width} + {blur} +- {sigma}");
+    assert!(agrees(found_width - width), "{what}");
     // Negative control: a spot blurred by 8 cm has the energy but not the shape.
     let (_, (wide, _)) = moments(&photons(2, 0.08));
     assert!(!agrees(wide - width), "{wide} m^2 for {width}");

@@ -27,6 +27,36 @@ pub struct Sampled<'a> {
     pub breaks: &'a [f64],
 }
 
+impl<'a> Sampled<'a> {
+    /// Directions by their z and azimuth.
+    pub fn on_sphere(
+        points: &'a [(f64, f64)],
+        draws: usize,
+        pilot: &'a [(f64, f64)],
+        breaks: &'a [f64],
+    ) -> Self {
+        let pi = std::f64::consts::PI;
+        Self {
+            points,
+            draws,
+            pilot,
+            domain: [(-1.0, 1.0), (-pi, pi)],
+            breaks,
+        }
+    }
+
+    /// Places in the unit square.
+    pub fn in_square(points: &'a [(f64, f64)], draws: usize, pilot: &'a [(f64, f64)]) -> Self {
+        Self {
+            points,
+            draws,
+            pilot,
+            domain: [(0.0, 1.0); 2],
+            breaks: &[],
+        }
+    }
+}
+
 /// p-value of the hypothesis that counts have these expectations: `(expected, observed)` per bin.
 pub fn p_value_of_counts(counts: &[(f64, f64)]) -> f64 {
     let (mut statistic, mut bins) = (0.0, 0usize);
@@ -69,19 +99,13 @@ pub fn p_value(sampled: &Sampled<'_>, density: &dyn Fn(f64, f64) -> f64) -> f64 
     );
     for band in edges.windows(2) {
         let within = |x: f64| x >= band[0] && (x < band[1] || band[1] == sampled.domain[0].1);
-        let pilot = sampled
-            .pilot
-            .iter()
-            .filter(|p| within(p.0))
-            .map(|p| p.1)
-            .collect();
+        let pilot = sampled.pilot.iter().filter(|p| within(p.0));
+        let pilot = pilot.map(|p| p.1).collect();
         let cells = quantiles(pilot, CELLS, sampled.domain[1], &[]);
         let mut observed = vec![0.0; cells.len() - 1];
         for point in sampled.points.iter().filter(|p| within(p.0)) {
-            let cell = cells
-                .partition_point(|edge| *edge <= point.1)
-                .clamp(1, observed.len())
-                - 1;
+            let above = cells.partition_point(|edge| *edge <= point.1);
+            let cell = above.clamp(1, observed.len()) - 1;
             observed[cell] += 1.0;
         }
         for (cell, count) in cells.windows(2).zip(observed) {
@@ -102,12 +126,8 @@ pub fn p_value(sampled: &Sampled<'_>, density: &dyn Fn(f64, f64) -> f64) -> f64 
 fn quantiles(mut values: Vec<f64>, count: usize, range: (f64, f64), breaks: &[f64]) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let mut edges = vec![range.0, range.1];
-    edges.extend(
-        breaks
-            .iter()
-            .copied()
-            .filter(|x| *x > range.0 && *x < range.1),
-    );
+    let inside = breaks.iter().filter(|x| **x > range.0 && **x < range.1);
+    edges.extend(inside);
     if values.len() >= 20 * count {
         edges.extend((1..count).map(|i| values[i * values.len() / count]));
     }
@@ -133,9 +153,8 @@ fn rule(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     let mut sum = 0.0;
     for (node_x, weight_x) in NODES {
         for (node_y, weight_y) in NODES {
-            sum += weight_x
-                * weight_y
-                * density(x[0] + node_x * (x[1] - x[0]), y[0] + node_y * (y[1] - y[0]));
+            let (at_x, at_y) = (x[0] + node_x * (x[1] - x[0]), y[0] + node_y * (y[1] - y[0]));
+            sum += weight_x * weight_y * density(at_x, at_y);
         }
     }
     sum * (x[1] - x[0]) * (y[1] - y[0])
@@ -154,14 +173,12 @@ pub fn integrate(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], de
     let refined: f64 = parts.iter().map(|(px, py)| rule(density, *px, *py)).sum();
     // Where all nodes see 0, a corner may still hold something.
     let is_empty = refined == 0.0 && whole == 0.0 && depth < 4;
-    if depth >= 9
-        || !is_empty
-            && (refined - whole).abs() <= 1e-5 * refined.abs() + 1e-7 * 0.5f64.powi(depth as i32)
-    {
+    let allowed = 1e-5 * refined.abs() + 1e-7 * 0.5f64.powi(depth as i32);
+    if depth >= 9 || !is_empty && (refined - whole).abs() <= allowed {
         return refined;
     }
+    let parts = parts.iter();
     parts
-        .iter()
         .map(|(px, py)| integrate(density, *px, *py, depth + 1))
         .sum()
 }
@@ -169,26 +186,14 @@ pub fn integrate(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], de
 #[test]
 fn uniform_points_pass_and_a_tilt_of_five_percent_fails() {
     let mut dice = super::bsdf_twin::Dice::new(11);
-    let mut draw = || {
-        (0..400_000)
-            .map(|_| (dice.unit(), dice.unit()))
-            .collect::<Vec<_>>()
-    };
-    let (points, pilot) = (draw(), draw());
-    let sampled = Sampled {
-        points: &points,
-        draws: points.len(),
-        pilot: &pilot[..20_000],
-        domain: [(0.0, 1.0), (0.0, 1.0)],
-        breaks: &[],
-    };
+    let mut draw = || (dice.unit(), dice.unit());
+    let [points, pilot] = [(); 2].map(|()| (0..400_000).map(|_| draw()).collect::<Vec<_>>());
+    let sampled = Sampled::in_square(&points, points.len(), &pilot[..20_000]);
     assert!(p_value(&sampled, &|_, _| 1.0) > 1e-3);
     // It adds 400,000 x mean of (0.05 (2 x - 1))^2 = 333 to the statistic, 15 standard deviations at 239 degrees.
     assert!(p_value(&sampled, &|x, _| 0.95 + 0.1 * x) < 1e-6);
-    assert!(
-        p_value(&sampled, &|_, _| 0.99) < 1e-6,
-        "draws that are lost must show"
-    );
+    // Draws that are lost must show.
+    assert!(p_value(&sampled, &|_, _| 0.99) < 1e-6);
 }
 
 #[test]

@@ -6,13 +6,15 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::{Environment, LightKind, Mesh, MeshTriangle, Node, PunctualLight, Scene};
+use stereolux::scene::{LightKind, Scene};
 use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Sampler, Technique};
 use stereolux::xr::{Pose, View};
 
+use super::hard_support::{constant_environment, mesh};
+use super::lights_probe::add_light;
 use super::support::{
-    assert_clean, builtin, context, mean, parallel_views, radiance, renderer, settings, square_fov,
-    start_pose,
+    assert_clean, builtin, mean, parallel_views, radiance, renderer, renderer_by, settings,
+    square_fov, start_pose, statistics,
 };
 use crate::suite::embedded_scenes::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 
@@ -27,35 +29,11 @@ const FACETS: f64 = 0.004;
 /// The sphere with flat facets, so that no direction is lost between a facet's horizon and its shading normal's.
 fn sphere() -> Scene {
     let mut scene = builtin("sphere");
-    for mesh in &mut scene.meshes {
-        *mesh = flat(mesh);
+    for flat in &mut scene.meshes {
+        let all = flat.triangles.iter().map(|triangle| flat.corners(triangle));
+        *flat = mesh(&all.collect::<Vec<_>>());
     }
     scene
-}
-
-fn flat(mesh: &Mesh) -> Mesh {
-    let mut flat = Mesh {
-        name: mesh.name.clone(),
-        ..Mesh::default()
-    };
-    for triangle in &mesh.triangles {
-        let [a, b, c] = mesh.corners(triangle);
-        let normal = (b - a).cross(c - a).normalize().as_vec3().to_array();
-        let first = flat.positions.len() as u32;
-        for corner in triangle.vertices {
-            flat.positions.push(mesh.positions[corner as usize]);
-            flat.normals.push(normal);
-            flat.tangents.push(mesh.tangents[corner as usize]);
-            flat.uv0.push([0.0; 2]);
-            flat.uv1.push([0.0; 2]);
-            flat.colors.push([1.0; 4]);
-        }
-        flat.triangles.push(MeshTriangle {
-            vertices: [first, first + 1, first + 2],
-            material: triangle.material,
-        });
-    }
-    flat
 }
 
 /// Lights that can be put into the sphere, with the radiance that each gives the wall in view, to [`DEPTH`] segments.
@@ -86,10 +64,7 @@ impl Light {
             Self::Spot => {
                 // KHR_lights_punctual: the falloff is the square of a ramp in the cosine, whose integral over it is a
                 // third of its width.
-                let (inner, outer) = (
-                    f64::from(SPOT_INNER_RAD).cos(),
-                    f64::from(SPOT_OUTER_RAD).cos(),
-                );
+                let [inner, outer] = [SPOT_INNER_RAD, SPOT_OUTER_RAD].map(|r| f64::from(r).cos());
                 let power =
                     2.0 * PI * f64::from(SPOT_INTENSITY) * (1.0 - inner + (inner - outer) / 3.0);
                 power / (4.0 * PI * PI) * series(2, DEPTH)
@@ -121,19 +96,9 @@ impl Light {
             }
             Self::Sun => (LightKind::Directional, 0.2),
         };
-        scene.lights.push(PunctualLight {
-            name: format!("{self:?}"),
-            kind,
-            intensity: [intensity; 3],
-        });
         // Lights shine along their -Z: turned round, away from the view.
-        scene.roots.push(scene.nodes.len());
-        scene.nodes.push(Node {
-            name: format!("{self:?}"),
-            parent_from_node: DAffine3::from_quat(DQuat::from_rotation_y(PI)),
-            light: Some(scene.lights.len() - 1),
-            ..Node::default()
-        });
+        let turned = DAffine3::from_quat(DQuat::from_rotation_y(PI));
+        add_light(scene, kind, [intensity; 3], turned);
     }
 }
 
@@ -183,10 +148,8 @@ fn measured_by(mut renderer: Renderer, views: &[View; 2]) -> (f64, f64) {
             mean(&image)
         })
         .collect();
-    let n = means.len() as f64;
-    let all = means.iter().sum::<f64>() / n;
-    let variance = means.iter().map(|m| (m - all).powi(2)).sum::<f64>() / (n - 1.0);
-    (all, (variance / n).sqrt())
+    let (mean, squared_error) = statistics(&means);
+    (mean, squared_error.sqrt())
 }
 
 /// Whether a mean is the expected one: within 1 %, and within 4 standard errors beside what the facets move.
@@ -208,17 +171,10 @@ fn every_kind_of_light_gives_its_closed_form() {
             photons(Sampler::Random, |_| {}),
         ] {
             let found = measured(&scene, &settings, &views());
-            assert!(
-                agrees(found, expected),
-                "{lights:?} by {:?}: {found:?} for {expected}",
-                settings.method
-            );
+            let what = format!("{lights:?} by {:?}: {found:?}", settings.method);
+            assert!(agrees(found, expected), "{what} for {expected}");
             // Negative control: 2 % more is noticed.
-            assert!(
-                !agrees(found, expected * 1.02),
-                "{lights:?} by {:?}: {found:?}",
-                settings.method
-            );
+            assert!(!agrees(found, expected * 1.02), "{what}");
         }
     }
 }
@@ -256,10 +212,8 @@ fn every_method_and_sampler_adds_the_lights_up() {
     // Directions of the surfaces alone find the wall and no punctual light.
     let (scene, expected) = lit_by(&[Light::Wall, Light::Point]);
     let found = measured(&scene, &path(Sampler::Sobol, Technique::Bsdf), &views());
-    assert!(
-        agrees(found, expected - Light::Point.radiance()),
-        "{found:?} for {expected} less the lamp"
-    );
+    let of_wall = expected - Light::Point.radiance();
+    assert!(agrees(found, of_wall), "{found:?} for {of_wall}");
 }
 
 /// [`DEPTH`] segments at an albedo of a half: the throughput falls under a quarter, where roulette begins, with two to go.
@@ -273,10 +227,8 @@ fn roulette_keeps_the_closed_form() {
     };
     for russian_roulette in [false, true] {
         let found = measured(&scene, &with(russian_roulette), &views());
-        assert!(
-            agrees(found, expected),
-            "roulette {russian_roulette}: {found:?} for {expected}"
-        );
+        let what = format!("roulette {russian_roulette}: {found:?}");
+        assert!(agrees(found, expected), "{what} for {expected}");
     }
     // Negative control, and proof that paths do end: without the survivors' weight their light is missing.
     let source = include_str!("../../../shaders/passes/path_trace.wesl");
@@ -285,28 +237,18 @@ fn roulette_keeps_the_closed_form() {
     let mut library = ShaderLibrary::embedded();
     library.insert("passes/path_trace", weightless);
     for (russian_roulette, loses) in [(false, false), (true, true)] {
-        let wrong = Renderer::new(
-            context(),
-            &library,
-            &scene,
-            &with(russian_roulette),
-            Eyes::Both,
-            [SIZE, SIZE],
-        )
-        .unwrap();
-        let (found, error) = measured_by(wrong, &views());
-        assert_eq!(
-            !agrees((found, error), expected),
-            loses,
-            "roulette {russian_roulette}, no weights: {found} for {expected}"
-        );
+        let settings = with(russian_roulette);
+        let wrong = renderer_by(&library, &scene, &settings, Eyes::Both, [SIZE, SIZE]);
+        let found = measured_by(wrong.unwrap(), &views());
+        let what = format!("roulette {russian_roulette}, no weights: {found:?}");
+        assert_eq!(!agrees(found, expected), loses, "{what} for {expected}");
     }
 }
 
 #[test]
 fn nothing_gets_into_a_closed_sphere() {
     let (mut scene, _) = lit_by(&[Light::Sun]);
-    scene.environment = Some(even_sky(1.0));
+    scene.environment = Some(constant_environment([1.0; 3]));
     // A hit within its rounding (some 1e-7 m) of an edge may start its next ray beyond the neighbouring facet. There are
     // 43 m of edges per square metre: 43 x 2 x 1e-7 = 1e-5 of the rays, 5 of them a path, each bringing 1 at most.
     let bound = 5e-5;
@@ -323,21 +265,12 @@ fn nothing_gets_into_a_closed_sphere() {
     assert!(found > bound, "a hole goes unnoticed: {found}");
 }
 
-fn even_sky(radiance: f32) -> Environment {
-    Environment {
-        width: 8,
-        height: 4,
-        radiance: vec![[radiance; 3]; 32],
-        name: "even sky".to_owned(),
-    }
-}
-
 #[test]
 fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
     // From outside: opaque surfaces scatter on both sides. Every ray that leaves a convex body meets the sky.
     let mut scene = sphere();
     scene.lights[0].intensity = [0.0; 3];
-    scene.environment = Some(even_sky(2.0));
+    scene.environment = Some(constant_environment([2.0; 3]));
     // So near that the ball fills the view: it spans 41.8 degrees, and the view's corners lie at 39.2.
     let head = Pose::new(DVec3::Z * 1.5, DQuat::IDENTITY);
     let views = parallel_views(head, 0.0, square_fov(30.0));

@@ -3,28 +3,21 @@
 use stereolux::images::Image;
 use stereolux::metrics::{FlipView, compare};
 use stereolux::renderer::{Eye, progressive_radius_m};
-use stereolux::settings::{Method, Reuse, Sampler};
-use stereolux::xr::View;
+use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 
-use crate::suite::support::{
-    builtin, frame, parallel_views, radiance, renderer, settings, square_fov, start_pose,
-};
+use crate::suite::support::{builtin, mean, radiance, rendered, settings, start_views};
 
 const SIZE: u32 = 24;
 
-fn views() -> [View; 2] {
-    parallel_views(start_pose(&builtin("cornell")), 0.063, square_fov(21.0))
-}
-
-fn image(change: impl FnOnce(&mut stereolux::settings::RenderSettings)) -> Image<[f32; 3]> {
+fn image(change: impl FnOnce(&mut RenderSettings)) -> Image<[f32; 3]> {
     let settings = settings(|s| {
         s.reuse = Reuse::Off;
         s.path.max_depth = 4;
         s.photon.max_depth = 4;
         change(s);
     });
-    let mut renderer = renderer(&builtin("cornell"), &settings, [SIZE, SIZE]);
-    frame(&mut renderer, &views());
+    let scene = builtin("cornell");
+    let renderer = rendered(&scene, &settings, [SIZE, SIZE], &start_views(&scene, 21.0));
     Image::new(SIZE, SIZE, radiance(&renderer, Eye::Left)).unwrap()
 }
 
@@ -45,13 +38,7 @@ fn error(found: &Image<[f32; 3]>, reference: &Image<[f32; 3]>) -> (f64, f64, f64
     };
     let comparison = compare(found, reference, None, view).unwrap();
     let pixels = f64::from(SIZE * SIZE);
-    let mean = reference
-        .pixels
-        .iter()
-        .flatten()
-        .map(|&c| f64::from(c))
-        .sum::<f64>()
-        / (3.0 * pixels);
+    let mean = mean(&reference.pixels);
     (
         comparison.rel_mse.unwrap(),
         comparison.mean_rel_bias.unwrap(),
@@ -73,10 +60,7 @@ fn sobol_points_converge_to_the_same_picture_with_less_error() {
     let (random, random_bias, random_spread) = median(Sampler::Random);
     let (sobol, sobol_bias, sobol_spread) = median(Sampler::Sobol);
     // Measured: about 0.5. At 0.8 the claim would no longer be worth a setting.
-    assert!(
-        sobol < 0.8 * random,
-        "relMSE {sobol} (Sobol), {random} (random)"
-    );
+    assert!(sobol < 0.8 * random, "relMSE {sobol}, random {random}");
     for (bias, spread) in [(random_bias, random_spread), (sobol_bias, sobol_spread)] {
         assert!(bias.abs() < 5.0 * spread, "bias {bias}, spread {spread}");
     }
@@ -103,14 +87,8 @@ fn progressive_photons_lose_the_bias_that_a_fixed_radius_keeps() {
     let (fixed, ..) = error(&photons(64, false), &reference);
     let (few, ..) = error(&photons(8, true), &reference);
     let (many, ..) = error(&photons(64, true), &reference);
-    assert!(
-        many < few,
-        "more passes must help: {few} at 8, {many} at 64"
-    );
-    assert!(
-        many < 0.75 * fixed,
-        "relMSE {many} progressive, {fixed} with a fixed radius"
-    );
+    let what = format!("relMSE {few} at 8, {many} at 64, {fixed} with a fixed radius");
+    assert!(many < few && many < 0.75 * fixed, "{what}");
 }
 
 #[test]

@@ -13,7 +13,8 @@ use super::photon_map::{
     assert_sums, grid, map_only, on_one_surface, photons, unpack_photon, views,
 };
 use super::support::{
-    Triangles, assert_clean, bits, builtin, context, frame, radiance, renderer, settings,
+    Triangles, assert_clean, bits, both_bits, builtin, frame, pixel_ray, play, radiance, rendered,
+    renderer, renderer_by, settings, strays,
 };
 
 type Change = fn(&mut RenderSettings);
@@ -41,19 +42,8 @@ fn rounding(terms: usize) -> f32 {
     2.0 * (terms as f32 + 30.0) * 2.0_f32.powi(-24)
 }
 
-/// Pixels that differ by more than `tolerance` of the larger value.
-fn strays(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) -> usize {
-    let differs =
-        |(a, b): (&f32, &f32)| (a - b).abs() > tolerance * a.abs().max(b.abs()) || a.is_nan();
-    a.iter()
-        .zip(b)
-        .filter(|(a, b)| a.iter().zip(b.iter()).any(differs))
-        .count()
-}
-
 fn position(photon: &Photon) -> DVec3 {
-    let [x, y, z] = photon.position.map(f64::from);
-    DVec3::new(x, y, z)
+    DVec3::from(photon.position.map(f64::from))
 }
 
 /// Most photons that any ball of this radius can hold: every such ball that holds one lies in the ball of twice the
@@ -68,10 +58,7 @@ fn fullest_ball(photons: &[Photon], radius_m: f64) -> usize {
 }
 
 fn sorted_bits(photons: &[Photon]) -> Vec<[u32; 8]> {
-    let mut all: Vec<[u32; 8]> = photons
-        .iter()
-        .map(|photon| bytemuck::cast(*photon))
-        .collect();
+    let mut all: Vec<[u32; 8]> = photons.iter().copied().map(bytemuck::cast).collect();
     all.sort_unstable();
     all
 }
@@ -91,9 +78,7 @@ fn tree_faults(nodes: &[[f32; 4]]) -> Vec<String> {
         let at = [x, y, z];
         for side in 0..3 {
             if at[side] < lower[side] || at[side] > upper[side] {
-                faults.push(format!(
-                    "node {node} lies outside its box along axis {side}"
-                ));
+                faults.push(format!("node {node} lies beyond its box, axis {side}"));
             }
         }
         let axis = axis as usize;
@@ -112,11 +97,8 @@ fn tree_faults(nodes: &[[f32; 4]]) -> Vec<String> {
     }
     let bound = |pick: fn(f32, f32) -> f32| {
         [0, 1, 2].map(|axis| {
-            nodes
-                .iter()
-                .map(|node| node[axis])
-                .reduce(pick)
-                .unwrap_or(0.0)
+            let along = nodes.iter().map(|node| node[axis]);
+            along.reduce(pick).unwrap_or(0.0)
         })
     };
     let mut faults = Vec::new();
@@ -141,19 +123,15 @@ fn a_tree_of_every_size_is_left_balanced_and_holds_every_photon() {
             s.photon.radius_m = 0.05;
         });
         let what = format!("{count} paths in {name}");
-        let mut grid = renderer(&scene, &settings, [8, 8]);
         let views = views(&scene, 19.0);
-        frame(&mut grid, &views);
+        let grid = rendered(&scene, &settings, [8, 8], &views);
         let mut tree = settings.clone();
         KD(&mut tree);
-        let mut tree = renderer(&scene, &tree, [8, 8]);
-        frame(&mut tree, &views);
+        let mut tree = rendered(&scene, &tree, [8, 8], &views);
         let held = photons(&tree);
         assert!(name != "sphere" || held.len() == count as usize, "{what}");
-        assert!(
-            sorted_bits(&held) == sorted_bits(&photons(&grid)),
-            "{what}: other photons than in the grid"
-        );
+        let in_grid = sorted_bits(&photons(&grid));
+        assert!(sorted_bits(&held) == in_grid, "{what}: other photons");
         let mut nodes = nodes(&tree, held.len());
         for (node, photon) in nodes.iter().zip(&held) {
             assert_eq!(node[..3], photon.position, "{what}: a node is its photon");
@@ -163,10 +141,7 @@ fn a_tree_of_every_size_is_left_balanced_and_holds_every_photon() {
         // Negative control: a tree with two photons exchanged.
         if held.len() > 2 {
             nodes.swap(1, 2);
-            assert!(
-                !tree_faults(&nodes).is_empty(),
-                "{what}: the check is blind"
-            );
+            assert_ne!(tree_faults(&nodes).len(), 0, "{what}: the check is blind");
         }
         // The same photons give the same tree.
         let before = photons(&tree);
@@ -185,8 +160,7 @@ fn image(
 ) -> (Vec<[f32; 3]>, Renderer) {
     let mut settings = base.clone();
     change(&mut settings);
-    let mut renderer = renderer(scene, &settings, [size, size]);
-    frame(&mut renderer, &views(scene, 19.0));
+    let renderer = rendered(scene, &settings, [size, size], &views(scene, 19.0));
     (radiance(&renderer, Eye::Left), renderer)
 }
 
@@ -265,10 +239,9 @@ fn slices_go_on_where_they_stopped() {
             let (expected, held) = nearest_twin(&photons, point, normal, albedo, 10.0, 16, paths);
             let found = f64::from(found[pixel][0]);
             // As in the test of the nearest photons.
-            assert!(
-                held == 16 && (found / expected - 1.0).abs() < 2e-3,
-                "{name}, pixel {pixel}: {found} for {expected}"
-            );
+            let off = (found / expected - 1.0).abs();
+            let what = format!("{name}, pixel {pixel}: {found} for {expected}");
+            assert!(held == 16 && off < 2e-3, "{what}");
         }
         images.push(found);
     }
@@ -284,18 +257,13 @@ fn seen(
     size: usize,
 ) -> Option<(DVec3, DVec3, f64)> {
     let view = views(scene, 19.0)[0];
-    let [x, y] = [pixel % size, pixel / size].map(|at| at as f64 + 0.5);
-    let ray = view.ray_through_pixel(x, y, size as u32, size as u32);
+    let ray = pixel_ray(&view, pixel, [size as u32; 2]);
     let (t, normal, material) = triangles.closest(ray.origin, ray.direction, 0.0)?;
     let material = &scene.materials[material as usize];
     if material.name == "red" || material.emission[0] > 0.0 {
         return None;
     }
-    let normal = if normal.dot(ray.direction) < 0.0 {
-        normal
-    } else {
-        -normal
-    };
+    let normal = normal * -normal.dot(ray.direction).signum();
     let point = ray.origin + ray.direction * t;
     Some((point, normal, f64::from(material.base_color[0])))
 }
@@ -327,10 +295,10 @@ fn nearest_twin(
         Some(last) if found.len() == nearest => last.0,
         _ => radius_m * radius_m,
     };
-    let sum: f64 = found
+    let terms = found
         .iter()
-        .map(|(at, flux)| 2.0 * (1.0 - at / squared) * flux)
-        .sum();
+        .map(|(at, flux)| 2.0 * (1.0 - at / squared) * flux);
+    let sum: f64 = terms.sum();
     let area = std::f64::consts::PI * squared;
     let value = albedo / std::f64::consts::PI * sum / (area * f64::from(paths));
     (value, found.len())
@@ -350,10 +318,8 @@ fn the_nearest_photons_are_those_of_an_exhaustive_search() {
         let mut images = Vec::new();
         for way in [NEAREST, KD_NEAREST] {
             let (found, renderer) = image(&scene, &base, way, 24);
-            let (photons, paths) = (
-                photons(&renderer),
-                renderer.photon_map().unwrap().counters().paths_kept,
-            );
+            let photons = photons(&renderer);
+            let paths = renderer.photon_map().unwrap().counters().paths_kept;
             let (mut compared, mut full, mut other) = (0, 0, 0);
             for pixel in (0..24 * 24).step_by(7) {
                 let Some((point, normal, albedo)) = seen(&scene, &triangles, pixel, 24) else {
@@ -378,27 +344,19 @@ fn the_nearest_photons_are_those_of_an_exhaustive_search() {
                 full += usize::from(held == count as usize);
                 // Positions agree to 1e-6 m; distances of 0.01 m and more are squared and divided by each other, which
                 // makes 4e-4 of a weight and of the area each. Photons at grazing angles: see `photon_map`.
-                assert!(
-                    (found / expected - 1.0).abs() < 2e-3,
-                    "pixel {pixel}, {count} nearest: {found} for {expected}"
-                );
+                let off = (found / expected - 1.0).abs();
+                assert!(off < 2e-3, "{pixel}, {count} nearest: {found}, {expected}");
                 // Negative control: one photon more is another estimate.
                 let (wrong, _) = twin(count as usize + 1);
                 other += usize::from((wrong / expected - 1.0).abs() > 2e-3);
             }
             assert!(compared > 40, "only {compared} pixels");
-            assert!(
-                count != 20 || (full > 40 && other > 40),
-                "{full} full, {other} differ"
-            );
+            let is_seen = full > 40 && other > 40;
+            assert!(count != 20 || is_seen, "{full} full, {other} differ");
             images.push(found);
         }
-        let tolerance = rounding(count as usize);
-        assert_eq!(
-            strays(&images[0], &images[1], tolerance),
-            0,
-            "{count} nearest"
-        );
+        let strays = strays(&images[0], &images[1], rounding(count as usize));
+        assert_eq!(strays, 0, "{count} nearest");
     }
 }
 
@@ -422,9 +380,7 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
         let [split, fused] = [(|_: &mut RenderSettings| {}) as Change, FUSED].map(|way| {
             let mut settings = base.clone();
             way(&mut settings);
-            let mut renderer = renderer(&scene, &settings, [32, 32]);
-            frame(&mut renderer, &views);
-            [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)))
+            both_bits(&rendered(&scene, &settings, [32, 32], &views))
         });
         assert!(split == fused, "{name}, {direct:?}, {reuse:?}");
     }
@@ -443,14 +399,11 @@ fn copies_in_textures_give_the_same_images_by_every_way() {
             settings.force.record_texels = record_texels;
             let mut renderer = renderer(&scene, &settings, [32, 32]);
             // Once more with other photons: the copy follows.
-            frame(&mut renderer, &views);
-            renderer.render_frame(&views, 1, |_| {}).unwrap();
-            [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)))
+            play(&mut renderer, &views, 0..2);
+            both_bits(&renderer)
         });
-        assert!(
-            plain.iter().flatten().any(|pixel| pixel[0] != 0),
-            "{name}: black"
-        );
+        let is_lit = plain.iter().flatten().any(|pixel| pixel[0] != 0);
+        assert!(is_lit, "{name}: black");
         assert!(plain == copied, "{name}");
     }
 }
@@ -458,27 +411,17 @@ fn copies_in_textures_give_the_same_images_by_every_way() {
 #[test]
 fn nothing_of_another_way_is_compiled() {
     let scene = builtin("cornell");
-    let compiled = |change: Change| {
-        let settings = map_only(100, change);
-        let renderer = Renderer::new(
-            context(),
-            &ShaderLibrary::embedded(),
-            &scene,
-            &settings,
-            Eyes::Left,
-            [8, 8],
-        );
-        renderer.unwrap().pass_names()
-    };
+    let library = ShaderLibrary::embedded();
+    let made =
+        |settings: &RenderSettings| renderer_by(&library, &scene, settings, Eyes::Left, [8, 8]);
+    let compiled = |change: Change| made(&map_only(100, change)).unwrap().pass_names();
     let has = |names: &[String], name: &str| names.iter().any(|other| other == name);
     let own: Vec<&str> = WAYS.iter().map(|(name, _)| *name).collect();
     let plain = compiled(|_| {});
     assert!(has(&plain, "photon_gather") && has(&plain, "cell_count"));
     assert!(!own.iter().any(|name| has(&plain, name)));
-    assert!(
-        !plain.iter().any(|name| name.starts_with("kd_")),
-        "{plain:?}"
-    );
+    let is_of_trees = |name: &String| name.starts_with("kd_");
+    assert!(!plain.iter().any(is_of_trees), "{plain:?}");
     for (name, way) in WAYS {
         let names = compiled(way);
         assert!(has(&names, name), "{names:?}");
@@ -494,14 +437,7 @@ fn nothing_of_another_way_is_compiled() {
         FUSED(s);
         KD(s);
     });
-    let refused = Renderer::new(
-        context(),
-        &ShaderLibrary::embedded(),
-        &scene,
-        &odd,
-        Eyes::Left,
-        [8, 8],
-    );
+    let refused = made(&odd);
     assert!(matches!(refused, Err(RenderError::Settings(line)) if line.contains("fused")));
 }
 

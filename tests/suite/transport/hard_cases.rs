@@ -11,8 +11,8 @@ use stereolux::xr::{Pose, View};
 use super::hard_support::*;
 use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
-    assert_clean, bits, builtin, frame, mean, method, parallel_views, radiance, renderer, settings,
-    square_fov, start_pose,
+    assert_clean, bits, builtin, frame, mean, method, parallel_views, pixel_ray, radiance,
+    renderer, settings, square_fov, start_views,
 };
 
 #[test]
@@ -49,24 +49,13 @@ fn an_eye_in_a_sealed_box_sees_black_and_in_a_glowing_one_its_glow() {
             }
         }
         // Negative control: without its lid the box is lit.
-        let open = images(
-            &lit(&sides[..10]),
-            &method(kind, Reuse::Off),
-            [24, 24],
-            &views,
-        );
+        let off = method(kind, Reuse::Off);
+        let open = images(&lit(&sides[..10]), &off, [24, 24], &views);
         assert!(mean(&open[0]) > 0.01, "{kind:?}: the open box is black");
         // Nothing reflects: emission, bit for bit.
-        for image in images(
-            &emission(0.0, true),
-            &method(kind, Reuse::Off),
-            [24, 24],
-            &views,
-        ) {
-            assert!(
-                image.iter().all(|&p| p == [0.5, 1.0, 2.0]),
-                "{kind:?}: not the emission"
-            );
+        for image in images(&emission(0.0, true), &off, [24, 24], &views) {
+            let is_emission = image.iter().all(|&p| p == [0.5, 1.0, 2.0]);
+            assert!(is_emission, "{kind:?}: not the emission");
         }
     }
     // Half is reflected: L = e (1 + a + ...) with one term per surface of the path, 2 e (1 - a^depth).
@@ -77,10 +66,8 @@ fn an_eye_in_a_sealed_box_sees_black_and_in_a_glowing_one_its_glow() {
             let sum: f64 = image.iter().map(|p| f64::from(p[channel])).sum();
             let found = sum / image.len() as f64;
             // 65,536 paths whose values spread by less than their mean: 0.4 % at one standard deviation.
-            assert!(
-                relative(found, expected) < 0.016,
-                "{found} for {expected} in channel {channel}"
-            );
+            let off = relative(found, expected);
+            assert!(off < 0.016, "{found} for {expected} in channel {channel}");
         }
     }
 }
@@ -105,7 +92,7 @@ fn an_eye_on_a_surface_gives_a_clean_image() {
 #[test]
 fn points_behind_beside_and_on_the_right_images_border() {
     // In f64. The borders are the view's own tangents, doubled: exact, and so is the quotient.
-    let [_, right] = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 40.0);
+    let [_, right] = eyes_at_origin(40.0);
     let right = View {
         position_in_world: DVec3::ZERO,
         ..right
@@ -143,16 +130,13 @@ fn a_right_eye_that_sees_nothing_of_the_left_image_is_filled_as_if_alone() {
             let alone = images(&scene, &method(kind, Reuse::Off), size, &views);
             let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), size);
             let stereo = frame(&mut renderer, &views).stereo;
-            assert_eq!(stereo.reused, 0, "{what} {kind:?}");
-            assert_eq!(
-                stereo.filled_because.out_of_left_view,
-                size[0] * size[1],
-                "{what} {kind:?}: {stereo:?}"
-            );
-            assert!(
-                bits(&radiance(&renderer, Eye::Right)) == bits(&alone[1]),
-                "{what} {kind:?}: filled pixels are not those of an eye alone"
-            );
+            let what = format!("{what} {kind:?}: {stereo:?}");
+            assert_eq!(stereo.reused, 0, "{what}");
+            let outside = stereo.filled_because.out_of_left_view;
+            assert_eq!(outside, size[0] * size[1], "{what}");
+            // Filled pixels are those of an eye alone.
+            let right = bits(&radiance(&renderer, Eye::Right));
+            assert!(right == bits(&alone[1]), "{what}");
             // Negative control: the left eye looks elsewhere.
             assert!(bits(&alone[0]) != bits(&alone[1]));
         }
@@ -208,19 +192,16 @@ fn samples_exactly_on_a_border_reach_no_pixel_and_others_theirs() {
 fn fields_of_view_of_1_and_170_degrees() {
     for half_degrees in [0.5, 85.0] {
         let scene = builtin("plane");
-        let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(half_degrees));
+        let views = eyes_at_origin(half_degrees);
+        let what = format!("{half_degrees} degrees");
+        check_closed_form(&scene, &views, 32, 1.0, CLOSED_FORM, &what);
         for kind in [Method::Photon, Method::Path] {
-            let found = images(&scene, &method(kind, Reuse::Off), [32, 32], &views);
-            for (view, image) in views.iter().zip(&found) {
-                let off = worst(image, &plane_in_closed_form(view, 32, 1.0));
-                assert!(off < CLOSED_FORM, "{kind:?} {half_degrees}: {off}");
-            }
             for reuse in [Reuse::Scatter, Reuse::Lookup] {
                 images(&scene, &method(kind, reuse), [32, 32], &views);
             }
         }
         // Negative control: another opening is another image.
-        let other = parallel_views(Pose::IDENTITY, 0.063, square_fov(half_degrees * 0.98));
+        let other = eyes_at_origin(half_degrees * 0.98);
         let [left, _] = images(&scene, &paths(2, 1), [32, 32], &views);
         assert!(worst(&left, &plane_in_closed_form(&other[0], 32, 1.0)) > CLOSED_FORM);
 
@@ -228,7 +209,7 @@ fn fields_of_view_of_1_and_170_degrees() {
         // distances, under 1 %, and now and then one ends between the facet's horizon and that of its interpolated
         // normal: it loses half of its light at most, which is 0.1 % of a tile of 576.
         let scene = builtin("sphere");
-        let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
+        let views = start_views(&scene, half_degrees);
         let expected = sphere::RADIANCE * (1.0 - f64::from(sphere::ALBEDO).powi(11));
         for image in images(&scene, &paths(12, 16), [24, 24], &views) {
             for (tile, found) in tiles(&image, 24, 6).into_iter().enumerate() {
@@ -257,10 +238,7 @@ fn an_empty_scene_is_black_or_its_environment() {
     scene.environment = Some(Environment {
         width: 4,
         height: 2,
-        radiance: [[3.0, 0.0, 0.0]; 4]
-            .into_iter()
-            .chain([[0.0, 0.0, 0.25]; 4])
-            .collect(),
+        radiance: [[[3.0, 0.0, 0.0]; 4], [[0.0, 0.0, 0.25]; 4]].concat(),
         name: "two halves".to_owned(),
     });
     for settings in all.iter().flatten() {
@@ -292,7 +270,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
         .into_iter()
         .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
         .collect();
-    let wall = quad(DVec3::new(-1.9, -1.9, -3.0), DVec3::X * 3.8, DVec3::Y * 3.8);
+    let wall = square_ahead(1.9, 3.0);
     let lit = |absorbs: bool| {
         let mut scene = Scene::default();
         let glass = Material {
@@ -305,20 +283,16 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
             ..Material::default()
         };
         add(&mut scene, &block, glass);
-        add(
-            &mut scene,
-            &wall,
-            Material::lambert("wall", [ALBEDO as f32; 3]),
-        );
+        let white = Material::lambert("wall", [ALBEDO as f32; 3]);
+        add(&mut scene, &wall, white);
         add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
         scene
     };
-    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 15.0);
+    let views = eyes_at_origin(15.0);
     let expected = |absorbs: bool| -> Vec<[f32; 3]> {
         (0..24 * 24)
             .map(|pixel| {
-                let (x, y) = (f64::from(pixel % 24) + 0.5, f64::from(pixel / 24) + 0.5);
-                let ray = views[0].ray_through_pixel(x, y, 24, 24);
+                let ray = pixel_ray(&views[0], pixel, [24, 24]);
                 let point = ray.origin + ray.direction * (3.0 / -ray.direction.z);
                 let to_lamp = DVec3::new(0.2, 0.1, -2.0) - point;
                 let d = to_lamp.length();

@@ -10,7 +10,8 @@ use stereolux::xr::{Pose, View};
 use super::hard_support::*;
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
-    bits, builtin, mean, method, parallel_views, placed, square_fov, start_pose,
+    bits, builtin, mean, method, parallel_views, pixel_ray, placed, square_fov, start_pose,
+    start_views,
 };
 
 /// The scene with everything in it `scale` times as large, and views to match.
@@ -55,24 +56,16 @@ fn area_lights_look_the_same_at_every_scale() {
         for scale in [1e-3, 1e5] {
             let found = render(scale);
             for eye in 0..2 {
-                let strays = found[eye]
-                    .iter()
-                    .zip(&base[eye])
-                    .filter(|(a, b)| worst(&[**a], &[**b]) > 1e-3)
-                    .count();
-                assert!(
-                    strays <= 12,
-                    "{kind:?}: eye {eye}, {strays} pixels at {scale}"
-                );
-                assert!(
-                    relative(mean(&found[eye]), mean(&base[eye])) < 0.01,
-                    "{kind:?}: eye {eye} at {scale}"
-                );
+                let strays = off_by(&found[eye], &base[eye], 1e-3);
+                let what = format!("{kind:?}: eye {eye} at {scale}");
+                assert!(strays <= 12, "{what}: {strays} pixels");
+                let apart = relative(mean(&found[eye]), mean(&base[eye]));
+                assert!(apart < 0.01, "{what}: {apart}");
             }
         }
         // Negative control: the room of twice the size seen from where the head stood.
         let (larger, _) = scaled(&scene, 2.0, 19.0);
-        let views = parallel_views(start_pose(&scene), 0.063, square_fov(19.0));
+        let views = start_views(&scene, 19.0);
         let wrong = images(&larger, &settings, size, &views);
         assert!(relative(mean(&wrong[0]), mean(&base[0])) > 0.01);
     }
@@ -84,13 +77,8 @@ fn point_lights_grow_with_the_square_of_the_scale() {
         let (mut scene, views) = scaled(&builtin("plane"), scale, 45.0);
         let growth = (scale * scale) as f32;
         scene.lights[0].intensity = [plane::LIGHT_INTENSITY * growth; 3];
-        for kind in [Method::Photon, Method::Path] {
-            let found = images(&scene, &method(kind, Reuse::Off), [24, 24], &views);
-            for (view, image) in views.iter().zip(&found) {
-                let off = worst(image, &plane_in_closed_form(view, 24, scale));
-                assert!(off < CLOSED_FORM, "{kind:?} at {scale}: {off}");
-            }
-        }
+        let what = format!("scale {scale}");
+        check_closed_form(&scene, &views, 24, scale, CLOSED_FORM, &what);
     }
 }
 
@@ -107,7 +95,7 @@ fn worst_of_largest(found: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
 #[test]
 fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(19.0));
+    let views = start_views(&scene, 19.0);
     for kind in [Method::Photon, Method::Path] {
         let settings = RenderSettings {
             spp: 2,
@@ -148,37 +136,19 @@ fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
 /// `builtin:plane` with its plane cut otherwise.
 fn plane_of(triangles: &[Triangle]) -> Scene {
     let mut scene = Scene::default();
-    add(
-        &mut scene,
-        triangles,
-        Material::lambert("plane", [plane::ALBEDO; 3]),
-    );
-    add_point_light(
-        &mut scene,
-        DVec3::from_array(plane::LIGHT_POSITION),
-        plane::LIGHT_INTENSITY,
-    );
+    let white = Material::lambert("plane", [plane::ALBEDO; 3]);
+    add(&mut scene, triangles, white);
+    let lamp = DVec3::from_array(plane::LIGHT_POSITION);
+    add_point_light(&mut scene, lamp, plane::LIGHT_INTENSITY);
     scene
 }
 
 fn check_plane(scene: &Scene, tolerance: f64, what: &str) {
-    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
-    for kind in [Method::Photon, Method::Path] {
-        let found = images(scene, &method(kind, Reuse::Off), [32, 32], &views);
-        for (view, image) in views.iter().zip(&found) {
-            let off = worst(image, &plane_in_closed_form(view, 32, 1.0));
-            assert!(off < tolerance, "{what} {kind:?}: {off}");
-        }
-    }
+    check_closed_form(scene, &eyes_at_origin(45.0), 32, 1.0, tolerance, what);
 }
 
 fn whole_plane() -> Vec<Triangle> {
-    let (half, z) = (plane::HALF_EDGE_M, -plane::DISTANCE_M);
-    quad(
-        DVec3::new(-half, -half, z),
-        DVec3::X * 2.0 * half,
-        DVec3::Y * 2.0 * half,
-    )
+    square_ahead(plane::HALF_EDGE_M, plane::DISTANCE_M)
 }
 
 #[test]
@@ -201,7 +171,7 @@ fn a_plane_of_needles_has_no_gaps_and_the_same_light() {
         .filter(|(i, _)| i % 50 != 0)
         .map(|(_, t)| *t)
         .collect();
-    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
+    let views = eyes_at_origin(45.0);
     let [left, _] = images(&plane_of(&gappy), &paths(2, 1), [32, 32], &views);
     assert!(worst(&left, &plane_in_closed_form(&views[0], 32, 1.0)) > 0.5);
 }
@@ -219,11 +189,8 @@ fn triangles_without_area_are_not_there() {
         [p(0.01, 0.02), p(1.01, 0.02), p(0.01, 0.02 + 8e-20)],
     ];
     let mut dark = plane_of(&whole_plane());
-    add(
-        &mut dark,
-        &degenerate,
-        Material::lambert("nothing", [1.0; 3]),
-    );
+    let white = Material::lambert("nothing", [1.0; 3]);
+    add(&mut dark, &degenerate, white);
     check_plane(&dark, CLOSED_FORM, "dark");
     // As lights they have no power, and must not divide by it.
     let mut glowing = plane_of(&whole_plane());
@@ -237,35 +204,28 @@ fn triangles_without_area_are_not_there() {
     // Nor alone: a scene of nothing else, its only lights of no size.
     let mut alone = Scene::default();
     add(&mut alone, &degenerate, glow.clone());
-    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
+    let views = eyes_at_origin(45.0);
     for kind in [Method::Photon, Method::Path] {
         for image in images(&alone, &method(kind, Reuse::Scatter), [16, 16], &views) {
             assert!(is_black(&image), "{kind:?}");
         }
     }
     // Negative control: with area it shows.
-    add(
-        &mut alone,
-        &[[p(-1.0, 0.0), p(1.0, 0.0), p(0.0, 1.0)]],
-        glow,
-    );
+    let with_area = [p(-1.0, 0.0), p(1.0, 0.0), p(0.0, 1.0)];
+    add(&mut alone, &[with_area], glow);
     let [left, _] = images(&alone, &paths(2, 1), [16, 16], &views);
     assert!(!is_black(&left));
 }
 
 #[test]
 fn coincident_surfaces_have_one_winner() {
-    let square = quad(DVec3::new(-4.0, -4.0, -2.0), DVec3::X * 8.0, DVec3::Y * 8.0);
-    let glow = |emission| Material {
-        emission,
-        ..Material::lambert("glow", [0.0; 3])
-    };
+    let square = square_ahead(4.0, 2.0);
     let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 2.0]);
-    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
+    let views = eyes_at_origin(45.0);
     let pair = |first, second| {
         let mut scene = Scene::default();
-        add(&mut scene, &square, glow(first));
-        add(&mut scene, &square, glow(second));
+        add(&mut scene, &square, glowing(first));
+        add(&mut scene, &square, glowing(second));
         scene
     };
     for kind in [Method::Photon, Method::Path] {
@@ -301,11 +261,8 @@ fn coincident_surfaces_have_one_winner() {
     doubled.extend(whole_plane());
     check_plane(&plane_of(&doubled), CLOSED_FORM, "doubled");
     let mut scene = plane_of(&whole_plane());
-    add(
-        &mut scene,
-        &whole_plane(),
-        Material::lambert("again", [plane::ALBEDO; 3]),
-    );
+    let again = Material::lambert("again", [plane::ALBEDO; 3]);
+    add(&mut scene, &whole_plane(), again);
     check_plane(&scene, CLOSED_FORM, "two instances");
 }
 
@@ -315,10 +272,6 @@ fn rolled_eyes_see_the_image_turned() {
     // Moved sideways: left and right halves differ.
     let shift = DVec3::new(0.35, 0.1, 0.0);
     let scene = placed(builtin("plane"), DAffine3::from_translation(shift));
-    let head = |roll: f64| {
-        let pose = Pose::new(DVec3::ZERO, DQuat::from_rotation_z(roll.to_radians()));
-        parallel_views(pose, 0.063, square_fov(40.0))
-    };
     // Pixel of the level image that a rolled image shows at (x, y): an eye rolled by a quarter turn to its left has
     // its +X along the level eye's +Y and its +Y along -X.
     let level_pixel = |roll: f64, x: usize, y: usize| match roll as i32 {
@@ -329,7 +282,8 @@ fn rolled_eyes_see_the_image_turned() {
     for kind in [Method::Photon, Method::Path] {
         let settings = method(kind, Reuse::Off);
         for roll in [90.0, 180.0] {
-            let rolled_views = head(roll);
+            let turn = DQuat::from_rotation_z(f64::to_radians(roll));
+            let rolled_views = eyes_at(DVec3::ZERO, turn, 40.0);
             let rolled = images(&scene, &settings, [N as u32; 2], &rolled_views);
             // Level eyes in the places of the rolled ones.
             let mut views = rolled_views;
@@ -364,23 +318,19 @@ fn a_sun_and_a_point_light_on_a_plane_in_closed_form() {
         let mut scene = plane_of(&whole_plane());
         let lamp = DVec3::new(0.2, 0.1, -plane::DISTANCE_M + height);
         scene.nodes[1].parent_from_node = DAffine3::from_translation(lamp);
-        let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(40.0));
+        let views = eyes_at_origin(40.0);
         for kind in [Method::Photon, Method::Path] {
             let found = images(&scene, &method(kind, Reuse::Off), [32, 32], &views);
             for (view, image) in views.iter().zip(&found) {
                 for (pixel, value) in image.iter().enumerate() {
-                    let (x, y) = ((pixel % 32) as f64 + 0.5, (pixel / 32) as f64 + 0.5);
-                    let ray = view.ray_through_pixel(x, y, 32, 32);
+                    let ray = pixel_ray(view, pixel, [32, 32]);
                     let hit = ray.origin + ray.direction * (plane::DISTANCE_M / -ray.direction.z);
                     let expected =
                         f64::from(plane::ALBEDO) / PI * f64::from(plane::LIGHT_INTENSITY) * height
                             / hit.distance(lamp).powi(3);
                     let off = relative(f64::from(value[0]), expected);
                     // The height is a difference of f32 coordinates of 2 m: 2^-23 of 1 cm is 1e-5.
-                    assert!(
-                        off < 0.005,
-                        "{kind:?} height {height}, pixel {pixel}: {off}"
-                    );
+                    assert!(off < 0.005, "{kind:?} {height}, pixel {pixel}: {off}");
                 }
             }
         }
@@ -397,7 +347,7 @@ fn a_sun_and_a_point_light_on_a_plane_in_closed_form() {
         };
         let expected = f64::from(plane::ALBEDO) / PI * 3.0 * tilt.cos();
         for kind in [Method::Photon, Method::Path] {
-            let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
+            let views = eyes_at_origin(45.0);
             for image in images(&scene, &method(kind, Reuse::Off), [16, 16], &views) {
                 // cos 89.99 = 1.7e-4 comes from a unit vector in f32: 2^-24 of it is 3.4e-4.
                 for value in &image {
@@ -411,7 +361,7 @@ fn a_sun_and_a_point_light_on_a_plane_in_closed_form() {
     let mut scene = plane_of(&whole_plane());
     scene.lights[0].kind = LightKind::Directional;
     scene.nodes[1].parent_from_node = DAffine3::from_rotation_y(PI - 0.5);
-    let views = parallel_views(Pose::IDENTITY, 0.063, square_fov(45.0));
+    let views = eyes_at_origin(45.0);
     assert!(is_black(&images(&scene, &paths(2, 1), [16, 16], &views)[0]));
 }
 
@@ -430,24 +380,14 @@ fn parallel_plates_exchange_their_form_factor() {
     for distance in [1.0, 0.6] {
         let mut scene = Scene::default();
         let receiver = quad(DVec3::new(-0.5, -0.5, 0.0), DVec3::X, DVec3::Y);
-        add(
-            &mut scene,
-            &receiver,
-            Material::lambert("receiver", [1.0; 3]),
-        );
+        let white = Material::lambert("receiver", [1.0; 3]);
+        add(&mut scene, &receiver, white);
         let emitter = quad(DVec3::new(-0.5, -0.5, distance), DVec3::Y, DVec3::X);
-        let glow = Material {
-            emission: [1.0; 3],
-            ..Material::lambert("emitter", [0.0; 3])
-        };
-        add(&mut scene, &emitter, glow);
+        add(&mut scene, &emitter, glowing([1.0; 3]));
         // Half a metre above the receiver, between the plates: +-45 degrees see just the receiver, and pixels cover
         // equal areas. Radiance is E / pi with E = pi L F on average.
-        let views = parallel_views(
-            Pose::new(DVec3::Z * 0.5, DQuat::IDENTITY),
-            0.0,
-            square_fov(45.0),
-        );
+        let head = Pose::new(DVec3::Z * 0.5, DQuat::IDENTITY);
+        let views = parallel_views(head, 0.0, square_fov(45.0));
         let [left, _] = images(&scene, &paths(2, 256), [32, 32], &views);
         let (found, expected) = (mean(&left), form_factor(distance));
         eprintln!("plates {distance}: {found} for {expected}");
@@ -477,11 +417,7 @@ fn a_white_furnace_is_white() {
         add(&mut scene, &ball, Material::lambert("ball", [albedo; 3]));
         add(&mut scene, &tile, Material::lambert("tile", [albedo; 3]));
         scene.environment = Some(constant_environment([1.0; 3]));
-        let views = parallel_views(
-            Pose::new(DVec3::new(0.0, 0.0, 3.0), DQuat::IDENTITY),
-            0.063,
-            square_fov(30.0),
-        );
+        let views = eyes_at(DVec3::Z * 3.0, DQuat::IDENTITY, 30.0);
         images(&scene, &paths(32, 320), [32, 32], &views).map(|image| tiles(&image, 32, 8))
     };
     // 20,480 paths each. Light sampling (uniform) and cosine sampling under the balance heuristic spread by 0.36 per

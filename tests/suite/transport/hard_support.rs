@@ -8,9 +8,10 @@ use stereolux::scene::{
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
+pub use super::lights_probe::glowing;
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
-    assert_clean, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
+    assert_clean, both, mean, method, parallel_views, pixel_ray, rendered, settings, square_fov,
 };
 
 pub type Triangle = [DVec3; 3];
@@ -123,22 +124,50 @@ pub fn images(
     size: [u32; 2],
     views: &[View; 2],
 ) -> [Vec<[f32; 3]>; 2] {
-    let mut renderer = renderer(scene, settings, size);
-    frame(&mut renderer, views);
-    [Eye::Left, Eye::Right].map(|eye| {
-        let image = radiance(&renderer, eye);
-        assert_clean(&image, &format!("{} {eye:?}", scene.name));
+    let images = both(&rendered(scene, settings, size, views));
+    for (image, eye) in images.iter().zip(Eye::BOTH) {
+        assert_clean(image, &format!("{} {eye:?}", scene.name));
         assert_eq!(image.len(), (size[0] * size[1]) as usize);
-        image
-    })
+    }
+    images
 }
 
 pub fn eyes_at(position: DVec3, orientation: DQuat, half_degrees: f64) -> [View; 2] {
-    parallel_views(
-        Pose::new(position, orientation),
-        0.063,
-        square_fov(half_degrees),
+    let head = Pose::new(position, orientation);
+    parallel_views(head, 0.063, square_fov(half_degrees))
+}
+
+/// A square of this half edge, `ahead` of the origin, its front towards it.
+pub fn square_ahead(half: f64, ahead: f64) -> Vec<Triangle> {
+    let edge = 2.0 * half;
+    quad(
+        DVec3::new(-half, -half, -ahead),
+        DVec3::X * edge,
+        DVec3::Y * edge,
     )
+}
+
+/// Both eyes at the origin.
+pub fn eyes_at_origin(half_degrees: f64) -> [View; 2] {
+    eyes_at(DVec3::ZERO, DQuat::IDENTITY, half_degrees)
+}
+
+/// Both eyes' images against `builtin:plane` in closed form, by each method.
+pub fn check_closed_form(
+    scene: &Scene,
+    views: &[View; 2],
+    size: u32,
+    scale: f64,
+    tolerance: f64,
+    what: &str,
+) {
+    for kind in [Method::Photon, Method::Path] {
+        let found = images(scene, &method(kind, Reuse::Off), [size; 2], views);
+        for (view, image) in views.iter().zip(&found) {
+            let off = worst(image, &plane_in_closed_form(view, size, scale));
+            assert!(off < tolerance, "{what} {kind:?}: {off}");
+        }
+    }
 }
 
 pub fn is_black(image: &[[f32; 3]]) -> bool {
@@ -154,6 +183,13 @@ pub fn worst(image: &[[f32; 3]], expected: &[[f32; 3]]) -> f64 {
         .zip(expected.iter().flatten())
         .map(|(&a, &b)| relative(f64::from(a), f64::from(b)))
         .fold(0.0, f64::max)
+}
+
+/// Pixels of which a channel is off by more than `tolerance` of the expected value.
+pub fn off_by(found: &[[f32; 3]], expected: &[[f32; 3]], tolerance: f64) -> usize {
+    let pairs = found.iter().zip(expected);
+    let is_off = |(a, b): &(&[f32; 3], &[f32; 3])| worst(&[**a], &[**b]) > tolerance;
+    pairs.filter(is_off).count()
 }
 
 pub fn relative(found: f64, expected: f64) -> f64 {
@@ -182,8 +218,7 @@ pub fn tiles(image: &[[f32; 3]], width: usize, edge: usize) -> Vec<f64> {
 pub fn plane_in_closed_form(view: &View, size: u32, scale: f64) -> Vec<[f32; 3]> {
     (0..size * size)
         .map(|pixel| {
-            let (x, y) = (f64::from(pixel % size) + 0.5, f64::from(pixel / size) + 0.5);
-            let ray = view.ray_through_pixel(x, y, size, size);
+            let ray = pixel_ray(view, pixel as usize, [size, size]);
             let distance = (-plane::DISTANCE_M * scale - ray.origin.z) / ray.direction.z;
             let point = (ray.origin + ray.direction * distance) / scale;
             let beside = point.x.abs().max(point.y.abs()) > plane::HALF_EDGE_M;

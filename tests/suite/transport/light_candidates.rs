@@ -1,13 +1,13 @@
 //! Lights chosen from several samples (`path.light_candidates`): the same mean, less noise, none where nothing is left to
 //! chance.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use stereolux::scene::{LightKind, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::hard_support::{CLOSED_FORM, add_point_light, eyes_at, images, worst};
-use super::support::{builtin, settings};
+use super::hard_support::{CLOSED_FORM, add_point_light, eyes_at_origin, images, worst};
+use super::support::{builtin, pixel_ray, settings, statistics};
 use super::techniques::{agree, blocks, box_with, brighter};
 use crate::suite::embedded_scenes::plane;
 
@@ -29,8 +29,7 @@ fn two_lamps(views: &[View; 2], size: u32) -> (Scene, Vec<[f32; 3]>) {
     add_point_light(&mut scene, second, plane::LIGHT_INTENSITY);
     let expected = (0..size * size)
         .map(|pixel| {
-            let (x, y) = (f64::from(pixel % size) + 0.5, f64::from(pixel / size) + 0.5);
-            let ray = views[0].ray_through_pixel(x, y, size, size);
+            let ray = pixel_ray(&views[0], pixel as usize, [size, size]);
             let hit = ray.origin + ray.direction * (plane::DISTANCE_M / -ray.direction.z);
             let height = second.z + plane::DISTANCE_M;
             let other = f64::from(plane::ALBEDO) / std::f64::consts::PI
@@ -48,38 +47,30 @@ fn two_equal_lamps_leave_nothing_to_chance() {
     // Picks at equal distances along the power take each of the two lamps equally often, and the weights of the choice
     // then add up to both lamps' light whichever is chosen.
     const N: u32 = 24;
-    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 35.0);
+    let views = eyes_at_origin(35.0);
     let (scene, expected) = two_lamps(&views, N);
     for method in [Method::Photon, Method::Path] {
         for candidates in [2, 4, 16] {
             let found = images(&scene, &with(method, candidates, 2), [N, N], &views);
             let off = worst(&found[0], &expected);
-            assert!(
-                off < CLOSED_FORM,
-                "{method:?}, {candidates} candidates: {off}"
-            );
+            assert!(off < CLOSED_FORM, "{method:?}, {candidates}: {off}");
         }
         // Negative controls: one sample is one lamp counted twice, and three cannot take both equally often.
         for candidates in [1, 3] {
             let found = images(&scene, &with(method, candidates, 2), [N, N], &views);
-            assert!(
-                worst(&found[0], &expected) > 0.1,
-                "{method:?}, {candidates} candidates"
-            );
+            let off = worst(&found[0], &expected);
+            assert!(off > 0.1, "{method:?}, {candidates}: {off}");
         }
     }
 }
 
 /// Sum over the blocks of the variance of their means.
 fn noise(runs: &[Vec<f64>]) -> f64 {
-    let n = runs.len() as f64;
-    (0..runs[0].len())
-        .map(|block| {
-            let mean = runs.iter().map(|run| run[block]).sum::<f64>() / n;
-            let squares = runs.iter().map(|run| (run[block] - mean).powi(2));
-            squares.sum::<f64>() / (n - 1.0)
-        })
-        .sum()
+    let of_block = |block: usize| {
+        let means: Vec<f64> = runs.iter().map(|run| run[block]).collect();
+        statistics(&means).1 * runs.len() as f64
+    };
+    (0..runs[0].len()).map(of_block).sum()
 }
 
 #[test]
@@ -105,17 +96,12 @@ fn candidates_change_the_noise_and_not_the_mean() {
                 panic!("{method:?}, {pair}: {reason}");
             }
         }
-        assert!(
-            agree(&brighter(&sets[2]), &sets[1]).is_err(),
-            "{method:?}: 5 % too much passes"
-        );
+        let more = agree(&brighter(&sets[2]), &sets[1]);
+        assert!(more.is_err(), "{method:?}: 5 % too much passes");
         // Over some 60 blocks of 11 degrees of freedom each, the ratio of two such sums varies by 2 / sqrt(60 * 11) = 8 %
         // where the blocks are alike and by perhaps 20 % where few of them hold most of it: a fifth less is no chance.
         let (one, four) = (noise(&sets[0]), noise(&sets[1]));
-        assert!(
-            four < 0.8 * one,
-            "{method:?}: {four} with four, {one} with one"
-        );
+        assert!(four < 0.8 * one, "{method:?}: {four}, {one} with one");
     }
 }
 
@@ -123,13 +109,9 @@ fn candidates_change_the_noise_and_not_the_mean() {
 fn a_single_light_without_size_is_not_chosen_from_several() {
     // The same bits: one candidate, whatever is asked for.
     let scene = builtin("plane");
-    assert!(
-        scene
-            .lights
-            .iter()
-            .all(|light| matches!(light.kind, LightKind::Point))
-    );
-    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 35.0);
+    let mut lights = scene.lights.iter();
+    assert!(lights.all(|light| matches!(light.kind, LightKind::Point)));
+    let views = eyes_at_origin(35.0);
     let of = |candidates| images(&scene, &with(Method::Path, candidates, 2), [16, 16], &views);
     assert_eq!(of(1), of(16));
 }

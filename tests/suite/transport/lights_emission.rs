@@ -16,6 +16,13 @@ use super::support::context;
 
 const ALL: [&str; 5] = ["emitters", "points", "spots", "directionals", "environment"];
 
+fn spot(inner: f64, outer: f64) -> LightKind {
+    LightKind::Spot {
+        inner_cone_rad: inner as f32,
+        outer_cone_rad: outer as f32,
+    }
+}
+
 /// One light of each kind, far from the world's origin, seen from a head nearby.
 fn mixed_scene() -> (Scene, DVec3) {
     let offset = v(1000.0, -500.0, 250.0);
@@ -24,42 +31,17 @@ fn mixed_scene() -> (Scene, DVec3) {
         environment: Some(map()),
         ..Scene::default()
     };
-    add_triangles(
-        &mut scene,
-        &[ceiling_triangle()],
-        glowing([5.0, 1.0, 0.3]),
-        shift * placement(1.0, false),
-    );
-    let double_sided = stereolux::scene::Material {
-        double_sided: true,
-        ..glowing([0.0, 3.0, 1.0])
-    };
-    let pair = [
-        ceiling_triangle(),
-        [v(0.0, 1.0, 0.0), v(0.0, 1.0, 1.0), v(1.0, 1.0, 0.0)],
-    ];
-    add_triangles(
-        &mut scene,
-        &pair,
-        double_sided,
-        shift * placement(0.5, true),
-    );
+    let place = shift * placement(1.0, false);
+    let one = ceiling_triangle();
+    add_triangles(&mut scene, &[one], glowing([5.0, 1.0, 0.3]), place);
+    let mut double_sided = glowing([0.0, 3.0, 1.0]);
+    double_sided.double_sided = true;
+    let other = [v(0.0, 1.0, 0.0), v(0.0, 1.0, 1.0), v(1.0, 1.0, 0.0)];
+    let mirrored = shift * placement(0.5, true);
+    add_triangles(&mut scene, &[one, other], double_sided, mirrored);
     add_light(&mut scene, LightKind::Point, [1.0, 0.5, 0.2], shift);
-    add_light(
-        &mut scene,
-        LightKind::Spot {
-            inner_cone_rad: 0.2,
-            outer_cone_rad: 0.7,
-        },
-        [8.0, 4.0, 1.0],
-        shift * placement(1.0, false),
-    );
-    add_light(
-        &mut scene,
-        LightKind::Directional,
-        [0.4, 0.5, 0.9],
-        shift * placement(1.0, false),
-    );
+    add_light(&mut scene, spot(0.2, 0.7), [8.0, 4.0, 1.0], place);
+    add_light(&mut scene, LightKind::Directional, [0.4, 0.5, 0.9], place);
     (scene, offset + v(0.2, 0.1, 0.0))
 }
 
@@ -73,9 +55,10 @@ fn the_mean_photon_carries_the_total_power() {
         let (mean, error) = mean_and_error(photons.iter().map(|p| p.flux[channel]));
         let power = probe.lights.total_power[channel];
         assert!(error < 0.005 * power);
+        let off = (mean - power).abs();
         assert!(
-            (mean - power).abs() <= 4.0 * error,
-            "channel {channel}: {mean} +- {error} W of {power} W"
+            off <= 4.0 * error,
+            "{channel}: {mean} +- {error} of {power}"
         );
     }
 }
@@ -88,43 +71,23 @@ fn each_kind_of_light_emits_exactly_its_power() {
     let cone = 2.0 * PI * (1.0 - inner.cos() + ramp / 3.0);
     for (feature, kind, solid_angle) in [
         ("points", LightKind::Point, 4.0 * PI),
-        (
-            "spots",
-            LightKind::Spot {
-                inner_cone_rad: inner as f32,
-                outer_cone_rad: outer as f32,
-            },
-            cone,
-        ),
-        (
-            "spots",
-            LightKind::Spot {
-                inner_cone_rad: 0.0,
-                outer_cone_rad: 0.5 * PI as f32,
-            },
-            2.0 * PI / 3.0,
-        ),
+        ("spots", spot(inner, outer), cone),
+        ("spots", spot(0.0, 0.5 * PI), 2.0 * PI / 3.0),
     ] {
         let mut scene = Scene::default();
         add_light(&mut scene, kind, [2.0, 1.0, 0.5], placement(1.0, false));
         let probe = LightProbe::new(&context, &[feature], &scene, DVec3::ZERO);
         for photon in probe.photons(20_000, 1) {
             for (flux, intensity) in photon.flux.iter().zip([2.0, 1.0, 0.5]) {
-                assert!(
-                    (flux / (intensity * solid_angle) - 1.0).abs() < 1e-5,
-                    "{kind:?}: {photon:?}"
-                );
+                let off = (flux / (intensity * solid_angle) - 1.0).abs();
+                assert!(off < 1e-5, "{kind:?}: {photon:?}");
             }
         }
     }
     // Parallel light fills a disk around the scene's bounding sphere.
     let mut scene = ceiling(glowing([0.0; 3]), DAffine3::IDENTITY);
-    add_light(
-        &mut scene,
-        LightKind::Directional,
-        [3.0; 3],
-        placement(1.0, false),
-    );
+    let place = placement(1.0, false);
+    add_light(&mut scene, LightKind::Directional, [3.0; 3], place);
     let probe = LightProbe::new(&context, &["directionals"], &scene, DVec3::ZERO);
     let radius = f64::from(probe.lights.records[0].scene_radius);
     let center = v(0.5, 0.0, 0.45);
@@ -132,11 +95,10 @@ fn each_kind_of_light_emits_exactly_its_power() {
     for photon in probe.photons(20_000, 1) {
         assert!((photon.flux[0] / (3.0 * PI * radius * radius) - 1.0).abs() < 1e-5);
         let from_center = photon.origin - center;
-        let across = from_center - photon.direction * from_center.dot(photon.direction);
-        assert!(
-            across.length() <= radius * (1.0 + 1e-5)
-                && (from_center.dot(photon.direction) + radius).abs() < 1e-5
-        );
+        let along = from_center.dot(photon.direction);
+        let across = from_center - photon.direction * along;
+        assert!(across.length() <= radius * (1.0 + 1e-5));
+        assert!((along + radius).abs() < 1e-5);
     }
 }
 
@@ -149,14 +111,10 @@ fn photon_p_value(
 ) -> f64 {
     let points: Vec<(f64, f64)> = photons.iter().map(&place).collect();
     let pilot: Vec<(f64, f64)> = pilot.iter().map(&place).collect();
-    let sampled = Sampled {
-        points: &points,
-        draws: points.len(),
-        pilot: &pilot,
-        domain: [(-1.0, 1.0), (-PI, PI)],
-        breaks,
-    };
-    p_value(&sampled, density)
+    p_value(
+        &Sampled::on_sphere(&points, points.len(), &pilot, breaks),
+        density,
+    )
 }
 
 #[test]
@@ -168,17 +126,17 @@ fn photons_leave_as_their_densities_say() {
         let x = axis.any_orthonormal_vector();
         let y = axis.cross(x);
         move |p: &Photon| {
-            (
-                p.direction.dot(axis).clamp(-1.0, 1.0),
-                p.direction.dot(y).atan2(p.direction.dot(x)),
-            )
+            let cosine = p.direction.dot(axis).clamp(-1.0, 1.0);
+            (cosine, p.direction.dot(y).atan2(p.direction.dot(x)))
         }
     };
+    let draws =
+        |probe: &LightProbe<'_>| [(DRAWS, 1), (20_000, 2)].map(|(n, seed)| probe.photons(n, seed));
 
     // A triangle: cosine-weighted directions, uniform positions.
     let scene = ceiling(glowing([1.0; 3]), DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
+    let [photons, pilot] = draws(&probe);
     let front = v(0.0, -1.0, 0.0);
     let cosine = |z: f64, _: f64| z.max(0.0) / PI;
     let p = photon_p_value(&photons, &pilot, &[0.0], around(front), &cosine);
@@ -186,73 +144,49 @@ fn photons_leave_as_their_densities_say() {
     let triangle = ceiling_triangle();
     let on_triangle = |photon: &Photon| {
         let (b1, b2) = weights(&triangle, photon.origin - front, front);
-        (
-            (b1 + b2).clamp(0.0, 1.0) * 2.0 - 1.0,
-            ((b2 / (b1 + b2)).clamp(0.0, 1.0) * 2.0 - 1.0) * PI,
-        )
+        let [sum, share] = [b1 + b2, b2 / (b1 + b2)].map(|x| x.clamp(0.0, 1.0) * 2.0 - 1.0);
+        (sum, share * PI)
     };
-    let p = photon_p_value(&photons, &pilot, &[], on_triangle, &|s, _| {
-        (s + 1.0) / (4.0 * PI)
-    });
+    let linear = |s: f64, _: f64| (s + 1.0) / (4.0 * PI);
+    let p = photon_p_value(&photons, &pilot, &[], on_triangle, &linear);
     assert!(p > level, "triangle, position: p = {p:e}");
     for photon in &photons[..2000] {
         assert!((photon.pdf_direction * PI - photon.direction.dot(front)).abs() < 1e-5);
         assert!((photon.pdf_position * area(&triangle) - 1.0).abs() < 1e-5);
     }
-    assert!(
-        photon_p_value(
-            &photons,
-            &pilot,
-            &[0.0],
-            around(front),
-            &|z, _| if z > 0.0 { 0.5 / PI } else { 0.0 }
-        ) < 1e-9
-    );
+    let even = |z: f64, _: f64| if z > 0.0 { 0.5 / PI } else { 0.0 };
+    let p = photon_p_value(&photons, &pilot, &[0.0], around(front), &even);
+    assert!(p < 1e-9, "negative control: p = {p:e}");
 
     // A point light: uniform.
     let mut scene = Scene::default();
     add_light(&mut scene, LightKind::Point, [1.0; 3], DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["points"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
+    let [photons, pilot] = draws(&probe);
     let p = photon_p_value(&photons, &pilot, &[], around(DVec3::Y), &|_, _| 0.25 / PI);
     assert!(p > level, "point: p = {p:e}");
 
     // A spot: the falloff's own shape.
     let (inner, outer) = (0.3f64, 0.9f64);
     let mut scene = Scene::default();
-    let kind = LightKind::Spot {
-        inner_cone_rad: inner as f32,
-        outer_cone_rad: outer as f32,
-    };
-    add_light(&mut scene, kind, [1.0; 3], DAffine3::IDENTITY);
+    add_light(&mut scene, spot(inner, outer), [1.0; 3], DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["spots"], &scene, DVec3::ZERO);
-    let (photons, pilot) = (probe.photons(DRAWS, 1), probe.photons(20_000, 2));
+    let [photons, pilot] = draws(&probe);
     let ramp = inner.cos() - outer.cos();
     let total = 2.0 * PI * (1.0 - inner.cos() + ramp / 3.0);
     let falloff = |z: f64, _: f64| ((z - outer.cos()) / ramp).clamp(0.0, 1.0).powi(2) / total;
-    let p = photon_p_value(
-        &photons,
-        &pilot,
-        &[inner.cos(), outer.cos()],
-        around(DVec3::NEG_Z),
-        &falloff,
-    );
+    let (breaks, axis) = ([inner.cos(), outer.cos()], around(DVec3::NEG_Z));
+    let p = photon_p_value(&photons, &pilot, &breaks, axis, &falloff);
     assert!(p > level, "spot: p = {p:e}");
     for photon in &photons[..2000] {
         let due = falloff(-photon.direction.z, 0.0);
-        assert!(
-            (photon.pdf_direction - due).abs() < 1e-4,
-            "{photon:?}: {due} is due"
-        );
+        let off = (photon.pdf_direction - due).abs();
+        assert!(off < 1e-4, "{photon:?}: {due} is due");
     }
 
     // The environment: photons fly against the sampled directions and fill the disk.
-    let probe = LightProbe::new(
-        &context,
-        &["environment"],
-        &environment_scene(),
-        DVec3::ZERO,
-    );
+    let scene = environment_scene();
+    let probe = LightProbe::new(&context, &["environment"], &scene, DVec3::ZERO);
     let photons = probe.photons(DRAWS, 1);
     let map = map();
     let mut observed = vec![0.0; (map.width * map.height) as usize];
@@ -262,12 +196,9 @@ fn photons_leave_as_their_densities_say() {
         let row = ((t * f64::from(map.height)) as u32).min(map.height - 1);
         observed[(row * map.width + column) as usize] += 1.0;
     }
-    let counts: Vec<(f64, f64)> = cell_probabilities(&map)
-        .iter()
-        .map(|p| p * photons.len() as f64)
-        .zip(observed)
-        .collect();
-    let p = p_value_of_counts(&counts);
+    let expected = cell_probabilities(&map).into_iter();
+    let expected = expected.map(|p| p * photons.len() as f64);
+    let p = p_value_of_counts(&expected.zip(observed).collect::<Vec<_>>());
     assert!(p > level, "environment: p = {p:e}");
 }
 
@@ -279,45 +210,29 @@ fn many_lights_are_picked_by_power_and_degenerate_ones_never() {
     let corners: Vec<[DVec3; 3]> = (0..10_000)
         .map(|index| {
             let corner = v(f64::from(index % 100), 0.0, f64::from(index / 100));
-            let size = if index % 10 == 0 {
-                0.0
-            } else {
-                f64::from(index) * 1e-4
-            };
+            let size = f64::from(if index % 10 == 0 { 0 } else { index }) * 1e-4;
             [corner, corner + size * DVec3::X, corner + DVec3::Z]
         })
         .collect();
     add_triangles(&mut scene, &corners, glowing([1.0; 3]), DAffine3::IDENTITY);
     let probe = LightProbe::new(&context, &["emitters"], &scene, DVec3::ZERO);
     assert_eq!(probe.lights.records.len(), 10_000);
-    assert!(
-        probe
-            .lights
-            .records
-            .iter()
-            .all(|light| light.kind == LIGHT_TRIANGLE)
-    );
+    let mut kinds = probe.lights.records.iter().map(|light| light.kind);
+    assert!(kinds.all(|kind| kind == LIGHT_TRIANGLE));
     let photons = probe.photons(1 << 20, 4);
     let mut observed = vec![0.0; 100];
     for photon in &photons {
-        let (column, row) = (
-            photon.origin.x.floor(),
-            photon.origin.z.floor().clamp(0.0, 99.0),
-        );
-        assert!(
-            !(column as u32).is_multiple_of(10),
-            "a triangle without area was picked: {photon:?}"
-        );
+        // No triangle without area is picked.
+        let column = photon.origin.x.floor() as u32;
+        assert!(!column.is_multiple_of(10), "{photon:?}");
+        let row = photon.origin.z.floor().clamp(0.0, 99.0);
         observed[row as usize] += 1.0;
     }
     let areas: Vec<f64> = corners.iter().map(area).collect();
     let total: f64 = areas.iter().sum();
-    let counts: Vec<(f64, f64)> = areas
-        .chunks(100)
-        .map(|row| row.iter().sum::<f64>() / total * photons.len() as f64)
-        .zip(observed)
-        .collect();
-    let p = p_value_of_counts(&counts);
+    let shares = areas.chunks(100).map(|row| row.iter().sum::<f64>() / total);
+    let expected = shares.map(|share| share * photons.len() as f64);
+    let p = p_value_of_counts(&expected.zip(observed).collect::<Vec<_>>());
     assert!(p > LEVEL, "p = {p:e}");
 }
 
@@ -327,12 +242,8 @@ fn no_lights_give_no_samples_and_no_photons() {
     let scene = ceiling(glowing([0.0; 3]), DAffine3::IDENTITY);
     for features in [&[][..], &ALL[..]] {
         let probe = LightProbe::new(&context, features, &scene, DVec3::ZERO);
-        assert!(
-            probe
-                .towards(v(0.0, -1.0, 0.0), 64, 1)
-                .iter()
-                .all(|s| s.pdf == 0.0)
-        );
+        let samples = probe.towards(v(0.0, -1.0, 0.0), 64, 1);
+        assert!(samples.iter().all(|s| s.pdf == 0.0));
         assert!(probe.photons(64, 1).iter().all(|p| p.flux == [0.0; 3]));
     }
 }

@@ -74,12 +74,7 @@ fn xyz(v: [f32; 4]) -> DVec3 {
 /// Rows of a 3x4 matrix.
 fn rows(m: DAffine3) -> [[f32; 4]; 3] {
     let (linear, t) = (m.matrix3.transpose(), m.translation);
-    [
-        linear.x_axis.extend(t.x),
-        linear.y_axis.extend(t.y),
-        linear.z_axis.extend(t.z),
-    ]
-    .map(|row| row.as_vec4().to_array())
+    [0, 1, 2].map(|axis| linear.col(axis).extend(t[axis]).as_vec4().to_array())
 }
 
 impl SceneUpload {
@@ -257,11 +252,8 @@ pub fn add_triangles(
     material: Material,
     world_from_object: DAffine3,
 ) {
-    let positions: Vec<[f32; 3]> = corners
-        .iter()
-        .flatten()
-        .map(|corner| corner.as_vec3().to_array())
-        .collect();
+    let all = corners.iter().flatten();
+    let positions: Vec<[f32; 3]> = all.map(|corner| corner.as_vec3().to_array()).collect();
     let count = positions.len();
     scene.meshes.push(Mesh {
         normals: vec![[0.0, 1.0, 0.0]; count],

@@ -11,7 +11,7 @@ use stereolux::xr::Pose;
 
 use super::lights_probe::{SceneUpload, add_triangles};
 use super::support::{
-    bits, builtin, context, frame, parallel_views, radiance, renderer, settings, square_fov,
+    both_bits, builtin, context, parallel_views, radiance, rendered, settings, square_fov,
     start_pose,
 };
 use super::trace_probe::{ask, features};
@@ -35,14 +35,13 @@ struct Answer {
 const TEXELS: u32 = 256;
 
 fn textured(texel: impl Fn(u32, u32) -> [u8; 4], size: u32, scale: f32) -> (Scene, TextureRef) {
+    let bytes = (0..size * size).flat_map(|at| texel(at % size, at / size));
     let scene = Scene {
         images: vec![Image {
             name: "made".to_owned(),
             width: size,
             height: size,
-            rgba8: (0..size * size)
-                .flat_map(|at| texel(at % size, at / size))
-                .collect(),
+            rgba8: bytes.collect(),
         }],
         textures: vec![Texture {
             image: 0,
@@ -68,13 +67,14 @@ fn answers(mut scene: Scene, material: Material, queries: &[Query]) -> Vec<Answe
     let context = context();
     let mut library = ShaderLibrary::embedded();
     library.insert("tests/mips_probe", include_str!("mips_probe.wesl"));
-    let on = features(&[
+    let on = [
         "textures",
         "base_color_maps",
         "normal_maps",
         "glossy",
         "mips",
-    ]);
+    ];
+    let on = features(&on);
     let kernel = Kernel::new(&context, &library, "tests/mips_probe", &on).unwrap();
     let upload = SceneUpload::new(&context, &scene, DVec3::ZERO);
     let resources = upload.with(Resources::new());
@@ -111,10 +111,8 @@ fn the_level_is_the_logarithm_of_texels_per_ray() {
                 let due = texels.max(longest / count).max(1.0).log2().min(8.0);
                 // Some 30 roundings of 2^-24 in the rates, over ln 2; the cosine's own at 0.01 is a hundred times as large.
                 let tolerance = 5e-6 / cosine;
-                assert!(
-                    (f64::from(found.level) - due).abs() < tolerance,
-                    "{width} at {cosine}: {found:?}, {due} is due"
-                );
+                let off = (f64::from(found.level) - due).abs();
+                assert!(off < tolerance, "{width} at {cosine}: {found:?}, not {due}");
                 assert_eq!(f64::from(found.taps), count, "{width} at {cosine}");
                 assert!(texels < 8.0 || count == taps);
             }
@@ -143,17 +141,13 @@ fn normals_that_a_ray_covers_make_a_surface_rougher() {
         let queries = [query(0.0, 1.0), query(0.1, 1.0)];
         let found = answers(scene.clone(), material, &queries);
         let plain = f64::from(roughness * roughness);
-        assert!(
-            (f64::from(found[0].alpha) - plain).abs() < 1e-6,
-            "{found:?}"
-        );
+        let off = (f64::from(found[0].alpha) - plain).abs();
+        assert!(off < 1e-6, "{found:?}");
         let due = (plain * plain + theta.tan().powi(2)).sqrt();
         // The law's own difference at this angle (see packing's tests) and a byte.
         let tolerance = theta.tan() * (1.0 - theta.cos()) + 2.0 / 255.0;
-        assert!(
-            (f64::from(found[1].alpha) - due).abs() < tolerance,
-            "{found:?}, {due}"
-        );
+        let off = (f64::from(found[1].alpha) - due).abs();
+        assert!(off < tolerance, "{found:?}, {due}");
     }
 }
 
@@ -166,13 +160,7 @@ const MIRROR_Z: f64 = -0.5;
 
 /// A glowing floor of black and white squares of 0.25 m, perhaps with a mirror before the eye.
 fn checkerboard(with_mirror: bool) -> Scene {
-    let texel = |x: u32, y: u32| {
-        [if (x / 8 + y / 8).is_multiple_of(2) {
-            0
-        } else {
-            255
-        }; 4]
-    };
+    let texel = |x: u32, y: u32| [255 * ((x / 8 + y / 8) % 2) as u8; 4];
     let (mut scene, reference) = textured(texel, 64, 0.5);
     let at = |x: f64, z: f64| DVec3::new(FLOOR_M * x, 0.0, FLOOR_M * z);
     let floor = [
@@ -185,11 +173,8 @@ fn checkerboard(with_mirror: bool) -> Scene {
         ..Material::lambert("squares", [0.0; 3])
     };
     add_triangles(&mut scene, &floor, material, DAffine3::IDENTITY);
-    scene.meshes[0].uv0 = floor
-        .iter()
-        .flatten()
-        .map(|corner| [corner.x as f32, corner.z as f32])
-        .collect();
+    let places = floor.iter().flatten();
+    scene.meshes[0].uv0 = places.map(|at| [at.x as f32, at.z as f32]).collect();
     if with_mirror {
         let at = |x: f64, y: f64| DVec3::new(x, y, MIRROR_Z);
         let mirror = [
@@ -216,14 +201,11 @@ fn seen(scene: &Scene, position: DVec3, turn: f64, mips: Mips) -> Vec<f64> {
         s.textures.mips = mips;
     });
     let head = Pose::new(position, DQuat::from_rotation_y(turn));
-    let mut renderer = renderer(scene, &settings, [SIZE as u32; 2]);
+    let views = parallel_views(head, 0.0, square_fov(45.0));
+    let renderer = rendered(scene, &settings, [SIZE as u32; 2], &views);
     assert_eq!(renderer.features().mips, mips == Mips::On);
-    frame(&mut renderer, &parallel_views(head, 0.0, square_fov(45.0)));
-    let image = radiance(&renderer, Eye::Left);
-    image[SIZE * SIZE / 2..]
-        .iter()
-        .map(|pixel| f64::from(pixel[1]))
-        .collect()
+    let lower = &radiance(&renderer, Eye::Left)[SIZE * SIZE / 2..];
+    lower.iter().map(|pixel| f64::from(pixel[1])).collect()
 }
 
 /// The same by 4,096 samples spread over each pixel, of an endless floor.
@@ -293,10 +275,8 @@ fn eyes_in_one_place_see_the_same_bits_with_levels() {
             s.reuse = reuse;
             s.textures.mips = Mips::On;
         });
-        let mut renderer = renderer(&scene, &settings, [24, 24]);
         let views = parallel_views(start_pose(&scene), 0.0, square_fov(40.0));
-        frame(&mut renderer, &views);
-        let [left, right] = [Eye::Left, Eye::Right].map(|eye| bits(&radiance(&renderer, eye)));
+        let [left, right] = both_bits(&rendered(&scene, &settings, [24, 24], &views));
         assert_eq!(left, right, "{reuse:?}");
     }
 }

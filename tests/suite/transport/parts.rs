@@ -1,26 +1,24 @@
 //! `output.parts`: radiance split into direct and indirect light, and the albedo.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use stereolux::images::read_image;
 use stereolux::renderer::{Eye, RadianceParts, Renderer};
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::hard_support::{add, add_point_light, eyes_at, quad};
+use super::hard_support::{add, add_point_light, eyes_at_origin, quad};
 use crate::suite::embedded_scenes::cornell;
 use crate::suite::support::{
-    Folder, bits, builtin, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
-    start_pose, stereolux,
+    Folder, assert_success, bits, builtin, mean, parallel_views, radiance, run_into, settings,
+    square_fov, start_pose, start_views,
 };
 
 const SIZE: [u32; 2] = [32, 32];
 const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 
 fn rendered(scene: &Scene, settings: &RenderSettings, views: &[View; 2]) -> Renderer {
-    let mut renderer = renderer(scene, settings, SIZE);
-    frame(&mut renderer, views);
-    renderer
+    super::support::rendered(scene, settings, SIZE, views)
 }
 
 fn with(method: Method, reuse: Reuse, depth: u32, parts: bool) -> RenderSettings {
@@ -43,10 +41,8 @@ fn worst_sum(parts: &RadianceParts, radiance: &[[f32; 3]]) -> f64 {
     let mut worst: f64 = 0.0;
     for (pixel, all) in radiance.iter().enumerate() {
         for channel in 0..3 {
-            let (direct, indirect) = (
-                f64::from(parts.direct[pixel][channel]),
-                f64::from(parts.indirect[pixel][channel]),
-            );
+            let [direct, indirect] =
+                [&parts.direct, &parts.indirect].map(|part| f64::from(part[pixel][channel]));
             let all = f64::from(all[channel]);
             assert!(direct >= 0.0 && indirect >= 0.0);
             if all + direct > 0.0 {
@@ -63,7 +59,7 @@ const ROUNDING: f64 = 16.0 / (1u64 << 24) as f64;
 #[test]
 fn direct_and_indirect_add_up_and_direct_is_light_of_two_segments() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let views = start_views(&scene, 21.0);
     for method in [Method::Path, Method::Photon] {
         for reuse in [Reuse::Off, Reuse::Scatter, Reuse::Lookup] {
             let what = format!("{method:?} {reuse:?}");
@@ -74,19 +70,16 @@ fn direct_and_indirect_add_up_and_direct_is_light_of_two_segments() {
             for eye in EYES {
                 let split = parts(&whole, eye);
                 let all = radiance(&whole, eye);
+                let what = format!("{what} {eye:?}");
                 let worst = worst_sum(&split, &all);
-                assert!(worst <= ROUNDING, "{what} {eye:?}: {worst:e}");
-                assert!(
-                    bits(&all) == bits(&radiance(&plain, eye)),
-                    "{what} {eye:?}: asking for parts changes the image"
-                );
-                assert!(
-                    bits(&split.direct) == bits(&radiance(&direct, eye)),
-                    "{what} {eye:?}: direct light is not that of two segments"
-                );
+                assert!(worst <= ROUNDING, "{what}: {worst:e}");
+                // Asking for parts does not change the image, and direct light is that of two segments.
+                assert!(bits(&all) == bits(&radiance(&plain, eye)), "{what}");
+                let two_segments = bits(&radiance(&direct, eye));
+                assert!(bits(&split.direct) == two_segments, "{what}");
                 // Neither part is all there is: in this room some two fifths of the light are indirect.
                 let share = mean(&split.indirect) / mean(&all);
-                assert!(share > 0.1 && share < 0.9, "{what} {eye:?}: {share}");
+                assert!(share > 0.1 && share < 0.9, "{what}: {share}");
                 assert!(plain.read_parts(eye).unwrap().is_none());
             }
             // Negative control: with another depth direct light is not the image, and parts of another image do not
@@ -101,7 +94,7 @@ fn direct_and_indirect_add_up_and_direct_is_light_of_two_segments() {
 #[test]
 fn albedo_is_the_first_surfaces() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(25.0));
+    let views = start_views(&scene, 25.0);
     for method in [Method::Path, Method::Photon] {
         for reuse in [Reuse::Off, Reuse::Scatter, Reuse::Lookup] {
             let renderer = rendered(&scene, &with(method, reuse, 2, true), &views);
@@ -134,17 +127,10 @@ pub fn hall_of_mirrors(roughness: f32) -> Scene {
         roughness,
         ..Material::default()
     };
-    add(
-        &mut scene,
-        &quad(DVec3::new(-2.0, -1.0, -1.0), DVec3::X * 2.0, DVec3::Y * 2.0),
-        mirror,
-    );
+    let square = |left| quad(DVec3::new(left, -1.0, -1.0), DVec3::X * 2.0, DVec3::Y * 2.0);
+    add(&mut scene, &square(-2.0), mirror);
     let wall = Material::lambert("wall", [0.8; 3]);
-    add(
-        &mut scene,
-        &quad(DVec3::new(0.0, -1.0, -1.0), DVec3::X * 2.0, DVec3::Y * 2.0),
-        wall.clone(),
-    );
+    add(&mut scene, &square(0.0), wall.clone());
     let behind = quad(DVec3::new(-3.0, -3.0, 3.0), DVec3::Y * 6.0, DVec3::X * 6.0);
     add(&mut scene, &behind, wall);
     add_point_light(&mut scene, DVec3::new(0.0, 0.5, 1.0), 5.0);
@@ -153,7 +139,7 @@ pub fn hall_of_mirrors(roughness: f32) -> Scene {
 
 #[test]
 fn mirrors_before_the_first_surface_do_not_count() {
-    let views = eyes_at(DVec3::ZERO, DQuat::IDENTITY, 30.0);
+    let views = eyes_at_origin(30.0);
     for method in [Method::Path, Method::Photon] {
         let split = |scene: &Scene, depth| {
             let renderer = rendered(scene, &with(method, Reuse::Off, depth, true), &views);
@@ -168,50 +154,34 @@ fn mirrors_before_the_first_surface_do_not_count() {
         for (pixel, whole) in all.iter().enumerate() {
             if pixel % width < width / 2 - 1 {
                 assert!(whole[0] > 0.0, "{method:?}: the mirror shows nothing");
-                assert!(
-                    parts.indirect[pixel] == [0.0; 3],
-                    "{method:?}: pixel {pixel}"
-                );
+                assert_eq!(parts.indirect[pixel], [0.0; 3], "{method:?}: {pixel}");
                 // A mirror's albedo is its Fresnel reflectance, F0 up to 40 degrees and 2 % more.
-                assert!(
-                    (parts.albedo[pixel][0] / 0.5 - 1.0).abs() < 0.02,
-                    "{:?}",
-                    parts.albedo[pixel]
-                );
+                let albedo = parts.albedo[pixel][0];
+                assert!((albedo / 0.5 - 1.0).abs() < 0.02, "{albedo}");
             }
         }
         let indirect = |parts: &RadianceParts, left: bool| -> f64 {
             let chosen = parts.indirect.iter().enumerate().filter(|(pixel, _)| {
                 let x = pixel % width;
-                if left {
-                    x < width / 2 - 1
-                } else {
-                    x > width / 2
-                }
+                (left && x < width / 2 - 1) || (!left && x > width / 2)
             });
             chosen.map(|(_, c)| f64::from(c[0])).sum()
         };
-        assert!(
-            indirect(&parts, false) > 0.0,
-            "{method:?}: walls light each other"
-        );
-        // One segment more, and the mirror shows light from wall to wall too.
-        assert!(
-            indirect(&split(&hall_of_mirrors(0.0), 5).0, true) > 0.0,
-            "{method:?}"
-        );
-        // Negative control: a rough metal is a surface of its own, and what it shows of the wall is indirect.
-        assert!(
-            indirect(&split(&hall_of_mirrors(0.6), 3).0, true) > 0.0,
-            "{method:?}"
-        );
+        // Walls light each other.
+        assert!(indirect(&parts, false) > 0.0, "{method:?}");
+        // One segment more, and the mirror shows light from wall to wall too. Negative control: a rough metal is a surface of
+        // its own, and what it shows of the wall is indirect.
+        for (roughness, depth) in [(0.0, 5), (0.6, 3)] {
+            let shown = indirect(&split(&hall_of_mirrors(roughness), depth).0, true);
+            assert!(shown > 0.0, "{method:?}, roughness {roughness}");
+        }
     }
 }
 
 #[test]
 fn with_direct_light_from_the_map_direct_is_emission_alone() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(21.0));
+    let views = start_views(&scene, 21.0);
     let mut from_map = with(Method::Photon, Reuse::Off, 12, true);
     from_map.photon.direct = DirectLight::Map;
     let emission = with(Method::Path, Reuse::Off, 1, false);
@@ -225,23 +195,9 @@ fn parts_are_written_where_they_are_asked_for() {
     let folder = Folder::new("parts");
     let run = |name: &str, parts: &str| {
         let out = folder.join(name);
-        let set = format!("output.parts={parts}");
-        let args = [
-            "render",
-            "--size",
-            "16x16",
-            "--photons",
-            "500",
-            "--set",
-            &set,
-            "--out",
-        ];
-        let output = stereolux(&[&args[..], &[out.to_str().unwrap()]].concat());
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+        let command = "render --size 16x16 --photons 500";
+        let set = format!("--set=output.parts={parts}");
+        assert_success(&run_into(&out, command, &[&set]));
         out
     };
     let (with, without) = (run("with", "true"), run("without", "false"));
@@ -256,11 +212,8 @@ fn parts_are_written_where_they_are_asked_for() {
         assert!(worst_sum(&split, &read("").pixels) <= ROUNDING);
         assert!(mean(&split.albedo) > 0.1);
         for part in ["direct", "indirect", "albedo"] {
-            assert!(
-                !without
-                    .join(format!("frame_0000_{eye}_{part}.exr"))
-                    .exists()
-            );
+            let part = without.join(format!("frame_0000_{eye}_{part}.exr"));
+            assert!(!part.exists());
         }
     }
 }

@@ -1,15 +1,17 @@
 //! The photon map: power, grid, gather against brute force, extremes of radius and count, overflow.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use stereolux::renderer::{Eye, MapKind, Photon, PhotonGrid, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
+use super::hard_support::is_black;
 use crate::suite::embedded_scenes::sphere;
+pub use crate::suite::support::start_views as views;
 use crate::suite::support::{
-    Triangles, assert_clean, bits, builtin, frame, hit_in_world, hit_rays, mean, parallel_views,
-    radiance, renderer, settings, square_fov, start_pose,
+    Triangles, assert_clean, bits, both, builtin, frame, hit_in_world, hit_rays, mean, pixel_ray,
+    placed, radiance, rendered, renderer, settings,
 };
 
 /// Each eye by itself, direct light from the map: the picture shows photons and nothing else.
@@ -20,10 +22,6 @@ pub fn map_only(count: u32, change: impl FnOnce(&mut RenderSettings)) -> RenderS
         s.photon.direct = DirectLight::Map;
         change(s);
     })
-}
-
-pub fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.063, square_fov(half_degrees))
 }
 
 pub fn photons(renderer: &Renderer) -> Vec<Photon> {
@@ -74,24 +72,15 @@ fn astray(grid: &PhotonGrid, starts: &[u32], photons: &[Photon]) -> usize {
 #[test]
 fn direct_photons_carry_the_lights_power_exactly() {
     let scene = builtin("sphere");
-    let mut renderer = renderer(
-        &scene,
-        &map_only(20_000, |s| s.photon.max_depth = 2),
-        [8, 8],
-    );
+    let settings = map_only(20_000, |s| s.photon.max_depth = 2);
+    let mut renderer = renderer(&scene, &settings, [8, 8]);
     let result = frame(&mut renderer, &views(&scene, 40.0));
     // One light, closed wall: every path stores one photon of the whole power. Rounding only: 4 pi I in f32.
     let power = 4.0 * std::f64::consts::PI * f64::from(sphere::LIGHT_INTENSITY);
-    assert_eq!(
-        (
-            result.photons.map.emitted,
-            result.photons.map.stored,
-            result.photons.map.dropped
-        ),
-        (20_000, 20_000, 0)
-    );
-    assert_eq!(result.photons.map.paths_kept, 20_000);
-    let found = flux(&photons(&renderer)) / f64::from(result.photons.map.paths_kept);
+    let map = result.photons.map;
+    let counts = (map.emitted, map.stored, map.dropped, map.paths_kept);
+    assert_eq!(counts, (20_000, 20_000, 0, 20_000));
+    let found = flux(&photons(&renderer)) / f64::from(map.paths_kept);
     assert!((found / power - 1.0).abs() < 1e-5, "{found} W of {power} W");
     let said = renderer.scene().total_power_w()[0];
     assert!((said / power - 1.0).abs() < 1e-5, "the scene says {said} W");
@@ -102,12 +91,8 @@ fn reflected_photons_carry_the_geometric_series() {
     let scene = builtin("sphere");
     let paths = 20_000_u32;
     let depth = 6;
-    let mut renderer = renderer(
-        &scene,
-        &map_only(paths, |s| s.photon.max_depth = depth),
-        [8, 8],
-    );
-    frame(&mut renderer, &views(&scene, 40.0));
+    let settings = map_only(paths, |s| s.photon.max_depth = depth);
+    let renderer = rendered(&scene, &settings, [8, 8], &views(&scene, 40.0));
     // Photons of power P survive each reflection with chance a = 1/2: their number per path is geometric, cut at
     // depth - 1. Mean m = sum of a^k for k < depth - 1; the variance of a full geometric count is a / (1 - a)^2 = 2 at
     // most, so the mean over N paths has a standard deviation of at most sqrt(2 / N); five of those.
@@ -116,10 +101,8 @@ fn reflected_photons_carry_the_geometric_series() {
     let power = 4.0 * std::f64::consts::PI * f64::from(sphere::LIGHT_INTENSITY);
     let found = flux(&photons(&renderer)) / f64::from(paths) / power;
     let tolerance = 5.0 * (2.0 / f64::from(paths)).sqrt();
-    assert!(
-        (found - expected).abs() < tolerance,
-        "{found} for {expected} +- {tolerance}"
-    );
+    let off = (found - expected).abs();
+    assert!(off < tolerance, "{found} for {expected} +- {tolerance}");
 }
 
 #[test]
@@ -143,38 +126,24 @@ fn every_photon_lies_in_the_run_of_its_cell() {
         assert_eq!(photons.len(), result.photons.map.stored as usize, "{what}");
         assert!(photons.len() > 5000, "{what}: {} photons", photons.len());
         assert_eq!(grid.hashed_rows > 0, hashed, "{what}");
-        assert!(
-            grid.cell_count <= cells,
-            "{what}: {} cells",
-            grid.cell_count
-        );
-        assert!(
-            grid.edge >= radius_m as f32,
-            "{what}: a neighbour would be missed"
-        );
+        let count = grid.cell_count;
+        assert!(count <= cells, "{what}: {count} cells");
+        // No neighbour may be missed, no runs overlap, and no photon be without a cell.
+        assert!(grid.edge >= radius_m as f32, "{what}: {}", grid.edge);
         assert_eq!(starts[0], 0, "{what}");
-        assert!(
-            starts.windows(2).all(|pair| pair[0] <= pair[1]),
-            "{what}: runs overlap"
-        );
-        assert_eq!(
-            *starts.last().unwrap() as usize,
-            photons.len(),
-            "{what}: photons without a cell"
-        );
+        assert!(starts.is_sorted(), "{what}: runs overlap");
+        let end = *starts.last().unwrap() as usize;
+        assert_eq!(end, photons.len(), "{what}");
         assert_eq!(astray(&grid, &starts, &photons), 0, "{what}");
         // Negative control: neighbours exchanged across the list are noticed, where there is more than one cell.
         let mut shuffled = photons.clone();
         shuffled.reverse();
         if starts[starts.len() / 2] != 0 && radius_m < 1.0 {
-            assert!(
-                astray(&grid, &starts, &shuffled) > photons.len() / 2,
-                "{what}: the check is blind"
-            );
+            let wrong = astray(&grid, &starts, &shuffled);
+            assert!(wrong > photons.len() / 2, "{what}: the check is blind");
         }
         // The same frame again gives the same order, bit for bit: sums over runs do not depend on scheduling.
-        let mut again = crate::suite::support::renderer(&scene, &settings, [8, 8]);
-        frame(&mut again, &views(&scene, 19.0));
+        let again = rendered(&scene, &settings, [8, 8], &views(&scene, 19.0));
         assert!(self::photons(&again) == photons, "{what}: another order");
     }
 }
@@ -225,10 +194,9 @@ fn brute_force(
     triangles: &Triangles,
     photons: &[Photon],
     view: &View,
-    [x, y]: [u32; 2],
+    pixel: u32,
 ) -> Option<f64> {
-    let [width, height] = renderer.size();
-    let ray = view.ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
+    let ray = pixel_ray(view, pixel as usize, renderer.size());
     let (t, normal, material) = triangles.closest(ray.origin, ray.direction, 0.0)?;
     // The published left wall is no plane; its two triangles share smoothed normals, and the gather weighs photons by the
     // ratio of two cosines there. Flat surfaces are what this sum is exact for.
@@ -236,21 +204,13 @@ fn brute_force(
         return None;
     }
     let material = &scene.materials[material as usize];
-    let normal = if normal.dot(ray.direction) < 0.0 {
-        normal
-    } else {
-        -normal
-    };
+    let normal = normal * -normal.dot(ray.direction).signum();
     let point = ray.origin + ray.direction * t - renderer.origin_in_world();
     let radius = renderer.radius_m();
     let paths = renderer.photon_map()?.counters().paths_kept;
     let mut sum = 0.0;
     for photon in photons {
-        let at = DVec3::new(
-            f64::from(photon.position[0]),
-            f64::from(photon.position[1]),
-            f64::from(photon.position[2]),
-        );
+        let at = DVec3::from(photon.position.map(f64::from));
         let share = at.distance_squared(point) / (radius * radius);
         let (direction, photon_normal) = unpack_photon(photon);
         let is_near = share <= 1.0 && on_one_surface(at - point, photon_normal, normal);
@@ -259,12 +219,8 @@ fn brute_force(
         }
     }
     let area = std::f64::consts::PI * radius * radius;
-    let emitted = f64::from(material.emission[0]);
-    Some(
-        emitted
-            + f64::from(material.base_color[0]) / std::f64::consts::PI * sum
-                / (area * f64::from(paths)),
-    )
+    let reflected = f64::from(material.base_color[0]) / std::f64::consts::PI * sum;
+    Some(f64::from(material.emission[0]) + reflected / (area * f64::from(paths)))
 }
 
 /// Holds pixels of the left eye's image against the sum over these photons, where there is a sum and it is not black.
@@ -281,20 +237,16 @@ pub fn assert_sums(
     let triangles = Triangles::of(scene);
     let image = radiance(renderer, Eye::Left);
     assert_clean(&image, what);
-    let width = renderer.size()[0];
     let mut compared = 0;
     for pixel in pixels {
-        let at = [pixel % width, pixel / width];
-        let sum = brute_force(renderer, scene, &triangles, photons, view, at);
+        let sum = brute_force(renderer, scene, &triangles, photons, view, pixel);
         let Some(expected) = sum.filter(|sum| *sum > 0.0) else {
             continue;
         };
         compared += 1;
         let found = f64::from(image[pixel as usize][0]);
-        assert!(
-            (found / expected - 1.0).abs() < tolerance,
-            "{what}, pixel {pixel}: {found} for {expected}"
-        );
+        let off = (found / expected - 1.0).abs();
+        assert!(off < tolerance, "{what}, {pixel}: {found} for {expected}");
     }
     compared
 }
@@ -311,15 +263,11 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
             // Weight 0 at the rim: a photon that f32 and f64 place on two sides of it does not show.
             s.photon.kernel = Kernel::Epanechnikov;
         });
-        let mut renderer = renderer(&scene, &settings, size);
         let views = views(&scene, 19.0);
-        frame(&mut renderer, &views);
+        let renderer = rendered(&scene, &settings, size, &views);
         let photons = photons(&renderer);
-        assert_eq!(
-            grid(&renderer).0.hashed_rows > 0,
-            cells == 2048,
-            "one dense grid, one hashed"
-        );
+        // One dense grid, one hashed.
+        assert_eq!(grid(&renderer).0.hashed_rows > 0, cells == 2048);
         // Positions agree to 1e-6 m, so a weight is off by 4 x 1e-6 / 0.03 = 1e-4 at most, single terms of a sum of
         // several; normals packed in 13 bits and directions in 16 move photons over a threshold only at grazing
         // angles, where one of some twenty photons may be gained or lost: rare, and counted below.
@@ -330,10 +278,8 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
         images.push(radiance(&renderer, Eye::Left));
     }
     // Hashed rows hold the same photons in the same order: nothing but the table differs.
-    assert!(
-        bits(&images[0]) == bits(&images[1]),
-        "dense and hashed grids disagree"
-    );
+    let [dense, hashed] = [0, 1].map(|at: usize| bits(&images[at]));
+    assert!(dense == hashed, "dense and hashed grids disagree");
 }
 
 #[test]
@@ -349,11 +295,8 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
     let result = frame(&mut renderer, &views);
     let (grid, starts) = grid(&renderer);
     assert_eq!(grid.dims, [3, 3, 3], "one cell and its padding");
-    assert_eq!(
-        starts[13 + 1] - starts[13],
-        result.photons.map.stored,
-        "all photons share the middle cell"
-    );
+    // All photons share the middle cell.
+    assert_eq!(starts[13 + 1] - starts[13], result.photons.map.stored);
     let photons = photons(&renderer);
     // Ceiling, back wall, block and floor. A running f32 sum of n positive terms is off by n 2^-24 at the very worst:
     // 3e5 / 1.7e7 = 2 %.
@@ -366,11 +309,9 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
 fn no_photons_and_vanishing_radii_give_clean_images() {
     let scene = builtin("cornell");
     let views = views(&scene, 19.0);
-    let direct_only = {
-        let mut renderer = renderer(&scene, &settings(|s| s.photon.max_depth = 2), [24, 24]);
-        frame(&mut renderer, &views);
-        radiance(&renderer, Eye::Left)
-    };
+    let direct_only = settings(|s| s.photon.max_depth = 2);
+    let direct_only = rendered(&scene, &direct_only, [24, 24], &views);
+    let direct_only = bits(&radiance(&direct_only, Eye::Left));
     for (count, radius_m) in [(0, 0.0), (0, 0.05), (3000, 1e-9), (3000, 1e-30)] {
         let settings = settings(|s| {
             s.photon.count = count;
@@ -378,18 +319,16 @@ fn no_photons_and_vanishing_radii_give_clean_images() {
         });
         let mut renderer = renderer(&scene, &settings, [24, 24]);
         let result = frame(&mut renderer, &views);
-        let left = radiance(&renderer, Eye::Left);
+        let [left, right] = both(&renderer);
         let what = format!("{count} photons, radius {radius_m}");
         assert_clean(&left, &what);
-        assert_clean(&radiance(&renderer, Eye::Right), &what);
+        assert_clean(&right, &what);
         assert!(mean(&left) > 0.0, "{what}: direct light stays");
         assert_eq!(result.photons.map.emitted, count, "{what}");
         if count == 0 {
             assert_eq!(result.photons.map.stored, 0);
-            assert!(
-                bits(&left) == bits(&direct_only),
-                "{what}: direct light is all there is"
-            );
+            // Direct light is all there is.
+            assert!(bits(&left) == direct_only, "{what}");
         } else {
             assert!(result.photons.map.stored > 0);
         }
@@ -408,37 +347,22 @@ fn overflow_is_counted_and_loses_no_energy() {
         let mut renderer = renderer(&scene, &settings, size);
         let views = views(&scene, 40.0);
         let result = frame(&mut renderer, &views);
-        (
-            mean(&radiance(&renderer, Eye::Left)),
-            result.photons,
-            renderer.photon_map().unwrap().counters(),
-        )
+        let mean = mean(&radiance(&renderer, Eye::Left));
+        let counters = renderer.photon_map().unwrap().counters();
+        (mean, result.photons.map, counters)
     };
-    let (whole, stats, _) = render(0);
-    assert_eq!((stats.map.dropped, stats.map.paths_kept), (0, 20_000));
-    let (capped, stats, counters) = render(1000);
-    assert_eq!(stats.map.capacity, 1000);
-    assert!(
-        stats.map.stored <= 1000 && stats.map.stored > 900,
-        "{stats:?}"
-    );
-    assert!(
-        stats.map.dropped > 0
-            && stats.map.paths_kept < stats.map.emitted
-            && stats.map.emitted == 20_000,
-        "{stats:?}"
-    );
-    assert_eq!(
-        stats.map.stored + stats.map.dropped,
-        counters.demanded,
-        "every photon is stored or counted as dropped"
-    );
+    let (whole, map, _) = render(0);
+    assert_eq!((map.dropped, map.paths_kept), (0, 20_000));
+    let (capped, map, counters) = render(1000);
+    assert_eq!((map.capacity, map.emitted), (1000, 20_000));
+    assert!(map.stored <= 1000 && map.stored > 900, "{map:?}");
+    assert!(map.dropped > 0 && map.paths_kept < 20_000, "{map:?}");
+    // Every photon is stored or counted as dropped.
+    assert_eq!(map.stored + map.dropped, counters.demanded);
     // About 500 paths of 2 photons each are left, of which an image of the sphere's half sees half: relative standard
     // deviation about 1 / sqrt(250) = 6 %. Four of those; lost energy would show as a factor of 40.
-    assert!(
-        (capped / whole - 1.0).abs() < 0.25,
-        "{capped} with 1000 photons, {whole} with all"
-    );
+    let off = (capped / whole - 1.0).abs();
+    assert!(off < 0.25, "{capped} with 1000 photons, {whole} with all");
 }
 
 #[test]
@@ -452,19 +376,13 @@ fn an_automatic_buffer_grows_for_the_next_frame() {
     });
     let mut renderer = renderer(&scene, &settings, [8, 8]);
     let views = views(&scene, 40.0);
-    let first = frame(&mut renderer, &views).photons;
-    assert!(
-        first.map.dropped > 0 && first.map.paths_kept < 4096,
-        "{first:?}"
-    );
+    let first = frame(&mut renderer, &views).photons.map;
+    assert!(first.dropped > 0 && first.paths_kept < 4096, "{first:?}");
     let second = renderer.render_frame(&views, 1, |_| {}).unwrap().photons;
-    assert!(second.map.capacity > first.map.capacity, "{second:?}");
-    assert_eq!(
-        (second.map.dropped, second.map.paths_kept),
-        (0, 4096),
-        "{second:?}"
-    );
     assert!(second.traced);
+    let second = second.map;
+    assert!(second.capacity > first.capacity, "{second:?}");
+    assert_eq!((second.dropped, second.paths_kept), (0, 4096));
 }
 
 #[test]
@@ -482,11 +400,8 @@ fn a_static_map_is_traced_once_and_every_frame_traces_anew() {
             .collect();
         for (index, (traced, map)) in frames.iter().enumerate().skip(1) {
             assert_eq!(*traced, every_frame, "frame {index}");
-            assert_eq!(
-                *map == frames[index - 1].1,
-                !every_frame,
-                "frame {index}: the same photons as before"
-            );
+            let is_same = *map == frames[index - 1].1;
+            assert_eq!(is_same, !every_frame, "frame {index}");
         }
     }
 }
@@ -495,14 +410,10 @@ fn a_static_map_is_traced_once_and_every_frame_traces_anew() {
 fn a_moving_head_gathers_from_a_map_that_stays() {
     // Photons are kept relative to the head that traced them; 1e6 m out, an offset in f32 would be off by centimetres.
     let far = DVec3::new(1.0e6 + 0.123, 0.377, -1.0e6 + 0.711);
-    let scene =
-        crate::suite::support::placed(builtin("cornell"), glam::DAffine3::from_translation(far));
-    let settings = settings(|s| {
-        s.reuse = Reuse::Off;
-        s.photon.count = 20_000;
+    let scene = placed(builtin("cornell"), DAffine3::from_translation(far));
+    let settings = map_only(20_000, |s| {
         s.photon.radius_m = 0.04;
         s.photon.kernel = Kernel::Epanechnikov;
-        s.photon.direct = DirectLight::Map;
     });
     let mut renderer = renderer(&scene, &settings, [24, 24]);
     let mut moved = views(&scene, 19.0);
@@ -528,18 +439,16 @@ fn a_moving_head_gathers_from_a_map_that_stays() {
         .collect();
     let pixels = (0..24 * 24).step_by(11);
     // As above, with the rounding of 1e6 m in f64 (1e-10 m) far below.
-    let compared = assert_sums(
-        &renderer, &scene, &carried, &moved[0], pixels, 2e-3, "moved",
-    );
+    let view = &moved[0];
+    let compared = assert_sums(&renderer, &scene, &carried, view, pixels, 2e-3, "moved");
     assert!(compared > 20);
     // The path from eye to photon is real: the hit lies where the f64 ray ends.
     let rays = hit_rays(&renderer, Eye::Left);
     let middle = 12 * 24 + 12;
-    let hit = hit_in_world(&moved[0], rays[middle]);
-    let ray = moved[0].ray_through_pixel(12.5, 12.5, 24, 24);
-    let (t, ..) = Triangles::of(&scene)
-        .closest(ray.origin, ray.direction, 0.0)
-        .unwrap();
+    let hit = hit_in_world(view, rays[middle]);
+    let ray = pixel_ray(view, middle, [24, 24]);
+    let first = Triangles::of(&scene).closest(ray.origin, ray.direction, 0.0);
+    let (t, ..) = first.unwrap();
     assert!(hit.distance(ray.origin + ray.direction * t) < 1e-5);
 }
 
@@ -553,20 +462,13 @@ fn scenes_without_lights_emit_nothing() {
         let settings = settings(|s| s.method = method);
         let mut renderer = renderer(&scene, &settings, [16, 16]);
         let result = frame(&mut renderer, &views(&scene, 19.0));
-        assert_eq!(
-            (result.photons.map.emitted, result.photons.map.stored),
-            (0, 0)
-        );
+        let map = result.photons.map;
+        assert_eq!((map.emitted, map.stored), (0, 0));
         assert!(!result.photons.traced);
-        for eye in [Eye::Left, Eye::Right] {
-            assert!(
-                radiance(&renderer, eye)
-                    .iter()
-                    .flatten()
-                    .all(|&channel| channel == 0.0),
-                "{method:?}"
-            );
-        }
+        assert!(
+            both(&renderer).iter().all(|eye| is_black(eye)),
+            "{method:?}"
+        );
         assert!(result.stereo.reused > 0, "surfaces are still seen");
     }
 }

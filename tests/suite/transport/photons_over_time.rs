@@ -8,7 +8,7 @@ use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
-    builtin, mean, method, parallel_views, radiance, renderer, square_fov, start_pose,
+    builtin, mean, method, parallel_views, radiance, renderer, square_fov, start_pose, statistics,
 };
 
 const SHARES: u32 = 4;
@@ -37,17 +37,14 @@ fn step(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> FrameResult {
 /// The photons' bits, whatever their order.
 fn photons(renderer: &Renderer) -> BTreeSet<Vec<u8>> {
     let photons = renderer.read_photons(MapKind::Photons).unwrap().unwrap();
-    photons
-        .iter()
-        .map(|photon| bytemuck::bytes_of(photon).to_vec())
-        .collect()
+    let bytes = photons.iter().map(bytemuck::bytes_of);
+    bytes.map(<[u8]>::to_vec).collect()
 }
 
 /// A block of the Cornell box, a little to the side.
 fn nudge(renderer: &mut Renderer, by_m: f64) {
-    let moved =
-        renderer.set_instance_transform(InstanceId(6), DAffine3::from_translation(DVec3::X * by_m));
-    assert!(moved);
+    let aside = DAffine3::from_translation(DVec3::X * by_m);
+    assert!(renderer.set_instance_transform(InstanceId(6), aside));
 }
 
 #[test]
@@ -76,17 +73,13 @@ fn a_share_per_frame_is_traced_until_all_have_seen_the_scene_as_it_stands() {
         assert!((same - 0.75).abs() < spread, "turn {turn}: {same} stayed");
         let old = now.intersection(&first_map).count() as f64 / first_map.len() as f64;
         let expected = 1.0 - f64::from(turn + 1) / f64::from(SHARES);
-        assert!(
-            (old - expected).abs() < spread,
-            "turn {turn}: {old} of the first map"
-        );
+        let off = (old - expected).abs();
+        assert!(off < spread, "turn {turn}: {old} of the first map");
         before = now;
     }
     let done = step(&mut renderer, &views, 2 + SHARES).photons;
-    assert_eq!(
-        (done.retraced, done.traced, done.outdated_shares),
-        (0, false, 0)
-    );
+    let done = (done.retraced, done.traced, done.outdated_shares);
+    assert_eq!(done, (0, false, 0));
 }
 
 #[test]
@@ -113,15 +106,10 @@ fn shares_and_whole_maps_give_the_same_light_wherever_the_head_goes() {
     // differences between the two only every fourth counts.
     let (whole, shared) = (light(1, 40), light(SHARES, 40));
     let z = |factor: f64| {
-        let differences: Vec<f64> = whole
-            .iter()
-            .zip(&shared)
-            .map(|(a, b)| a - factor * b)
-            .collect();
-        let n = differences.len() as f64;
-        let mean = differences.iter().sum::<f64>() / n;
-        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        mean / (f64::from(SHARES) * variance / n).sqrt()
+        let pairs = whole.iter().zip(&shared);
+        let differences: Vec<f64> = pairs.map(|(a, b)| a - factor * b).collect();
+        let (mean, squared_error) = statistics(&differences);
+        mean / (f64::from(SHARES) * squared_error).sqrt()
     };
     assert!(z(1.0).abs() < 4.0, "z {}", z(1.0));
     // Negative control: a share that is counted twice, or lost, changes the light by a quarter.
@@ -145,24 +133,19 @@ fn at_rest_photons_are_traced_anew_until_something_moves() {
     let [here, there] = [0.0, 0.01].map(|x| views_from(DVec3::X * x));
     let (mut refined, mut kept) = (made(true), made(false));
     for frame in 0..5 {
-        let due = if frame % 2 == 0 { RESTING_PATHS } else { 0 };
-        let traced = step(&mut refined, &here, frame).photons.retraced;
+        let due = [frame % 2 == 0, frame == 0].map(|is_due| u32::from(is_due) * RESTING_PATHS);
+        let traced = [&mut refined, &mut kept].map(|r| step(r, &here, frame).photons.retraced);
         assert_eq!(traced, due, "frame {frame}");
-        let traced = step(&mut kept, &here, frame).photons.retraced;
-        assert_eq!(
-            traced,
-            if frame == 0 { RESTING_PATHS } else { 0 },
-            "frame {frame}"
-        );
     }
     // A head that moves has a map of the whole radius, which stays: bit for bit what begins with that frame.
     let mut anew = made(true);
     let elsewhere = views_from(DVec3::X * 0.02);
-    for (frame, views, paths) in [
+    let steps = [
         (5, &there, RESTING_PATHS),
         (6, &elsewhere, 0),
         (7, &there, 0),
-    ] {
+    ];
+    for (frame, views, paths) in steps {
         let traced = [&mut refined, &mut anew].map(|r| step(r, views, frame).photons.retraced);
         assert_eq!(traced, [paths; 2], "frame {frame}");
         let shown = [&refined, &anew].map(|r| radiance(r, Eye::Left));

@@ -5,8 +5,7 @@ use stereolux::renderer::{Eye, automatic_radius_m};
 use stereolux::settings::{Method, RenderSettings, Reuse, Sampler};
 
 use crate::suite::support::{
-    assert_clean, builtin, frame, mean, parallel_views, radiance, renderer, settings, square_fov,
-    start_pose,
+    assert_clean, builtin, mean, play, radiance, renderer, settings, start_views,
 };
 
 const SIZE: u32 = 12;
@@ -21,6 +20,17 @@ fn image_of_size(
     half_degrees: f64,
     change: impl FnOnce(&mut RenderSettings),
 ) -> Vec<[f32; 3]> {
+    after_frames(1, size, name, half_degrees, change)
+}
+
+/// The left eye's last image of so many frames.
+fn after_frames(
+    frames: u32,
+    size: u32,
+    name: &str,
+    half_degrees: f64,
+    change: impl FnOnce(&mut RenderSettings),
+) -> Vec<[f32; 3]> {
     let scene = builtin(name);
     let settings = settings(|s| {
         s.reuse = Reuse::Off;
@@ -29,8 +39,7 @@ fn image_of_size(
         change(s);
     });
     let mut renderer = renderer(&scene, &settings, [size, size]);
-    let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
-    frame(&mut renderer, &views);
+    play(&mut renderer, &start_views(&scene, half_degrees), 0..frames);
     let left = radiance(&renderer, Eye::Left);
     assert_clean(&left, name);
     left
@@ -79,10 +88,8 @@ fn progressive_photons_converge_to_paths_with_and_without_glass() {
             "{name}: relMSE {errors:.5?} after 4, 16, 64 passes, slope {slope:.2}; theory -0.67 to -1; fixed radius {:.5}",
             photons(64, false)
         );
-        assert!(
-            errors[1] < errors[0] && errors[2] < errors[1],
-            "{name}: {errors:?}"
-        );
+        let falls = errors[1] < errors[0] && errors[2] < errors[1];
+        assert!(falls, "{name}: {errors:?}");
         // Half of the theoretical slope: the estimate from 432 values of one run scatters.
         assert!(slope < -0.33, "{name}: slope {slope}");
         // Negative control: pictures twice as bright are farther off.
@@ -106,25 +113,16 @@ fn a_still_head_converges_as_paths_do() {
         };
         let (a, b) = (paths(101, 512), paths(102, 512));
         let at_rest = |refines: bool| {
-            let scene = builtin(name);
-            let settings = settings(|s| {
-                s.reuse = Reuse::Off;
-                s.path.max_depth = 6;
-                s.photon.max_depth = 6;
+            let radius_m = automatic_radius_m(&builtin(name), 65_536);
+            after_frames(FRAMES, WIDE, name, half_degrees, |s| {
                 // A map per frame: as many paths as both eyes have pixels.
                 s.photon.count = 2 * WIDE * WIDE;
-                s.photon.radius_m = automatic_radius_m(&scene, 65_536);
+                s.photon.radius_m = radius_m;
                 s.photon.refine_at_rest = refines;
                 s.reconstruct.svgf = true.into();
                 s.reconstruct.taa = true.into();
                 s.reconstruct.still = true.into();
-            });
-            let mut renderer = renderer(&scene, &settings, [WIDE, WIDE]);
-            let views = parallel_views(start_pose(&scene), 0.063, square_fov(half_degrees));
-            for frame in 0..FRAMES {
-                renderer.render_frame(&views, frame, |_| {}).unwrap();
-            }
-            radiance(&renderer, Eye::Left)
+            })
         };
         let noise = rel_mse(&paths(7, FRAMES), &a, &b);
         let judged = [true, false].map(|refines| {
@@ -141,9 +139,6 @@ fn a_still_head_converges_as_paths_do() {
         // What discs that reach over edges lack grows with the radius, which falls as i^-0.15 (alpha 0.7): its mean over 64 passes
         // is 0.63 of the first.
         let most = 0.75 * kept_bias.abs();
-        assert!(
-            bias.abs() < most,
-            "{name}: {bias}, {kept_bias} without refining"
-        );
+        assert!(bias.abs() < most, "{name}: {bias}, unrefined {kept_bias}");
     }
 }

@@ -7,6 +7,7 @@ use stereolux::xr::View;
 
 use super::support::{
     assert_clean, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
+    statistics,
 };
 
 const SIZE: u32 = 64;
@@ -20,7 +21,7 @@ fn technique_blocks(
     technique: Technique,
     spp: u32,
 ) -> Vec<Vec<f64>> {
-    let settings: RenderSettings = settings(|s| {
+    let settings = settings(|s| {
         s.method = Method::Path;
         s.reuse = Reuse::Off;
         s.path.technique = technique;
@@ -60,20 +61,12 @@ pub fn blocks(
 
 /// Welch's statistic per block; blocks without any light in either are left out.
 fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
-    let statistics = |runs: &[Vec<f64>], block: usize| {
-        let n = runs.len() as f64;
-        let mean = runs.iter().map(|run| run[block]).sum::<f64>() / n;
-        let variance = runs
-            .iter()
-            .map(|run| (run[block] - mean).powi(2))
-            .sum::<f64>()
-            / (n - 1.0);
-        (mean, variance / n)
-    };
     (0..a[0].len())
         .filter_map(|block| {
-            let ((mean_a, error_a), (mean_b, error_b)) =
-                (statistics(a, block), statistics(b, block));
+            let [(mean_a, error_a), (mean_b, error_b)] = [a, b].map(|runs| {
+                let of_block: Vec<f64> = runs.iter().map(|run| run[block]).collect();
+                statistics(&of_block)
+            });
             let error = (error_a + error_b).sqrt();
             (error > 0.0).then(|| (mean_a - mean_b) / error)
         })
@@ -95,9 +88,7 @@ pub fn agree(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<(), String> {
     if z.len() <= 40 {
         Err(format!("only {} blocks are lit", z.len()))
     } else if share_within(&z, 5.5) < 0.9975 || rms >= 1.6 {
-        Err(format!(
-            "worst block at {worst}, rms of {rms} standard errors"
-        ))
+        Err(format!("worst block at {worst}, rms {rms} standard errors"))
     } else {
         Ok(())
     }
@@ -129,25 +120,17 @@ fn check(name: &str, scene: &Scene, views: &[View; 2]) {
         .zip(&bsdf)
         .map(|(light, bsdf)| light.iter().zip(bsdf).map(|(a, b)| a + b).collect())
         .collect();
-    assert!(
-        share_within(&z_values(&mis, &sum), 5.5) < 0.5,
-        "{name}: twice the light passes"
-    );
-    assert!(
-        agree(&brighter(&mis), &light).is_err(),
-        "{name}: 5 % too much passes"
-    );
+    let twice = share_within(&z_values(&mis, &sum), 5.5);
+    assert!(twice < 0.5, "{name}: twice the light passes");
+    let more = agree(&brighter(&mis), &light);
+    assert!(more.is_err(), "{name}: 5 % too much passes");
 }
 
 /// Cornell with a lamp large enough to be found by chance, and `change` on every other material.
 pub fn box_with(change: impl Fn(&mut Material)) -> (Scene, [View; 2]) {
     let mut scene = builtin("cornell");
-    for material in &mut scene.materials {
-        if material.is_emissive() {
-            continue;
-        }
-        change(material);
-    }
+    let others = scene.materials.iter_mut();
+    others.filter(|m| !m.is_emissive()).for_each(change);
     let views = parallel_views(start_pose(&scene), 0.0, square_fov(19.0));
     (scene, views)
 }
@@ -164,11 +147,7 @@ fn techniques_agree_on_glossy_walls() {
     let (scene, views) = box_with(|material| {
         material.specular = 1.0;
         material.roughness = 0.5;
-        material.metallic = if material.name.contains("red") {
-            1.0
-        } else {
-            0.0
-        };
+        material.metallic = f32::from(u8::from(material.name.contains("red")));
     });
     check("glossy", &scene, &views);
 }
@@ -188,11 +167,8 @@ fn techniques_agree_under_a_sky() {
     let radiance = (0..width * height)
         .map(|texel| {
             let (x, y) = (texel % width, texel / width);
-            let patch = if (14..18).contains(&x) && (6..9).contains(&y) {
-                6.0
-            } else {
-                0.0
-            };
+            let is_patch = (14..18).contains(&x) && (6..9).contains(&y);
+            let patch = if is_patch { 6.0 } else { 0.0 };
             let base = 0.5 + 0.5 * y as f32 / height as f32;
             [base + patch, base + patch, base]
         })

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::suite::support::Folder;
+use crate::suite::support::{Folder, assert_begins};
 
 /// What became of a run of the program.
 #[derive(Debug)]
@@ -26,10 +26,7 @@ impl Outcome {
     pub fn refusal(&self) -> &str {
         assert_eq!(self.status, Some(2), "{self:?}");
         let line = self.stderr.trim_end_matches('\n');
-        assert!(
-            line.starts_with("error: ") && !line.contains('\n'),
-            "{line}"
-        );
+        assert_begins(line, "error: ");
         assert!(line.chars().count() <= "error: ".len() + 300, "{line}");
         assert!(!line.chars().any(char::is_control), "{line:?}");
         line
@@ -89,11 +86,14 @@ fn peak_of(process: u32) -> u64 {
 
 /// A glTF document of these parts.
 pub fn document(parts: Value) -> String {
-    let mut all = json!({ "asset": { "version": "2.0" } });
-    for (key, value) in parts.as_object().unwrap() {
-        all[key] = value.clone();
-    }
-    all.to_string()
+    joined(json!({ "asset": { "version": "2.0" } }), parts).to_string()
+}
+
+/// What both hold.
+fn joined(mut parts: Value, mut more: Value) -> Value {
+    let all = parts.as_object_mut().unwrap();
+    all.append(more.as_object_mut().unwrap());
+    parts
 }
 
 /// An accessor of zeros.
@@ -103,15 +103,12 @@ fn zeros(count: u64, component: u32, kind: &str) -> Value {
 
 /// A document that shows one mesh of one primitive at `nodes` nodes.
 fn placed(primitive: Value, nodes: usize, more: Value) -> String {
-    let mut parts = json!({
+    let parts = json!({
         "scenes": [{ "nodes": (0..nodes).collect::<Vec<_>>() }],
         "nodes": vec![json!({ "mesh": 0 }); nodes],
         "meshes": [{ "primitives": [primitive] }],
     });
-    for (key, value) in more.as_object().unwrap() {
-        parts[key] = value.clone();
-    }
-    document(parts)
+    document(joined(parts, more))
 }
 
 /// A sphere of `rows * columns * 2` triangles as buffer, views and accessors: positions, then indices.
@@ -119,10 +116,8 @@ fn sphere(rows: u32, columns: u32) -> Value {
     let mut bytes = Vec::new();
     for row in 0..=rows {
         for column in 0..columns {
-            let (t, p) = (
-                std::f32::consts::PI * row as f32 / rows as f32,
-                std::f32::consts::TAU * column as f32 / columns as f32,
-            );
+            let t = std::f32::consts::PI * row as f32 / rows as f32;
+            let p = std::f32::consts::TAU * column as f32 / columns as f32;
             for x in [t.sin() * p.cos(), t.cos(), t.sin() * p.sin()] {
                 bytes.extend(x.to_le_bytes());
             }
@@ -131,10 +126,7 @@ fn sphere(rows: u32, columns: u32) -> Value {
     let positions = bytes.len();
     for row in 0..rows {
         for column in 0..columns {
-            let (a, b) = (
-                row * columns + column,
-                row * columns + (column + 1) % columns,
-            );
+            let [a, b] = [column, (column + 1) % columns].map(|at| row * columns + at);
             for index in [a, b, a + columns, b, b + columns, a + columns] {
                 bytes.extend(index.to_le_bytes());
             }
@@ -216,11 +208,7 @@ fn crc(bytes: &[u8]) -> u32 {
     for byte in bytes {
         sum ^= u32::from(*byte);
         for _ in 0..8 {
-            sum = if sum & 1 == 1 {
-                0xedb8_8320 ^ (sum >> 1)
-            } else {
-                sum >> 1
-            };
+            sum = (sum >> 1) ^ (0xedb8_8320 * (sum & 1));
         }
     }
     !sum
@@ -332,15 +320,9 @@ pub fn cases(folder: &Folder) -> Vec<Case> {
             refused,
         });
     };
-    for (name, refused, text) in geometry() {
-        add(name, Way::Scene, refused, text.into_bytes());
-    }
-    for (name, refused, text) in lists() {
-        add(name, Way::Scene, refused, text.into_bytes());
-    }
     std::fs::write(folder.join("black16k.png"), black_png(16_384, 16_384)).unwrap();
     std::fs::write(folder.join("zeros.bin"), vec![0; 1_200_000]).unwrap();
-    for (name, refused, text) in resources() {
+    for (name, refused, text) in [geometry(), lists(), resources()].into_iter().flatten() {
         add(name, Way::Scene, refused, text.into_bytes());
     }
     let wild = [-553_648_128, 0, 15, 15];
@@ -348,22 +330,14 @@ pub fn cases(folder: &Folder) -> Vec<Case> {
     let large = [0, 0, 16_384, 16_384];
     add("window.exr", Way::Compare, over, exr(wild, small, 3));
     add("window-piz.exr", Way::Compare, over, exr(wild, small, 4));
-    add(
-        "window-env.exr",
-        Way::Environment,
-        over,
-        exr(wild, small, 3),
-    );
+    let zip = exr(wild, small, 3);
+    add("window-env.exr", Way::Environment, over, zip);
     add("large.exr", Way::Compare, over, exr(large, large, 3));
     let row = [0, 0, 100_663_311, 0];
     add("row-env.exr", Way::Environment, over, exr(row, row, 3));
     add("large-env.hdr", Way::Environment, over, hdr(16_384, 8_192));
-    add(
-        "black32k.png",
-        Way::Compare,
-        over,
-        black_png(32_768, 32_768),
-    );
+    let black = black_png(32_768, 32_768);
+    add("black32k.png", Way::Compare, over, black);
     cases
 }
 
@@ -384,72 +358,52 @@ fn geometry() -> Texts {
     let mut grey = sphere(100, 200);
     grey["materials"] = json!([{}]);
     let indexed = json!({ "attributes": { "POSITION": 0 }, "indices": 1 });
-    let normals = json!({
-        "attributes": { "POSITION": 0, "NORMAL": 1 }
-    });
+    let normals = json!({ "attributes": { "POSITION": 0, "NORMAL": 1 } });
+    let strip = json!({ "attributes": { "POSITION": 0 }, "indices": 1, "mode": 5 });
+    // Positions, and what more there is beside three of them.
+    let of_zeros = |primitive: Value, count| {
+        placed(
+            primitive,
+            1,
+            json!({ "accessors": [zeros(count, 5126, "VEC3")] }),
+        )
+    };
+    let beside = |primitive: Value, more: Value| {
+        placed(
+            primitive,
+            1,
+            json!({ "accessors": [zeros(3, 5126, "VEC3"), more] }),
+        )
+    };
+    let many_indices = beside(strip, zeros(67_108_864, 5125, "SCALAR"));
+    let many_normals = beside(normals, zeros(22_000_000, 5126, "VEC3"));
+    let many_targets = of_zeros(with_targets(json!({ "POSITION": 0 }), 300), 3_000_000);
+    let placed_targets = placed(with_targets(json!({}), 20_000), 60_000, triangle);
+    let placed_triangles = placed(indexed, 60_000, grey);
     vec![
-        (
-            "zero-positions.gltf",
-            over,
-            placed(
-                one(),
-                1,
-                json!({ "accessors": [zeros(22_000_000, 5126, "VEC3")] }),
-            ),
-        ),
+        ("zero-positions.gltf", over, of_zeros(one(), 22_000_000)),
         (
             "zero-strip.gltf",
             Some("vertices or triangles"),
-            placed(
-                json!({ "attributes": { "POSITION": 0 }, "indices": 1, "mode": 5 }),
-                1,
-                json!({ "accessors": [zeros(3, 5126, "VEC3"), zeros(67_108_864, 5125, "SCALAR")] }),
-            ),
+            many_indices,
         ),
-        (
-            "zero-normals.gltf",
-            Some("NORMAL has"),
-            placed(
-                normals,
-                1,
-                json!({ "accessors": [zeros(3, 5126, "VEC3"), zeros(22_000_000, 5126, "VEC3")] }),
-            ),
-        ),
-        (
-            "zero-targets.gltf",
-            over,
-            placed(
-                with_targets(json!({ "POSITION": 0 }), 300),
-                1,
-                json!({ "accessors": [zeros(3_000_000, 5126, "VEC3")] }),
-            ),
-        ),
-        (
-            "nodes-and-targets.gltf",
-            over,
-            placed(with_targets(json!({}), 20_000), 60_000, triangle.clone()),
-        ),
+        ("zero-normals.gltf", Some("NORMAL has"), many_normals),
+        ("zero-targets.gltf", over, many_targets),
+        ("nodes-and-targets.gltf", over, placed_targets),
         ("nodes-and-lights.gltf", over, glowing(40_000, 40, 64)),
         ("some-nodes-and-lights.gltf", None, glowing(4_000, 16, 24)),
-        (
-            "coincident.gltf",
-            None,
-            placed(
-                one(),
-                1,
-                json!({ "accessors": [zeros(6_000_000, 5126, "VEC3")] }),
-            ),
-        ),
-        (
-            "nodes-and-triangles.gltf",
-            over,
-            placed(indexed, 60_000, grey),
-        ),
+        ("coincident.gltf", None, of_zeros(one(), 6_000_000)),
+        ("nodes-and-triangles.gltf", over, placed_triangles),
     ]
 }
 
 /// Long lists: they take memory by their length, and so must time.
 fn lists() -> Texts {
+    let over = Some("limits.load_memory");
+    let list_of = |key: &str, one: &str, count: usize| {
+        let all = format!("{one},").repeat(count);
+        format!(r#"{{"asset":{{"version":"2.0"}},"{key}":[{all}{one}]}}"#)
+    };
     let count = 100_000;
     let each = |make: &dyn Fn(usize) -> Value| (0..count).map(make).collect::<Vec<_>>();
     let png = data_uri("image/png", &black_png(1, 1));
@@ -501,7 +455,7 @@ fn lists() -> Texts {
         ),
         (
             "skins.gltf",
-            Some("limits.load_memory"),
+            over,
             document(json!({
                 "nodes": each(&|node| json!({ "mesh": 0, "skin": node / 100 })),
                 "skins": vec![json!({ "joints": [0] }); count / 100],
@@ -513,22 +467,8 @@ fn lists() -> Texts {
                 ],
             })),
         ),
-        (
-            "numbers.gltf",
-            Some("limits.load_memory"),
-            format!(
-                r#"{{"asset":{{"version":"2.0"}},"x":[{}0]}}"#,
-                "0,".repeat(20_000_000)
-            ),
-        ),
-        (
-            "objects.gltf",
-            Some("limits.load_memory"),
-            format!(
-                r#"{{"asset":{{"version":"2.0"}},"nodes":[{}{{}}]}}"#,
-                "{},".repeat(3_000_000)
-            ),
-        ),
+        ("numbers.gltf", over, list_of("x", "0", 20_000_000)),
+        ("objects.gltf", over, list_of("nodes", "{}", 3_000_000)),
     ]
 }
 

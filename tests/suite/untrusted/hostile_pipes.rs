@@ -7,17 +7,12 @@ use std::process::Command;
 use stereolux::images::{ImageRgb, write_exr};
 
 use super::hostile::run;
-use crate::suite::support::Folder;
+use crate::suite::support::{Folder, assert_says};
 
 fn pipe(folder: &Folder, name: &str) -> PathBuf {
     let path = folder.join(name);
-    assert!(
-        Command::new("mkfifo")
-            .arg(&path)
-            .status()
-            .unwrap()
-            .success()
-    );
+    let made = Command::new("mkfifo").arg(&path).status();
+    assert!(made.unwrap().success());
     path
 }
 
@@ -35,22 +30,16 @@ fn a_pipe_without_a_writer_is_given_up() {
     // Each waits for some seconds: side by side.
     std::thread::scope(|scope| {
         for line in &lines {
-            scope.spawn(|| {
-                let outcome = run(line);
-                assert!(
-                    outcome.refusal().contains("has brought nothing for"),
-                    "{outcome:?}"
-                );
-            });
+            scope.spawn(|| assert_says(run(line).refusal(), &["has brought nothing for"]));
         }
     });
     assert!(!folder.join("out").exists());
     // A scene or an environment from a pipe is no file at all.
     let scene = run(&["info", "--scene", &path]);
-    assert!(scene.refusal().contains("not a regular file"), "{scene:?}");
+    assert_says(scene.refusal(), &["not a regular file"]);
     let setting = format!("environment.path={path}");
     let map = run(&["info", "--scene", "builtin:plane", "--set", &setting]);
-    assert!(map.refusal().contains("not a regular file"), "{map:?}");
+    assert_says(map.refusal(), &["not a regular file"]);
 }
 
 #[test]
@@ -58,16 +47,14 @@ fn what_a_pipe_brings_is_read() {
     let folder = Folder::new("hostile-written-pipes");
     let write = |name: &str, bytes: Vec<u8>| {
         let path = pipe(&folder, name);
-        let to = path.clone();
+        let name = path.display().to_string();
         (
-            path.display().to_string(),
-            std::thread::spawn(move || std::fs::write(to, bytes).unwrap()),
+            name,
+            std::thread::spawn(move || std::fs::write(path, bytes).unwrap()),
         )
     };
-    let (config, writer) = write(
-        "config",
-        b"seed = 7\n[photon]\nkernel = \"cone\"\n".to_vec(),
-    );
+    let text = b"seed = 7\n[photon]\nkernel = \"cone\"\n".to_vec();
+    let (config, writer) = write("config", text);
     let outcome = run(&["info", "--config", &config]);
     writer.join().unwrap();
     assert_eq!(outcome.status, Some(0), "{outcome:?}");
@@ -75,22 +62,15 @@ fn what_a_pipe_brings_is_read() {
     let image = folder.join("image.exr");
     write_exr(&image, &ImageRgb::filled(100, 100, [0.5; 3]).unwrap()).unwrap();
     let (piped, writer) = write("image", std::fs::read(&image).unwrap());
-    let outcome = run(&[
-        "compare",
-        &piped,
-        image.to_str().unwrap(),
-        "--max-rel-mse",
-        "0",
-    ]);
+    let image = image.to_str().unwrap();
+    let outcome = run(&["compare", &piped, image, "--max-rel-mse", "0"]);
     writer.join().unwrap();
     assert_eq!(outcome.status, Some(0), "{outcome:?}");
 
     // Without an end: no more than there is use for.
     let endless = run(&["info", "--config", "/dev/zero"]);
-    assert!(endless.refusal().contains("longer than"), "{endless:?}");
+    assert_says(endless.refusal(), &["longer than"]);
     let endless = run(&["compare", "/dev/zero", "/dev/zero"]);
-    assert!(
-        endless.refusal().contains("64 MiB") && endless.peak_mib < 512,
-        "{endless:?}"
-    );
+    assert_says(endless.refusal(), &["64 MiB"]);
+    assert!(endless.peak_mib < 512, "{endless:?}");
 }

@@ -5,7 +5,7 @@ use stereolux::scene::{Scene, load_environment};
 use stereolux::xr::Headset;
 
 use super::hostile::{data_uri, document, run};
-use crate::suite::support::Folder;
+use crate::suite::support::{Folder, assert_says};
 
 /// What a setting of a terminal's title and a cleared screen look like.
 const STEERING: &str = "\u{1b}]0;owned\u{7}\u{1b}[2J\u{9b}2J\u{202e}";
@@ -50,26 +50,18 @@ fn light_beyond_f32_is_counted_and_said() {
     let load = |intensity, lights| {
         Scene::from_bytes("bright.gltf", bright_scene(intensity, lights).as_bytes()).unwrap()
     };
+    let too_bright = |scene: &Scene| {
+        let mut lines = scene.warnings.iter();
+        let found = lines.find(|line| line.contains("more than can be rendered"));
+        found.cloned().unwrap_or_default()
+    };
     let scene = load(3e38, 20);
     assert_eq!(scene.source.too_bright_lights, 20);
-    let said = scene
-        .warnings
-        .iter()
-        .find(|line| line.contains("more than can be rendered"));
-    assert!(
-        said.is_some_and(|line| line.contains("20 of them")),
-        "{:?}",
-        scene.warnings
-    );
+    assert_says(&too_bright(&scene), &["20 of them"]);
     // The sum counts, too.
     let scene = load(5e28, 2000);
     assert_eq!(scene.source.too_bright_lights, 0);
-    assert!(
-        scene
-            .warnings
-            .iter()
-            .any(|line| line.contains("more than can be rendered"))
-    );
+    assert_ne!(too_bright(&scene), "");
     assert!(load(1e6, 20).warnings.is_empty());
 }
 
@@ -83,89 +75,55 @@ fn nothing_out_of_a_file_steers_the_terminal() {
     };
     let long = "x".repeat(100_000);
     let uri = data_uri("image/png", &[0; 100_000]);
-    let faulty: Vec<(String, Value)> = vec![
+    let flat = |name: &str| json!({ "nodes": [{ "name": name, "scale": [0, 0, 0] }] });
+    let wild_uri = format!("{STEERING}.bin");
+    let outside = format!("../{STEERING}\n{long}");
+    for (name, parts) in [
+        ("name", flat(STEERING)),
+        ("long", flat(&long)),
+        ("extension", json!({ "extensionsRequired": [STEERING] })),
         (
-            "name".to_owned(),
-            json!({ "nodes": [{ "name": STEERING, "scale": [0, 0, 0] }] }),
+            "uri",
+            json!({ "buffers": [{ "byteLength": 9, "uri": wild_uri }] }),
         ),
-        (
-            "long".to_owned(),
-            json!({ "nodes": [{ "name": long, "scale": [0, 0, 0] }] }),
-        ),
-        (
-            "extension".to_owned(),
-            json!({ "extensionsRequired": [STEERING] }),
-        ),
-        (
-            "uri".to_owned(),
-            json!({ "buffers": [{ "byteLength": 9, "uri": format!("{STEERING}.bin") }] }),
-        ),
-        ("data".to_owned(), json!({ "scene": uri })),
-        (
-            "outside".to_owned(),
-            json!({ "images": [{ "uri": format!("../{STEERING}\n{long}") }] }),
-        ),
-    ];
-    for (name, parts) in faulty {
+        ("data", json!({ "scene": uri })),
+        ("outside", json!({ "images": [{ "uri": outside }] })),
+    ] {
         let path = write(&format!("{name}.gltf"), document(parts).as_bytes());
         let outcome = run(&["info", "--scene", &path]);
         let line = outcome.refusal();
-        assert!(
-            is_clean(line) && !line.contains("AAAAAAAAAAAAAAAAAAAA"),
-            "{name}: {line:?}"
-        );
+        let is_short = !line.contains("AAAAAAAAAAAAAAAAAAAA");
+        assert!(is_clean(line) && is_short, "{name}: {line:?}");
     }
     // Warnings, and what is printed as JSON.
-    let warned = write(
-        "warned.gltf",
-        document(json!({
-            "extensionsUsed": (0..300).map(|n| format!("{STEERING}{n}")).collect::<Vec<_>>(),
-            "materials": [{ "name": format!("{STEERING}\n\r{long}"), "alphaCutoff": -1.0, "alphaMode": "MASK" }],
-        }))
-        .as_bytes(),
-    );
+    let warned = document(json!({
+        "extensionsUsed": (0..300).map(|n| format!("{STEERING}{n}")).collect::<Vec<_>>(),
+        "materials": [{ "name": format!("{STEERING}\n\r{long}"), "alphaCutoff": -1.0, "alphaMode": "MASK" }],
+    }));
+    let warned = write("warned.gltf", warned.as_bytes());
     let outcome = run(&["info", "--scene", &warned]);
     assert_eq!(outcome.status, Some(0), "{outcome:?}");
-    assert!(
-        is_clean(&outcome.stderr) && is_clean(&outcome.stdout),
-        "{outcome:?}"
-    );
+    let are_clean = is_clean(&outcome.stderr) && is_clean(&outcome.stdout);
+    assert!(are_clean, "{outcome:?}");
     let lines: Vec<&str> = outcome.stderr.lines().collect();
     // A hundred warnings of the file, how many more there are, and one each of light and size.
-    assert!(
-        lines.len() <= 103 && lines.iter().all(|line| line.chars().count() < 320),
-        "{lines:?}"
-    );
-    assert!(
-        lines.iter().any(|line| line.contains("more warnings")),
-        "{lines:?}"
-    );
+    let are_short = lines.iter().all(|line| line.chars().count() < 320);
+    assert!(lines.len() <= 103 && are_short, "{lines:?}");
+    assert_says(&outcome.stderr, &["more warnings"]);
 
-    let map = write(
-        "sky.hdr",
-        format!("#?RADIANCE\nFORMAT={STEERING}\n\n-Y 1 +X {STEERING}\n").as_bytes(),
-    );
+    let map = format!("#?RADIANCE\nFORMAT={STEERING}\n\n-Y 1 +X {STEERING}\n");
+    let map = write("sky.hdr", map.as_bytes());
     let message = load_environment(&map, 1.0).unwrap_err().to_string();
     assert!(is_clean(&message) && !message.contains('\n'), "{message:?}");
     let profile = format!("{STEERING:?} = 1\nname = \"{long}\"\n");
-    let message = Headset::from_toml("profile.toml", &profile)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        is_clean(&message) && message.chars().count() <= 300,
-        "{message:?}"
-    );
-    let trace = write(
-        "wild.jsonl",
-        format!("{{\"{STEERING}\":\"{long}\"}}\n").as_bytes(),
-    );
-    let outcome = run(&[
-        "run",
-        "--trace",
-        &trace[..],
-        "--out",
-        folder.join("out").to_str().unwrap(),
-    ]);
+    let refused = Headset::from_toml("profile.toml", &profile).unwrap_err();
+    let message = refused.to_string();
+    let is_short = message.chars().count() <= 300;
+    assert!(is_clean(&message) && is_short, "{message:?}");
+    let trace = format!("{{\"{STEERING}\":\"{long}\"}}\n");
+    let trace = write("wild.jsonl", trace.as_bytes());
+    let out = folder.join("out").display().to_string();
+    let outcome = run(&["run", "--trace", &trace, "--out", &out]);
     assert!(is_clean(outcome.refusal()), "{outcome:?}");
     let config = write("wild.toml", format!("scene = \"{STEERING}\n").as_bytes());
     assert!(is_clean(run(&["info", "--config", &config]).refusal()));

@@ -1,20 +1,18 @@
 //! The viewer, fed files that mean harm: the old scene stays, and one message says why.
 
-use egui_kittest::kittest::Queryable as _;
 use serde_json::json;
+use stereolux::viewer::App;
 
 use super::hostile::{Way, black_png, cases, document};
 use super::viewer_files::drop_file;
-use super::viewer_support::{Viewer, errors, open, settle, until};
-use crate::suite::support::Folder;
+use super::viewer_support::{Viewer, errors, open, push, settle, until};
+use crate::suite::support::{Folder, assert_says};
 
 fn close_messages(viewer: &mut Viewer) {
     while !errors(viewer.state()).is_empty() {
         // An area is measured before it is shown.
         viewer.step();
-        viewer.get_by_label("Close").click();
-        viewer.step();
-        viewer.step();
+        push(viewer, "Close");
     }
 }
 
@@ -38,10 +36,8 @@ fn the_old_scene_stays_and_one_message_says_why() {
         until(&mut viewer, case.name, |app| !errors(app).is_empty());
         let said = errors(viewer.state());
         assert_eq!(said.len(), 1, "{}: {said:?}", case.name);
-        assert!(
-            said[0].contains(case.name) && said[0].chars().count() <= 300,
-            "{said:?}"
-        );
+        assert_says(said[0], &[case.name]);
+        assert!(said[0].chars().count() <= 300, "{said:?}");
         let app = viewer.state();
         assert_eq!(app.document().scene().name, "builtin:cornell");
         assert_eq!(app.settings().scene, "builtin:cornell");
@@ -74,14 +70,11 @@ fn a_scene_that_names_files_outside_its_folder_is_asked_about() {
         assert!(errors(viewer.state())[0].contains("--allow-outside"));
         assert_eq!(viewer.state().document().scene().name, "builtin:cornell");
         viewer.step();
-        viewer.get_by_label(answer).click();
-        viewer.step();
-        viewer.step();
+        push(&mut viewer, answer);
         close_messages(&mut viewer);
     }
-    until(&mut viewer, "the scene", |app| {
-        app.document().scene().name == "textured"
-    });
+    let is_textured = |app: &App| app.document().scene().name == "textured";
+    until(&mut viewer, "the scene", is_textured);
     // The answer was for this scene alone.
     assert!(!viewer.state().settings().limits.allow_outside);
 }

@@ -8,29 +8,27 @@ use stereolux::renderer::{
     Eye, Inspected, InspectedValues, Inspection, InstanceId, RenderError, Renderer, SeenSurface,
 };
 use stereolux::scene::{AlphaMode, Material};
-
 use stereolux::settings::{Eyes, Force, Method, Reuse};
-use stereolux::xr::{Pose, View};
+use stereolux::xr::View;
 
+use super::bsdf_probe::wide;
 use super::bvh_reference::{ExactInstance, brute_force};
-use super::hard_support::{add, quad};
+use super::hard_support::{add, square_ahead};
 pub use super::photon_map::views;
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
 pub const SIZE: [u32; 2] = [40, 32];
-const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
+const EYES: [Eye; 2] = Eye::BOTH;
 
 pub fn surfaces(renderer: &mut Renderer, eye: Eye) -> Vec<SeenSurface> {
-    renderer
-        .inspect_surfaces(&ShaderLibrary::embedded(), eye)
-        .unwrap()
+    let library = ShaderLibrary::embedded();
+    renderer.inspect_surfaces(&library, eye).unwrap()
 }
 
 pub fn inspected(renderer: &mut Renderer, view: Inspection, eye: Eye) -> Inspected {
-    let found = renderer
-        .inspect(&ShaderLibrary::embedded(), view, eye)
-        .unwrap_or_else(|error| panic!("{view:?}: {error}"));
+    let found = renderer.inspect(&ShaderLibrary::embedded(), view, eye);
+    let found = found.unwrap_or_else(|error| panic!("{view:?}: {error}"));
     let pixels = (found.size[0] * found.size[1]) as usize;
     if let Some(has_value) = &found.has_value {
         assert_eq!(has_value.len(), pixels, "{view:?}");
@@ -54,9 +52,7 @@ pub fn colors(renderer: &mut Renderer, view: Inspection, eye: Eye) -> Vec<[f32; 
 
 /// Ray through the centre of a pixel, from the view alone.
 pub fn center_ray(view: &View, size: [u32; 2], pixel: usize) -> (DVec3, DVec3) {
-    let (x, y) = (pixel as u32 % size[0], pixel as u32 / size[0]);
-    let [x, y] = [x, y].map(|at| f64::from(at) + 0.5);
-    let ray = view.ray_through_pixel(x, y, size[0], size[1]);
+    let ray = pixel_ray(view, pixel, size);
     (ray.origin, ray.direction.normalize())
 }
 
@@ -116,15 +112,13 @@ fn wrong_surfaces(
         };
         certain += 1;
         let triangle = &triangles[first.triangle];
-        let [a, b, c] = [triangle.v0, triangle.v1, triangle.v2].map(|v| {
-            exact[first.instance]
-                .0
-                .transform_point3(glam::Vec3::from(v).as_dvec3())
-        });
+        let place = exact[first.instance].0;
+        let [a, b, c] =
+            [triangle.v0, triangle.v1, triangle.v2].map(|v| place.transform_point3(wide(v)));
         let normal = (b - a).cross(c - a).normalize();
         let facing = -normal.dot(direction).signum();
-        let normal_seen = glam::Vec3::from(seen.geometric_normal_in_world).as_dvec3();
-        let shading = glam::Vec3::from(seen.normal_in_world).as_dvec3();
+        let normal_seen = wide(seen.geometric_normal_in_world);
+        let shading = wide(seen.normal_in_world);
         // Distances: errors of tens of f32 units over slopes down to 1e-2. Normals are packed into 16 bits an axis:
         // a step of 2 / 65,535 in each of two coordinates, folded.
         let agrees = seen.instance == Some(InstanceId(first.instance as u32))
@@ -149,12 +143,10 @@ fn surfaces_are_those_of_an_exhaustive_search_whatever_moves() {
         let settings = method(Method::Path, Reuse::Lookup);
         let mut renderer = renderer(&scene, &settings, SIZE);
         let views = views(&scene, half_degrees);
-        let mut meshes: Vec<usize> = scene.instances().iter().map(|placed| placed.mesh).collect();
-        let mut places: Vec<Option<DAffine3>> = scene
-            .instances()
-            .iter()
-            .map(|placed| Some(placed.world_from_object))
-            .collect();
+        let instances = scene.instances().into_iter();
+        let (mut meshes, mut places): (Vec<usize>, Vec<Option<DAffine3>>) = instances
+            .map(|placed| (placed.mesh, Some(placed.world_from_object)))
+            .unzip();
         frame(&mut renderer, &views);
         let seen = surfaces(&mut renderer, Eye::Left);
         // The two that most pixels see, the room aside.
@@ -208,9 +200,8 @@ fn surfaces_of_deforming_meshes_are_those_of_their_shape() {
     for index in 0..2 {
         renderer.animate(i64::from(index) * 700_000_000);
         renderer.render_frame(&views, index, |_| {}).unwrap();
-        let places: Vec<_> = (0..meshes.len())
-            .map(|slot| renderer.scene().placement(InstanceId(slot as u32)))
-            .collect();
+        let slots = (0..meshes.len() as u32).map(InstanceId);
+        let places: Vec<_> = slots.map(|slot| renderer.scene().placement(slot)).collect();
         let now = exact(&renderer, &meshes, &places);
         let (wrong, certain) = wrong_surfaces(&mut renderer, Eye::Right, &views[1], &now);
         assert!(wrong == 0 && certain > 300, "{index}: {wrong} of {certain}");
@@ -245,34 +236,22 @@ fn depth_normals_steps_and_instances_of_a_plane_in_closed_form() {
     // Beside the plane: nothing but the root's boxes.
     let mut away = start_pose(&scene);
     away.orientation = glam::DQuat::from_rotation_y(std::f64::consts::PI);
-    let away = parallel_views(
-        Pose::new(away.position, away.orientation),
-        0.063,
-        square_fov(30.0),
+    play(
+        &mut renderer,
+        &parallel_views(away, 0.063, square_fov(30.0)),
+        1..2,
     );
-    renderer.render_frame(&away, 1, |_| {}).unwrap();
     let nothing = surfaces(&mut renderer, Eye::Left);
-    assert!(
-        nothing
-            .iter()
-            .all(|s| s.instance.is_none() && s.node.is_none())
-    );
-    assert!(
-        nothing
-            .iter()
-            .all(|s| s.nodes_visited == 1 && s.distance_m == 0.0)
-    );
+    for s in &nothing {
+        assert!(s.instance.is_none() && s.node.is_none(), "{s:?}");
+        assert!(s.nodes_visited == 1 && s.distance_m == 0.0, "{s:?}");
+    }
+    let count = nothing.len();
     let depth = inspected(&mut renderer, Inspection::Depth, Eye::Left);
-    assert_eq!(depth.has_value, Some(vec![false; nothing.len()]));
-    assert_eq!(
-        depth.values,
-        InspectedValues::Scalar(vec![0.0; nothing.len()])
-    );
-    let labels = inspected(&mut renderer, Inspection::Instance, Eye::Left);
-    assert_eq!(
-        labels.values,
-        InspectedValues::Labels(vec![u32::MAX; nothing.len()])
-    );
+    assert_eq!(depth.has_value, Some(vec![false; count]));
+    assert_eq!(depth.values, InspectedValues::Scalar(vec![0.0; count]));
+    let labels = inspected(&mut renderer, Inspection::Instance, Eye::Left).values;
+    assert_eq!(labels, InspectedValues::Labels(vec![u32::MAX; count]));
 }
 
 #[test]
@@ -282,12 +261,11 @@ fn blended_panes_are_there_by_their_coverage_and_not_by_chance() {
         let mut glass = Material::lambert("pane", [0.25; 3]);
         glass.base_color[3] = coverage;
         glass.alpha_mode = AlphaMode::Blend;
-        let corner = DVec3::new(-5.0, -5.0, -1.0);
-        let square = quad(corner, DVec3::X * 10.0, DVec3::Y * 10.0);
-        add(&mut scene, &square, glass);
-        let mut renderer = renderer(&scene, &method(Method::Path, Reuse::Off), SIZE);
-        frame(&mut renderer, &views(&scene, 40.0));
-        let mut seen: Vec<u32> = surfaces(&mut renderer, Eye::Left)
+        add(&mut scene, &square_ahead(5.0, 1.0), glass);
+        let settings = method(Method::Path, Reuse::Off);
+        let mut renderer = rendered(&scene, &settings, SIZE, &views(&scene, 40.0));
+        let seen = surfaces(&mut renderer, Eye::Left);
+        let mut seen: Vec<u32> = seen
             .iter()
             .map(|surface| surface.instance.unwrap().0)
             .collect();
@@ -305,8 +283,7 @@ fn albedo_is_the_textured_base_colour_and_parts_add_up() {
         s.reuse = Reuse::Off;
         s.output.parts = true;
     });
-    let mut renderer = renderer(&scene, &settings, SIZE);
-    frame(&mut renderer, &views(&scene, 40.0));
+    let mut renderer = rendered(&scene, &settings, SIZE, &views(&scene, 40.0));
     for eye in EYES {
         let seen = surfaces(&mut renderer, eye);
         let albedo = colors(&mut renderer, Inspection::Albedo, eye);
@@ -314,14 +291,11 @@ fn albedo_is_the_textured_base_colour_and_parts_add_up() {
         let (mut lambert, mut textured) = (0, 0);
         for (pixel, surface) in seen.iter().enumerate() {
             assert_eq!(albedo[pixel], surface.albedo);
-            let Some(material) = surface
-                .instance
-                .map(|_| &scene.materials[surface.material as usize])
-            else {
+            if surface.instance.is_none() {
                 continue;
-            };
-            if material.metallic == 0.0 && material.specular == 0.0 && material.transmission == 0.0
-            {
+            }
+            let material = &scene.materials[surface.material as usize];
+            if [material.metallic, material.specular, material.transmission] == [0.0; 3] {
                 // A Lambert surface reflects its base colour; one sample goes through the centre too.
                 lambert += 1;
                 textured += usize::from(material.base_color_texture.is_some());
@@ -339,10 +313,8 @@ fn albedo_is_the_textured_base_colour_and_parts_add_up() {
             for c in 0..3 {
                 // Each part is rounded once.
                 let error = (direct[c] + indirect[c] - radiance[c]).abs();
-                assert!(
-                    error <= 1e-6 * radiance[c],
-                    "{direct:?} {indirect:?} {radiance:?}"
-                );
+                let what = format!("{direct:?} {indirect:?} {radiance:?}");
+                assert!(error <= 1e-6 * radiance[c], "{what}");
             }
         }
         assert!(mean(&indirect) > 0.05 * mean(&direct));
@@ -369,31 +341,21 @@ fn looking_leaves_the_frames_as_they_are() {
             renderer.render_frame(&views, index, |_| {}).unwrap();
         }
         for eye in EYES {
-            assert!(
-                bits(&radiance(&plain, eye)) == bits(&radiance(&looked_at, eye)),
-                "frame {index} {eye:?}"
-            );
+            let [plain, other] = [&plain, &looked_at].map(|one| bits(&radiance(one, eye)));
+            assert!(plain == other, "frame {index} {eye:?}");
             for &view in Inspection::ALL {
-                if view != Inspection::Variance
-                    && (view, eye) != (Inspection::Provenance, Eye::Left)
-                {
+                let has_none = (view, eye) == (Inspection::Provenance, Eye::Left);
+                if view != Inspection::Variance && !has_none {
                     inspected(&mut looked_at, view, eye);
                 }
             }
         }
     }
-    assert_eq!(
-        looked_at.pass_names(),
-        passes,
-        "nothing is compiled for frames"
-    );
-    let InspectedValues::Labels(labels) =
-        inspected(&mut looked_at, Inspection::Provenance, Eye::Right).values
-    else {
-        panic!("labels");
-    };
-    let read = looked_at.read_provenance();
-    assert_eq!(Some(labels), read.unwrap());
+    // Nothing is compiled for frames.
+    assert_eq!(looked_at.pass_names(), passes);
+    let found = inspected(&mut looked_at, Inspection::Provenance, Eye::Right).values;
+    let read = looked_at.read_provenance().unwrap().unwrap();
+    assert_eq!(found, InspectedValues::Labels(read));
 }
 
 #[test]
@@ -409,10 +371,7 @@ fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
     });
     let mut renderer = renderer(&scene, &poor, [12, 12]);
     let too_early = renderer.inspect_surfaces(&library, Eye::Left).unwrap_err();
-    assert!(
-        too_early.to_string().contains("render a frame"),
-        "{too_early}"
-    );
+    assert_says(&too_early.to_string(), &["render a frame"]);
     frame(&mut renderer, &views);
     for &view in Inspection::ALL {
         let found = renderer.inspect(&library, view, Eye::Right);
@@ -424,8 +383,7 @@ fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
         assert!(matches!(error, RenderError::Settings(_)), "{error}");
         let text = error.to_string();
         assert!(text.contains(missing) && !text.contains('\n'), "{text}");
-        let mut enough = super::support::renderer(&scene, &view.settings_for(&poor), [12, 12]);
-        frame(&mut enough, &views);
+        let mut enough = rendered(&scene, &view.settings_for(&poor), [12, 12], &views);
         inspected(&mut enough, view, Eye::Right);
     }
     // Another size has no frame yet.
@@ -445,16 +403,11 @@ fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
     assert!(error.contains("inspect_surfaces"), "{error}");
     depth(&mut renderer, &library).unwrap();
     // One eye alone.
-    let context = context();
-    let mut one = Renderer::new(context, &library, &scene, &poor, Eyes::Right, [12, 12]).unwrap();
+    let mut one = renderer_by(&library, &scene, &poor, Eyes::Right, [12, 12]).unwrap();
     frame(&mut one, &views);
-    let (alone, error) = (
-        surfaces(&mut one, Eye::Right),
-        one.inspect(&library, Inspection::Depth, Eye::Left)
-            .unwrap_err(),
-    );
-    assert!(error.to_string().contains("left eye"), "{error}");
-    let mut both = super::support::renderer(&scene, &poor, [12, 12]);
-    frame(&mut both, &views);
+    let alone = surfaces(&mut one, Eye::Right);
+    let error = depth(&mut one, &library).unwrap_err();
+    assert_says(&error.to_string(), &["left eye"]);
+    let mut both = rendered(&scene, &poor, [12, 12], &views);
     assert_eq!(alone, surfaces(&mut both, Eye::Right));
 }

@@ -1,16 +1,20 @@
 //! Views of photons, motion and variance, against counts and sums on the host.
 
+use std::f64::consts::PI;
+
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
+use stereolux::images::luminance;
 use stereolux::renderer::{
     Eye, InspectedValues, Inspection, InstanceId, Photon, PhotonMap, Renderer,
 };
 use stereolux::scene::Scene;
-use stereolux::settings::{Kernel, Method, RenderSettings, Reuse};
-use stereolux::xr::{Pose, View};
+use stereolux::settings::{Kernel, Method, RenderSettings, Reuse, Search};
+use stereolux::xr::View;
 
+use super::bsdf_probe::wide;
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
-use super::photon_map::{clearances, map_only};
+use super::photon_map::{clearances, map_only, unpack_photon};
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
@@ -25,23 +29,13 @@ struct Placed {
     cell: [u32; 3],
 }
 
-/// Twin of `unpack_photon_normal`.
-fn normal_of(bits: u32) -> DVec3 {
-    let part = |bits: u32| f64::from(bits & 8191) / 8191.0 * 2.0 - 1.0;
-    let (x, y) = (part(bits >> 19), part(bits >> 6));
-    let z = 1.0 - x.abs() - y.abs();
-    let fold = (-z).max(0.0);
-    let folded = |v: f64| if v >= 0.0 { v - fold } else { v + fold };
-    DVec3::new(folded(x), folded(y), z).normalize()
-}
-
 fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
     let (origin, _) = map.traced_at().unwrap();
     let (grid, _) = renderer.read_photon_grid(map.kind()).unwrap().unwrap();
     let place = |photon: &Photon| Placed {
-        position: origin + glam::Vec3::from(photon.position).as_dvec3(),
-        normal: normal_of(photon.normal_depth),
-        flux: glam::Vec3::from(photon.flux).as_dvec3(),
+        position: origin + wide(photon.position),
+        normal: unpack_photon(photon).1,
+        flux: wide(photon.flux),
         cell: [0, 1, 2].map(|axis| {
             let at = (photon.position[axis] - grid.origin[axis]) * grid.inverse_edge;
             at.clamp(1.0, grid.dims[axis] as f32 - 2.0) as u32
@@ -58,14 +52,12 @@ fn counts_are_the_hosts(
     size: [u32; 2],
     hashed: bool,
 ) -> u32 {
-    let mut renderer = renderer(scene, settings, size);
-    let views = views(scene, 20.0);
-    frame(&mut renderer, &views);
+    let mut renderer = rendered(scene, settings, size, &views(scene, 20.0));
     // A head that has moved on: photons keep the space of the frame that traced them.
     let mut head = start_pose(scene);
     head.position += DVec3::new(0.03, 0.02, -0.05);
     let views = parallel_views(head, 0.063, square_fov(20.0));
-    renderer.render_frame(&views, 1, |_| {}).unwrap();
+    play(&mut renderer, &views, 1..2);
     let map = renderer.photon_map().unwrap();
     let slices = map.gather_slices();
     let (grid, _) = renderer.read_photon_grid(map.kind()).unwrap().unwrap();
@@ -73,7 +65,7 @@ fn counts_are_the_hosts(
     let photons = placed(&renderer, map);
     let origin = map.traced_at().unwrap().0;
     let radius = f64::from(grid.radius);
-    let area = std::f64::consts::PI * radius * radius;
+    let area = PI * radius * radius;
     let eye = Eye::Right;
     let density = scalars(&mut renderer, Inspection::PhotonDensity, eye);
     let occupancy = scalars(&mut renderer, Inspection::GridOccupancy, eye);
@@ -86,7 +78,7 @@ fn counts_are_the_hosts(
         }
         let (from, direction) = center_ray(&views[1], size, pixel);
         let point = from + direction * f64::from(surface.distance_m);
-        let normal = glam::Vec3::from(surface.geometric_normal_in_world).as_dvec3();
+        let normal = wide(surface.geometric_normal_in_world);
         // f32 misplaces points and photons of a room of 1 m by some 1e-6 m; packed normals turn by up to 4e-4.
         let (mut least, mut most, mut wider) = (0.0, 0.0, 0.0);
         for photon in &photons {
@@ -105,18 +97,15 @@ fn counts_are_the_hosts(
             }
         }
         let count = f64::from(density[pixel]) * area;
+        let allowed = least - 0.01..=most + 0.01;
         assert!(
-            count >= least - 0.01 && count <= most + 0.01,
-            "pixel {pixel}: {count} of {least} to {most}"
+            allowed.contains(&count),
+            "pixel {pixel}: {count} of {allowed:?}"
         );
         found += count;
         others += usize::from(count < wider - 0.01);
-        let at: Vec<f64> = (0..3)
-            .map(|axis| {
-                ((point - origin)[axis] - f64::from(grid.origin[axis]))
-                    * f64::from(grid.inverse_edge)
-            })
-            .collect();
+        let at = (point - origin - wide(grid.origin)) * f64::from(grid.inverse_edge);
+        let at = at.to_array();
         if at.iter().any(|at| (at - at.round()).abs() < 1e-4) {
             continue;
         }
@@ -171,40 +160,21 @@ fn disc_share(x: f64, y: f64, radius: f64, half: f64) -> f64 {
 fn the_density_of_a_plane_integrates_to_its_photons() {
     let scene = builtin("plane");
     let radius = 1.0;
-    let mut renderer = renderer(
-        &scene,
-        &map_only(4096, |s| s.photon.radius_m = radius),
-        [128, 128],
-    );
+    let settings = map_only(4096, |s| s.photon.radius_m = radius);
     // The whole plane: half an edge of 10 m in 2 m is 78.7 degrees.
-    let views = views(&scene, 80.0);
-    frame(&mut renderer, &views);
+    let mut renderer = rendered(&scene, &settings, [128, 128], &views(&scene, 80.0));
     let density = scalars(&mut renderer, Inspection::PhotonDensity, Eye::Left);
     // Pixels are linear in tangents, so each covers the same area of a plane that faces the eye.
     let pixel_m = 2.0 * 80_f64.to_radians().tan() * plane::DISTANCE_M / 128.0;
-    let integral: f64 = density
-        .iter()
-        .map(|&d| f64::from(d) * pixel_m * pixel_m)
-        .sum();
+    let integral = sum(&density) * pixel_m * pixel_m;
     let photons = placed(&renderer, renderer.photon_map().unwrap());
-    let expected: f64 = photons
-        .iter()
-        .map(|photon| {
-            disc_share(
-                photon.position.x,
-                photon.position.y,
-                radius,
-                plane::HALF_EDGE_M,
-            )
-        })
-        .sum();
+    let share = |p: DVec3| disc_share(p.x, p.y, radius, plane::HALF_EDGE_M);
+    let expected: f64 = photons.iter().map(|photon| share(photon.position)).sum();
     // Each photon counts in as many pixels as have their centre in its disc of 5.6 pixels' radius: 100 on average, off by
     // some 2 of them, a different number for each of 4,096 photons: 2 % / 64 in all. The 48 steps of the share do likewise.
     assert!(photons.len() > 1000);
-    assert!(
-        (integral / expected - 1.0).abs() < 2e-3,
-        "{integral} of {expected}"
-    );
+    let off = (integral / expected - 1.0).abs();
+    assert!(off < 2e-3, "{integral} of {expected}");
     assert!((integral / photons.len() as f64 - 1.0).abs() < 0.1);
 }
 
@@ -234,8 +204,8 @@ fn host_dots(
     dots
 }
 
-fn sum(dots: &[f32]) -> f64 {
-    dots.iter().map(|&dot| f64::from(dot)).sum()
+fn sum(values: &[f32]) -> f64 {
+    values.iter().map(|&value| f64::from(value)).sum()
 }
 
 fn difference(a: &[f32], b: &[f32]) -> f64 {
@@ -245,9 +215,9 @@ fn difference(a: &[f32], b: &[f32]) -> f64 {
 #[test]
 fn dots_are_the_photons_that_the_eye_sees() {
     let scene = builtin("cornell");
-    let mut renderer = renderer(&scene, &settings(|s| s.photon.count = 8192), [64, 64]);
+    let settings = settings(|s| s.photon.count = 8192);
     let views = views(&scene, 21.0);
-    frame(&mut renderer, &views);
+    let mut renderer = rendered(&scene, &settings, [64, 64], &views);
     let photons = placed(&renderer, renderer.photon_map().unwrap());
     for (eye, view) in [Eye::Left, Eye::Right].into_iter().zip(&views) {
         let dots = scalars(&mut renderer, Inspection::PhotonDots, eye);
@@ -256,16 +226,11 @@ fn dots_are_the_photons_that_the_eye_sees() {
         // Photons a pixel's width behind an edge count though they are hidden: the boxes' outlines run through some
         // 150 of 4,096 pixels. Which of two pixels a photon lies in is rounding.
         let (wrong, all) = (difference(&dots, &expected), sum(&expected));
-        assert!(
-            all > 1000.0 && wrong < 0.02 * all,
-            "{eye:?}: {wrong} of {all}"
-        );
         // Without a depth test there would be many more.
         let hidden = difference(&unseen, &expected);
-        assert!(
-            hidden > 4.0 * wrong && hidden > 0.05 * all,
-            "{hidden} {wrong} {all}"
-        );
+        let what = format!("{eye:?}: {wrong} of {all}, {hidden} hidden");
+        assert!(all > 1000.0 && wrong < 0.02 * all, "{what}");
+        assert!(hidden > 4.0 * wrong && hidden > 0.05 * all, "{what}");
     }
 }
 
@@ -273,50 +238,32 @@ fn dots_are_the_photons_that_the_eye_sees() {
 fn dots_of_both_maps_on_a_plane_are_all_photons_in_the_picture() {
     // A kd-tree's photons lie in another order.
     let plane = builtin("plane");
-    let mut renderer = renderer(
-        &plane,
-        &map_only(4096, |s| {
-            s.photon.search = stereolux::settings::Search::KdTree
-        }),
-        SIZE,
-    );
+    let settings = map_only(4096, |s| s.photon.search = Search::KdTree);
     let views = views(&plane, 45.0);
-    frame(&mut renderer, &views);
+    let mut renderer = rendered(&plane, &settings, SIZE, &views);
     let photons = placed_anywhere(&renderer);
     let dots = scalars(&mut renderer, Inspection::PhotonDots, Eye::Left);
+    let [width, height] = SIZE;
     let inside = |p: &DVec3| {
         views[0]
-            .pixel_from_point_in_world(*p, SIZE[0], SIZE[1])
+            .pixel_from_point_in_world(*p, width, height)
             .is_some()
     };
     let expected = photons.iter().filter(|p| inside(p)).count() as f64;
     // One on the very border may be rounded out.
-    assert!(
-        (sum(&dots) - expected).abs() <= 1.0 && expected > 500.0,
-        "{} {expected}",
-        sum(&dots)
-    );
-    let refused = renderer.inspect(
-        &ShaderLibrary::embedded(),
-        Inspection::GridOccupancy,
-        Eye::Left,
-    );
-    assert!(
-        refused
-            .unwrap_err()
-            .to_string()
-            .contains("photon.search=grid")
-    );
+    let found = sum(&dots);
+    let off = (found - expected).abs();
+    assert!(off <= 1.0 && expected > 500.0, "{found} {expected}");
+    let library = ShaderLibrary::embedded();
+    let refused = renderer.inspect(&library, Inspection::GridOccupancy, Eye::Left);
+    assert_says(&refused.unwrap_err().to_string(), &["photon.search=grid"]);
 }
 
 fn placed_anywhere(renderer: &Renderer) -> Vec<DVec3> {
     let map = renderer.photon_map().unwrap();
     let (origin, _) = map.traced_at().unwrap();
     let photons = renderer.read_photons(map.kind()).unwrap().unwrap();
-    photons
-        .iter()
-        .map(|p| origin + glam::Vec3::from(p.position).as_dvec3())
-        .collect()
+    photons.iter().map(|p| origin + wide(p.position)).collect()
 }
 
 #[test]
@@ -328,9 +275,8 @@ fn caustic_light_is_the_estimate_from_the_caustic_map_alone() {
         s.photon.kernel = Kernel::Constant;
         s.output.parts = true;
     });
-    let mut renderer = renderer(&scene, &settings, SIZE);
     let views = views(&scene, 25.0);
-    frame(&mut renderer, &views);
+    let mut renderer = rendered(&scene, &settings, SIZE, &views);
     let map = renderer.caustic_map().unwrap();
     let photons = placed(&renderer, map);
     let radius = renderer.caustic_radius_m();
@@ -354,35 +300,26 @@ fn caustic_light_is_the_estimate_from_the_caustic_map_alone() {
             let point = from + direction * f64::from(surface.distance_m);
             // Photons within 1e-5 m of the border count or not.
             let sum_within = |radius: f64| -> f64 {
+                let is_near = |p: &&Placed| p.position.distance(point) < radius && p.normal.y > 0.9;
                 photons
                     .iter()
-                    .filter(|photon| {
-                        photon.position.distance(point) < radius && photon.normal.y > 0.9
-                    })
+                    .filter(is_near)
                     .map(|photon| photon.flux.x)
                     .sum()
             };
-            let scale = f64::from(surface.albedo[0])
-                / std::f64::consts::PI
-                / (std::f64::consts::PI * radius * radius * paths);
-            let (least, most) = (
-                sum_within(radius - 1e-5) * scale,
-                sum_within(radius + 1e-5) * scale,
-            );
+            let area = PI * radius * radius;
+            let scale = f64::from(surface.albedo[0]) / PI / (area * paths);
+            let [least, most] = [-1e-5, 1e-5].map(|more| sum_within(radius + more) * scale);
             let found = f64::from(light[pixel][0]);
             // Lambert: the same weight from every direction, but the shading correction of flat normals rounds.
-            assert!(
-                found >= least * 0.999 - 1e-9 && found <= most * 1.001 + 1e-9,
-                "{pixel}: {found} {least} {most}"
-            );
+            let allowed = least * 0.999 - 1e-9..=most * 1.001 + 1e-9;
+            assert!(allowed.contains(&found), "{pixel}: {found} {allowed:?}");
             bright = bright.max(found);
             total += found;
         }
         let mean = total / f64::from(on_floor);
-        assert!(
-            on_floor > 300 && bright > 5.0 * mean,
-            "{on_floor} {bright} {mean}"
-        );
+        let is_bright = bright > 5.0 * mean;
+        assert!(on_floor > 300 && is_bright, "{on_floor} {bright} {mean}");
     }
 }
 
@@ -393,11 +330,7 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
         let mut head = start_pose(&scene);
         head.position += DVec3::new(0.02, -0.01, 0.015) * step;
         head.orientation *= DQuat::from_rotation_y(0.02 * step);
-        parallel_views(
-            Pose::new(head.position, head.orientation),
-            0.063,
-            square_fov(40.0),
-        )
+        parallel_views(head, 0.063, square_fov(40.0))
     };
     let filtered = settings(|s| {
         s.method = Method::Path;
@@ -417,16 +350,15 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
             let at = DAffine3::from_translation(DVec3::new(0.04, 0.02, 0.0) * f64::from(step))
                 * scene.instances()[3].world_from_object;
             renderer.set_instance_transform(InstanceId(3), at);
-            renderer
-                .render_frame(&view(f64::from(step)), 64 * step, |_| {})
-                .unwrap();
+            play(
+                &mut renderer,
+                &view(f64::from(step)),
+                64 * step..64 * step + 1,
+            );
             if step == 0 {
+                // Nothing came before.
                 let first = inspected(&mut renderer, Inspection::Motion, Eye::Left);
-                assert_eq!(
-                    first.has_value,
-                    Some(vec![false; 1024]),
-                    "nothing came before"
-                );
+                assert_eq!(first.has_value, Some(vec![false; 1024]));
             }
         }
         for eye in [Eye::Left, Eye::Right] {
@@ -461,48 +393,39 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
 fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
     let at_rest = |name: &str, frames: u32, depth: u32| {
         let scene = builtin(name);
-        let mut renderer = renderer(
-            &scene,
-            &settings(|s| {
-                s.method = Method::Path;
-                s.path.max_depth = depth;
-                s.reuse = Reuse::Off;
-                s.reconstruct.svgf = true.into();
-                s.reconstruct.stereo = false;
-                s.reconstruct.moments_alpha = 0.0;
-            }),
-            SIZE,
-        );
+        let settings = settings(|s| {
+            s.method = Method::Path;
+            s.path.max_depth = depth;
+            s.reuse = Reuse::Off;
+            s.reconstruct.svgf = true.into();
+            s.reconstruct.stereo = false;
+            s.reconstruct.moments_alpha = 0.0;
+        });
+        let mut renderer = renderer(&scene, &settings, SIZE);
         let views = views(&scene, 18.0);
         let mut frames_of_luminance = Vec::new();
         for index in 0..frames {
             // Every 64th frame's samples lie at one place in their pixels.
-            renderer.render_frame(&views, 64 * index, |_| {}).unwrap();
+            play(&mut renderer, &views, 64 * index..64 * index + 1);
             let parts = renderer.read_all_parts(Eye::Left).unwrap().unwrap();
-            let luminance: Vec<[f64; 2]> = (0..1024)
-                .map(|pixel| {
-                    [&parts.direct, &parts.indirect].map(|part| {
-                        (0..3)
-                            .map(|c| {
-                                let albedo = f64::from(parts.albedo[pixel][c]).max(0.01);
-                                [0.2126, 0.7152, 0.0722][c] * f64::from(part[pixel][c]) / albedo
-                            })
-                            .sum::<f64>()
-                    })
+            let of_pixel = |pixel: usize| {
+                [&parts.direct, &parts.indirect].map(|part| {
+                    let light = [0, 1, 2].map(|c| {
+                        let albedo = f64::from(parts.albedo[pixel][c]).max(0.01);
+                        f64::from(part[pixel][c]) / albedo
+                    });
+                    luminance(light)
                 })
-                .collect();
-            frames_of_luminance.push(luminance);
+            };
+            frames_of_luminance.push((0..1024).map(of_pixel).collect::<Vec<[f64; 2]>>());
         }
         let variance = scalars(&mut renderer, Inspection::Variance, Eye::Left);
         (variance, frames_of_luminance)
     };
     // A point light on a plane: every frame is the same.
     let (still, _) = at_rest("plane", 4, 2);
-    assert!(
-        still.iter().all(|v| (0.0..1e-9).contains(v)),
-        "{:?}",
-        still[0]
-    );
+    let is_none = |v: &f32| (0.0..1e-9).contains(v);
+    assert!(still.iter().all(is_none), "{:?}", still[0]);
     let (noisy, frames) = at_rest("cornell", 6, 3);
     let count = frames.len() as f64;
     for (pixel, &found) in noisy.iter().enumerate() {
@@ -514,10 +437,8 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
         }
         // At rest every pixel's history is its own; f32's recurrence over six frames.
         let error = (f64::from(found) - expected).abs();
-        assert!(
-            error <= 1e-3 * expected + 1e-6,
-            "{pixel}: {found} {expected}"
-        );
+        let allowed = 1e-3 * expected + 1e-6;
+        assert!(error <= allowed, "{pixel}: {found} {expected}");
     }
     assert!(noisy.iter().filter(|v| **v > 1e-3).count() > 300);
 }

@@ -5,19 +5,21 @@ use std::time::{Duration, Instant};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, tone_map};
-use stereolux::renderer::Eye;
 use stereolux::settings::{Method, Reuse};
 use stereolux::xr::view::Fov;
 use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt as _};
 use x11rb::wrapper::ConnectionExt as _;
 
 use super::openxr_picture::{Screen, block_scene, fault};
-use super::openxr_runtime::{VALIDATION, all_output, complaints};
+use super::openxr_runtime::{VALIDATION, complaints};
 use super::openxr_submit::{bytes, target_texture};
-use super::openxr_support::{PROGRAM, assert_status, frames_so_far, monado, stderr, wait_until};
+use super::openxr_support::{
+    PROGRAM, all_output, assert_status, frames_so_far, monado, stderr, wait_until,
+};
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
 use crate::suite::support::{
-    Folder, bits, builtin, frame, method, parallel_views, radiance, renderer, start_pose, stereolux,
+    Folder, assert_begins, assert_says, bits, both, builtin, frame, method, parallel_views,
+    renderer, start_pose, stereolux, words,
 };
 
 const IMAGE: [u32; 2] = [32, 24];
@@ -39,15 +41,13 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
     settings.output.exposure = 1.5;
     settings.spp = 2;
     let mut renderer = renderer(&scene, &settings, IMAGE);
-    let views = parallel_views(
-        start_pose(&scene),
-        0.07,
-        Fov::from_degrees(-32.0, 28.0, 25.0, -20.0),
+    let fov = Fov::from_degrees(-32.0, 28.0, 25.0, -20.0);
+    frame(
+        &mut renderer,
+        &parallel_views(start_pose(&scene), 0.07, fov),
     );
-    frame(&mut renderer, &views);
     let library = ShaderLibrary::embedded();
-    let images = [Eye::Left, Eye::Right]
-        .map(|eye| Image::new(IMAGE[0], IMAGE[1], radiance(&renderer, eye)).unwrap());
+    let images = both(&renderer).map(|eye| Image::new(IMAGE[0], IMAGE[1], eye).unwrap());
     assert_ne!(bits(&images[0].pixels), bits(&images[1].pixels));
     let pngs = images.each_ref().map(|image| tone_map(image, 1.5));
 
@@ -75,36 +75,31 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
                 assert!(off <= 1, "{format:?} {x}, {y}: {texel:?}, {expected}");
             }
             let other = &pngs[1 - eye].pixels[pixel];
-            exchanged += u32::from(
-                [2, 1, 0]
-                    .iter()
-                    .zip(other)
-                    .any(|(channel, value)| texel[*channel].abs_diff(*value) > 1),
-            );
+            let is_off = |channel: usize| texel[2 - channel].abs_diff(other[channel]) > 1;
+            exchanged += u32::from((0..3).any(is_off));
         }
         // The comparison would notice an exchange of the eyes.
         assert!(exchanged > 100, "{exchanged}");
     }
 
     // Half as large: the mean of four pixels' display light.
-    let view = target_texture(
-        renderer.context(),
+    let (half, format) = (
         [IMAGE[0], IMAGE[1] / 2],
         wgpu::TextureFormat::Rgba8UnormSrgb,
     );
+    let view = target_texture(renderer.context(), half, format);
     renderer.mirror_to(&library, &view).unwrap();
     let found = bytes(renderer.context(), &view, 4);
     for (index, texel) in found.chunks_exact(4).enumerate() {
         let (x, y) = (index as u32 % IMAGE[0], index as u32 / IMAGE[0]);
         let (eye, x) = ((2 * x / IMAGE[0]) as usize, x % (IMAGE[0] / 2));
         for (channel, value) in texel[..3].iter().enumerate() {
-            let mean = (0..4)
-                .map(|tap| {
-                    let pixel = (2 * y + tap / 2) * IMAGE[0] + 2 * x + tap % 2;
-                    let linear = images[eye].pixels[pixel as usize][channel];
-                    f64::from(aces_filmic(linear * 1.5)) / 4.0
-                })
-                .sum();
+            let tap = |tap: u32| {
+                let pixel = (2 * y + tap / 2) * IMAGE[0] + 2 * x + tap % 2;
+                let linear = images[eye].pixels[pixel as usize][channel];
+                f64::from(aces_filmic(linear * 1.5)) / 4.0
+            };
+            let mean = (0..4).map(tap).sum();
             // 0.6 of a step for the store, the rest for f32 sums and the device's own curve.
             let off = (f64::from(*value) - srgb_step(mean)).abs();
             assert!(off < 1.1, "{x}, {y}: {value} for {}", srgb_step(mean));
@@ -133,12 +128,8 @@ fn halves(columns: usize) -> [std::ops::Range<usize>; 2] {
 
 fn resize(display: &str, width: u32, height: u32) {
     let (connection, window) = find_window(display);
-    connection
-        .configure_window(
-            window,
-            &ConfigureWindowAux::new().width(width).height(height),
-        )
-        .unwrap();
+    let size = ConfigureWindowAux::new().width(width).height(height);
+    connection.configure_window(window, &size).unwrap();
     connection.sync().unwrap();
 }
 
@@ -148,11 +139,11 @@ fn the_window_shows_the_scene_follows_its_size_and_may_be_closed() {
     let xvfb = Xvfb::start(&folder);
     let scene = block_scene(&folder);
     let out = folder.join("out");
+    let run = "run --session simulated --motion still --headset symmetric --frames 100000 --mirror --size 256x256 \
+               --photons 0 --method path --set output.images=false";
     let mut child = Command::new(PROGRAM)
-        .args(["run", "--session", "simulated", "--motion", "still"])
-        .args(["--headset", "symmetric", "--frames", "100000", "--mirror"])
-        .args(["--size", "256x256", "--photons", "0", "--method", "path"])
-        .args(["--scene", &scene, "--set", "output.images=false"])
+        .args(words(run))
+        .args(["--scene", &scene])
         .args(["--out", out.to_str().unwrap()])
         .env("DISPLAY", &xvfb.display)
         .env("WINIT_X11_SCALE_FACTOR", "1")
@@ -171,26 +162,21 @@ fn the_window_shows_the_scene_follows_its_size_and_may_be_closed() {
     let smaller = shows(&xvfb, 600, 400).map(|_| ());
     ask_to_close(&xvfb.display);
     let closed_at = frames_so_far(&out);
-    wait_until(&mut child, "twenty more frames", || {
-        frames_so_far(&out) >= closed_at + 20
-    });
+    let goes_on = || frames_so_far(&out) >= closed_at + 20;
+    wait_until(&mut child, "twenty more frames", goes_on);
     let after = fault(&Screen::read(&xvfb.screen), halves(600), 400);
-    assert!(
-        Command::new("kill")
-            .arg(child.id().to_string())
-            .status()
-            .unwrap()
-            .success()
-    );
+    let killed = Command::new("kill").arg(child.id().to_string()).status();
+    assert!(killed.unwrap().success());
     let output = child.wait_with_output().unwrap();
     let text = stderr(&output);
-    let exchanged = exchanged.unwrap();
-    assert!(exchanged.unwrap().starts_with("eyes exchanged"));
+    assert_begins(&exchanged.unwrap().unwrap(), "eyes exchanged");
     smaller.unwrap();
     // Closed: nothing of it is on the screen, and the run went on.
-    assert!(after.unwrap().starts_with("a block is missing"));
-    assert!(text.contains("the mirror was closed"), "{text}");
-    assert!(text.contains("error: interrupted after "), "{text}");
+    assert_begins(&after.unwrap(), "a block is missing");
+    assert_says(
+        &text,
+        &["the mirror was closed", "error: interrupted after "],
+    );
     assert_status(&output, 1);
 }
 
@@ -223,7 +209,7 @@ fn the_window_shows_what_an_openxr_session_renders() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(screen, Ok(()), "{}", stderr(&output));
     assert_status(&output, 1);
-    assert!(stderr(&output).contains("error: interrupted after "));
+    assert_says(&stderr(&output), &["error: interrupted after "]);
     // The window's images too are used as Vulkan wants it.
     assert_eq!(complaints(&all_output(&output)), Vec::<&str>::new());
 }
@@ -244,11 +230,11 @@ fn without_a_display_the_mirror_is_refused_in_one_line() {
         assert_status(&output, 2);
         let text = stderr(&output);
         assert_eq!(text.lines().count(), 1, "{text}");
-        assert!(
-            text.starts_with(&format!("error: --mirror: no window can be opened ({says}"))
-                && text.contains("the run works without it"),
-            "{text}"
+        assert_begins(
+            &text,
+            &format!("error: --mirror: no window can be opened ({says}"),
         );
+        assert_says(&text, &["the run works without it"]);
         assert!(!out.exists(), "a refused run leaves no files");
     }
     // `render` has no such flag.

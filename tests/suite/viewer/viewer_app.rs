@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, vec2};
 use egui_kittest::kittest::Queryable as _;
 use glam::DVec3;
@@ -13,8 +14,8 @@ use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
 
 use super::viewer_support::{
-    changed, choose, click_at, drag, errors, narrow, node_of, open, path_tracing, place_of, press,
-    settle, shown, type_into, until,
+    assert_no_errors, changed, choose, click_at, click_node, drag, fields, hold, narrow, node_of,
+    open, path_tracing, picture, place_of, press, push, settle, shown, two_steps, type_into, until,
 };
 use crate::suite::support::Folder;
 
@@ -22,24 +23,16 @@ use crate::suite::support::Folder;
 fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
     let folder = Folder::new("viewer-walk");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let before = shown(viewer.state()).eyes[0].pixels.clone();
+    let before = picture(&viewer);
     let start = viewer.state().head();
-    viewer.key_down(Key::W);
-    viewer.step();
-    for _ in 0..10 {
-        viewer.step();
-    }
-    viewer.key_up(Key::W);
-    viewer.step();
+    hold(&mut viewer, Key::W, 11);
     let walked = viewer.state().head();
     let ahead = start.orientation * DVec3::NEG_Z;
     let way = walked.position - start.position;
     assert!(way.dot(ahead) > 0.01, "{way}");
     // Straight ahead, to rounding.
-    assert!(
-        way.cross(ahead).length() < 1e-9 * way.length().max(1.0),
-        "{way}"
-    );
+    let aside = way.cross(ahead).length();
+    assert!(aside < 1e-9 * way.length().max(1.0), "{way}");
     let left_eye = narrow().views_from_head(&walked)[0];
     settle(&mut viewer);
     assert_eq!(shown(viewer.state()).views[0], left_eye);
@@ -60,11 +53,7 @@ fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
     assert!((-40.0..-25.0).contains(&turn), "{turn}");
     press(&mut viewer, Modifiers::NONE, Key::Home);
     assert_eq!(viewer.state().head(), start);
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -72,30 +61,23 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
     let folder = Folder::new("viewer-colour");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     for name in ["tall block", "short block", "back wall"] {
-        let at = place_of(viewer.state(), name);
-        click_at(&mut viewer, at);
-        let node = node_of(viewer.state().document().scene(), name);
+        let node = click_node(&mut viewer, name);
         assert_eq!(viewer.state().selected(), Some(node), "{name}");
     }
-    let at = place_of(viewer.state(), "left wall");
-    click_at(&mut viewer, at);
+    let wall = click_node(&mut viewer, "left wall");
     viewer.step();
     let scene = viewer.state().document().scene();
-    let mesh = scene.nodes[node_of(scene, "left wall")].mesh.unwrap();
+    let mesh = scene.nodes[wall].mesh.unwrap();
     let material = scene.meshes[mesh].triangles[0].material as usize;
     let from = scene.materials[material].clone();
-    let before = shown(viewer.state()).eyes[0].pixels.clone();
+    let before = picture(&viewer);
 
     // The third number of the base colour, typed.
-    let row = viewer.get_by_label("Base colour").rect();
-    let blue = viewer
-        .get_all_by_role(egui::accesskit::Role::SpinButton)
-        .filter(|field| (field.rect().center().y - row.center().y).abs() < 8.0)
-        .max_by(|a, b| a.rect().min.x.total_cmp(&b.rect().min.x))
-        .unwrap()
-        .rect()
-        .center();
-    type_into(&mut viewer, blue, "0.9");
+    let row = viewer.get_by_label("Base colour").rect().center();
+    let mut numbers = fields(&viewer, Role::SpinButton);
+    numbers.retain(|field| (field.y - row.y).abs() < 8.0);
+    numbers.sort_by(|a, b| a.x.total_cmp(&b.x));
+    type_into(&mut viewer, *numbers.last().unwrap(), "0.9");
     viewer.step();
     let to = &viewer.state().document().scene().materials[material];
     assert_eq!(to.base_color[2], 0.9);
@@ -104,20 +86,14 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
     assert!(viewer.state().document().undo_label().is_some());
     settle(&mut viewer);
     // The red wall has become violet where it is seen.
-    let node = node_of(viewer.state().document().scene(), "left wall") as u32;
     let blue_of = |pixels: &[egui::Color32], frame: &FrameReport| {
-        let wall = frame.seen[0].nodes.iter().zip(pixels);
-        let of_wall: Vec<f64> = wall
-            .filter(|(seen, _)| **seen == node)
-            .map(|(_, pixel)| f64::from(pixel.b()))
-            .collect();
-        of_wall.iter().sum::<f64>() / of_wall.len() as f64
+        let seen = frame.seen[0].nodes.iter().zip(pixels);
+        let of_wall = seen.filter(|(seen, _)| **seen == wall as u32);
+        let blue: Vec<f64> = of_wall.map(|(_, pixel)| f64::from(pixel.b())).collect();
+        blue.iter().sum::<f64>() / blue.len() as f64
     };
     let frame = shown(viewer.state());
-    let [was, is] = [
-        blue_of(&before, frame),
-        blue_of(&frame.eyes[0].pixels, frame),
-    ];
+    let [was, is] = [&before, &frame.eyes[0].pixels].map(|pixels| blue_of(pixels, frame));
     assert!(is > was + 20.0, "{was} {is}");
 
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
@@ -128,15 +104,9 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
     // Noise of two means of path traced frames, far under the step above.
     assert!((back - was).abs() < 10.0, "{was} {back}");
     press(&mut viewer, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
-    assert_eq!(
-        viewer.state().document().scene().materials[material].base_color[2],
-        0.9
-    );
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    let again = &viewer.state().document().scene().materials[material];
+    assert_eq!(again.base_color[2], 0.9);
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -144,13 +114,11 @@ fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
     let folder = Folder::new("viewer-handle");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     let at = place_of(viewer.state(), "tall block");
-    click_at(&mut viewer, at);
-    viewer.step();
-    viewer.step();
+    let node = click_node(&mut viewer, "tall block");
+    two_steps(&mut viewer);
     let scene = viewer.state().document().scene();
-    let node = node_of(scene, "tall block");
     let from = scene.nodes[node].clone();
-    let before = shown(viewer.state()).eyes[0].pixels.clone();
+    let before = picture(&viewer);
     let [x_handle, ..] = viewer.state().gizmo_handles().expect("handles");
     drag(&mut viewer, x_handle, vec2(40.0, 0.0));
     let to = viewer.state().document().scene().nodes[node].clone();
@@ -169,11 +137,7 @@ fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     assert_eq!(viewer.state().document().scene().nodes[node], from);
     assert!(!viewer.state().document().is_modified());
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -186,17 +150,11 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
         choose(&mut viewer, now, layout.name());
         assert_eq!(viewer.state().layout(), layout);
         viewer.step();
-        let parts: Vec<Part> = viewer
-            .state()
-            .shown_at()
-            .iter()
-            .map(|(part, _)| *part)
-            .collect();
-        assert_eq!(parts, layout.parts());
+        let parts = viewer.state().shown_at().iter().map(|(part, _)| *part);
+        assert_eq!(parts.collect::<Vec<Part>>(), layout.parts());
     }
-    until(&mut viewer, "the other method's picture", |app| {
-        shown(app).other.is_some()
-    });
+    let has_other = |app: &App| shown(app).other.is_some();
+    until(&mut viewer, "the other method's picture", has_other);
     assert_eq!(viewer.state().other_settings().render.method, Method::Path);
     choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
     let mut pictures: Vec<(ViewMode, Arc<egui::ColorImage>)> = Vec::new();
@@ -225,11 +183,7 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
         }
         pictures.push((mode, picture));
     }
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -239,12 +193,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         path_tracing(settings);
         settings.render.reuse = Reuse::Off;
     });
-    let pictures = |app: &App| {
-        shown(app)
-            .eyes
-            .clone()
-            .map(|picture| picture.pixels.clone())
-    };
+    let pictures = |app: &App| shown(app).eyes.each_ref().map(|eye| eye.pixels.clone());
     // Single samples of a lit room: eyes that see it from other places differ in far more than this.
     let far = |a: &[egui::Color32], b: &[egui::Color32]| {
         let differing = a.iter().zip(b).filter(|(a, b)| a.r().abs_diff(b.r()) > 60);
@@ -259,21 +208,14 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         let frame = shown(viewer.state());
         let rendered = [0, 1].map(|eye| frame.radiance[eye].is_some());
         assert_eq!(rendered, [eye == 0, eye == 1]);
-        let passes: Vec<&String> = frame.stats.pass_ms.keys().collect();
+        let mut passes = frame.stats.pass_ms.keys();
         // A single eye lies in the left one's buffers, whichever it is.
-        assert!(
-            passes.iter().all(|pass| !pass.starts_with("right.")),
-            "{passes:?}"
-        );
+        assert!(passes.all(|pass| !pass.starts_with("right.")));
         let one = &frame.eyes[eye].pixels;
-        assert!(
-            2 * far(one, &both[eye]) < far(one, &both[1 - eye]),
-            "{next:?}"
-        );
+        let [own, other] = [eye, 1 - eye].map(|eye| far(one, &both[eye]));
+        assert!(2 * own < other, "{next:?}: {own} {other}");
         // A click finds what that eye sees.
-        let at = place_of(viewer.state(), "short block");
-        click_at(&mut viewer, at);
-        let block = node_of(viewer.state().document().scene(), "short block");
+        let block = click_node(&mut viewer, "short block");
         assert_eq!(viewer.state().selected(), Some(block));
 
         press(&mut viewer, Modifiers::NONE, Key::F12);
@@ -288,11 +230,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
     until(&mut viewer, "both eyes", App::is_up_to_date);
     let frame = shown(viewer.state());
     assert!(frame.radiance.iter().all(Option::is_some));
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -304,20 +242,13 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
         let seen = &shown(app).seen[0];
         seen.nodes.iter().filter(|seen| **seen == node).count()
     };
-    let search = viewer
-        .get_all_by_role(egui::accesskit::Role::TextInput)
-        .min_by(|a, b| a.rect().min.x.total_cmp(&b.rect().min.x))
-        .unwrap()
-        .rect()
-        .center();
+    let inputs = fields(&viewer, Role::TextInput).into_iter();
+    let search = inputs.min_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
     click_at(&mut viewer, search);
     viewer.event(egui::Event::Text("TALL".to_owned()));
-    viewer.step();
-    viewer.step();
+    two_steps(&mut viewer);
     assert!(viewer.query_by_label("short block").is_none());
-    viewer.get_by_label("tall block").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "tall block");
     let node = node_of(viewer.state().document().scene(), "tall block");
     assert_eq!(viewer.state().selected(), Some(node));
     assert!(count(viewer.state(), "tall block") > 50);
@@ -332,8 +263,7 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     settle(&mut viewer);
     assert!(count(viewer.state(), "tall block") > 50);
-    let at = place_of(viewer.state(), "tall block");
-    click_at(&mut viewer, at);
+    click_node(&mut viewer, "tall block");
     press(&mut viewer, Modifiers::NONE, Key::Delete);
     assert_eq!(viewer.state().selected(), None);
     settle(&mut viewer);
@@ -341,11 +271,7 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     settle(&mut viewer);
     assert!(count(viewer.state(), "tall block") > 50);
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    assert_no_errors(&viewer);
 }
 
 #[test]
@@ -359,8 +285,7 @@ fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     press(&mut viewer, Modifiers::NONE, Key::Escape);
     viewer.step();
     assert!(viewer.query_by_label("this help").is_none());
-    let at = place_of(viewer.state(), "tall block");
-    click_at(&mut viewer, at);
+    click_node(&mut viewer, "tall block");
     press(&mut viewer, Modifiers::NONE, Key::Delete);
     assert!(viewer.state().document().is_modified());
     for _ in 0..3 {
@@ -379,8 +304,6 @@ fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     press(&mut viewer, Modifiers::COMMAND, Key::Q);
     assert_eq!(viewer.state_mut().take_commands(), [WindowCommand::Quit]);
     press(&mut viewer, Modifiers::NONE, Key::F11);
-    assert_eq!(
-        viewer.state_mut().take_commands(),
-        [WindowCommand::ToggleFullScreen]
-    );
+    let commands = viewer.state_mut().take_commands();
+    assert_eq!(commands, [WindowCommand::ToggleFullScreen]);
 }

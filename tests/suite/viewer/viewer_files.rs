@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, vec2};
 use egui_kittest::kittest::Queryable as _;
 use stereolux::images::{ImageRgb, aces_filmic, read_image, srgb_encode, write_exr};
@@ -14,10 +15,11 @@ use stereolux::settings::Light;
 use stereolux::viewer::App;
 
 use super::viewer_support::{
-    SIZE, Viewer, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
-    shown, type_into, until,
+    SIZE, Viewer, assert_no_errors, click_at, click_node, drag, fields, node_of, open,
+    path_tracing, press, push, settle, shown, two_steps, type_into, until, until_error,
+    until_shown,
 };
-use crate::suite::support::{Folder, renderer, stereolux};
+use crate::suite::support::{Folder, assert_success, renderer, run_into};
 
 /// The mean over `frames` frames that ended with `last`, as `render` would make it from files.
 fn rendered(settings: &Path, scene: &Path, viewer: &App, last: u32, frames: u32) -> Vec<[f64; 3]> {
@@ -37,25 +39,20 @@ fn rendered(settings: &Path, scene: &Path, viewer: &App, last: u32, frames: u32)
             }
         }
     }
-    sum.iter()
-        .map(|sum| sum.map(|channel| channel / f64::from(frames)))
-        .collect()
+    let mean = |sum: [f64; 3]| sum.map(|channel| channel / f64::from(frames));
+    sum.into_iter().map(mean).collect()
 }
 
 #[test]
 fn what_is_saved_renders_to_the_picture_that_was_shown() {
     let folder = Folder::new("viewer-save");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let at = place_of(viewer.state(), "short block");
-    click_at(&mut viewer, at);
-    viewer.step();
-    viewer.step();
+    click_node(&mut viewer, "short block");
+    two_steps(&mut viewer);
     let [x_handle, ..] = viewer.state().gizmo_handles().unwrap();
     drag(&mut viewer, x_handle, vec2(-30.0, 0.0));
     viewer.get_by_label("Delete Del").scroll_to_me();
-    viewer.get_by_label("Add child with light").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Add child with light");
     settle(&mut viewer);
     press(&mut viewer, Modifiers::COMMAND, Key::S);
     assert!(!viewer.state().document().is_modified());
@@ -63,52 +60,32 @@ fn what_is_saved_renders_to_the_picture_that_was_shown() {
     viewer.step();
     viewer.get_by_label("Save as TOML").click();
     viewer.step();
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
-    let (settings, scene) = (
-        folder.join("settings.toml"),
-        folder.join("cornell_edited.glb"),
-    );
+    assert_no_errors(&viewer);
+    let [settings, scene] = ["settings.toml", "cornell_edited.glb"].map(|name| folder.join(name));
     let frame = shown(viewer.state());
     let (last, frames) = (frame.index, frame.frames);
     let pixels = frame.eyes[0].pixels.clone();
-    let again = rendered(&settings, &scene, viewer.state(), last, frames);
     let byte = |linear: f64| (srgb_encode(aces_filmic(linear as f32)) * 255.0).round() as u8;
-    let differing = again
-        .iter()
-        .zip(&pixels)
-        .filter(|(mean, shown)| mean.map(byte) != [shown.r(), shown.g(), shown.b()])
-        .count();
+    let differing = |scene: &Path| {
+        let again = rendered(&settings, scene, viewer.state(), last, frames);
+        let pairs = again.iter().zip(&pixels);
+        let shown = pairs.map(|(mean, shown)| (mean.map(byte), [shown.r(), shown.g(), shown.b()]));
+        shown.filter(|(again, shown)| again != shown).count()
+    };
     // The same frames of the same scene: equal to the last byte. Records of an edited scene keep the order of a scene that
     // was just read, so not even rounding differs.
-    assert_eq!(differing, 0);
+    assert_eq!(differing(&scene), 0);
     // The comparison would notice the lamp that was added.
     let plain = Folder::new("viewer-save-plain");
     let unedited = plain.join("plain.glb");
     let mut document = Document::load("builtin:cornell").unwrap();
     document.save(&unedited).unwrap();
-    let other = rendered(&settings, &unedited, viewer.state(), last, frames);
-    let differing = other
-        .iter()
-        .zip(&pixels)
-        .filter(|(mean, shown)| mean.map(byte) != [shown.r(), shown.g(), shown.b()])
-        .count();
-    assert!(differing > pixels.len() / 4, "{differing}");
+    let others = differing(&unedited);
+    assert!(others > pixels.len() / 4, "{others}");
     // The command takes them too.
-    let out = folder.join("rendered");
-    let output = stereolux(&[
-        "render",
-        "--config",
-        settings.to_str().unwrap(),
-        "--scene",
-        scene.to_str().unwrap(),
-        "--out",
-        out.to_str().unwrap(),
-    ]);
-    assert!(output.status.success(), "{output:?}");
+    let [settings, scene] = [&settings, &scene].map(|path| path.to_str().unwrap());
+    let saved = ["--config", settings, "--scene", scene];
+    assert_success(&run_into(&folder.join("rendered"), "render", &saved));
 }
 
 #[test]
@@ -118,11 +95,7 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
     press(&mut viewer, Modifiers::NONE, Key::T);
     let png = folder.join("view_0000.png");
     until(&mut viewer, "a screenshot", |app| {
-        png.exists()
-            && app
-                .messages()
-                .iter()
-                .any(|m| m.text.contains("view_0000.png"))
+        png.exists() && has_said(app, "view_0000.png")
     });
     let picture = read_image(&png).unwrap();
     assert_eq!([picture.width, picture.height], [2 * SIZE[0], SIZE[1]]);
@@ -143,9 +116,12 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
     }
     // The next one has the next number.
     press(&mut viewer, Modifiers::NONE, Key::F12);
-    until(&mut viewer, "another", |_| {
-        folder.join("view_0001.png").exists()
-    });
+    let next = folder.join("view_0001.png");
+    until(&mut viewer, "another", |_| next.exists());
+}
+
+fn has_said(app: &App, what: &str) -> bool {
+    app.messages().iter().any(|m| m.text.contains(what))
 }
 
 #[derive(Debug)]
@@ -180,33 +156,25 @@ fn a_broken_file_is_refused_and_a_good_one_opens() {
         (folder.join("notes.doc"), "is no scene"),
     ] {
         drop_file(&mut viewer, &path);
-        until(&mut viewer, "an error", |app| {
-            errors(app).iter().any(|e| e.contains(says))
-        });
+        until_error(&mut viewer, says);
     }
     assert_eq!(viewer.state().document().scene().name, "builtin:cornell");
     assert_eq!(shown(viewer.state()).seen[0].size, SIZE);
     settle(&mut viewer);
 
     let good = folder.join("gallery.glb");
-    Document::load("builtin:gallery")
-        .unwrap()
-        .save(&good)
-        .unwrap();
+    let mut gallery = Document::load("builtin:gallery").unwrap();
+    gallery.save(&good).unwrap();
     drop_file(&mut viewer, &good);
-    until(&mut viewer, "the scene", |app| {
-        app.document().scene().name != "builtin:cornell"
-    });
+    let is_other = |app: &App| app.document().scene().name != "builtin:cornell";
+    until(&mut viewer, "the scene", is_other);
     assert_eq!(viewer.state().settings().scene, good.to_string_lossy());
     settle(&mut viewer);
     // Every node that is seen is the new scene's.
     let nodes = viewer.state().document().scene().nodes.len() as u32;
     let seen = &shown(viewer.state()).seen[0];
-    assert!(
-        seen.nodes
-            .iter()
-            .all(|node| *node < nodes || *node == u32::MAX)
-    );
+    let is_known = |node: &u32| *node < nodes || *node == u32::MAX;
+    assert!(seen.nodes.iter().all(is_known));
     assert!(seen.nodes.iter().any(|node| *node != u32::MAX));
 }
 
@@ -225,16 +193,11 @@ fn a_scene_without_light_is_lit_when_it_is_opened_and_the_next_one_is_left_alone
     let dark = folder.join("dark.glb");
     document.save(&dark).unwrap();
     // Without light every pixel is black; the corners see nothing but what is around.
-    for (path, around) in [
-        (&dark, "builtin:studio"),
-        (&lit, ""),
-        (&dark, "builtin:studio"),
-    ] {
+    let studio = "builtin:studio";
+    for (path, around) in [(&dark, studio), (&lit, ""), (&dark, studio)] {
         drop_file(&mut viewer, path);
         let name = path.to_string_lossy().into_owned();
-        until(&mut viewer, "the scene", |app| {
-            app.settings().scene == name && app.is_up_to_date()
-        });
+        until_shown(&mut viewer, "the scene", |app| app.settings().scene == name);
         let app = viewer.state();
         assert_eq!(app.settings().environment.path, around, "{name}");
         let is_black = shown(app).eyes[0].pixels[0] == egui::Color32::BLACK;
@@ -251,46 +214,36 @@ fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
     let sky = folder.join("sky.exr");
     write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
     drop_file(&mut viewer, &sky);
-    until(&mut viewer, "the sky", |app| {
-        app.is_up_to_date() && corner(app) != egui::Color32::BLACK
+    until_shown(&mut viewer, "the sky", |app| {
+        corner(app) != egui::Color32::BLACK
     });
     let byte = |linear: f32| (srgb_encode(aces_filmic(linear)) * 255.0).round() as u8;
     assert_eq!(corner(viewer.state()).r(), byte(0.2));
     let path = sky.to_string_lossy();
     assert_eq!(viewer.state().settings().environment.path, path);
 
-    viewer.get_by_label("Settings").click();
-    viewer.step();
-    viewer.step();
-    let search = viewer
-        .get_all_by_role(egui::accesskit::Role::TextInput)
-        .filter(|field| field.rect().min.x > 800.0)
-        .min_by(|a, b| a.rect().min.y.total_cmp(&b.rect().min.y))
-        .unwrap()
-        .rect()
-        .center();
+    push(&mut viewer, "Settings");
+    let in_panel = |viewer: &Viewer, role| {
+        let mut found = fields(viewer, role);
+        found.retain(|field| field.x > 800.0);
+        found
+    };
+    let inputs = in_panel(&viewer, Role::TextInput).into_iter();
+    let search = inputs.min_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
     click_at(&mut viewer, search);
     viewer.event(egui::Event::Text("environment.strength".to_owned()));
-    viewer.step();
-    viewer.step();
-    let strength = viewer
-        .get_all_by_role(egui::accesskit::Role::SpinButton)
-        .find(|field| field.rect().min.x > 800.0)
-        .unwrap()
-        .rect()
-        .center();
+    two_steps(&mut viewer);
+    let strength = in_panel(&viewer, Role::SpinButton)[0];
     type_into(&mut viewer, strength, "2");
-    until(&mut viewer, "a stronger sky", |app| {
-        app.is_up_to_date() && corner(app).r() == byte(0.4)
+    until_shown(&mut viewer, "a stronger sky", |app| {
+        corner(app).r() == byte(0.4)
     });
     assert_eq!(viewer.state().settings().environment.strength, 2.0);
 
     let broken = folder.join("broken.hdr");
     std::fs::write(&broken, b"#?RADIANCE\nno map").unwrap();
     drop_file(&mut viewer, &broken);
-    until(&mut viewer, "an error", |app| {
-        errors(app).iter().any(|error| error.contains("broken.hdr"))
-    });
+    until_error(&mut viewer, "broken.hdr");
     assert_eq!(viewer.state().settings().environment.path, path);
     settle(&mut viewer);
     assert_eq!(corner(viewer.state()).r(), byte(0.4));
@@ -317,17 +270,13 @@ fn a_broken_shader_says_so_and_the_last_good_one_stays() {
     let good = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, good.replacen("fn main(", "fn main(nonsense ", 1)).unwrap();
     press(&mut viewer, Modifiers::NONE, Key::F5);
-    until(&mut viewer, "the shader's error", |app| {
-        errors(app).iter().any(|error| error.contains("path_trace"))
-    });
+    until_error(&mut viewer, "path_trace");
     // Frames go on.
     settle(&mut viewer);
     std::fs::write(&path, good.replacen("fn main(", "// Changed.\nfn main(", 1)).unwrap();
     press(&mut viewer, Modifiers::NONE, Key::F5);
     until(&mut viewer, "the mended shader", |app| {
-        app.messages()
-            .iter()
-            .any(|message| message.text.contains("read again"))
+        has_said(app, "read again")
     });
     settle(&mut viewer);
 }

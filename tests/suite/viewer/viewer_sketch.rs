@@ -10,7 +10,7 @@ use stereolux::xr::View;
 
 use super::openxr_submit::bytes;
 use super::viewer_support::{SIZE, Viewer, node_of, open, path_tracing, shown};
-use crate::suite::support::{Folder, adapter_name};
+use crate::suite::support::{Folder, adapter_name, pixel_ray};
 
 /// Colour of the rim.
 const RIM: [u8; 3] = [255, 170, 30];
@@ -32,7 +32,8 @@ fn left_eye(
         selected,
     };
     let [left, _] = Sketcher::new(&gpu).unwrap().draw(&gpu, &wish).unwrap();
-    bytes(&gpu, &left, 4)
+    let bytes = bytes(&gpu, &left, 4);
+    bytes
         .chunks_exact(4)
         .map(|texel| [texel[0], texel[1], texel[2]])
         .collect()
@@ -52,14 +53,14 @@ fn alike(
     admits: impl Fn(usize) -> bool,
 ) -> f64 {
     let frame = &shown(app).eyes[0].pixels;
-    let pairs: Vec<bool> = (0..frame.len())
-        .filter(|pixel| admits(*pixel))
-        .filter_map(|pixel| Some((frame[pixel], sketch[at(pixel)?])))
-        .map(|(of_frame, of_sketch)| {
-            let of_frame = [of_frame.r(), of_frame.g(), of_frame.b()];
-            (0..3).all(|k| of_frame[k].abs_diff(of_sketch[k]) <= 6)
-        })
-        .collect();
+    let is_alike = |pixel: usize| {
+        let of_sketch = sketch[at(pixel)?];
+        let of_frame = frame[pixel];
+        let of_frame = [of_frame.r(), of_frame.g(), of_frame.b()];
+        Some((0..3).all(|k| of_frame[k].abs_diff(of_sketch[k]) <= 6))
+    };
+    let pixels = (0..frame.len()).filter(|pixel| admits(*pixel));
+    let pairs: Vec<bool> = pixels.filter_map(is_alike).collect();
     assert!(pairs.len() > 50, "{}", pairs.len());
     pairs.iter().filter(|is_alike| **is_alike).count() as f64 / pairs.len() as f64
 }
@@ -97,12 +98,8 @@ fn a_sketch_follows_the_head_and_a_dragged_object_takes_its_light_along() {
     let [width, height] = SIZE;
     let at = |pixel: usize| {
         let distance_m = f64::from(frame.seen[0].distances_m[pixel]);
-        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-        let direction =
-            frame.views[0].direction_in_eye(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
-        let in_world = frame.views[0]
-            .world_from_eye()
-            .transform_point3(direction.normalize() * distance_m);
+        let ray = pixel_ray(&frame.views[0], pixel, SIZE);
+        let in_world = ray.origin + ray.direction * distance_m;
         let (x, y) = views[0].pixel_from_point_in_world(in_world, width, height)?;
         Some(y as usize * width as usize + x as usize)
     };
@@ -119,9 +116,8 @@ fn a_sketch_follows_the_head_and_a_dragged_object_takes_its_light_along() {
     let node = node_of(scene, "short block");
     let mut parent_from_node = lifted.nodes[node].parent_from_node;
     parent_from_node.translation.y += 0.3;
-    Edit::place(node, parent_from_node)
-        .apply(&mut lifted)
-        .unwrap();
+    let lift = Edit::place(node, parent_from_node);
+    lift.apply(&mut lifted).unwrap();
     let selected = (0..lifted.nodes.len()).map(|other| other == node).collect();
     let sketch = left_eye(&lifted, Some((frame, &stand)), frame.views, Some(selected));
     let is_rim: Vec<usize> = (0..sketch.len()).filter(|i| sketch[*i] == RIM).collect();
@@ -129,16 +125,11 @@ fn a_sketch_follows_the_head_and_a_dragged_object_takes_its_light_along() {
         let sum: usize = pixels.iter().map(|pixel| pixel / width as usize).sum();
         sum as f64 / pixels.len() as f64
     };
-    let of_block: Vec<usize> = (0..sketch.len())
-        .filter(|pixel| frame.seen[0].nodes[*pixel] == node as u32)
-        .collect();
+    let is_block = |pixel: &usize| frame.seen[0].nodes[*pixel] == node as u32;
+    let of_block: Vec<usize> = (0..sketch.len()).filter(is_block).collect();
     assert!(is_rim.len() > 10, "{}", is_rim.len());
-    assert!(
-        rows(&is_rim) < rows(&of_block) - 3.0,
-        "{} {}",
-        rows(&is_rim),
-        rows(&of_block)
-    );
+    let (rim, block) = (rows(&is_rim), rows(&of_block));
+    assert!(rim < block - 3.0, "{rim} {block}");
 }
 
 #[test]
@@ -157,9 +148,8 @@ fn a_new_colour_is_seen_before_any_frame() {
     let expected = 0.25_f64.powf(1.0 / 2.2);
     let on_wall = (0..before.len())
         .filter(|pixel| frame.seen[0].nodes[*pixel] == node as u32 && before[*pixel][0] > 60);
-    let ratios: Vec<f64> = on_wall
-        .map(|pixel| f64::from(after[pixel][0]) / f64::from(before[pixel][0]))
-        .collect();
+    let ratio = |pixel: usize| f64::from(after[pixel][0]) / f64::from(before[pixel][0]);
+    let ratios: Vec<f64> = on_wall.map(ratio).collect();
     let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
     assert!((mean - expected).abs() < 0.03, "{mean} {expected}");
 }

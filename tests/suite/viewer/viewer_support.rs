@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
@@ -26,10 +27,9 @@ pub const SIZE: [u32; 2] = [64, 64];
 
 /// A headset that the scenes fill.
 pub fn narrow() -> Headset {
+    let fov = Fov::from_degrees(-21.0, 21.0, 21.0, -21.0);
     let headset = Headset::load("symmetric").unwrap();
-    headset
-        .with_fov(Fov::from_degrees(-21.0, 21.0, 21.0, -21.0))
-        .unwrap()
+    headset.with_fov(fov).unwrap()
 }
 
 pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) -> Viewer {
@@ -69,18 +69,66 @@ pub fn until(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
         if done(viewer.state()) {
             return;
         }
-        let said: Vec<&str> = viewer
-            .state()
-            .messages()
-            .iter()
-            .map(|message| message.text.as_str())
-            .collect();
-        assert!(
-            began.elapsed() < PATIENCE,
-            "{what}: waited in vain; {said:?}"
-        );
+        let said = viewer.state().messages().iter().map(|m| &m.text);
+        let said: Vec<&String> = said.collect();
+        assert!(began.elapsed() < PATIENCE, "{what}: in vain; {said:?}");
         std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+/// Lets the viewer run until a full frame is as `done` wants it.
+pub fn until_shown(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
+    until(viewer, what, |app| app.is_up_to_date() && done(app));
+}
+
+/// Lets the viewer run until an error says so.
+pub fn until_error(viewer: &mut Viewer, says: &str) {
+    let is_said = |app: &App| errors(app).iter().any(|error| error.contains(says));
+    until(viewer, says, is_said);
+}
+
+/// Two passes: egui measures a layout before it is shown.
+pub fn two_steps(viewer: &mut Viewer) {
+    viewer.step();
+    viewer.step();
+}
+
+/// Presses the button of this label.
+pub fn push(viewer: &mut Viewer, label: &str) {
+    viewer.get_by_label(label).click();
+    two_steps(viewer);
+}
+
+/// Clicks where the left eye sees the node of this name, and says which it is.
+pub fn click_node(viewer: &mut Viewer, name: &str) -> usize {
+    let at = place_of(viewer.state(), name);
+    click_at(viewer, at);
+    node_of(viewer.state().document().scene(), name)
+}
+
+/// Holds a key down for so many passes.
+pub fn hold(viewer: &mut Viewer, key: Key, passes: u32) {
+    viewer.key_down(key);
+    for _ in 0..passes {
+        viewer.step();
+    }
+    viewer.key_up(key);
+    viewer.step();
+}
+
+/// Middles of the window's fields of a kind.
+pub fn fields(viewer: &Viewer, role: Role) -> Vec<Pos2> {
+    let fields = viewer.get_all_by_role(role);
+    fields.map(|field| field.rect().center()).collect()
+}
+
+/// The left eye's picture.
+pub fn picture(viewer: &Viewer) -> Vec<egui::Color32> {
+    shown(viewer.state()).eyes[0].pixels.clone()
+}
+
+pub fn assert_no_errors(viewer: &Viewer) {
+    assert_eq!(errors(viewer.state()), Vec::<&str>::new());
 }
 
 pub fn shown(app: &App) -> &FrameReport {
@@ -100,9 +148,8 @@ pub fn place_of(app: &App, name: &str) -> Pos2 {
     let node = node_of(scene, name) as u32;
     let (part, rect) = app.shown_at()[0];
     let seen = &shown(app).seen[part.eye()];
-    let pixels: Vec<usize> = (0..seen.nodes.len())
-        .filter(|pixel| seen.nodes[*pixel] == node)
-        .collect();
+    let mut pixels: Vec<usize> = (0..seen.nodes.len()).collect();
+    pixels.retain(|pixel| seen.nodes[*pixel] == node);
     assert!(pixels.len() > 10, "{name} is hardly seen");
     // One of them, for the middle of a hollow shape lies outside it.
     let pixel = pixels[pixels.len() / 2];
@@ -116,41 +163,34 @@ pub fn node_of(scene: &Scene, name: &str) -> usize {
     found.unwrap_or_else(|| panic!("no node {name}"))
 }
 
-pub fn click_at(viewer: &mut Viewer, at: Pos2) {
-    viewer.hover_at(at);
-    viewer.step();
-    for pressed in [true, false] {
-        viewer.event(egui::Event::PointerButton {
-            pos: at,
-            button: PointerButton::Primary,
-            pressed,
-            modifiers: Modifiers::NONE,
-        });
-        viewer.step();
-    }
-}
-
-pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
-    viewer.hover_at(from);
-    viewer.step();
-    viewer.step();
-    let button = |pos, pressed| egui::Event::PointerButton {
+fn button(viewer: &mut Viewer, pos: Pos2, pressed: bool) {
+    viewer.event(egui::Event::PointerButton {
         pos,
         button: PointerButton::Primary,
         pressed,
         modifiers: Modifiers::NONE,
-    };
-    viewer.event(button(from, true));
+    });
     viewer.step();
+}
+
+pub fn click_at(viewer: &mut Viewer, at: Pos2) {
+    viewer.hover_at(at);
+    viewer.step();
+    button(viewer, at, true);
+    button(viewer, at, false);
+}
+
+pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
+    viewer.hover_at(from);
+    two_steps(viewer);
+    button(viewer, from, true);
     const STEPS: u32 = 6;
     for step in 1..=STEPS {
-        viewer.event(egui::Event::PointerMoved(
-            from + by * (step as f32 / STEPS as f32),
-        ));
+        let share = step as f32 / STEPS as f32;
+        viewer.event(egui::Event::PointerMoved(from + by * share));
         viewer.step();
     }
-    viewer.event(button(from + by, false));
-    viewer.step();
+    button(viewer, from + by, false);
 }
 
 pub fn press(viewer: &mut Viewer, modifiers: Modifiers, key: Key) {
@@ -167,11 +207,8 @@ pub fn changed(a: &FrameReport, b: &[egui::Color32]) -> f64 {
 }
 
 pub fn errors(app: &App) -> Vec<&str> {
-    app.messages()
-        .iter()
-        .filter(|message| message.is_error)
-        .map(|message| message.text.as_str())
-        .collect()
+    let errors = app.messages().iter().filter(|message| message.is_error);
+    errors.map(|message| message.text.as_str()).collect()
 }
 
 pub fn path_tracing(settings: &mut Settings) {
@@ -195,18 +232,12 @@ pub fn choose(viewer: &mut Viewer, now: &str, wanted: &str) {
         return;
     }
     viewer
-        .get_by(|node| {
-            node.role() == egui::accesskit::Role::ComboBox && node.value().as_deref() == Some(now)
-        })
+        .get_by(|node| node.role() == Role::ComboBox && node.value().as_deref() == Some(now))
         .click();
-    viewer.step();
-    viewer.step();
-    let button = viewer
-        .get_all_by_label(wanted)
-        .last()
-        .unwrap_or_else(|| panic!("{wanted} is not offered"));
+    two_steps(viewer);
+    let offered = viewer.get_all_by_label(wanted).last();
+    let button = offered.unwrap_or_else(|| panic!("{wanted} is not offered"));
     button.scroll_to_me();
     button.click();
-    viewer.step();
-    viewer.step();
+    two_steps(viewer);
 }

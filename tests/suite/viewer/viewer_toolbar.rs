@@ -1,5 +1,6 @@
 //! The toolbar, kept views, the frozen picture, hidden panels and the log.
 
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
 use egui_kittest::kittest::Queryable as _;
 use stereolux::images::{ImageRgb, aces_filmic, srgb_encode, write_exr};
@@ -7,8 +8,8 @@ use stereolux::settings::Tone;
 use stereolux::viewer::App;
 
 use super::viewer_support::{
-    Viewer, choose, click_at, drag, errors, node_of, open, path_tracing, place_of, press, settle,
-    shown, type_into, until,
+    Viewer, assert_no_errors, choose, click_at, drag, fields, hold, node_of, open, path_tracing,
+    place_of, press, push, settle, shown, two_steps, type_into, until_shown,
 };
 use crate::suite::support::Folder;
 
@@ -20,9 +21,7 @@ fn surrounded(folder: &Folder) -> Viewer {
     let path = sky.to_string_lossy().into_owned();
     let context = viewer.ctx.clone();
     viewer.state_mut().open(&context, path);
-    until(&mut viewer, "the sky", |app| {
-        app.is_up_to_date() && corner(app) != 0
-    });
+    until_shown(&mut viewer, "the sky", |app| corner(app) != 0);
     viewer
 }
 
@@ -38,41 +37,30 @@ fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
     assert_eq!(corner(viewer.state()), byte(aces_filmic(0.2)));
 
     // One stop, typed.
-    let exposure = viewer
-        .get_all_by_role(egui::accesskit::Role::SpinButton)
-        .min_by(|a, b| a.rect().min.y.total_cmp(&b.rect().min.y))
-        .unwrap()
-        .rect()
-        .center();
+    let numbers = fields(&viewer, Role::SpinButton).into_iter();
+    let exposure = numbers.min_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
     type_into(&mut viewer, exposure, "1");
-    until(&mut viewer, "a brighter sky", |app| {
-        app.is_up_to_date() && corner(app) == byte(aces_filmic(0.4))
-    });
+    let brighter = byte(aces_filmic(0.4));
+    until_shown(&mut viewer, "a brighter sky", |app| corner(app) == brighter);
     assert_eq!(viewer.state().settings().render.output.exposure, 2.0);
 
     choose(&mut viewer, "aces curve", "linear");
     assert_eq!(viewer.state().settings().output.tone, Tone::Linear);
-    until(&mut viewer, "the linear curve", |app| {
-        app.is_up_to_date() && corner(app) == byte(0.4)
+    until_shown(&mut viewer, "the linear curve", |app| {
+        corner(app) == byte(0.4)
     });
 
     let denoises = viewer.state().settings().render.reconstruct.svgf.is_on();
-    viewer.get_by_label("Denoise").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Denoise");
     let now = viewer.state().settings().render.reconstruct.svgf.is_on();
     assert_ne!(now, denoises);
     settle(&mut viewer);
 
-    viewer.get_by_label("Surroundings: sky.exr").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Surroundings: sky.exr");
     viewer.get_by_label("None").click();
-    until(&mut viewer, "no sky", |app| {
-        app.is_up_to_date() && corner(app) == 0
-    });
+    until_shown(&mut viewer, "no sky", |app| corner(app) == 0);
     assert_eq!(viewer.state().settings().environment.path, "");
-    assert_eq!(errors(viewer.state()), Vec::<&str>::new());
+    assert_no_errors(&viewer);
 }
 
 /// Textures that are drawn into `picture`, and where they would lie if nothing were cut off.
@@ -89,9 +77,8 @@ fn drawn(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect, Rect)> {
 /// Parts of the screen on which textures are drawn within `picture`.
 fn textured(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect)> {
     let drawn = drawn(viewer, picture).into_iter();
-    drawn
-        .map(|(texture, bounds, clip)| (texture, bounds.intersect(clip)))
-        .collect()
+    let visible = drawn.map(|(texture, bounds, clip)| (texture, bounds.intersect(clip)));
+    visible.collect()
 }
 
 #[test]
@@ -105,14 +92,9 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
     };
     assert_eq!(whole, picture);
 
-    viewer.get_by_label("Freeze A").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Freeze A");
     // Walking changes B alone.
-    viewer.key_down(Key::W);
-    viewer.step();
-    viewer.step();
-    viewer.key_up(Key::W);
+    hold(&mut viewer, Key::W, 2);
     settle(&mut viewer);
     let line = |viewer: &Viewer| {
         let drawn = textured(viewer, picture);
@@ -128,20 +110,15 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
     let before = line(&viewer);
     assert!((before - picture.center().x).abs() < 1.0, "{before}");
     let head = viewer.state().head();
-    drag(
-        &mut viewer,
-        Pos2::new(before, picture.center().y),
-        vec2(-60.0, 0.0),
-    );
+    let on_line = Pos2::new(before, picture.center().y);
+    drag(&mut viewer, on_line, vec2(-60.0, 0.0));
     viewer.step();
     // By the drag, to a point, and nothing looked around meanwhile.
     let after = line(&viewer);
     assert!((before - 60.0 - after).abs() < 1.0, "{before} {after}");
     assert_eq!(viewer.state().head(), head);
 
-    viewer.get_by_label("Freeze A").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Freeze A");
     assert_eq!(textured(&viewer, picture).len(), 1);
 }
 
@@ -157,8 +134,7 @@ fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
     let share = (at - picture.min) / picture.size();
     viewer.hover_at(at);
     viewer.event(egui::Event::Zoom(4.0));
-    viewer.step();
-    viewer.step();
+    two_steps(&mut viewer);
     let enlarged = whole(&viewer);
     // f32 on some hundred points.
     assert!((enlarged.size() - 4.0 * picture.size()).length() < 0.01);
@@ -178,11 +154,8 @@ fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
     // Ctrl and a drag shift the picture, and turn nobody's head.
     let head = viewer.state().head();
     viewer.event(egui::Event::ModifiersChanged(Modifiers::COMMAND));
-    drag(
-        &mut viewer,
-        picture.min + vec2(30.0, 30.0),
-        vec2(20.0, 10.0),
-    );
+    let corner = picture.min + vec2(30.0, 30.0);
+    drag(&mut viewer, corner, vec2(20.0, 10.0));
     viewer.step();
     let shifted = whole(&viewer).min - enlarged.min;
     assert!(shifted.x > 10.0 && shifted.y > 5.0, "{shifted}");
@@ -206,12 +179,7 @@ fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
     let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
     let start = viewer.state().head();
     press(&mut viewer, shifted, Key::Num1);
-    viewer.key_down(Key::W);
-    for _ in 0..5 {
-        viewer.step();
-    }
-    viewer.key_up(Key::W);
-    viewer.step();
+    hold(&mut viewer, Key::W, 5);
     assert_ne!(viewer.state().head(), start);
     // Nothing is kept there: it is said, and nobody moves.
     let walked = viewer.state().head();
@@ -232,12 +200,8 @@ fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
     assert!(viewer.query_by_label("Freeze A").is_some());
     assert_eq!(viewer.state().shown_at()[0].1.width(), beside);
 
-    viewer.get_by_label("Window").click();
-    viewer.step();
-    viewer.step();
-    viewer.get_by_label("Log").click();
-    viewer.step();
-    viewer.step();
+    push(&mut viewer, "Window");
+    push(&mut viewer, "Log");
     for said in ["view 1 kept", "no view 2 is kept"] {
         let lines = viewer.query_all_by_label_contains(said);
         assert!(lines.count() > 0, "{said}");

@@ -19,7 +19,9 @@ use super::openxr_picture::Screen;
 use super::openxr_runtime::{VALIDATION, complaints};
 use super::openxr_support::PROGRAM;
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
-use crate::suite::support::{Folder, adapter_name, stereolux};
+use crate::suite::support::{
+    Folder, adapter_name, assert_says, resident_kb, stderr, stereolux, words,
+};
 
 /// Long enough for a loaded machine; reached only by a fault.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -37,11 +39,12 @@ struct Desk {
 }
 
 impl Desk {
-    fn open(folder: &Folder, xvfb: &Xvfb, arguments: &[&str]) -> Self {
+    /// The program with [`SCENE`], once its picture is seen.
+    fn open(folder: &Folder, xvfb: &Xvfb) -> Self {
         let log = folder.join("log");
         let mut child = Command::new(PROGRAM)
             .arg("view")
-            .args(arguments)
+            .args(words(SCENE))
             .args(["--adapter", adapter_name()])
             .arg("--out")
             .arg(folder.join("out"))
@@ -67,25 +70,15 @@ impl Desk {
         connection.sync().unwrap();
         let setup = connection.setup();
         let (first, count) = (setup.min_keycode, setup.max_keycode - setup.min_keycode + 1);
-        let map = connection
-            .get_keyboard_mapping(first, count)
-            .unwrap()
-            .reply()
-            .unwrap();
+        let map = connection.get_keyboard_mapping(first, count).unwrap();
+        let map = map.reply().unwrap();
         let per_key = usize::from(map.keysyms_per_keycode);
-        let keys = map
-            .keysyms
-            .chunks(per_key)
-            .zip(first..)
-            .map(|(symbols, code)| (symbols[0], code))
-            .collect();
-        let extension = connection
-            .query_extension(b"XTEST")
-            .unwrap()
-            .reply()
-            .unwrap();
+        let keys = map.keysyms.chunks(per_key).zip(first..);
+        let keys = keys.map(|(symbols, code)| (symbols[0], code)).collect();
+        let extension = connection.query_extension(b"XTEST").unwrap();
+        let extension = extension.reply().unwrap();
         assert!(extension.present);
-        Self {
+        let mut desk = Self {
             child,
             connection,
             keys,
@@ -93,7 +86,9 @@ impl Desk {
             screen: xvfb.screen.clone(),
             display: xvfb.display.clone(),
             log,
-        }
+        };
+        desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+        desk
     }
 
     fn send(&self, kind: u8, detail: u8, x: i16, y: i16) {
@@ -108,25 +103,26 @@ impl Desk {
         request[12..16].copy_from_slice(&root.to_ne_bytes());
         request[24..26].copy_from_slice(&x.to_ne_bytes());
         request[26..28].copy_from_slice(&y.to_ne_bytes());
-        self.connection
-            .send_request_without_reply(&[IoSlice::new(&request)], Vec::new())
-            .unwrap();
+        let request = [IoSlice::new(&request)];
+        let sent = self
+            .connection
+            .send_request_without_reply(&request, Vec::new());
+        sent.unwrap();
         self.connection.sync().unwrap();
     }
 
     /// Presses or releases the key of an X keysym.
     fn key(&self, keysym: u32, pressed: bool) {
-        let (_, code) = self
-            .keys
-            .iter()
-            .find(|(symbol, _)| *symbol == keysym)
-            .unwrap();
-        let kind = if pressed {
-            KEY_PRESS_EVENT
-        } else {
-            KEY_RELEASE_EVENT
-        };
+        let (_, code) = self.keys.iter().find(|key| key.0 == keysym).unwrap();
+        let kind = [KEY_RELEASE_EVENT, KEY_PRESS_EVENT][usize::from(pressed)];
         self.send(kind, *code, 0, 0);
+    }
+
+    /// Presses a key while Ctrl is down.
+    fn command(&self, keysym: u32) {
+        self.key(keysym::CONTROL, true);
+        self.press(keysym);
+        self.key(keysym::CONTROL, false);
     }
 
     fn press(&self, keysym: u32) {
@@ -140,11 +136,7 @@ impl Desk {
     }
 
     fn button(&self, number: u8, pressed: bool) {
-        let kind = if pressed {
-            BUTTON_PRESS_EVENT
-        } else {
-            BUTTON_RELEASE_EVENT
-        };
+        let kind = [BUTTON_RELEASE_EVENT, BUTTON_PRESS_EVENT][usize::from(pressed)];
         self.send(kind, number, 0, 0);
     }
 
@@ -160,16 +152,8 @@ impl Desk {
         let began = Instant::now();
         while !done(self) {
             let ended = self.child.try_wait().unwrap();
-            assert!(
-                ended.is_none(),
-                "{what}: it ended, {ended:?}\n{}",
-                read(&self.log)
-            );
-            assert!(
-                began.elapsed() < PATIENCE,
-                "{what}: waited in vain\n{}",
-                read(&self.log)
-            );
+            let is_in_vain = ended.is_some() || began.elapsed() > PATIENCE;
+            assert!(!is_in_vain, "{what}: {ended:?}\n{}", read(&self.log));
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -187,33 +171,27 @@ impl Desk {
             .rev()
             .find_map(|line| line.split_once("device memory: ")?.1.strip_suffix(" bytes"));
         let device_kb = device.map_or(0, |bytes| bytes.parse::<u64>().unwrap() / 1024);
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
-        let line = status
-            .lines()
-            .find(|line| line.starts_with("VmRSS:"))
-            .unwrap();
-        let resident_kb: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+        let resident_kb = resident_kb(&self.child.id().to_string());
         // What a device has given out and nobody has written yet is not resident.
-        resident_kb.saturating_sub(device_kb)
+        (resident_kb as u64).saturating_sub(device_kb)
+    }
+
+    /// Waits until the program has ended well.
+    fn ends(&mut self) {
+        let began = Instant::now();
+        while self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < PATIENCE, "{}", read(&self.log));
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let status = self.child.wait().unwrap();
+        assert_eq!(status.code(), Some(0), "{}", read(&self.log));
     }
 
     /// Closes the window, and checks how the program ended.
     fn close(mut self) -> String {
         ask_to_close(&self.display);
-        let began = Instant::now();
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(
-                began.elapsed() < PATIENCE,
-                "it does not close\n{}",
-                read(&self.log)
-            );
-            std::thread::sleep(Duration::from_millis(50));
-        };
+        self.ends();
         let said = read(&self.log);
-        assert_eq!(status.code(), Some(0), "{said}");
         assert_eq!(complaints(&said), Vec::<&str>::new());
         assert!(!said.contains("panicked"), "{said}");
         said
@@ -253,44 +231,28 @@ mod keysym {
 
 /// Bright pixels in the middle of the screen, where the pictures are: the scene is lit, the panels around are dark.
 fn lit(screen: &Screen) -> usize {
-    let mut count = 0;
-    for y in 150..600 {
-        for x in 220..890 {
-            let [r, g, b] = screen.pixel(x, y);
-            count += usize::from(r.max(g).max(b) > 100);
-        }
-    }
-    count
+    let places = (150..600).flat_map(|y| (220..890).map(move |x| (x, y)));
+    let is_lit = |(x, y): &(usize, usize)| screen.pixel(*x, *y).into_iter().any(|c| c > 100);
+    places.filter(is_lit).count()
 }
 
 /// More bright pixels than this are a picture of the room; without one there are none.
 const PICTURE: usize = 500;
 
-const SCENE: [&str; 8] = [
-    "--scene",
-    "builtin:cornell",
-    "--size",
-    "96x96",
-    "--method",
-    "path",
-    "--set",
-    "path.max_depth=3",
-];
+const SCENE: &str = "--scene builtin:cornell --size 96x96 --method path --set path.max_depth=3";
 
 #[test]
 fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
     let folder = Folder::new("viewer-window");
     let xvfb = Xvfb::start(&folder);
-    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let mut desk = Desk::open(&folder, &xvfb);
     let at_start = lit(&desk.look());
 
     // Walking towards the room makes it larger.
     desk.point(500, 300);
     desk.key(keysym::W, true);
-    desk.until("the room to grow", |desk| {
-        lit(&desk.look()) > at_start * 5 / 4
-    });
+    let grows = |desk: &Desk| lit(&desk.look()) > at_start * 5 / 4;
+    desk.until("the room to grow", grows);
     desk.key(keysym::W, false);
 
     // F1 lists the keys, bright letters beyond the pictures too, and Esc takes them away: a click would fall on them.
@@ -322,23 +284,22 @@ fn a_window_opens_answers_keys_and_mouse_takes_screenshots_and_closes() {
     desk.until("a screenshot", |_| png.exists());
     let picture = read_image(&png).unwrap();
     assert_eq!([picture.width, picture.height], [192, 96]);
-    assert!(folder.join("out").join("view_0000_left.exr").exists());
-    assert!(folder.join("out").join("view_0000_right.exr").exists());
+    for eye in ["left", "right"] {
+        assert!(folder.join(&format!("out/view_0000_{eye}.exr")).exists());
+    }
 
     // It keeps its size for the next time.
     let said = desk.close();
     assert!(!said.contains("[ERROR"), "{said}");
     let memory = read(&folder.join("config").join("stereolux").join("viewer.toml"));
-    assert!(memory.contains("size = [1280.0, "), "{memory}");
-    assert!(memory.contains("layout = \"side-by-side\""), "{memory}");
+    assert_says(&memory, &["size = [1280.0, ", "layout = \"side-by-side\""]);
 }
 
 #[test]
 fn a_path_is_typed_into_its_window_escape_closes_menus_and_ctrl_q_quits() {
     let folder = Folder::new("viewer-path");
     let xvfb = Xvfb::start(&folder);
-    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let mut desk = Desk::open(&folder, &xvfb);
     let pause = || std::thread::sleep(Duration::from_millis(500));
     // File, and its first entry.
     desk.click(22, 12);
@@ -360,15 +321,8 @@ fn a_path_is_typed_into_its_window_escape_closes_menus_and_ctrl_q_quits() {
     }
     pause();
     assert!(desk.child.try_wait().unwrap().is_none(), "Esc has quit");
-    desk.key(keysym::CONTROL, true);
-    desk.press(keysym::Q);
-    desk.key(keysym::CONTROL, false);
-    let began = Instant::now();
-    while desk.child.try_wait().unwrap().is_none() {
-        assert!(began.elapsed() < PATIENCE, "{}", read(&desk.log));
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    assert_eq!(desk.child.wait().unwrap().code(), Some(0));
+    desk.command(keysym::Q);
+    desk.ends();
 }
 
 #[test]
@@ -383,9 +337,9 @@ fn without_a_display_view_is_refused_in_one_line_that_names_run() {
             .arg(folder.join("out"))
             .output()
             .unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
+        let said = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(says) && said.contains("`run`"), "{said}");
+        assert_says(&said, &[says, "`run`"]);
         assert_eq!(said.lines().count(), 1, "{said}");
     }
     // What cannot be shown is said before a window is looked for.
@@ -397,8 +351,7 @@ fn without_a_display_view_is_refused_in_one_line_that_names_run() {
 fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
     let folder = Folder::new("viewer-drag");
     let xvfb = Xvfb::start(&folder);
-    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let mut desk = Desk::open(&folder, &xvfb);
     let room_alone = lit(&desk.look());
 
     // A path that has to be written otherwise in a list of addresses.
@@ -444,8 +397,7 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
         .unwrap_or(15);
     let folder = Folder::new("viewer-soak");
     let xvfb = Xvfb::start(&folder);
-    let mut desk = Desk::open(&folder, &xvfb, &SCENE);
-    desk.until("a picture", |desk| lit(&desk.look()) > PICTURE);
+    let mut desk = Desk::open(&folder, &xvfb);
     let mut dice = Dice(7);
     let began = Instant::now();
     let mut memory = Vec::new();
@@ -457,9 +409,7 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
         if memory.len() % 40 == 39 {
             // Somebody who has searched for nonsense and walked into the dark starts over.
             desk.click(100, 60);
-            desk.key(keysym::CONTROL, true);
-            desk.press(keysym::A);
-            desk.key(keysym::CONTROL, false);
+            desk.command(keysym::A);
             desk.press(keysym::DELETE);
             desk.click(560, 500);
             desk.press(keysym::HOME);
@@ -485,23 +435,17 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
                 }
                 desk.button(1, false);
             }
-            _ => {
-                // Undo.
-                desk.key(keysym::CONTROL, true);
-                desk.press(keysym::Z);
-                desk.key(keysym::CONTROL, false);
-            }
+            // Undo.
+            _ => desk.command(keysym::Z),
         }
         let ended = desk.child.try_wait().unwrap();
         assert!(ended.is_none(), "{ended:?}\n{}", read(&desk.log));
         memory.push(desk.own_kb());
     }
+    let (actions, first, last) = (memory.len(), memory[0], memory[memory.len() - 1]);
+    let most = memory.iter().max().unwrap();
     println!(
-        "{} actions in {seconds} s; besides device memory {} kB at first, {} kB at most, {} kB at last",
-        memory.len(),
-        memory[0],
-        memory.iter().max().unwrap(),
-        memory[memory.len() - 1],
+        "{actions} actions in {seconds} s; besides device memory {first} kB, {most} kB at most, {last} kB at last"
     );
     if seconds >= 120 {
         // Caches fill in the first fifth; what leaks goes on growing. A fifth of room for the code of shaders, which differs

@@ -19,7 +19,7 @@ use stereolux::xr::{
 };
 
 use super::support::TemporaryFile;
-use crate::suite::support::{bits, builtin, context, hit_rays, radiance, settings, start_pose};
+use crate::suite::support::{both_bits, builtin, context, hit_rays, settings, start_pose};
 
 const FRAMES: u64 = 4;
 
@@ -114,8 +114,7 @@ fn play(session: impl XrSession, scene: &Scene) -> Vec<Seen> {
         if stats.unwrap().is_none() {
             return seen;
         }
-        let images = [Eye::Left, Eye::Right].map(|eye| bits(&radiance(frames.renderer(), eye)));
-        seen.push((views.unwrap(), images));
+        seen.push((views.unwrap(), both_bits(frames.renderer())));
     }
 }
 

@@ -1,15 +1,24 @@
 //! What goes wrong with a runtime that Monado cannot be made to do, on `crates/fake_runtime`: each fault is one line, an
 //! exit status, and files that are whole up to the last frame.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use serde_json::json;
+use serde_json::{Value, json};
 use stereolux::xr::Input;
 use stereolux::xr::trace::{Trace, TraceFrame};
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
-use crate::suite::support::Folder;
+use crate::suite::support::{Folder, assert_begins, assert_says, json as json_of, printed, words};
+
+/// Fails unless the run went on without a headset, for this reason.
+pub fn assert_fell_back(output: &Output, why: &str) {
+    assert_status(output, 0);
+    let text = stderr(output);
+    let fell_back = |line: &str| line.starts_with("session: simulated") && line.contains(why);
+    assert!(text.lines().any(fell_back), "{text}");
+}
 
 /// Frames with a layer after which the fake runtime fails.
 const SHOWN_BEFORE: usize = stereolux_fake_runtime::SHOWN_BEFORE as usize;
@@ -49,12 +58,10 @@ fn device_lost_after(folder: &Folder, after: u32) -> Vec<(&'static str, String)>
         },
     });
     std::fs::write(layers.join("device_lost.json"), manifest.to_string()).unwrap();
+    let layer = "VK_LAYER_STEREOLUX_device_lost".to_owned();
     vec![
         ("VK_LAYER_PATH", layers.display().to_string()),
-        (
-            "VK_INSTANCE_LAYERS",
-            "VK_LAYER_STEREOLUX_device_lost".to_owned(),
-        ),
+        ("VK_INSTANCE_LAYERS", layer),
         ("FAKE_DEVICE_LOST_AFTER", after.to_string()),
     ]
 }
@@ -92,20 +99,20 @@ fn text(path: &Path) -> &str {
 }
 
 /// The one line of ours; fails if there are more or anything panicked.
-fn one_error(output: &Output) -> String {
+pub fn one_error(output: &Output) -> String {
     let text = stderr(output);
     assert!(!text.contains("panicked"), "{text}");
-    let ours: Vec<_> = text
-        .lines()
-        .filter(|line| line.starts_with("error: "))
-        .collect();
-    assert_eq!(ours.len(), 1, "{text}");
-    ours[0].to_owned()
+    let mut ours = text.lines().filter(|line| line.starts_with("error: "));
+    let line = ours.next().unwrap_or_default().to_owned();
+    assert!(!line.is_empty() && ours.next().is_none(), "{text}");
+    line
 }
 
 #[test]
 fn a_runtime_that_cannot_be_used_is_refused_and_auto_goes_on_without() {
     let folder = Folder::new("openxr-unusable");
+    let vulkan = "Vulkan through the OpenXR runtime:";
+    let no_format = format!("{vulkan} the runtime offers no sRGB or half-float");
     for (behaviour, says) in [
         (
             "no_headset",
@@ -116,65 +123,46 @@ fn a_runtime_that_cannot_be_used_is_refused_and_auto_goes_on_without() {
             "no_stereo",
             "\"Fake headset\" offers no stereo view configuration (",
         ),
-        (
-            "no_device",
-            "Vulkan through the OpenXR runtime: vkCreateDevice: ",
-        ),
-        (
-            "no_format",
-            "Vulkan through the OpenXR runtime: the runtime offers no sRGB or half-float",
-        ),
+        ("no_device", &format!("{vulkan} vkCreateDevice: ")),
+        ("no_format", &no_format),
     ] {
         let out = folder.join(behaviour);
         let refused = ["run", "--session", "openxr", "--out", text(&out)];
         let output = on_fake(&folder, behaviour, &[], &refused);
         assert_status(&output, 1);
-        let line = one_error(&output);
-        assert!(line.starts_with(&format!("error: {says}")), "{line}");
+        assert_begins(&one_error(&output), &format!("error: {says}"));
         assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
         assert!(!out.exists(), "a refused run leaves no files");
 
-        let mut args = vec!["run", "--session", "auto", "--out", text(&out)];
-        args.extend(["--frames", "1", "--size", "8x8", "--photons", "10"]);
-        args.extend(["--scene", "builtin:plane"]);
-        let output = on_fake(&folder, behaviour, &[], &args);
-        assert_status(&output, 0);
-        assert!(
-            stderr(&output)
-                .lines()
-                .any(|line| line.starts_with("session: simulated") && line.contains(says)),
-            "{}",
-            stderr(&output)
-        );
+        let auto =
+            "run --session auto --frames 1 --size 8x8 --photons 10 --scene builtin:plane --out";
+        let args = [&words(auto)[..], &[text(&out)]].concat();
+        assert_fell_back(&on_fake(&folder, behaviour, &[], &args), says);
         assert_eq!(stats(&out).len(), 1);
     }
+}
+
+/// What `info` says of the fake runtime.
+fn info(folder: &Folder, behaviour: &str) -> Value {
+    let output = on_fake(folder, behaviour, &[], &["info"]);
+    assert_status(&output, 0);
+    printed(&output)["openxr"].clone()
 }
 
 #[test]
 fn info_says_why_a_runtime_cannot_be_used() {
     let folder = Folder::new("openxr-unusable-info");
-    let output = on_fake(&folder, "no_headset", &[], &["info"]);
-    assert_status(&output, 0);
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(report["openxr"]["runtime"].is_null());
-    let reason = report["openxr"]["reason"].as_str().unwrap();
-    assert!(reason.contains("has no headset"), "{reason}");
+    let report = info(&folder, "no_headset");
+    assert!(report["runtime"].is_null());
+    assert_says(report["reason"].as_str().unwrap(), &["has no headset"]);
 }
 
 #[test]
 fn info_says_what_a_runtime_does_not_offer() {
     let folder = Folder::new("openxr-not-offered");
-    for (behaviour, expected) in [
-        (
-            "no_extensions",
-            &["bare_hands", "hand_joints", "gaze", "controller_models"][..],
-        ),
-        ("profiles", &["hand_joints", "gaze", "controller_models"]),
-    ] {
-        let output = on_fake(&folder, behaviour, &[], &["info"]);
-        assert_status(&output, 0);
-        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(report["openxr"]["not_offered"], json!(expected));
+    let missing = ["bare_hands", "hand_joints", "gaze", "controller_models"];
+    for (behaviour, expected) in [("no_extensions", &missing[..]), ("profiles", &missing[1..])] {
+        assert_eq!(info(&folder, behaviour)["not_offered"], json!(expected));
     }
 }
 
@@ -194,24 +182,11 @@ fn without_a_loader_the_run_says_so_and_auto_goes_on_without() {
     };
     let output = run("openxr", &[]);
     assert_status(&output, 1);
-    let line = one_error(&output);
-    assert!(
-        line.starts_with("error: no OpenXR loader was found ("),
-        "{line}"
-    );
+    assert_begins(&one_error(&output), "error: no OpenXR loader was found (");
     assert_eq!(stderr(&output).lines().count(), 1);
     assert!(!out.exists());
-    let output = run(
-        "auto",
-        &["--frames", "1", "--size", "8x8", "--photons", "10"],
-    );
-    assert_status(&output, 0);
-    assert!(
-        stderr(&output).contains("session: simulated")
-            && stderr(&output).contains("no OpenXR loader was found"),
-        "{}",
-        stderr(&output)
-    );
+    let output = run("auto", &words("--frames 1 --size 8x8 --photons 10"));
+    assert_fell_back(&output, "no OpenXR loader was found");
 }
 
 /// Arguments of a small run on the fake runtime with a recording.
@@ -227,6 +202,22 @@ fn small_run(out: &Path, trace: &Path, frames: usize) -> Vec<String> {
     .collect()
 }
 
+/// Runs it, and gives the path of its recording too.
+fn run_small(
+    folder: &Folder,
+    behaviour: &str,
+    more: &[(&str, String)],
+    frames: usize,
+) -> (Output, PathBuf) {
+    let (out, trace) = (
+        folder.join(behaviour),
+        folder.join(&format!("{behaviour}.jsonl")),
+    );
+    let args = small_run(&out, &trace, frames);
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    (on_fake(folder, behaviour, more, &args), trace)
+}
+
 /// A run on the fake runtime: its output, frames in the statistics, frames in the recording.
 fn recorded(
     folder: &Folder,
@@ -234,14 +225,8 @@ fn recorded(
     more: &[(&str, String)],
     frames: usize,
 ) -> (Output, usize, usize) {
-    let (out, trace) = (
-        folder.join(behaviour),
-        folder.join(&format!("{behaviour}.jsonl")),
-    );
-    let args = small_run(&out, &trace, frames);
-    let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    let output = on_fake(folder, behaviour, more, &args);
-    let counted = stats(&out).len();
+    let (output, trace) = run_small(folder, behaviour, more, frames);
+    let counted = stats(&folder.join(behaviour)).len();
     let held = Trace::read(&trace).map_or(0, |trace| trace.frames.len());
     (output, counted, held)
 }
@@ -252,21 +237,11 @@ fn a_headset_gets_defaults_of_its_own_and_settings_win() {
     let folder = Folder::new("openxr-defaults");
     let run = |name: &str, more: &[&str]| {
         let out = folder.join(name);
-        let mut args = vec![
-            "run",
-            "--session",
-            "openxr",
-            "--frames",
-            "2",
-            "--size",
-            "16x16",
-        ];
-        args.extend(["--photons", "10", "--out", text(&out)]);
-        args.extend(more);
+        let session = "run --session openxr --frames 2 --size 16x16 --photons 10 --out";
+        let args = [&words(session)[..], &[text(&out)], more].concat();
         let output = on_fake(&folder, "none", &[], &args);
         assert_status(&output, 0);
-        let run = std::fs::read_to_string(out.join("run.json")).unwrap();
-        let run: serde_json::Value = serde_json::from_str(&run).unwrap();
+        let run = json_of(&out.join("run.json"));
         let passes = stats(&out)[1]["pass_ms"].as_object().unwrap().clone();
         let said = stderr(&output);
         let images = out.join("frame_0000.png").exists();
@@ -277,21 +252,14 @@ fn a_headset_gets_defaults_of_its_own_and_settings_win() {
     assert_eq!(settings["reuse"], "lookup");
     assert_eq!(settings["gpu"]["timestamps"], "stages");
     let stages: Vec<&str> = passes.keys().map(String::as_str).collect();
-    assert!(
-        stages.contains(&"left.stage") && stages.contains(&"right.stage"),
-        "{stages:?}"
-    );
-    assert!(
-        stages.iter().all(|name| name.ends_with(".stage")),
-        "{stages:?}"
-    );
+    let has_both = ["left.stage", "right.stage"]
+        .iter()
+        .all(|name| stages.contains(name));
+    let are_stages = stages.iter().all(|name| name.ends_with(".stage"));
+    assert!(has_both && are_stages, "{stages:?}");
     assert!(passes["left.stage"].as_f64().unwrap() > 0.0);
     assert!(!images && said.contains("; statistics in "), "{said}");
-    let given = [
-        "--reuse=scatter",
-        "--set=output.images=true",
-        "--set=gpu.timestamps=true",
-    ];
+    let given = words("--reuse=scatter --set=output.images=true --set=gpu.timestamps=true");
     let (settings, passes, images, said) = run("given", &given);
     assert_eq!(settings["output"]["images"], "on");
     assert_eq!(settings["reuse"], "scatter");
@@ -318,18 +286,13 @@ fn a_session_that_is_lost_ends_the_run_with_all_frames_kept() {
         let (output, counted, held) = recorded(&folder, behaviour, &[], 100);
         assert_status(&output, 1);
         let line = one_error(&output);
-        assert!(
-            line.starts_with(&format!("error: XR runtime: {says}")),
-            "{line}"
-        );
-        assert!(
-            line.ends_with(&format!("; {SHOWN_BEFORE} frames were shown and are kept")),
-            "{line}"
-        );
+        assert_begins(&line, &format!("error: XR runtime: {says}"));
+        let kept = format!("; {SHOWN_BEFORE} frames were shown and are kept");
+        assert!(line.ends_with(&kept), "{line}");
         assert_eq!(counted, SHOWN_BEFORE, "{behaviour}");
         // A frame that was rendered and could not be handed over may be in the recording.
         assert!(
-            held == SHOWN_BEFORE || held == SHOWN_BEFORE + 1,
+            [0, 1].contains(&(held - SHOWN_BEFORE)),
             "{behaviour}: {held}"
         );
     }
@@ -357,30 +320,22 @@ fn a_lost_device_ends_the_run_with_all_frames_kept() {
     let lost = device_lost_after(&folder, 60);
     let (output, counted, held) = recorded(&folder, "device_lost", &lost, 100);
     assert_status(&output, 1);
-    let line = one_error(&output);
-    assert!(line.starts_with("error: the device was lost in "), "{line}");
+    assert_begins(&one_error(&output), "error: the device was lost in ");
     assert!((1..100).contains(&counted), "{counted} frames");
     assert!(held == counted || held == counted + 1, "{held} recorded");
 
     // Without a runtime.
     let out = folder.join("simulated");
+    let simulated =
+        "run --session simulated --frames 100 --scene builtin:plane --size 16x16 --photons 10";
     let output = Command::new(PROGRAM)
-        .args(["run", "--session", "simulated", "--frames", "100"])
-        .args(["--scene", "builtin:plane", "--size", "16x16"])
-        .args([
-            "--photons",
-            "10",
-            "--set",
-            "output.images=false",
-            "--out",
-            text(&out),
-        ])
+        .args(words(simulated))
+        .args(["--set", "output.images=false", "--out", text(&out)])
         .envs(lost)
         .output()
         .unwrap();
     assert_status(&output, 1);
-    let line = one_error(&output);
-    assert!(line.starts_with("error: the device was lost in "), "{line}");
+    assert_begins(&one_error(&output), "error: the device was lost in ");
     assert!((1..100).contains(&stats(&out).len()));
 }
 
@@ -397,14 +352,10 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         ("three_views", "offers no stereo view configuration"),
     ] {
         let out = folder.join(behaviour);
-        let output = on_fake(
-            &folder,
-            behaviour,
-            &[],
-            &["run", "--session", "openxr", "--out", text(&out)],
-        );
+        let args = ["run", "--session", "openxr", "--out", text(&out)];
+        let output = on_fake(&folder, behaviour, &[], &args);
         assert_status(&output, 1);
-        assert!(one_error(&output).contains(says), "{}", stderr(&output));
+        assert_says(&one_error(&output), &[says]);
         assert!(!out.exists());
     }
     // Names are shown without what steers a terminal.
@@ -423,25 +374,15 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         // Hands that are nowhere do nothing, and nothing of them is recorded.
         ("wild_hands", 90.0),
     ] {
-        let (out, trace) = (
-            folder.join(behaviour),
-            folder.join(&format!("{behaviour}.jsonl")),
-        );
-        let args = small_run(&out, &trace, 2);
-        let args: Vec<&str> = args.iter().map(String::as_str).collect();
-        let output = on_fake(&folder, behaviour, &[], &args);
+        let (output, trace) = run_small(&folder, behaviour, &[], 2);
         assert_status(&output, 0);
         let trace = Trace::read(&trace).unwrap();
         assert_eq!(trace.header.refresh_hz, refresh_hz, "{behaviour}");
         assert_eq!(trace.header.hidden.is_some(), behaviour == "wild_mask");
         let at_rest = |frame: &TraceFrame| frame.input == Input::default();
         assert!(trace.frames.iter().all(at_rest), "{behaviour}");
-        if let Some(hidden) = trace.header.hidden {
-            assert!(
-                hidden
-                    .iter()
-                    .all(|area| (1..=200).contains(&area.triangles().len()))
-            );
+        for area in trace.header.hidden.iter().flatten() {
+            assert!((1..=200).contains(&area.triangles().len()));
         }
     }
 }
@@ -451,10 +392,7 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
 fn bindings_are_suggested_for_the_profiles_that_the_runtime_has() {
     let folder = Folder::new("openxr-profiles");
     let suggested = |behaviour: &str| {
-        let (out, trace) = (folder.join("out"), folder.join("trace.jsonl"));
-        let args = small_run(&out, &trace, 2);
-        let args: Vec<&str> = args.iter().map(String::as_str).collect();
-        let output = on_fake(&folder, behaviour, &[], &args);
+        let (output, _) = run_small(&folder, behaviour, &[], 2);
         assert_status(&output, 0);
         let text = stderr(&output);
         let lines = text.lines();
@@ -492,11 +430,8 @@ fn bindings_are_suggested_for_the_profiles_that_the_runtime_has() {
         "turn_right /user/hand/right/input/grasp_ext/value",
     ];
     assert_eq!(hands, expected);
-    let profiles: std::collections::BTreeSet<&str> = all
-        .iter()
-        .filter_map(|line| line.split_whitespace().next())
-        .collect();
-    assert_eq!(profiles.len(), 7);
+    let profiles = all.iter().filter_map(|line| line.split_whitespace().next());
+    assert_eq!(profiles.collect::<BTreeSet<_>>().len(), 7);
     let plain = suggested("no_extensions");
     let without_extension = |line: &&String| !line.contains("/meta/") && !line.contains("/ext/");
     assert!(plain.iter().eq(all.iter().filter(without_extension)));

@@ -1,31 +1,25 @@
 //! The composited picture, read off a virtual screen: blocks of colour, one per corner, and a bar that stands nearer.
 
 use std::path::Path;
-use std::process::{ExitCode, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 
 use serde_json::json;
 use stereolux::{App, AppError, FrameInput, World, run_app_with};
 
-use super::openxr_support::{PROGRAM, frames_so_far, monado, wait_until};
-use crate::suite::support::Folder;
+use super::openxr_support::{PROGRAM, assert_status, frames_so_far, monado, wait_until};
+use crate::suite::support::{Folder, assert_begins};
 
 /// Glowing squares 2 m ahead (upper left red, upper right green, lower left blue, lower right yellow) and a magenta bar
 /// 0.5 m ahead.
 pub fn block_scene(folder: &Folder) -> String {
-    let corners: [[f32; 3]; 4] = [
-        [-0.5, -0.5, 0.0],
-        [0.5, -0.5, 0.0],
-        [0.5, 0.5, 0.0],
-        [-0.5, 0.5, 0.0],
-    ];
-    let mut bytes: Vec<u8> = corners
-        .iter()
-        .flatten()
-        .flat_map(|value| value.to_le_bytes())
-        .collect();
-    for index in [0_u16, 1, 2, 0, 2, 3] {
-        bytes.extend_from_slice(&index.to_le_bytes());
-    }
+    let corners = [[-0.5_f32, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+    let positions = corners.iter().flat_map(|&[x, y]| [x, y, 0.0]);
+    let mut bytes: Vec<u8> = positions.flat_map(f32::to_le_bytes).collect();
+    bytes.extend(
+        [0_u16, 1, 2, 0, 2, 3]
+            .into_iter()
+            .flat_map(u16::to_le_bytes),
+    );
     std::fs::write(folder.join("blocks.bin"), &bytes).unwrap();
     let blocks = [
         ([1.0, 0.0, 0.0], [-0.3, 0.3, -2.0], [0.5, 0.5, 1.0]),
@@ -34,13 +28,11 @@ pub fn block_scene(folder: &Folder) -> String {
         ([1.0, 1.0, 0.0], [0.3, -0.3, -2.0], [0.5, 0.5, 1.0]),
         ([1.0, 0.0, 1.0], [0.0, 0.0, -0.5], [0.01, 0.3, 1.0]),
     ];
-    let mut nodes: Vec<_> = blocks
-        .iter()
-        .enumerate()
-        .map(
-            |(mesh, (_, place, scale))| json!({"mesh": mesh, "translation": place, "scale": scale}),
-        )
-        .collect();
+    let placed = (0..).zip(&blocks).map(|(mesh, (_, place, scale))| {
+        let mesh: u32 = mesh;
+        json!({"mesh": mesh, "translation": place, "scale": scale})
+    });
+    let mut nodes: Vec<_> = placed.collect();
     nodes.push(json!({"camera": 0}));
     let scene = json!({
         "asset": {"version": "2.0"},
@@ -122,11 +114,8 @@ fn centre(
             }
         }
     }
-    (
-        x_sum / f64::from(count.max(1)),
-        y_sum / f64::from(count.max(1)),
-        count as usize,
-    )
+    let [x, y] = [x_sum, y_sum].map(|sum: f64| sum / f64::from(count.max(1)));
+    (x, y, count as usize)
 }
 
 /// Monado's window under Xvfb, at the screen's upper left; the left half is the left eye's.
@@ -203,13 +192,9 @@ fn composited(name: &str, program: &str) -> Screen {
         std::thread::sleep(std::time::Duration::from_millis(100));
     };
     let pid = std::fs::read_to_string(folder.join("pid")).unwrap();
-    std::process::Command::new("kill")
-        .arg(pid.trim())
-        .status()
-        .unwrap();
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "interrupted: {stderr}");
+    Command::new("kill").arg(pid.trim()).status().unwrap();
+    // Interrupted.
+    assert_status(&child.wait_with_output().unwrap(), 1);
     screen.unwrap_or_else(|| panic!("{last}"))
 }
 
@@ -221,11 +206,8 @@ fn the_compositor_shows_the_scene_upright_and_each_eye_its_own_at_any_resolution
     let screen = composited("openxr-picture", &format!("{PROGRAM} ${FLAGS}"));
     // The judge would notice an exchange.
     let [left, right] = WHOLE;
-    assert!(
-        fault(&screen, [right, left], WINDOW[1])
-            .unwrap()
-            .starts_with("eyes exchanged")
-    );
+    let exchanged = fault(&screen, [right, left], WINDOW[1]);
+    assert_begins(&exchanged.unwrap(), "eyes exchanged");
     // At half the resolution all stands where it stood.
     let this = std::env::current_exe().unwrap();
     let ignored =

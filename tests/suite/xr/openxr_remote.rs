@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3};
 use serde_json::Value;
 use stereolux::xr::trace::Trace;
-use stereolux::xr::{Button, Pose, Side};
+use stereolux::xr::{Button, Pose, Side, View};
 
 use super::openxr_support::{
-    FILES_AS_IN_A_REPLAY, Remote, RemoteEye, assert_same_images, assert_status, drive, remote_port,
-    stats, stereolux_on_monado,
+    Remote, RemoteEye, assert_status, drive, recorded_session, remote_port, replayed_images, stats,
+    stereolux_on_monado,
 };
 use crate::suite::support::{Folder, builtin, start_pose};
 
@@ -49,34 +49,38 @@ pub fn scripted(step: usize) -> Remote {
     }
 }
 
+/// Positions under 2 m in f32 through a few products: 4 roundings of 1.2e-7.
+fn is_near(pose: &Pose, position: DVec3, orientation: DQuat) -> bool {
+    (pose.position - position).length() < 1e-6
+        && pose.orientation.dot(orientation).abs() > 1.0 - 1e-12
+}
+
+/// Runs a session that [`drive`] drives.
+fn live_on_monado(args: &[String]) {
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
+}
+
 #[test]
 fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
     let _port = remote_port();
     let start = start_pose(&builtin("cornell"));
     for space in ["local", "stage"] {
         let folder = Folder::new(&format!("openxr-remote-{space}"));
-        let (live, replayed, trace_path) = (
-            folder.join("live"),
-            folder.join("replayed"),
-            folder.join("views.jsonl"),
-        );
-        let sent = drive(&live, scripted);
+        let sent = drive(&folder.join("live"), scripted);
         let common = ["--size", "40x32", "--photons", "1000", "--every", "5"];
         let space_setting = format!("openxr.space={space}");
-        let mut args = vec!["run", "--session", "openxr", "--frames", "21"];
         let (p, q) = (start.position, start.orientation);
         let numbers = [p.x, p.y, p.z, q.x, q.y, q.z, q.w].map(|number| number.to_string());
         let starts_at = numbers.join(" ");
-        args.extend(["--set", &space_setting, "--pose", &starts_at]);
+        let mut args = recorded_session(&folder, "run --session openxr --frames 21", &common);
         args.extend([
-            "--out",
-            live.to_str().unwrap(),
-            "--record",
-            trace_path.to_str().unwrap(),
+            "--set".to_owned(),
+            space_setting,
+            "--pose".to_owned(),
+            starts_at,
         ]);
-        args.extend(common);
-        args.extend(FILES_AS_IN_A_REPLAY);
-        assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
+        live_on_monado(&args);
 
         // Monado keeps LOCAL 1.6 m over the floor, and STAGE starts as high under the scene's start: both alike.
         let world_from_floor = Pose::new(
@@ -87,62 +91,44 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
         let mut expected: Vec<[Pose; 2]> = Vec::new();
         for remote in sent.iter() {
             let head = world_from_floor.then(&pose(remote.head_orientation, remote.head_position));
-            let eyes = remote
-                .eyes
-                .map(|eye| head.then(&pose(eye.orientation, eye.position)));
+            let eye = |eye: RemoteEye| head.then(&pose(eye.orientation, eye.position));
+            let eyes = remote.eyes.map(eye);
             if expected.last() != Some(&eyes) {
                 expected.push(eyes);
             }
         }
-        let trace = Trace::read(&trace_path).unwrap();
+        let trace = Trace::read(&folder.join("trace.jsonl")).unwrap();
         assert_eq!(trace.frames.len(), 21);
         let mut places = BTreeMap::new();
         for frame in &trace.frames {
             for (eye, view) in frame.views.views.iter().enumerate() {
-                let fov = view.fov;
-                let angles = [
-                    fov.angle_left,
-                    fov.angle_right,
-                    fov.angle_up,
-                    fov.angle_down,
-                ];
+                let f = view.fov;
+                let angles = [f.angle_left, f.angle_right, f.angle_up, f.angle_down];
                 // Sent as f32, and so they come back.
                 assert_eq!(angles, scripted(0).eyes[eye].fov.map(f64::from));
             }
-            // Positions under 2 m in f32 through a few products: 4 roundings of 1.2e-7.
             for hand in &frame.input.hands {
                 // Where `Remote::packet` has both, unturned; each of grip and aim is that pose itself.
                 let sent = world_from_floor.then(&pose([0.0, 0.0, 0.0, 1.0], [0.0, 1.2, -0.3]));
                 for tracked in [hand.grip, hand.aim] {
                     let seen = tracked.expect("a tracked controller").pose;
-                    assert!(
-                        (seen.position - sent.position).length() < 1e-6,
-                        "{space}: {seen:?}, not {sent:?}"
-                    );
-                    assert!(
-                        seen.orientation.dot(sent.orientation).abs() > 1.0 - 1e-12,
-                        "{seen:?}"
-                    );
+                    let is_there = is_near(&sent, seen.position, seen.orientation);
+                    assert!(is_there, "{space}: {seen:?}, not {sent:?}");
                 }
             }
-            let found = expected.iter().position(|eyes| {
-                eyes.iter().zip(&frame.views.views).all(|(eye, view)| {
-                    (eye.position - view.position_in_world).length() < 1e-6
-                        && eye.orientation.dot(view.orientation).abs() > 1.0 - 1e-12
-                })
-            });
-            let found =
-                found.unwrap_or_else(|| panic!("{space}: no such pose was sent: {frame:?}"));
+            let is_seen = |(eye, view): (&Pose, &View)| {
+                is_near(eye, view.position_in_world, view.orientation)
+            };
+            let views = &frame.views.views;
+            let found = expected
+                .iter()
+                .position(|eyes| eyes.iter().zip(views).all(is_seen));
+            let found = found.unwrap_or_else(|| panic!("{space}: not sent: {frame:?}"));
             places.insert(found, ());
         }
         assert!(places.len() > 5, "the head moved: {places:?}");
 
-        let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
-        args.extend(["--out", replayed.to_str().unwrap()]);
-        args.extend(common);
-        args.extend(FILES_AS_IN_A_REPLAY);
-        assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
-        assert_eq!(assert_same_images(&live, &replayed), 10);
+        assert_eq!(replayed_images(&folder, &common), 10);
     }
 }
 
@@ -150,11 +136,7 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
 fn the_wearer_walks_turns_switches_reuse_and_quits() {
     let _port = remote_port();
     let folder = Folder::new("openxr-controls");
-    let (live, replayed, trace_path) = (
-        folder.join("live"),
-        folder.join("replayed"),
-        folder.join("views.jsonl"),
-    );
+    let live = folder.join("live");
     // Still until frame 20; ahead until 40; one snap to the right; reuse off from about 60; quit at 80.
     let _sent = drive(&live, |frame| Remote {
         head_orientation: [0.0, 0.0, 0.0, 1.0],
@@ -168,29 +150,12 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
         ..scripted(0)
     });
     let common = ["--size", "24x24", "--photons", "500", "--every", "10"];
-    // Frames without limit: only the button ends this run. The timeout is for the case that it does not.
-    let mut args = vec![
-        "run",
-        "--session",
-        "openxr",
-        "--frames",
-        "2000",
-        "--set",
-        "openxr.snap_turn_deg=20",
-    ];
-    args.extend([
-        "--out",
-        live.to_str().unwrap(),
-        "--record",
-        trace_path.to_str().unwrap(),
-    ]);
-    // Slow enough to stay in front of the box.
-    args.extend(["--set", "openxr.move_m_per_s=0.2"]);
-    args.extend(common);
-    args.extend(FILES_AS_IN_A_REPLAY);
-    assert_status(&stereolux_on_monado(&["--remote"], &args), 0);
+    // Frames without limit: only the button ends this run. The timeout is for the case that it does not. Slow enough to
+    // stay in front of the box.
+    let walks = "run --session openxr --frames 2000 --set openxr.snap_turn_deg=20 --set openxr.move_m_per_s=0.2";
+    live_on_monado(&recorded_session(&folder, walks, &common));
 
-    let trace = Trace::read(&trace_path).unwrap();
+    let trace = Trace::read(&folder.join("trace.jsonl")).unwrap();
     let frames = stats(&live);
     assert!(frames.len() > 80 && frames.len() < 2000, "{}", frames.len());
     let left = |index: usize| trace.frames[index].input.hand(Side::Left);
@@ -200,29 +165,17 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     });
     assert_eq!(presses.count(), 1, "the left A button went down once");
     assert!(!left(10).pressed.has(Button::Primary) && left(10).stick.y == 0.0);
-    assert!(
-        (20..45).any(|at| left(at).stick.y == 1.0),
-        "the stick that walks is the application's too"
-    );
-    let first = &trace.frames[10].views;
-    let walked = &trace.frames[43].views;
-    let turned = &trace.frames[58].views;
+    // The stick that walks is the application's too.
+    assert!((20..45).any(|at| left(at).stick.y == 1.0));
+    let [first, walked, turned] = [10, 43, 58].map(|at: usize| &trace.frames[at].views);
     let way = walked.midpoint_in_world() - first.midpoint_in_world();
     // Ahead is -Z here (the eyes' cant aside), at 0.2 m/s for about a second, and level.
     assert!(way.z < -0.04 && way.z > -0.6, "{way}");
     assert!(way.y.abs() < 1e-6, "{way}");
-    assert_eq!(
-        walked.views[0].orientation, first.views[0].orientation,
-        "walking does not turn"
-    );
-    let angle = walked.views[0]
-        .orientation
-        .angle_between(turned.views[0].orientation);
-    assert!(
-        (angle.to_degrees() - 20.0).abs() < 1e-3,
-        "{}",
-        angle.to_degrees()
-    );
+    let [first, walked, turned] = [first, walked, turned].map(|views| views.views[0].orientation);
+    assert_eq!(walked, first, "walking does not turn");
+    let degrees = walked.angle_between(turned).to_degrees();
+    assert!((degrees - 20.0).abs() < 1e-3, "{degrees}");
     let switched: Vec<usize> = (0..trace.frames.len())
         .filter(|i| trace.frames[*i].switch_reuse)
         .collect();
@@ -234,10 +187,5 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     assert!(frames[at..].iter().all(|frame| reused(frame) == 0));
 
     // All of that is in the recording.
-    let mut args = vec!["run", "--trace", trace_path.to_str().unwrap()];
-    args.extend(["--out", replayed.to_str().unwrap()]);
-    args.extend(common);
-    args.extend(FILES_AS_IN_A_REPLAY);
-    assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
-    assert!(assert_same_images(&live, &replayed) >= 18);
+    assert!(replayed_images(&folder, &common) >= 18);
 }

@@ -3,13 +3,13 @@
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::settings::{Method, Quality, Reuse};
+use stereolux::settings::{Method, Reuse};
 use stereolux::xr::view::Fov;
-use stereolux::xr::{HiddenArea, Pose, RuntimeTargets, View};
+use stereolux::xr::{HiddenArea, RuntimeTargets, View};
 
 use crate::suite::support::{
-    Triangles, bits, builtin, context, frame, hit_rays, method, parallel_views, radiance, renderer,
-    start_pose,
+    Triangles, bits, both, both_bits, builtin, context, frame, hit_rays, method, parallel_views,
+    pixel_ray, radiance, renderer, start_pose,
 };
 
 const SIZE: [u32; 2] = [64, 48];
@@ -95,6 +95,11 @@ fn half(bits: u16) -> f64 {
     if sign == 1 { -magnitude } else { magnitude }
 }
 
+/// What the PNG shows of these pixels.
+fn png_of(pixels: Vec<[f32; 3]>, exposure: f64) -> ImageRgb8 {
+    tone_map(&Image::new(SIZE[0], SIZE[1], pixels).unwrap(), exposure)
+}
+
 /// Asymmetric and canted.
 fn views() -> [View; 2] {
     let head = start_pose(&builtin("cornell"));
@@ -139,10 +144,7 @@ fn images_hold_what_the_png_shows_encoded_once() {
                 assert_eq!(texel[3], 255);
             }
             // 0.6 instead of 0.5: at most a fifth of the stores round to the neighbour.
-            assert!(
-                off < SIZE[0] * SIZE[1] * 3 / 5,
-                "{format:?}: {off} steps off"
-            );
+            assert!(off < SIZE[0] * SIZE[1] * 3 / 5, "{format:?}: {off} steps");
         }
         let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba16Float, false);
         renderer.submit_to(&library, &targets).unwrap();
@@ -152,18 +154,17 @@ fn images_hold_what_the_png_shows_encoded_once() {
                 let value = half(u16::from_le_bytes([half_bytes[0], half_bytes[1]]));
                 let expected = f64::from(aces_filmic(linear * 1.5));
                 // Half floats have 11 bits: half a step is 2^-12 of the value, a whole one if rounded towards zero.
+                let allowed = expected * 2_f64.powi(-10) + 1e-6;
                 assert!(
-                    (value - expected).abs() <= expected * 2_f64.powi(-10) + 1e-6,
+                    (value - expected).abs() <= allowed,
                     "{value} for {expected}"
                 );
             }
         }
     }
     // The eyes differ, so an exchange would have shown.
-    assert_ne!(
-        bits(&radiance(&renderer, Eye::Left)),
-        bits(&radiance(&renderer, Eye::Right))
-    );
+    let [left, right] = both_bits(&renderer);
+    assert_ne!(left, right);
 }
 
 #[test]
@@ -178,10 +179,7 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
     // What is shown changes places from frame to frame: an even and an odd one.
     for index in 0..4 {
         renderer.render_frame(&views(), index, |_| {}).unwrap();
-        let pictures = [Eye::Left, Eye::Right].map(|eye| {
-            let shown = renderer.read_radiance(eye).unwrap().unwrap();
-            tone_map(&Image::new(SIZE[0], SIZE[1], shown).unwrap(), 1.5)
-        });
+        let pictures = both(&renderer).map(|shown| png_of(shown, 1.5));
         let targets = targets(renderer.context(), format, false);
         renderer.submit_to(&library, &targets).unwrap();
         let window = target_texture(renderer.context(), [2 * SIZE[0], SIZE[1]], format);
@@ -198,23 +196,24 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
                 // An 8-bit store may round to the neighbour, as above.
                 let furthest = |picture: &ImageRgb8| {
                     let texels = found.chunks_exact(4).zip(&picture.pixels);
-                    texels
-                        .flat_map(|(texel, expected)| {
-                            (0..3).map(|c| texel[c].abs_diff(expected[c]))
-                        })
-                        .max()
-                        .unwrap()
+                    let off = texels.map(|(texel, expected)| off(texel, *expected));
+                    off.max().unwrap()
                 };
                 assert!(furthest(picture) <= 1, "{what}, frame {index}, eye {eye}");
                 // The other eye's picture and the frame without reconstruction are others.
                 assert!(furthest(&pictures[1 - eye]) > 20, "{what}");
-                let eye = if eye == 0 { Eye::Left } else { Eye::Right };
-                let raw = renderer.read_samples(eye).unwrap().unwrap();
-                let raw = tone_map(&Image::new(SIZE[0], SIZE[1], raw).unwrap(), 1.5);
+                let raw = renderer.read_samples(Eye::BOTH[eye]).unwrap().unwrap();
+                let raw = png_of(raw, 1.5);
                 assert!(index == 0 || furthest(&raw) > 20, "{what}, frame {index}");
             }
         }
     }
+}
+
+/// The channel that is furthest off.
+fn off(texel: &[u8], expected: [u8; 3]) -> u8 {
+    let channels = texel.iter().zip(expected);
+    channels.map(|(a, b)| a.abs_diff(b)).max().unwrap()
 }
 
 /// At a lower resolution the runtime gets the upper left part of its images, and a window the same picture enlarged.
@@ -227,12 +226,9 @@ fn a_lower_resolution_fills_the_upper_left_part() {
     let window = target_texture(renderer.context(), [2 * SIZE[0], SIZE[1]], format);
     renderer.submit_to(&library, &targets).unwrap();
     renderer.mirror_to(&library, &window).unwrap();
-    renderer
-        .set_quality(&Quality {
-            resolution_scale: 0.5,
-            ..renderer.most_quality()
-        })
-        .unwrap();
+    let mut quality = renderer.most_quality();
+    quality.resolution_scale = 0.5;
+    renderer.set_quality(&quality).unwrap();
     frame(&mut renderer, &views());
     let made = renderer.context().resources_made();
     renderer.submit_to(&library, &targets).unwrap();
@@ -252,23 +248,18 @@ fn a_lower_resolution_fills_the_upper_left_part() {
             let (x, y) = (place as u32 % SIZE[0], place as u32 / SIZE[0]);
             let depth: [u8; 4] = depth[4 * place..][..4].try_into().unwrap();
             if x >= width || y >= height {
-                assert_eq!(
-                    (texel, f32::from_le_bytes(depth)),
-                    (&[0, 0, 0, 255][..], 0.0)
-                );
+                assert_eq!(texel, [0, 0, 0, 255]);
+                assert_eq!(f32::from_le_bytes(depth), 0.0);
                 continue;
             }
             let expected = png.pixels[(y * width + x) as usize];
             // One step, as above. A pixel of the image is four of the window, whose four places all lie in it.
             let in_window = (y * 2 * SIZE[0] + x) * 2 + index as u32 * SIZE[0];
             let shown = [0, 1, 2 * SIZE[0], 2 * SIZE[0] + 1].map(|k| 4 * (in_window + k) as usize);
-            for texel in shown
-                .map(|at| &mirrored[at..at + 4])
-                .into_iter()
-                .chain([texel])
-            {
-                let is_near = (0..3).all(|c| texel[c].abs_diff(expected[c]) <= 1);
-                assert!(is_near, "{texel:?} for {expected:?} at {x}, {y}");
+            let shown = shown.map(|at| &mirrored[at..at + 4]);
+            for texel in shown.into_iter().chain([texel]) {
+                let what = format!("{texel:?} for {expected:?} at {x}, {y}");
+                assert!(off(texel, expected) <= 1, "{what}");
             }
             let is_hit = rays[(y * width + x) as usize][3] > 0.0;
             assert_eq!(f32::from_le_bytes(depth) > 0.0, is_hit, "{x}, {y}");
@@ -295,13 +286,7 @@ fn depth_is_the_distance_along_the_eye_s_axis_also_where_pixels_are_carried_over
             let found = bytes(renderer.context(), &depth[index], 4);
             let (mut near, mut misses, mut total) = (0_usize, 0, 0_usize);
             for (pixel, texel) in found.chunks_exact(4).enumerate() {
-                let (x, y) = (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
-                let ray = view.ray_through_pixel(
-                    f64::from(x) + 0.5,
-                    f64::from(y) + 0.5,
-                    SIZE[0],
-                    SIZE[1],
-                );
+                let ray = pixel_ray(view, pixel, SIZE);
                 let value = f64::from(f32::from_le_bytes(texel.try_into().unwrap()));
                 total += 1;
                 let Some((distance, ..)) = triangles.closest(ray.origin, ray.direction, 1e-4)
@@ -343,8 +328,7 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
         (Method::Photon, Reuse::Scatter),
     ] {
         let settings = method(light, reuse);
-        let mut whole = renderer(&scene, &settings, SIZE);
-        frame(&mut whole, &views());
+        let whole = super::support::rendered(&scene, &settings, SIZE, &views());
         let mut masked = Renderer::with_hidden_area(
             context(),
             &ShaderLibrary::embedded(),
@@ -369,21 +353,16 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
                         assert_eq!(with[pixel], [0.0; 3]);
                     }
                 } else if reuse == Reuse::Off || eye == Eye::Left {
-                    assert_eq!(
-                        bits(&[with[pixel]]),
-                        bits(&[without[pixel]]),
-                        "{eye:?} {pixel}"
-                    );
+                    let [with, without] = [&with, &without].map(|all| all[pixel].map(f32::to_bits));
+                    assert_eq!(with, without, "{eye:?} {pixel}");
                 }
             }
             assert!(count > 100 && count < with.len() / 2, "{count} hidden");
             if reuse == Reuse::Scatter && eye == Eye::Right {
                 continue;
             }
-            assert!(
-                without.iter().filter(|p| p[0] > 0.0).count()
-                    > with.iter().filter(|p| p[0] > 0.0).count()
-            );
+            let lit = |image: &[[f32; 3]]| image.iter().filter(|p| p[0] > 0.0).count();
+            assert!(lit(&without) > lit(&with));
         }
         if reuse == Reuse::Scatter {
             assert!(result.stereo.reused > 0 && result.stereo.filled > 0);
@@ -401,15 +380,12 @@ fn reuse_can_be_switched_and_back() {
     let second = frame(&mut switched, &views());
     assert!(first.stereo.reused > 0);
     assert_eq!(second.stereo.reused, 0);
-    let mut off = renderer(&scene, &method(Method::Photon, Reuse::Off), SIZE);
-    frame(&mut off, &views());
-    assert_eq!(
-        bits(&radiance(&switched, Eye::Right)),
-        bits(&radiance(&off, Eye::Right))
-    );
+    let settings = method(Method::Photon, Reuse::Off);
+    let mut off = super::support::rendered(&scene, &settings, SIZE, &views());
+    let right = |renderer: &Renderer| bits(&radiance(renderer, Eye::Right));
+    assert_eq!(right(&switched), right(&off));
     assert!(switched.switch_reuse());
     frame(&mut switched, &views());
-    assert_eq!(bits(&radiance(&switched, Eye::Right)), with_reuse);
+    assert_eq!(right(&switched), with_reuse);
     assert!(!off.switch_reuse(), "nothing was compiled to switch to");
-    let _: Pose = start_pose(&scene);
 }

@@ -2,14 +2,13 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
-
-pub use crate::suite::support::stderr;
+use crate::suite::support::{Folder, exrs, words};
+pub use crate::suite::support::{stats, stderr};
 
 /// The program under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_stereolux");
@@ -28,6 +27,27 @@ pub fn stereolux_on_monado(options: &[&str], args: &[&str]) -> Output {
     output_on_monado(monado(options).arg(PROGRAM).args(args))
 }
 
+/// Holds the recording of a live session, `trace.jsonl` beside its folder `live`, against its replay: how many images
+/// are the same. Both were given the arguments `common`.
+pub fn replayed_images(folder: &Folder, common: &[&str]) -> usize {
+    let [live, replayed, trace] = ["live", "replayed", "trace.jsonl"].map(|name| folder.join(name));
+    let mut args = vec!["run", "--trace", trace.to_str().unwrap()];
+    args.extend(["--out", replayed.to_str().unwrap()]);
+    args.extend(common);
+    args.extend(FILES_AS_IN_A_REPLAY);
+    assert_status(&stereolux_on_monado(&["--no-service"], &args), 0);
+    assert_same_images(&live, &replayed)
+}
+
+/// Arguments of a session whose recording [`replayed_images`] takes: `command` and `common`.
+pub fn recorded_session(folder: &Folder, command: &str, common: &[&str]) -> Vec<String> {
+    let out = folder.join("live").display().to_string();
+    let trace = folder.join("trace.jsonl").display().to_string();
+    let files = ["--out", &out, "--record", &trace];
+    let all = [&words(command)[..], &files, common, &FILES_AS_IN_A_REPLAY].concat();
+    all.into_iter().map(str::to_owned).collect()
+}
+
 /// The script's exit status where Monado's service crashed by itself.
 pub const SERVICE_CRASHED: i32 = 75;
 
@@ -44,24 +64,15 @@ pub fn output_on_monado(command: &mut Command) -> Output {
     output
 }
 
-/// Fails with what was printed unless the exit status is `status`.
-pub fn assert_status(output: &Output, status: i32) {
-    assert_eq!(
-        output.status.code(),
-        Some(status),
-        "stdout: {}\nstderr: {}",
-        String::from_utf8_lossy(&output.stdout),
-        stderr(output)
-    );
+/// What a program printed, on either stream.
+pub fn all_output(output: &Output) -> String {
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    format!("{stdout}\n{}", stderr(output))
 }
 
-/// The lines of `stats.jsonl` in `out`.
-pub fn stats(out: &Path) -> Vec<Value> {
-    std::fs::read_to_string(out.join("stats.jsonl"))
-        .unwrap_or_default()
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect()
+/// Fails with what was printed unless the exit status is `status`.
+pub fn assert_status(output: &Output, status: i32) {
+    assert_eq!(output.status.code(), Some(status), "{}", all_output(output));
 }
 
 /// Lines of `stats.jsonl` so far.
@@ -72,24 +83,12 @@ pub fn frames_so_far(out: &Path) -> usize {
 
 /// Every `.exr` of two folders is there in both and equal byte for byte; the number of files.
 pub fn assert_same_images(a: &Path, b: &Path) -> usize {
-    let names = |folder: &Path| {
-        let mut names: Vec<PathBuf> = std::fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| PathBuf::from(entry.unwrap().file_name()))
-            .filter(|name| name.extension().is_some_and(|end| end == "exr"))
-            .collect();
-        names.sort();
-        names
-    };
-    assert_eq!(names(a), names(b));
-    for name in names(a) {
-        let (first, second) = (
-            std::fs::read(a.join(&name)).unwrap(),
-            std::fs::read(b.join(&name)).unwrap(),
-        );
-        assert!(first == second, "{} differs", name.display());
+    let [a, b] = [a, b].map(exrs);
+    assert!(a.keys().eq(b.keys()), "{:?}, {:?}", a.keys(), b.keys());
+    for (name, bytes) in &a {
+        assert!(*bytes == b[name], "{name} differs");
     }
-    names(a).len()
+    a.len()
 }
 
 /// Waits until `ready`; fails after two minutes with `what`, or when `child` has ended.
@@ -141,9 +140,7 @@ impl Remote {
     pub fn packet(&self) -> Vec<u8> {
         let mut bytes = b"mndrmt3\0".to_vec();
         let floats = |bytes: &mut Vec<u8>, values: &[f32]| {
-            for value in values {
-                bytes.extend_from_slice(&value.to_le_bytes());
-            }
+            bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         };
         for eye in &self.eyes {
             floats(&mut bytes, &eye.fov);
