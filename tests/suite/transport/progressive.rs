@@ -136,9 +136,12 @@ fn a_still_head_converges_as_paths_do() {
         assert!(error < 1.3 * 1.3 * noise, "{name}: {error} of {noise}");
         // Negative control: the first map's error stays.
         assert!(kept > 1.5 * error, "{name}: {kept} without refining");
-        // What discs that reach over edges lack grows with the radius, which falls as i^-0.15 (alpha 0.7): its mean over 64 passes
-        // is 0.63 of the first.
-        let most = 0.75 * kept_bias.abs();
-        assert!(bias.abs() < most, "{name}: {bias}, unrefined {kept_bias}");
+        // What the trials at edges give up on grows with the radius, which falls as i^-0.15 (alpha 0.7): its mean over 64 passes
+        // is 0.63 of the first. And 1 % is the goal.
+        let most = (0.75 * kept_bias.abs()).min(0.01);
+        assert!(
+            bias.abs() < most,
+            "{name}: {bias}, {kept_bias} without refining"
+        );
     }
 }
