@@ -9,7 +9,7 @@ use egui::Context;
 
 use super::fields::Fields;
 use super::fly_camera::FlyCamera;
-use super::frames::{FrameReport, ViewMode, Wanted};
+use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
@@ -18,6 +18,7 @@ use super::panels::paths::{PathQuestion, Purpose};
 use super::session::{Player, Recording};
 use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
+use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
@@ -120,6 +121,8 @@ pub struct App {
     pub(super) log: Vec<(f64, String)>,
     pub(super) shows_log: bool,
     pub(super) frame: Option<Box<FrameReport>>,
+    /// Other views of the last frame.
+    stock: Stock,
     pub(super) pictures: Pictures,
     pub(super) gizmo: TransformGizmo,
     pub(super) history: VecDeque<[f32; 4]>,
@@ -185,6 +188,7 @@ impl App {
             exposure: settings.render.output.exposure,
             tone: settings.output.tone,
             view_mode: ViewMode::Picture,
+            stands: false,
         };
         // From here on they count.
         document.take_changes();
@@ -212,6 +216,7 @@ impl App {
             log: Vec::new(),
             shows_log: false,
             frame: None,
+            stock: Stock::default(),
             pictures: Pictures::default(),
             gizmo: TransformGizmo::default(),
             history: VecDeque::new(),
@@ -418,6 +423,10 @@ impl App {
                     }
                     self.frame = Some(frame);
                 }
+                Report::View(view) => {
+                    let (picture, mode, pictures) = *view;
+                    self.stock.put(picture, mode, pictures);
+                }
                 Report::Busy(what) => self.busy = what,
                 Report::Done(text) => self.say(context, text, false),
                 Report::Failed(text) => {
@@ -431,6 +440,39 @@ impl App {
                 }
             }
         }
+    }
+
+    /// Whether the last frame can show a view without another one.
+    pub fn is_at_hand(&self, mode: ViewMode) -> bool {
+        self.frame.as_ref().is_some_and(|frame| {
+            frame.view_mode == mode
+                || mode == ViewMode::Picture
+                || matches!(mode, ViewMode::Inspection(view) if Seen::holds(view))
+                || self.stock.get(frame.picture, mode).is_some()
+        })
+    }
+
+    /// Lets the last frame show the view that is wanted, if that is at hand: a frame of its own takes longer.
+    pub(super) fn show_at_hand(&mut self, context: &Context) {
+        let Some(frame) = &mut self.frame else {
+            return;
+        };
+        let (shown, wanted) = (frame.view_mode, self.view_mode);
+        if shown == wanted {
+            return;
+        }
+        let output = &self.settings;
+        let kept = self.stock.get(frame.picture, wanted).cloned();
+        let made = || {
+            let exposure = output.render.output.exposure;
+            ViewPictures::of_frame(frame, wanted, exposure, output.output.tone)
+        };
+        let Some(pictures) = kept.or_else(made) else {
+            return;
+        };
+        let last = frame.show_as(wanted, pictures);
+        self.stock.put(frame.picture, shown, last.kept());
+        self.pictures.take(context, frame);
     }
 
     pub(super) fn ask(&mut self, request: Request) {
@@ -681,6 +723,8 @@ impl App {
             exposure: self.settings.render.output.exposure,
             tone: self.settings.output.tone,
             view_mode: self.view_mode,
+            // No reason to send it again.
+            stands: self.sent.as_ref().is_some_and(|sent| sent.stands),
         };
         if self.sent.as_ref() == Some(&now) && told == self.asked {
             return;
@@ -689,6 +733,8 @@ impl App {
         self.is_stopped = false;
         self.unanswered.get_or_insert((self.asked, Instant::now()));
         now.number = self.asked;
+        let shown = self.frame.as_ref().map(|frame| frame.view_mode);
+        now.stands = shown == Some(self.view_mode) && !self.is_behind();
         self.worker.want(now.clone());
         self.sent = Some(now);
     }

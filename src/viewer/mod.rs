@@ -31,6 +31,7 @@ pub mod sketch;
 mod textures;
 pub mod theme;
 mod ui;
+pub mod view_pictures;
 mod window;
 pub mod window_state;
 mod worker;

@@ -38,6 +38,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let Some(first) = rectangles.first().copied() else {
             return;
         };
+        app.show_at_hand(ui.ctx());
         wish_size(app, first, ui.ctx().pixels_per_point());
         // Pictures made of both eyes are of frames alone.
         let is_plain = |part: &Part| matches!(part, Part::Left | Part::Right);
@@ -84,9 +85,7 @@ fn show_notes(app: &App, ui: &Ui, frame: &FrameReport, parts: &[Part], area: Rec
     } else if let Some(legend) = &frame.legend {
         show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
     }
-    let notes = parts
-        .iter()
-        .filter_map(|part| frame.notes[part.eye()].as_ref());
+    let notes = parts.iter().filter_map(|part| frame.note(part.eye()));
     if let (Some(text), false) = (notes.into_iter().next(), is_other) {
         note(ui.painter(), area, text);
     }

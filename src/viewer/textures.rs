@@ -57,6 +57,8 @@ impl Pictures {
 
     /// Takes a new frame over.
     pub fn take(&mut self, context: &Context, frame: &FrameReport) {
+        // The same frame may show another view now.
+        self.combined = None;
         let options = self.options();
         for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
             put(
@@ -182,6 +184,7 @@ mod tests {
             size: [5, 5],
             nodes,
             distances_m: vec![1.0; 25],
+            ..Seen::default()
         };
         let image = outline_image(&seen, &[false, true]);
         let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();

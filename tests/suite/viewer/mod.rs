@@ -16,5 +16,6 @@ pub mod viewer_painter;
 pub mod viewer_sketch;
 pub mod viewer_support;
 pub mod viewer_toolbar;
+pub mod viewer_views;
 pub mod viewer_window;
 pub mod virtual_screen;
