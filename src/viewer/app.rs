@@ -15,6 +15,7 @@ use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
+use super::selection::Selection;
 use super::session::{Player, Recording};
 use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
@@ -25,6 +26,7 @@ use super::zoom::Zoom;
 use crate::options::Extent;
 use crate::options::SettingsFile as _;
 use crate::renderer::Inspection;
+use crate::scene::Bounds;
 use crate::scene::edit::{Document, Edit};
 use crate::settings::{EnvironmentSettings, Eyes, Reuse, Settings};
 use crate::xr::{Headset, Pose};
@@ -42,6 +44,8 @@ pub struct Start {
     pub document: Document,
     /// All settings.
     pub settings: Settings,
+    /// The environment of the settings is what `auto` light chose for this scene.
+    pub is_auto_lit: bool,
     /// Whose eyes are shown.
     pub headset: Headset,
     /// Views to play in place of a head that is moved by hand.
@@ -98,10 +102,12 @@ pub struct App {
     pub(super) headset: Headset,
     /// What the environment that is shown was read by.
     pub(super) environment: EnvironmentSettings,
+    /// It is what `auto` light chose for the scene, and goes with it.
+    pub(super) is_auto_lit: bool,
     pub(super) camera: FlyCamera,
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
-    pub(super) selected: Option<usize>,
+    pub(super) selected: Selection,
     pub(super) window_state: WindowState,
     pub(super) view_mode: ViewMode,
     pub(super) tab: Tab,
@@ -167,6 +173,7 @@ impl App {
         let Start {
             mut document,
             settings,
+            is_auto_lit,
             headset,
             recording,
             out,
@@ -197,12 +204,13 @@ impl App {
         Ok(Self {
             other: Arc::new(other_method(&settings)),
             environment: settings.environment.clone(),
+            is_auto_lit,
             settings,
             headset,
             camera,
             player: recording.map(Player::new),
             clock: SceneClock::default(),
-            selected: None,
+            selected: Selection::default(),
             window_state,
             view_mode: ViewMode::Picture,
             tab: Tab::default(),
@@ -267,9 +275,9 @@ impl App {
         &self.document
     }
 
-    /// The node that is selected.
+    /// The node that is selected, the last of several.
     pub fn selected(&self) -> Option<usize> {
-        self.selected
+        self.selected.last()
     }
 
     /// All settings.
@@ -319,6 +327,11 @@ impl App {
         &self.messages
     }
 
+    /// Frames in the chart of times.
+    pub fn charted(&self) -> usize {
+        self.history.len()
+    }
+
     /// Whether a scene is being read or shaders are compiled.
     pub fn is_busy(&self) -> bool {
         !self.busy.is_empty() || self.loading.is_some()
@@ -326,7 +339,8 @@ impl App {
 
     /// Selects a node, or nothing.
     pub fn select(&mut self, node: Option<usize>) {
-        self.selected = node.filter(|node| self.document.scene().reaches(*node));
+        self.selected
+            .set(node.filter(|node| self.document.scene().reaches(*node)));
     }
 
     /// Shows something else of frames.
@@ -395,13 +409,7 @@ impl App {
         while let Some(report) = self.worker.poll() {
             match report {
                 Report::Frame(frame) => {
-                    let ms = &frame.stats.gpu_ms;
-                    self.history.push_back(
-                        [ms.photons, ms.left, ms.right, ms.reconstruction].map(|ms| ms as f32),
-                    );
-                    if self.history.len() > HISTORY {
-                        self.history.pop_front();
-                    }
+                    self.note_times(&frame);
                     self.pictures.take(context, &frame);
                     while self
                         .stands
@@ -475,6 +483,19 @@ impl App {
         self.pictures.take(context, frame);
     }
 
+    /// The chart has frames of the scene that is open.
+    fn note_times(&mut self, frame: &FrameReport) {
+        if frame.changes < self.opened_at {
+            return;
+        }
+        let ms = &frame.stats.gpu_ms;
+        let times = [ms.photons, ms.left, ms.right, ms.reconstruction];
+        self.history.push_back(times.map(|ms| ms as f32));
+        if self.history.len() > HISTORY {
+            self.history.pop_front();
+        }
+    }
+
     pub(super) fn ask(&mut self, request: Request) {
         self.asked += 1;
         self.is_stopped = false;
@@ -512,14 +533,9 @@ impl App {
         self.forget_missing();
     }
 
-    /// Undoing may take the selected node away.
+    /// Undoing may take selected nodes away.
     pub(super) fn forget_missing(&mut self) {
-        let scene = self.document.scene();
-        if let Some(node) = self.selected
-            && !scene.reaches(node)
-        {
-            self.selected = None;
-        }
+        self.selected.forget_missing(self.document.scene());
     }
 
     pub(super) fn set_settings(&mut self, context: &Context, settings: Settings) {
@@ -584,7 +600,10 @@ impl App {
 
     pub(super) fn focus_selected(&mut self) {
         let scene = self.document.scene();
-        let Some(bounds) = self.selected.and_then(|node| scene.bounds_below(node)) else {
+        let all = self.selected.nodes().iter();
+        let boxes = all.filter_map(|node| scene.bounds_below(*node));
+        let corners = boxes.flat_map(|bounds| [bounds.min, bounds.max]);
+        let Some(bounds) = Bounds::of_points(corners) else {
             return;
         };
         let radius_m = 0.5 * bounds.size().length();
@@ -689,9 +708,7 @@ impl App {
             views: self.views(),
             size: self.size,
             near_m: 1e-3 * self.camera.speed,
-            selected: self
-                .selected
-                .map(|node| self.document.scene().subtree(node)),
+            selected: self.selected.covered(self.document.scene()),
         })
     }
 

@@ -26,6 +26,7 @@ mod pressure;
 mod reference;
 mod render_engine;
 mod screenshot;
+mod selection;
 pub mod session;
 pub mod sketch;
 mod textures;

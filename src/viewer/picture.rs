@@ -11,8 +11,8 @@ use super::app::App;
 use super::frames::FrameReport;
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, rectangles};
+use super::selection;
 use crate::false_color::{Legend, map_color};
-use crate::scene::edit::Edit;
 
 /// Frames grow in steps of so many pixels when the window is resized: every step allocates.
 const SIZE_STEP: f32 = 16.0;
@@ -170,11 +170,11 @@ fn show_part(
         label(&painter, pos2(divider_x - 8.0, top), Align2::RIGHT_TOP, "A");
         label(&painter, pos2(divider_x + 8.0, top), Align2::LEFT_TOP, "B");
     }
-    let selected = app
-        .selected
-        .map(|node| (node, app.document.scene().subtree(node)));
+    let scene = app.document.scene();
     if let Some(frame) = frame
-        && let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye())
+        && let Some(outline) =
+            app.pictures
+                .outline(&context, frame, &app.selected, scene, part.eye())
     {
         draw(outline.id(), place);
     }
@@ -227,7 +227,8 @@ fn handles(
 ) -> Option<Handled> {
     // In a picture made of both eyes the handles would stand in one eye's place only.
     let is_plain = matches!(part, Part::Left | Part::Right);
-    let node = app.selected.filter(|_| is_plain && app.player.is_none())?;
+    let last = app.selected.last();
+    let node = last.filter(|_| is_plain && app.player.is_none())?;
     let scene = app.document.scene();
     if !scene.reaches(node) || scene.nodes[node].skin.is_some() {
         return None;
@@ -282,13 +283,10 @@ fn handles(
     }
     if let Handled::Moved(world_from_pivot) = handled {
         let world_from_node = world_from_pivot * DAffine3::from_translation(-pivot_in_node);
-        let parent = app.document.scene().nodes[node].parent;
-        let parent_from_world = parent.map(|parent| world[parent].inverse());
-        let parent_from_node = match parent_from_world {
-            Some(parent_from_world) => parent_from_world * world_from_node,
-            None => world_from_node,
-        };
-        app.edit(&context, Edit::place(node, parent_from_node));
+        let moved = app.selected.carry(app.document.scene(), world_from_node);
+        if let Some(edit) = moved {
+            app.edit(&context, edit);
+        }
         context.request_repaint();
     }
     Some(handled)
@@ -314,9 +312,10 @@ fn pointer(
                 memory.surrender_focus(field);
             }
         });
-        app.selected = surface_at(app, frame, part, place_in(rect, at))
+        let met = surface_at(app, frame, part, place_in(rect, at))
             .map(|(node, _)| node)
             .filter(|node| app.document.scene().reaches(*node));
+        app.selected.click(met, selection::adds(context));
         app.tab = super::app::Tab::Inspector;
         app.fields.scroll_to_selected = true;
     }

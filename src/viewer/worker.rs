@@ -133,6 +133,7 @@ impl Worker {
                     shown: None,
                     picture: 0,
                     reported: ViewMode::Picture,
+                    answered: 0,
                     full_frames: 0,
                     stocked: Vec::new(),
                     costs: Vec::new(),
@@ -271,6 +272,8 @@ struct Inner {
     picture: u64,
     /// What the last frame showed.
     reported: ViewMode,
+    /// [`Wanted::number`] of it.
+    answered: u64,
     /// Frames of the full size of what is shown.
     full_frames: u32,
     /// Views of what is shown that the window has been given, or that there are none of.
@@ -463,7 +466,7 @@ impl Inner {
         } else if self.divisor > 1 {
             self.divisor /= 2;
         } else {
-            let goes_on = is_other_view || !self.is_finished(wanted);
+            let goes_on = self.answered != wanted.number || !self.is_finished(wanted);
             return goes_on.then_some(wanted.size);
         }
         self.engine.clear();
@@ -491,8 +494,12 @@ impl Inner {
             return Ok(Turn::Go);
         }
         let photons_ms = stats.gpu_ms.photons;
-        // Another view may be wanted by now that the frame can show as well.
-        let latest = self.wanted();
+        // Another view may be wanted by now that the frame can show as well. Edits that were asked for before it are not in
+        // the frame: its number stays.
+        let latest = Wanted {
+            number: wanted.number,
+            ..self.wanted()
+        };
         let is_at_hand = latest.is_of_frames_of(wanted)
             && !self
                 .engine
@@ -533,6 +540,7 @@ impl Inner {
             (milliseconds_since(began) - photons_ms).max(0.0) / pixels_of(size),
         );
         self.reported = wanted.view_mode;
+        self.answered = wanted.number;
         report.picture = self.picture;
         report.other = other;
         report.changes = self.changes;

@@ -13,6 +13,7 @@ pub mod mirror;
 pub mod viewer_app;
 pub mod viewer_files;
 pub mod viewer_painter;
+pub mod viewer_selection;
 pub mod viewer_sketch;
 pub mod viewer_support;
 pub mod viewer_toolbar;

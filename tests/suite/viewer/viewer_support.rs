@@ -45,6 +45,7 @@ pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) ->
         document: Document::load(scene).unwrap(),
         settings,
         headset: narrow(),
+        is_auto_lit: false,
         recording: None,
         out: folder.path().to_owned(),
         window_state: WindowState {
@@ -117,6 +118,10 @@ pub fn node_of(scene: &Scene, name: &str) -> usize {
 }
 
 pub fn click_at(viewer: &mut Viewer, at: Pos2) {
+    click_with(viewer, at, Modifiers::NONE);
+}
+
+pub fn click_with(viewer: &mut Viewer, at: Pos2, modifiers: Modifiers) {
     viewer.hover_at(at);
     viewer.step();
     for pressed in [true, false] {
@@ -124,7 +129,7 @@ pub fn click_at(viewer: &mut Viewer, at: Pos2) {
             pos: at,
             button: PointerButton::Primary,
             pressed,
-            modifiers: Modifiers::NONE,
+            modifiers,
         });
         viewer.step();
     }
