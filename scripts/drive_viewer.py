@@ -2,11 +2,13 @@
 """Drives the viewer's window as a person would and prints when each action is first answered on the screen.
 
     scripts/drive_viewer.py target/release/stereolux MODEL.gltf --out out/driven
+    scripts/drive_viewer.py target/release/stereolux --views --out out/driven
 
 On a virtual screen of 1280x800 over builtin:gallery: select, change a material, undo, redo, orbit, walk, change the view,
 save, open MODEL by the path field, quit. Needs Xvfb, xdotool and Pillow. An answer is a change of more than 0.2 % of the
 watched part's pixels (5 % where the picture is asked for), so that a cursor or a text field does not count as one; the
-time includes xdotool's start, some 10 ms. Writes the screens as PNG into --out; look at them.
+time includes xdotool's start, some 10 ms. With --views: how long each view, chosen in the menu, is awaited until a picture of
+its own stands: one that is neither the last view's nor that one dimmed. Writes the screens as PNG into --out; look at them.
 """
 import argparse
 import atexit
@@ -26,6 +28,13 @@ DISPLAY = ":77"
 SCREEN = (0, 0, 1280, 800)
 PICTURES = (212, 52, 908, 620)
 INSPECTOR = (912, 80, 1275, 620)
+# Of the pictures, what the menu of views leaves free.
+BESIDE_MENU = (560, 80, 908, 620)
+# Rows of the menu of views: the picture comes first, the error last.
+VIEWS = ("picture", "direct", "indirect", "caustic", "albedo", "normal", "depth", "instance", "photon density", "photon dots",
+         "grid occupancy", "bvh steps", "motion", "variance", "provenance", "error")
+# What the last view's picture is multiplied by while another is awaited: picture.rs, `show_notes`.
+DIMMED = 55 / 255
 PATIENCE_S = 30
 
 
@@ -73,17 +82,18 @@ class Desk:
             self.xdotool("mousemove", *(a + (b - a) * step // 4 for a, b in zip(start, end)))
             time.sleep(0.02)
 
-    def act(self, name, act, part=PICTURES, share=0.002, after=lambda: None):
+    def act(self, name, act, part=PICTURES, share=0.002, after=lambda: None, is_answer=lambda now, before: now != before):
         before = self.pixels(part)
         began = time.monotonic()
         act()
         while True:
             now = self.pixels(part)
-            differing = sum(now[at:at + 3] != before[at:at + 3] for at in range(0, len(now), 64))
+            differing = sum(is_answer(now[at:at + 3], before[at:at + 3]) for at in range(0, len(now), 64))
             elapsed_s = time.monotonic() - began
             if differing > share * len(now) / 64:
                 break
             if elapsed_s > PATIENCE_S:
+                self.save_png("no_answer")
                 raise SystemExit(f"{name}: no answer within {PATIENCE_S} s")
             time.sleep(0.005)
         self.times_ms.append(1e3 * elapsed_s)
@@ -106,12 +116,21 @@ class Desk:
         return 1e3 * (time.monotonic() - began)
 
 
+def is_another_picture(now, before):
+    """Whether a pixel shows neither the last view nor that one dimmed, but for what refining changes."""
+    far = lambda factor: any(abs(a - factor * b) > 16 for a, b in zip(now, before))
+    return far(1) and far(DIMMED)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program", type=pathlib.Path, help="the stereolux program")
-    parser.add_argument("model", type=pathlib.Path, help="what is opened, .gltf or .glb")
+    parser.add_argument("model", type=pathlib.Path, nargs="?", help="what is opened, .gltf or .glb")
+    parser.add_argument("--views", action="store_true", help="measure the views instead; needs no model")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/driven"))
     options = parser.parse_args()
+    if not options.views and options.model is None:
+        parser.error("a model is needed, or --views")
     desk = Desk(options.program.resolve(), options.out.resolve())
     key = lambda name: lambda: desk.xdotool("key", name)
     click = lambda: desk.xdotool("click", 1)
@@ -124,8 +143,17 @@ def main():
         point(400, 12)
         click()
         time.sleep(1)
-        point(400, 12 + 24 * row)
+        point(400, 16 + 23 * row)
 
+    def sum_up(*more):
+        print("; ".join([f"median {statistics.median(desk.times_ms):.0f} ms, worst {max(desk.times_ms):.0f} ms", *more]))
+
+    if options.views:
+        for row in [*range(1, len(VIEWS)), 0]:
+            choose_view(row + 1)
+            desk.act(f"view {VIEWS[row]}", click, BESIDE_MENU, 0.2, is_answer=is_another_picture)
+        desk.close()
+        return sum_up()
     point(389, 341)
     desk.act("select the vase", click, INSPECTOR)
     desk.act("change its colour", lambda: desk.drag((1124, 276), (1190, 276), 1), after=lambda: desk.xdotool("mouseup", 1))
@@ -146,8 +174,7 @@ def main():
     time.sleep(8)
     desk.save_png("opened")
     quit_ms = desk.close()
-    print(f"median {statistics.median(desk.times_ms):.0f} ms, worst {max(desk.times_ms):.0f} ms; "
-          f"ended {quit_ms:.0f} ms after SIGTERM")
+    sum_up(f"ended {quit_ms:.0f} ms after SIGTERM")
 
 
 if __name__ == "__main__":

@@ -42,8 +42,8 @@ pub enum Scale {
 pub struct Coloring {
     /// Of numbers.
     pub scale: Scale,
-    /// Numbers at the ends of the map, in the values' unit; `None`: [`automatic_range`]. For light and motion the second
-    /// alone counts: what becomes white ([`automatic_white`]), and the fullest colour.
+    /// Numbers at the ends of the map, in the values' unit; `None`: [`automatic_range`], or [`depth_range`]. For light and
+    /// motion the second alone counts: what becomes white ([`automatic_white`]), and the fullest colour.
     pub range: Option<[f64; 2]>,
 }
 
@@ -117,6 +117,41 @@ pub fn map_color(share: f64) -> [u8; 3] {
 /// is nothing to see.
 #[must_use]
 pub fn automatic_range(values: impl IntoIterator<Item = f64>, scale: Scale) -> [f64; 2] {
+    match (spread(values, scale), scale) {
+        (None, Scale::Linear) => [0.0, 1.0],
+        (None, Scale::Log) => [0.1, 1.0],
+        (Some([low, high]), Scale::Linear) => {
+            let low = if low >= 0.0 && low < 0.5 * high {
+                0.0
+            } else {
+                low
+            };
+            if high > low { [low, high] } else { around(low) }
+        }
+        (Some([low, high]), Scale::Log) => {
+            let low = low.max(high * 1e-6);
+            if high > low * 1.001 {
+                [low, high]
+            } else {
+                [high * 0.1, high]
+            }
+        }
+    }
+}
+
+/// A range of depths: as [`automatic_range`], but from the nearest on. There is nothing at the eye, and the colours before
+/// the first surface would be lost.
+#[must_use]
+pub fn depth_range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    match spread(values, Scale::Linear) {
+        Some([low, high]) if high > low => [low, high],
+        Some([low, _]) => around(low),
+        None => [0.0, 1.0],
+    }
+}
+
+/// The 1st and the 99th percentile of the numbers that a scale can show.
+fn spread(values: impl IntoIterator<Item = f64>, scale: Scale) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = values
         .into_iter()
         .filter(|value| value.is_finite() && (scale == Scale::Linear || *value > 0.0))
@@ -126,34 +161,12 @@ pub fn automatic_range(values: impl IntoIterator<Item = f64>, scale: Scale) -> [
         let last = sorted.len().saturating_sub(1);
         sorted.get((share * last as f64).round() as usize).copied()
     };
-    let (Some(low), Some(mut high)) = (percentile(0.01), percentile(0.99)) else {
-        return match scale {
-            Scale::Linear => [0.0, 1.0],
-            Scale::Log => [0.1, 1.0],
-        };
-    };
-    match scale {
-        Scale::Linear => {
-            // Few bright pixels among many dark ones: better their own range than none.
-            if high <= low.max(0.0) {
-                high = sorted.last().copied().unwrap_or(high);
-            }
-            let low = if low >= 0.0 && low < 0.5 * high {
-                0.0
-            } else {
-                low
-            };
-            if high > low { [low, high] } else { around(low) }
-        }
-        Scale::Log => {
-            let low = low.max(high * 1e-6);
-            if high > low * 1.001 {
-                [low, high]
-            } else {
-                [high * 0.1, high]
-            }
-        }
+    let (low, mut high) = (percentile(0.01)?, percentile(0.99)?);
+    // Few bright pixels among many dark ones: better their own range than none.
+    if scale == Scale::Linear && high <= low.max(0.0) {
+        high = sorted.last().copied().unwrap_or(high);
     }
+    Some([low, high])
 }
 
 /// What becomes white of light: the geometric mean of the pixels that are lit over 0.18, at most the brightest. Lamps in the
@@ -424,13 +437,18 @@ const MOST_LABELS: usize = 32;
 pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, ImageError> {
     let unit = inspected.unit;
     match &inspected.values {
-        InspectedValues::Scalar(values) => bar(
-            inspected.size,
-            values,
-            |pixel| has_value(inspected, pixel),
-            unit,
-            coloring,
-        ),
+        InspectedValues::Scalar(values) => {
+            let is_depth = inspected.inspection == Inspection::Depth;
+            let depths = || depth_range(known(inspected, values).map(f64::from));
+            let range = coloring.range.or_else(|| is_depth.then(depths));
+            bar(
+                inspected.size,
+                values,
+                |pixel| has_value(inspected, pixel),
+                unit,
+                Coloring { range, ..coloring },
+            )
+        }
         InspectedValues::Color(values) => {
             // Reflectance is shown as it is.
             let automatic = || {

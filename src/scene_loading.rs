@@ -12,14 +12,34 @@ const BUILTIN: &str = "builtin:";
 /// Light for a scene that has none.
 const STUDIO: &str = "builtin:studio";
 
+/// An environment that `light` stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChosenLight {
+    /// Its path.
+    pub path: &'static str,
+    /// `auto` chose it, for this scene alone.
+    pub is_auto: bool,
+}
+
+impl std::fmt::Display for ChosenLight {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let why = if self.is_auto {
+            "the scene has no light"
+        } else {
+            "asked for"
+        };
+        write!(f, "{} ({why})", self.path)
+    }
+}
+
 /// A scene as it is rendered.
 pub struct Loaded {
     /// The scene, scaled, with its environment.
     pub scene: Scene,
     /// With the environment that `light` stands for.
     pub settings: Settings,
-    /// What lights the scene beside its own lights, in words; `None`: nothing that was not asked for by its path.
-    pub light: Option<String>,
+    /// What lights the scene beside its own lights; `None`: nothing that was not asked for by its path.
+    pub light: Option<ChosenLight>,
 }
 
 impl Loaded {
@@ -69,21 +89,22 @@ pub struct LoadedDocument {
     /// With the environment that `light` stands for.
     pub settings: Settings,
     /// As [`Loaded::light`].
-    pub light: Option<String>,
+    pub light: Option<ChosenLight>,
 }
 
 #[cfg(feature = "viewer")]
 impl LoadedDocument {
-    /// Loads the settings' scene by `--scene`'s rules. The light that `auto` chose for an earlier scene does not count.
+    /// Loads the settings' scene by `--scene`'s rules. `is_auto_lit`: their environment is what `auto` chose for an earlier
+    /// scene, and does not count.
     ///
     /// # Errors
     /// [`SceneError`]: the scene or its environment.
-    pub fn open(settings: &Settings) -> Result<Self, SceneError> {
+    pub fn open(settings: &Settings, is_auto_lit: bool) -> Result<Self, SceneError> {
         let budget = LoadBudget::new(settings.limits.load());
         let mut document = Document::load_within(&settings.scene, &budget)?;
         document.scale(settings.scene_scale);
         let mut settings = settings.clone();
-        if settings.light == Light::Auto && settings.environment.path == STUDIO {
+        if is_auto_lit {
             settings.environment.path.clear();
         }
         let light = light_scene(&mut settings, document.scene());
@@ -125,17 +146,17 @@ fn surround(
     Ok((Some(environment), warnings))
 }
 
-/// Puts the environment that `light` stands for into the settings; what was done, in words.
-fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<String> {
+/// Puts the environment that `light` stands for into the settings.
+fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<ChosenLight> {
     let is_bare = settings.environment.path.is_empty();
-    let (path, why) = match settings.light {
-        Light::Auto if is_bare && !is_lit(scene) => (STUDIO, "the scene has no light"),
-        Light::Studio => (STUDIO, "asked for"),
-        Light::Sky => ("builtin:sky", "asked for"),
+    let (path, is_auto) = match settings.light {
+        Light::Auto if is_bare && !is_lit(scene) => (STUDIO, true),
+        Light::Studio => (STUDIO, false),
+        Light::Sky => ("builtin:sky", false),
         Light::Auto | Light::None => return None,
     };
     path.clone_into(&mut settings.environment.path);
-    Some(format!("{path} ({why})"))
+    Some(ChosenLight { path, is_auto })
 }
 
 fn is_lit(scene: &Scene) -> bool {

@@ -240,6 +240,7 @@ fn main() -> Outcome<()> {
             settings,
             headset: Headset::load("symmetric")?
                 .with_fov(Fov::from_degrees(-32.0, 32.0, 28.0, -28.0))?,
+            is_auto_lit: false,
             recording: None,
             out: folder.clone(),
             window_state: WindowState::default(),

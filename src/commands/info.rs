@@ -171,7 +171,7 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     Ok(json!({
         "name": settings.scene,
         "warnings": scene.warnings,
-        "light": light,
+        "light": light.map(|light| light.to_string()),
         "outside_files": scene.source.outside_files,
         "too_bright_lights": scene.source.too_bright_lights,
         "bounds_in_world": scene

@@ -536,7 +536,7 @@ fn render_session(
         settings,
         &renderer,
         application.kept().scene(),
-        light,
+        light.map(|light| light.to_string()),
         &needs,
         &name,
         session.info(),

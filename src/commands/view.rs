@@ -24,8 +24,8 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         document,
         settings,
         light,
-    } = LoadedDocument::open(&settings)?;
-    if let Some(light) = light {
+    } = LoadedDocument::open(&settings, false)?;
+    if let Some(light) = &light {
         eprintln!("light: {light}");
     }
     document.scene().clip(&settings.render.animation.clip)?;
@@ -49,6 +49,7 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         Start {
             document,
             settings,
+            is_auto_lit: light.is_some_and(|light| light.is_auto),
             headset,
             recording,
             out: options.shared.out.clone(),

@@ -130,6 +130,13 @@ fn ranges_leave_out_what_is_rare_and_are_never_empty() {
             assert!(ticks([low, high], scale).len() >= 2);
         }
     }
+    // A room between 2 and 12 m: no colours for what lies before it.
+    let depths = (0..=1000).map(|i| 2.0 + f64::from(i) / 100.0);
+    assert_eq!(automatic_range(depths.clone(), Scale::Linear)[0], 0.0);
+    let [near, far] = depth_range(depths);
+    assert!((2.0..2.2).contains(&near) && (11.8..12.0).contains(&far));
+    assert_eq!(depth_range([]), [0.0, 1.0]);
+    assert_eq!(depth_range([3.0; 5]), [0.0, 3.0]);
     // One dot in a thousand pixels is worth showing.
     let mut dots = vec![0.0; 1000];
     dots[3] = 2.0;
@@ -178,7 +185,7 @@ fn numbers_become_colours_of_the_map_and_gaps_stay_gaps() {
     let Legend::Bar { range, .. } = picture(&depth, Coloring::default()).unwrap().legend else {
         panic!("a bar");
     };
-    assert_eq!(range, [0.0, 4.0]);
+    assert_eq!(range, [1.0, 4.0], "from the nearest on");
     let wrong = Inspected {
         size: [3, 1],
         ..depth

@@ -9,21 +9,24 @@ use egui::Context;
 
 use super::fields::Fields;
 use super::fly_camera::FlyCamera;
-use super::frames::{FrameReport, ViewMode, Wanted};
+use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
+use super::selection::Selection;
 use super::session::{Player, Recording};
 use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
+use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
 use crate::options::Extent;
 use crate::options::SettingsFile as _;
 use crate::renderer::Inspection;
+use crate::scene::Bounds;
 use crate::scene::edit::{Document, Edit};
 use crate::settings::{EnvironmentSettings, Eyes, Reuse, Settings};
 use crate::xr::{Headset, Pose};
@@ -41,6 +44,8 @@ pub struct Start {
     pub document: Document,
     /// All settings.
     pub settings: Settings,
+    /// The environment of the settings is what `auto` light chose for this scene.
+    pub is_auto_lit: bool,
     /// Whose eyes are shown.
     pub headset: Headset,
     /// Views to play in place of a head that is moved by hand.
@@ -97,10 +102,12 @@ pub struct App {
     pub(super) headset: Headset,
     /// What the environment that is shown was read by.
     pub(super) environment: EnvironmentSettings,
+    /// It is what `auto` light chose for the scene, and goes with it.
+    pub(super) is_auto_lit: bool,
     pub(super) camera: FlyCamera,
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
-    pub(super) selected: Option<usize>,
+    pub(super) selected: Selection,
     pub(super) window_state: WindowState,
     pub(super) view_mode: ViewMode,
     pub(super) tab: Tab,
@@ -120,6 +127,8 @@ pub struct App {
     pub(super) log: Vec<(f64, String)>,
     pub(super) shows_log: bool,
     pub(super) frame: Option<Box<FrameReport>>,
+    /// Other views of the last frame.
+    stock: Stock,
     pub(super) pictures: Pictures,
     pub(super) gizmo: TransformGizmo,
     pub(super) history: VecDeque<[f32; 4]>,
@@ -164,6 +173,7 @@ impl App {
         let Start {
             mut document,
             settings,
+            is_auto_lit,
             headset,
             recording,
             out,
@@ -185,6 +195,7 @@ impl App {
             exposure: settings.render.output.exposure,
             tone: settings.output.tone,
             view_mode: ViewMode::Picture,
+            stands: false,
         };
         // From here on they count.
         document.take_changes();
@@ -193,12 +204,13 @@ impl App {
         Ok(Self {
             other: Arc::new(other_method(&settings)),
             environment: settings.environment.clone(),
+            is_auto_lit,
             settings,
             headset,
             camera,
             player: recording.map(Player::new),
             clock: SceneClock::default(),
-            selected: None,
+            selected: Selection::default(),
             window_state,
             view_mode: ViewMode::Picture,
             tab: Tab::default(),
@@ -212,6 +224,7 @@ impl App {
             log: Vec::new(),
             shows_log: false,
             frame: None,
+            stock: Stock::default(),
             pictures: Pictures::default(),
             gizmo: TransformGizmo::default(),
             history: VecDeque::new(),
@@ -262,9 +275,9 @@ impl App {
         &self.document
     }
 
-    /// The node that is selected.
+    /// The node that is selected, the last of several.
     pub fn selected(&self) -> Option<usize> {
-        self.selected
+        self.selected.last()
     }
 
     /// All settings.
@@ -314,6 +327,11 @@ impl App {
         &self.messages
     }
 
+    /// Frames in the chart of times.
+    pub fn charted(&self) -> usize {
+        self.history.len()
+    }
+
     /// Whether a scene is being read or shaders are compiled.
     pub fn is_busy(&self) -> bool {
         !self.busy.is_empty() || self.loading.is_some()
@@ -321,7 +339,8 @@ impl App {
 
     /// Selects a node, or nothing.
     pub fn select(&mut self, node: Option<usize>) {
-        self.selected = node.filter(|node| self.document.scene().reaches(*node));
+        self.selected
+            .set(node.filter(|node| self.document.scene().reaches(*node)));
     }
 
     /// Shows something else of frames.
@@ -390,13 +409,7 @@ impl App {
         while let Some(report) = self.worker.poll() {
             match report {
                 Report::Frame(frame) => {
-                    let ms = &frame.stats.gpu_ms;
-                    self.history.push_back(
-                        [ms.photons, ms.left, ms.right, ms.reconstruction].map(|ms| ms as f32),
-                    );
-                    if self.history.len() > HISTORY {
-                        self.history.pop_front();
-                    }
+                    self.note_times(&frame);
                     self.pictures.take(context, &frame);
                     while self
                         .stands
@@ -418,6 +431,10 @@ impl App {
                     }
                     self.frame = Some(frame);
                 }
+                Report::View(view) => {
+                    let (picture, mode, pictures) = *view;
+                    self.stock.put(picture, mode, pictures);
+                }
                 Report::Busy(what) => self.busy = what,
                 Report::Done(text) => self.say(context, text, false),
                 Report::Failed(text) => {
@@ -430,6 +447,52 @@ impl App {
                     self.say(context, more, true);
                 }
             }
+        }
+    }
+
+    /// Whether the last frame can show a view without another one.
+    pub fn is_at_hand(&self, mode: ViewMode) -> bool {
+        self.frame.as_ref().is_some_and(|frame| {
+            frame.view_mode == mode
+                || mode == ViewMode::Picture
+                || matches!(mode, ViewMode::Inspection(view) if Seen::holds(view))
+                || self.stock.get(frame.picture, mode).is_some()
+        })
+    }
+
+    /// Lets the last frame show the view that is wanted, if that is at hand: a frame of its own takes longer.
+    pub(super) fn show_at_hand(&mut self, context: &Context) {
+        let Some(frame) = &mut self.frame else {
+            return;
+        };
+        let (shown, wanted) = (frame.view_mode, self.view_mode);
+        if shown == wanted {
+            return;
+        }
+        let output = &self.settings;
+        let kept = self.stock.get(frame.picture, wanted).cloned();
+        let made = || {
+            let exposure = output.render.output.exposure;
+            ViewPictures::of_frame(frame, wanted, exposure, output.output.tone)
+        };
+        let Some(pictures) = kept.or_else(made) else {
+            return;
+        };
+        let last = frame.show_as(wanted, pictures);
+        self.stock.put(frame.picture, shown, last.kept());
+        self.pictures.take(context, frame);
+    }
+
+    /// The chart has frames of the scene that is open.
+    fn note_times(&mut self, frame: &FrameReport) {
+        if frame.changes < self.opened_at {
+            return;
+        }
+        let ms = &frame.stats.gpu_ms;
+        let times = [ms.photons, ms.left, ms.right, ms.reconstruction];
+        self.history.push_back(times.map(|ms| ms as f32));
+        if self.history.len() > HISTORY {
+            self.history.pop_front();
         }
     }
 
@@ -470,14 +533,9 @@ impl App {
         self.forget_missing();
     }
 
-    /// Undoing may take the selected node away.
+    /// Undoing may take selected nodes away.
     pub(super) fn forget_missing(&mut self) {
-        let scene = self.document.scene();
-        if let Some(node) = self.selected
-            && !scene.reaches(node)
-        {
-            self.selected = None;
-        }
+        self.selected.forget_missing(self.document.scene());
     }
 
     pub(super) fn set_settings(&mut self, context: &Context, settings: Settings) {
@@ -542,7 +600,10 @@ impl App {
 
     pub(super) fn focus_selected(&mut self) {
         let scene = self.document.scene();
-        let Some(bounds) = self.selected.and_then(|node| scene.bounds_below(node)) else {
+        let all = self.selected.nodes().iter();
+        let boxes = all.filter_map(|node| scene.bounds_below(*node));
+        let corners = boxes.flat_map(|bounds| [bounds.min, bounds.max]);
+        let Some(bounds) = Bounds::of_points(corners) else {
             return;
         };
         let radius_m = 0.5 * bounds.size().length();
@@ -647,9 +708,7 @@ impl App {
             views: self.views(),
             size: self.size,
             near_m: 1e-3 * self.camera.speed,
-            selected: self
-                .selected
-                .map(|node| self.document.scene().subtree(node)),
+            selected: self.selected.covered(self.document.scene()),
         })
     }
 
@@ -681,6 +740,8 @@ impl App {
             exposure: self.settings.render.output.exposure,
             tone: self.settings.output.tone,
             view_mode: self.view_mode,
+            // No reason to send it again.
+            stands: self.sent.as_ref().is_some_and(|sent| sent.stands),
         };
         if self.sent.as_ref() == Some(&now) && told == self.asked {
             return;
@@ -689,6 +750,8 @@ impl App {
         self.is_stopped = false;
         self.unanswered.get_or_insert((self.asked, Instant::now()));
         now.number = self.asked;
+        let shown = self.frame.as_ref().map(|frame| frame.view_mode);
+        now.stands = shown == Some(self.view_mode) && !self.is_behind();
         self.worker.want(now.clone());
         self.sent = Some(now);
     }

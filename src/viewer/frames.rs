@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use egui::ColorImage;
 
+use super::view_pictures::ViewPictures;
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
 use crate::images::ImageRgb;
-use crate::renderer::{Inspection, SeenSurface};
+use crate::renderer::{Inspection, InstanceId, SeenSurface};
 use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::View;
 
@@ -81,6 +82,21 @@ pub struct Wanted {
     pub tone: Tone,
     /// What is shown of the frames.
     pub view_mode: ViewMode,
+    /// The window has a picture of it already: frames need not begin small for its sake.
+    pub stands: bool,
+}
+
+impl Wanted {
+    /// Whether `other` wants nothing else but another view of the same frames.
+    pub fn is_of_frames_of(&self, other: &Self) -> bool {
+        *self
+            == Self {
+                number: self.number,
+                view_mode: self.view_mode,
+                stands: self.stands,
+                ..other.clone()
+            }
+    }
 }
 
 /// What one eye's pixels see.
@@ -92,6 +108,14 @@ pub struct Seen {
     pub nodes: Vec<u32>,
     /// Distance along the ray, metres; 0 where no surface is seen.
     pub distances_m: Vec<f32>,
+    /// Number of the instance; `u32::MAX` where no surface is seen.
+    pub instances: Vec<u32>,
+    /// Base colour of the surface.
+    pub albedos: Vec<[f32; 3]>,
+    /// Shading normal, world axes.
+    pub normals: Vec<[f32; 3]>,
+    /// Nodes of the hierarchies that the ray entered, also where it met nothing.
+    pub steps: Vec<u32>,
 }
 
 impl Seen {
@@ -104,6 +128,23 @@ impl Seen {
                 .map(|surface| surface.node.unwrap_or(u32::MAX))
                 .collect(),
             distances_m: surfaces.iter().map(|surface| surface.distance_m).collect(),
+            instances: surfaces
+                .iter()
+                .map(|surface| {
+                    surface
+                        .instance
+                        .map_or(u32::MAX, |InstanceId(number)| number)
+                })
+                .collect(),
+            albedos: surfaces.iter().map(|surface| surface.albedo).collect(),
+            normals: surfaces
+                .iter()
+                .map(|surface| surface.normal_in_world)
+                .collect(),
+            steps: surfaces
+                .iter()
+                .map(|surface| surface.nodes_visited)
+                .collect(),
         }
     }
 
@@ -129,6 +170,10 @@ pub struct FrameReport {
     pub number: u64,
     /// Scenes and edits that the renderer had been given by then.
     pub changes: u64,
+    /// The same for frames of the same scene, settings and views.
+    pub picture: u64,
+    /// Whether the scene holds no light.
+    pub is_dark: bool,
     /// What it shows.
     pub view_mode: ViewMode,
     /// Number of the frame.
@@ -163,7 +208,27 @@ pub struct FrameReport {
     pub device_bytes: Option<u64>,
 }
 
+/// What is said of pictures without light.
+const DARK: &str =
+    "the scene holds no light: drop an .hdr onto the window, or add a light to a node";
+
 impl FrameReport {
+    /// Shows another view from now on; gives back the one that it showed.
+    pub fn show_as(&mut self, mode: ViewMode, pictures: ViewPictures) -> ViewPictures {
+        self.view_mode = mode;
+        ViewPictures {
+            eyes: std::mem::replace(&mut self.eyes, pictures.eyes),
+            legend: std::mem::replace(&mut self.legend, pictures.legend),
+            notes: std::mem::replace(&mut self.notes, pictures.notes),
+        }
+    }
+
+    /// The line that is said of an eye's picture, if any.
+    pub fn note(&self, eye: usize) -> Option<&str> {
+        let of_view = self.notes[eye].as_deref();
+        of_view.or(self.is_dark.then_some(DARK))
+    }
+
     /// Whether it shows these eyes.
     pub fn has(&self, eyes: Eyes) -> bool {
         self.rendered == Eyes::Both || self.rendered == eyes
@@ -189,6 +254,7 @@ mod tests {
             size: [4, 2],
             nodes: vec![0, 1, 2, 3, u32::MAX, 5, 6, 7],
             distances_m: vec![1.0; 8],
+            ..Seen::default()
         };
         assert_eq!(seen.node_at([0.0, 0.0]), Some(0));
         assert_eq!(seen.node_at([0.99, 0.99]), Some(7));

@@ -7,7 +7,6 @@ use super::fly_camera::Thrust;
 use super::gizmo::KEYS;
 use super::panels::paths::Purpose;
 use super::zoom::Zoom;
-use crate::scene::edit::Edit;
 
 /// Keys of views that are kept: with Ctrl and Shift to keep one, with Ctrl to go there.
 const BOOKMARKS: [Key; 5] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5];
@@ -95,7 +94,8 @@ impl App {
             self.hides_panels = false;
         } else if self.zoom.is_on() {
             self.zoom = Zoom::default();
-        } else if self.selected.take().is_some() {
+        } else if self.selected.last().is_some() {
+            self.selected.set(None);
         } else if self.awaited().is_some() {
             self.stop();
             self.say(context, "stopped; any change goes on", false);
@@ -152,20 +152,11 @@ impl App {
                 self.gizmo.mode = mode;
             }
         }
-        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Delete))
-            && let Some(node) = self.selected
-        {
-            self.edit(context, Edit::Delete { node });
-            self.forget_missing();
+        if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Delete)) {
+            self.delete_selected(context);
         }
-        if context.input_mut(|input| input.consume_key(command, Key::D))
-            && let Some(node) = self.selected
-        {
-            let copy = self.document.scene().nodes.len();
-            self.edit(context, Edit::Duplicate { node });
-            if self.document.scene().nodes.len() > copy {
-                self.selected = Some(copy);
-            }
+        if context.input_mut(|input| input.consume_key(command, Key::D)) {
+            self.duplicate_selected(context);
         }
         if let Some(player) = &mut self.player {
             if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Space)) {

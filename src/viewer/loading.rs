@@ -48,13 +48,14 @@ pub struct Loading {
 
 impl Loading {
     /// Begins to read `spec`: a path to `.gltf`, `.glb`, `.hdr`, `.exr` or a recording, or `builtin:NAME`. Environments
-    /// are read as strong as `settings` say.
+    /// are read as strong as `settings` say. `is_auto_lit`: as [`LoadedDocument::open`] takes it.
     ///
     /// # Errors
     /// One line: the name says that nothing of use is in it, or the system refuses a thread.
     pub fn begin(
         spec: String,
         settings: &Settings,
+        is_auto_lit: bool,
         headset: &Headset,
         start: Pose,
     ) -> Result<Self, String> {
@@ -77,14 +78,14 @@ impl Loading {
         std::thread::Builder::new()
             .name("loading".to_owned())
             .spawn(move || {
-                let loaded =
-                    crate::foreign_errors::caught(|| read(kind, &path, &settings, headset, start))
-                        .unwrap_or_else(|panicked| {
-                            let text = format!(
-                                "{path}: reading it failed ({panicked}); please report the file"
-                            );
-                            Err(text.into())
-                        });
+                let loaded = crate::foreign_errors::caught(|| {
+                    read(kind, &path, &settings, is_auto_lit, headset, start)
+                })
+                .unwrap_or_else(|panicked| {
+                    let text =
+                        format!("{path}: reading it failed ({panicked}); please report the file");
+                    Err(text.into())
+                });
                 // Cancelled: nobody waits.
                 let _ = sender.send(loaded);
             })
@@ -135,6 +136,7 @@ fn read(
     kind: Kind,
     path: &str,
     settings: &Settings,
+    is_auto_lit: bool,
     headset: Headset,
     start: Pose,
 ) -> Result<Loaded, Refused> {
@@ -147,7 +149,7 @@ fn read(
                 scene: path.to_owned(),
                 ..settings.clone()
             };
-            let loaded = LoadedDocument::open(&settings).map_err(|error| Refused {
+            let loaded = LoadedDocument::open(&settings, is_auto_lit).map_err(|error| Refused {
                 names_outside: matches!(error, SceneError::Outside { .. }),
                 ..line(&error)
             })?;

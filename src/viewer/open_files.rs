@@ -34,7 +34,8 @@ impl App {
             Ok(Loaded::Scene(loaded)) => {
                 let (environment, light) = (loaded.settings.environment, loaded.light);
                 self.document = loaded.document;
-                self.selected = None;
+                self.selected.set(None);
+                self.history.clear();
                 self.clock = SceneClock::default();
                 self.camera = camera_of(&self.document);
                 self.fields = Fields::new(&self.out, self.document.original());
@@ -47,11 +48,14 @@ impl App {
                 self.environment = self.settings.environment.clone();
                 self.restart_scene();
                 self.window_state.remember_file(&name);
+                self.is_auto_lit = light.as_ref().is_some_and(|light| light.is_auto);
                 let light = light.map_or_else(String::new, |light| format!("; light: {light}"));
                 self.say(context, format!("{name} opened{light}"), false);
             }
             Ok(Loaded::Environment(environment, settings)) => {
                 self.document.set_environment(Some(*environment));
+                // Another strength is no other choice.
+                self.is_auto_lit &= settings.path == self.environment.path;
                 self.environment = settings;
                 self.restart_scene();
                 self.window_state.remember_file(&name);
@@ -113,7 +117,13 @@ impl App {
             return;
         }
         // A second file takes the place of one that is still being read.
-        match Loading::begin(spec, settings, &self.headset, self.camera.pose()) {
+        match Loading::begin(
+            spec,
+            settings,
+            self.is_auto_lit && settings.environment.path == self.environment.path,
+            &self.headset,
+            self.camera.pose(),
+        ) {
             Ok(loading) => self.loading = Some(loading),
             Err(error) => self.say(context, error, true),
         }
@@ -128,12 +138,19 @@ impl App {
         }
         if wanted.path.is_empty() {
             self.environment = wanted.clone();
+            self.is_auto_lit = false;
             self.document.set_environment(None);
             self.restart_scene();
             return;
         }
         let path = wanted.path.clone();
-        match Loading::begin(path, &self.settings, &self.headset, self.camera.pose()) {
+        match Loading::begin(
+            path,
+            &self.settings,
+            self.is_auto_lit,
+            &self.headset,
+            self.camera.pose(),
+        ) {
             Ok(loading) => self.loading = Some(loading),
             Err(error) => {
                 self.keep_environment();

@@ -11,8 +11,8 @@ use super::app::App;
 use super::frames::FrameReport;
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, rectangles};
+use super::selection;
 use crate::false_color::{Legend, map_color};
-use crate::scene::edit::Edit;
 
 /// Frames grow in steps of so many pixels when the window is resized: every step allocates.
 const SIZE_STEP: f32 = 16.0;
@@ -38,6 +38,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let Some(first) = rectangles.first().copied() else {
             return;
         };
+        app.show_at_hand(ui.ctx());
         wish_size(app, first, ui.ctx().pixels_per_point());
         // Pictures made of both eyes are of frames alone.
         let is_plain = |part: &Part| matches!(part, Part::Left | Part::Right);
@@ -84,9 +85,7 @@ fn show_notes(app: &App, ui: &Ui, frame: &FrameReport, parts: &[Part], area: Rec
     } else if let Some(legend) = &frame.legend {
         show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
     }
-    let notes = parts
-        .iter()
-        .filter_map(|part| frame.notes[part.eye()].as_ref());
+    let notes = parts.iter().filter_map(|part| frame.note(part.eye()));
     if let (Some(text), false) = (notes.into_iter().next(), is_other) {
         note(ui.painter(), area, text);
     }
@@ -171,11 +170,11 @@ fn show_part(
         label(&painter, pos2(divider_x - 8.0, top), Align2::RIGHT_TOP, "A");
         label(&painter, pos2(divider_x + 8.0, top), Align2::LEFT_TOP, "B");
     }
-    let selected = app
-        .selected
-        .map(|node| (node, app.document.scene().subtree(node)));
+    let scene = app.document.scene();
     if let Some(frame) = frame
-        && let Some(outline) = app.pictures.outline(&context, frame, selected, part.eye())
+        && let Some(outline) =
+            app.pictures
+                .outline(&context, frame, &app.selected, scene, part.eye())
     {
         draw(outline.id(), place);
     }
@@ -228,7 +227,8 @@ fn handles(
 ) -> Option<Handled> {
     // In a picture made of both eyes the handles would stand in one eye's place only.
     let is_plain = matches!(part, Part::Left | Part::Right);
-    let node = app.selected.filter(|_| is_plain && app.player.is_none())?;
+    let last = app.selected.last();
+    let node = last.filter(|_| is_plain && app.player.is_none())?;
     let scene = app.document.scene();
     if !scene.reaches(node) || scene.nodes[node].skin.is_some() {
         return None;
@@ -283,13 +283,10 @@ fn handles(
     }
     if let Handled::Moved(world_from_pivot) = handled {
         let world_from_node = world_from_pivot * DAffine3::from_translation(-pivot_in_node);
-        let parent = app.document.scene().nodes[node].parent;
-        let parent_from_world = parent.map(|parent| world[parent].inverse());
-        let parent_from_node = match parent_from_world {
-            Some(parent_from_world) => parent_from_world * world_from_node,
-            None => world_from_node,
-        };
-        app.edit(&context, Edit::place(node, parent_from_node));
+        let moved = app.selected.carry(app.document.scene(), world_from_node);
+        if let Some(edit) = moved {
+            app.edit(&context, edit);
+        }
         context.request_repaint();
     }
     Some(handled)
@@ -315,9 +312,10 @@ fn pointer(
                 memory.surrender_focus(field);
             }
         });
-        app.selected = surface_at(app, frame, part, place_in(rect, at))
+        let met = surface_at(app, frame, part, place_in(rect, at))
             .map(|(node, _)| node)
             .filter(|node| app.document.scene().reaches(*node));
+        app.selected.click(met, selection::adds(context));
         app.tab = super::app::Tab::Inspector;
         app.fields.scroll_to_selected = true;
     }

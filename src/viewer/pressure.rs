@@ -47,6 +47,11 @@ impl Pressure {
         self.asked.fetch_max(asked as u8, Ordering::Relaxed);
     }
 
+    /// Whether something was asked for that is not known yet.
+    pub fn is_asked(&self) -> bool {
+        self.asked.load(Ordering::Relaxed) != Asked::Nothing as u8
+    }
+
     /// What is asked for is known from here on, and served next.
     pub fn serve(&self) {
         self.asked.store(Asked::Nothing as u8, Ordering::Relaxed);

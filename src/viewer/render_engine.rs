@@ -4,28 +4,26 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use egui::{Color32, ColorImage};
+use egui::ColorImage;
 
 use super::accumulate::Accumulator;
 use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::session::DesktopSession;
+use super::view_pictures::{
+    Colored, EYES, NO_REFERENCE, ViewPictures, color, color_image, shared, with_legend,
+};
 use crate::app::FrameInput;
-use crate::false_color::{self, Coloring, ErrorMapError, Legend, Picture, Scale};
+use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{Gate, GpuContext, GpuError, ShaderLibrary};
 use crate::images::{ImageError, ImageRgb, ImageRgb8};
-use crate::renderer::{
-    Applied, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
-};
+use crate::renderer::{Applied, Inspected, InspectedValues, Inspection, RenderError, Renderer};
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
 use crate::tone::tone_map_by;
 use crate::xr::View;
-
-/// In the order of all pairs of eyes here.
-const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -398,52 +396,24 @@ impl RenderEngine {
         reference: Option<&[Accumulator; 2]>,
     ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
-        let mut legend = None;
+        let pictures = self.pictures(wanted.view_mode, wanted, size, reference)?;
         let renderer = &self.compiled()?.renderer;
         let is_dark = renderer.scene().light_count() == 0;
         let radii_m = [renderer.radius_m(), renderer.caustic_radius_m()];
-        let mut notes = [0, 1].map(|_| {
-            is_dark.then(|| {
-                "the scene holds no light: drop an .hdr onto the window, or add a light to a node"
-                    .to_owned()
-            })
-        });
-        let mut eyes: [Option<Arc<ColorImage>>; 2] = [None, None];
-        for (eye, note) in notes.iter_mut().enumerate() {
-            if !self.is_rendered(eye) {
-                continue;
-            }
-            let reference = reference.map(|frames| &frames[eye]);
-            let colored = self.colored(
-                wanted.view_mode,
-                eye,
-                size,
-                reference,
-                legend.as_ref(),
-                note,
-            )?;
-            eyes[eye] = Some(Arc::new(match colored {
-                Some(picture) => {
-                    legend.get_or_insert(picture.legend);
-                    color_image(&picture.image)
-                }
-                None => color_image(&self.shown(eye, wanted, size)?),
-            }));
-        }
-        let any = eyes.iter().flatten().next().cloned();
-        let any = any.ok_or(EngineError::NoRenderer)?;
         Ok(FrameReport {
             number: wanted.number,
             changes: 0,
+            picture: 0,
+            is_dark,
             view_mode: wanted.view_mode,
             index: stats.frame,
             rendered: wanted.rendered,
-            eyes: eyes.map(|picture| picture.unwrap_or_else(|| Arc::clone(&any))),
+            eyes: pictures.eyes,
             radiance: [0, 1].map(|eye| self.mean(eye, size).map(Arc::new)),
             radii_m,
             other: None,
-            legend,
-            notes,
+            legend: pictures.legend,
+            notes: pictures.notes,
             seen,
             views,
             size,
@@ -454,8 +424,33 @@ impl RenderEngine {
         })
     }
 
-    /// An eye in false colour, on the scale of `first`, if there is one; `None` shows the picture itself, and `note` may say
-    /// why.
+    /// Both eyes' pictures of a view of the frame that was just rendered, exposed as is `wanted`.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    pub fn pictures(
+        &mut self,
+        mode: ViewMode,
+        wanted: &Wanted,
+        size: [u32; 2],
+        reference: Option<&[Accumulator; 2]>,
+    ) -> Result<ViewPictures, EngineError> {
+        let made = ViewPictures::make(|eye, first| {
+            if !self.is_rendered(eye) {
+                return Ok(None);
+            }
+            let reference = reference.map(|frames| &frames[eye]);
+            let colored = self.colored(mode, eye, size, reference, first)?;
+            Ok::<_, EngineError>(Some(match colored {
+                Ok(colored) => colored,
+                Err(note) => (self.shown(eye, wanted, size)?, None, note),
+            }))
+        })?;
+        made.ok_or(EngineError::NoRenderer)
+    }
+
+    /// An eye in false colour, on the scale of `first`, if there is one; else the picture itself is shown, and a line may
+    /// say why.
     fn colored(
         &mut self,
         mode: ViewMode,
@@ -463,37 +458,46 @@ impl RenderEngine {
         size: [u32; 2],
         reference: Option<&Accumulator>,
         first: Option<&Legend>,
-        note: &mut Option<String>,
-    ) -> Result<Option<Picture>, EngineError> {
+    ) -> Result<Result<Colored, Option<String>>, EngineError> {
         match mode {
-            ViewMode::Picture => Ok(None),
+            ViewMode::Picture => Ok(Err(None)),
             ViewMode::Inspection(inspection) => match self.inspect(inspection, eye, size) {
-                Ok(inspected) => {
-                    let coloring = shared(Coloring::of(inspection), first);
-                    Ok(Some(false_color::picture(&inspected, coloring)?))
-                }
+                Ok(inspected) => Ok(Ok(color(&inspected, first)?)),
                 // Such as provenance, which the left eye does not have.
-                Err(EngineError::Render(RenderError::Settings(why))) => {
-                    *note = Some(why);
-                    Ok(None)
-                }
+                Err(EngineError::Render(RenderError::Settings(why))) => Ok(Err(Some(why))),
                 Err(error) => Err(error),
             },
             ViewMode::Error => {
                 let (Some(reference), Some(mean)) = (reference, self.mean(eye, size)) else {
-                    *note = Some("the reference begins once the view stands still".to_owned());
-                    return Ok(None);
+                    return Ok(Err(Some(NO_REFERENCE.to_owned())));
                 };
                 let log = Coloring {
                     scale: Scale::Log,
                     range: None,
                 };
-                let map = reference.mean(size).map(|converged| {
-                    false_color::relative_error(&mean, &converged, shared(log, first))
-                });
-                Ok(map.transpose()?)
+                let Some(converged) = reference.mean(size) else {
+                    return Ok(Err(None));
+                };
+                let map = false_color::relative_error(&mean, &converged, shared(log, first))?;
+                Ok(Ok(with_legend(map)))
             }
         }
+    }
+
+    /// Whether a view of the last frame can be had without another renderer.
+    pub fn can_inspect(&self, inspection: Inspection) -> bool {
+        let compiled = self.compiled.as_ref();
+        compiled.is_some_and(|compiled| {
+            let settings = &compiled.settings.render;
+            let has_map = inspection != Inspection::Caustic || self.forms_caustics();
+            has_map && inspection.missing(settings).is_none()
+        })
+    }
+
+    /// Whether the renderer has a map of caustics.
+    pub fn forms_caustics(&self) -> bool {
+        let compiled = self.compiled.as_ref();
+        compiled.is_some_and(|compiled| compiled.renderer.caustic_map().is_some())
     }
 
     fn inspect(
@@ -520,22 +524,19 @@ impl RenderEngine {
                 has_value: None,
             });
         }
+        if let Some(inspected) = self
+            .seen
+            .as_ref()
+            .filter(|seen| seen[eye].size == size)
+            .and_then(|seen| seen[eye].inspected(inspection, EYES[eye]))
+        {
+            return Ok(inspected);
+        }
         let compiled = self.compiled()?;
         Ok(compiled
             .renderer
             .inspect(&compiled.library, inspection, EYES[eye])?)
     }
-}
-
-/// Both eyes share one scale, or they could not be compared: the second takes the first one's.
-fn shared(coloring: Coloring, first: Option<&Legend>) -> Coloring {
-    let range = match first {
-        Some(Legend::Bar { range, .. }) => Some(*range),
-        Some(Legend::White { white, .. }) => Some([0.0, *white]),
-        Some(Legend::Wheel { longest, .. }) => Some([0.0, *longest]),
-        _ => None,
-    };
-    Coloring { range, ..coloring }
 }
 
 /// Whether two sets of settings make the same renderer.
@@ -562,16 +563,6 @@ fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
 pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
     let passes = &settings.render.user_passes;
     Ok(shader_library(&settings.gpu.shader_folder, passes)?)
-}
-
-/// For egui.
-pub fn color_image(image: &ImageRgb8) -> ColorImage {
-    let pixels = image
-        .pixels
-        .iter()
-        .map(|[r, g, b]| Color32::from_rgb(*r, *g, *b))
-        .collect();
-    ColorImage::new([image.width as usize, image.height as usize], pixels)
 }
 
 #[cfg(test)]

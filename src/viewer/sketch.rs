@@ -11,7 +11,7 @@ use std::mem::offset_of;
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, Mat4, Vec4};
 
-use super::frames::FrameReport;
+use super::frames::{FrameReport, ViewMode};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
 use crate::scene::{Material, Scene};
 use crate::xr::View;
@@ -119,7 +119,8 @@ struct Images {
 
 /// The last frame on the device, both eyes.
 struct SourceOnDevice {
-    index: Option<u32>,
+    /// Number of the frame, and the view that it shows.
+    of: Option<(u32, ViewMode)>,
     /// Picture and distances.
     eyes: [[wgpu::TextureView; 2]; 2],
 }
@@ -245,12 +246,8 @@ impl Sketcher {
 
     /// Brings the last frame to the device, unless it is there.
     fn take_source(&mut self, gpu: &GpuContext, source: Option<&Source<'_>>) {
-        let index = source.map(|source| source.frame.index);
-        if self
-            .source
-            .as_ref()
-            .is_some_and(|known| known.index == index)
-        {
+        let of = source.map(|source| (source.frame.index, source.frame.view_mode));
+        if self.source.as_ref().is_some_and(|known| known.of == of) {
             return;
         }
         let eyes = [0, 1].map(|eye| match source {
@@ -273,7 +270,7 @@ impl Sketcher {
                 ]
             }
         });
-        self.source = Some(SourceOnDevice { index, eyes });
+        self.source = Some(SourceOnDevice { of, eyes });
     }
 
     fn draw_eye(&mut self, gpu: &GpuContext, wish: &Wish<'_>, eye: usize) {

@@ -6,6 +6,8 @@ use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use super::frames::{FrameReport, Seen};
 use super::layout::{Part, anaglyph, difference};
+use super::selection::Selection;
+use crate::scene::Scene;
 
 /// Colour of what is selected.
 const SELECTED: Color32 = Color32::from_rgb(255, 170, 30);
@@ -17,7 +19,8 @@ pub struct Pictures {
     other: Option<TextureHandle>,
     combined: Option<(Part, u32, TextureHandle)>,
     outlines: [Option<TextureHandle>; 2],
-    outlined: Option<(u32, Option<usize>)>,
+    /// Frame and nodes.
+    outlined: Option<(u32, Vec<usize>)>,
     shows_pixels: bool,
 }
 
@@ -57,6 +60,8 @@ impl Pictures {
 
     /// Takes a new frame over.
     pub fn take(&mut self, context: &Context, frame: &FrameReport) {
+        // The same frame may show another view now.
+        self.combined = None;
         let options = self.options();
         for (eye, name) in ["left eye", "right eye"].into_iter().enumerate() {
             put(
@@ -111,18 +116,22 @@ impl Pictures {
         }
     }
 
-    /// Outline of `node` and what hangs below it, as that eye sees it.
+    /// Outline of the selection and what hangs below it, as that eye sees it.
     pub fn outline(
         &mut self,
         context: &Context,
         frame: &FrameReport,
-        selected: Option<(usize, Vec<bool>)>,
+        selected: &Selection,
+        scene: &Scene,
         eye: usize,
     ) -> Option<TextureHandle> {
-        let (node, is_inside) = selected?;
-        let key = (frame.index, Some(node));
-        if self.outlined != Some(key) {
-            self.outlined = Some(key);
+        selected.last()?;
+        let is_known = self.outlined.as_ref().is_some_and(|(index, nodes)| {
+            *index == frame.index && nodes.as_slice() == selected.nodes()
+        });
+        if !is_known {
+            let is_inside = selected.covered(scene)?;
+            self.outlined = Some((frame.index, selected.nodes().to_vec()));
             let options = self.options();
             for eye in (0..2).filter(|eye| frame.stands_for(*eye) == *eye) {
                 let image = outline_image(&frame.seen[eye], &is_inside);
@@ -182,6 +191,7 @@ mod tests {
             size: [5, 5],
             nodes,
             distances_m: vec![1.0; 25],
+            ..Seen::default()
         };
         let image = outline_image(&seen, &[false, true]);
         let marked: Vec<usize> = (0..25).filter(|i| image.pixels[*i] == SELECTED).collect();

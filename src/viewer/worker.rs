@@ -15,12 +15,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::frames::{FrameReport, ViewMode, Wanted};
+use super::frames::{FrameReport, Seen, ViewMode, Wanted};
 use super::pressure::{Asked, Pressure};
 use super::reference::Reference;
 use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
 use super::session::{DesktopSession, SharedViews};
+use super::view_pictures::ViewPictures;
 use crate::gpu::Gate;
 use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
@@ -65,6 +66,8 @@ pub enum Request {
 pub enum Report {
     /// A picture.
     Frame(Box<FrameReport>),
+    /// Another view of frames that were reported with this [`FrameReport::picture`].
+    View(Box<(u64, ViewMode, ViewPictures)>),
     /// Something that takes a while has begun; empty when it is over.
     Busy(&'static str),
     /// Something did not work; the last picture and what made it stay.
@@ -128,6 +131,11 @@ impl Worker {
                     divisor: FIRST_DIVISOR,
                     is_preview: false,
                     shown: None,
+                    picture: 0,
+                    reported: ViewMode::Picture,
+                    answered: 0,
+                    full_frames: 0,
+                    stocked: Vec::new(),
                     costs: Vec::new(),
                     changes: 0,
                     is_stopped: false,
@@ -147,12 +155,18 @@ impl Worker {
     /// Replaces what is wanted.
     pub fn want(&self, wanted: Wanted) {
         let mut kept = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_view = Arc::ptr_eq(&kept.settings, &wanted.settings);
+        let asked = if wanted.stands && wanted.is_of_frames_of(&kept) {
+            // The frame in hand will do.
+            Asked::Nothing
+        } else if Arc::ptr_eq(&kept.settings, &wanted.settings) {
+            Asked::View
+        } else {
+            Asked::Scene
+        };
         *kept = wanted;
         drop(kept);
         self.send(Request::Wanted);
-        self.pressure
-            .ask(if is_view { Asked::View } else { Asked::Scene });
+        self.pressure.ask(asked);
     }
 
     /// Asks for something.
@@ -233,7 +247,6 @@ struct Shown {
     views: [View; 2],
     scene_time_ns: Option<i64>,
     size: [u32; 2],
-    view_mode: ViewMode,
 }
 
 /// The thread's end.
@@ -255,6 +268,16 @@ struct Inner {
     /// The frame in hand is the first of its view.
     is_preview: bool,
     shown: Option<Shown>,
+    /// Counts what was shown.
+    picture: u64,
+    /// What the last frame showed.
+    reported: ViewMode,
+    /// [`Wanted::number`] of it.
+    answered: u64,
+    /// Frames of the full size of what is shown.
+    full_frames: u32,
+    /// Views of what is shown that the window has been given, or that there are none of.
+    stocked: Vec<Inspection>,
     /// Milliseconds per pixel of frames without tracing photons, by view and whether there are other settings.
     costs: Vec<(ViewMode, bool, f64)>,
     /// Scenes and edits so far.
@@ -364,7 +387,7 @@ impl Inner {
 
     /// One turn: makes what is missing, renders a frame, says so.
     fn turn(&mut self, wanted: &Wanted) -> Turn {
-        let settings = Arc::new(effective(&wanted.settings, wanted.view_mode));
+        let settings = Arc::new(self.effective(wanted));
         let tried = self
             .prepare(&settings, wanted)
             .and_then(|()| self.frame(wanted));
@@ -422,9 +445,15 @@ impl Inner {
             views: wanted.views,
             scene_time_ns: wanted.scene_time_ns,
             size: wanted.size,
-            view_mode: wanted.view_mode,
         };
-        self.is_preview = self.shown.as_ref() != Some(&now);
+        let is_new = self.shown.as_ref() != Some(&now);
+        if is_new {
+            self.picture += 1;
+            self.full_frames = 0;
+            self.stocked.clear();
+        }
+        let is_other_view = self.reported != wanted.view_mode;
+        self.is_preview = is_new || (is_other_view && !wanted.stands);
         if self.is_preview {
             self.divisor = self.preview_divisor(wanted);
             // Its renderer stays, unless the size is another.
@@ -437,7 +466,8 @@ impl Inner {
         } else if self.divisor > 1 {
             self.divisor /= 2;
         } else {
-            return (!self.is_finished(wanted)).then_some(wanted.size);
+            let goes_on = self.answered != wanted.number || !self.is_finished(wanted);
+            return goes_on.then_some(wanted.size);
         }
         self.engine.clear();
         if let Some(other) = &mut self.other {
@@ -455,15 +485,30 @@ impl Inner {
         let began = Instant::now();
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
-        let (session, time) = (&mut self.session, wanted.scene_time_ns);
-        let Some(stats) = self.engine.frame(session, index, time, size)? else {
+        let time = wanted.scene_time_ns;
+        let Some(stats) = self.engine.frame(&mut self.session, index, time, size)? else {
             return Ok(Turn::Rest);
         };
+        if self.pressure.gave_up().is_some() {
+            self.give_up(wanted, size, began);
+            return Ok(Turn::Go);
+        }
         let photons_ms = stats.gpu_ms.photons;
+        // Another view may be wanted by now that the frame can show as well. Edits that were asked for before it are not in
+        // the frame: its number stays.
+        let latest = Wanted {
+            number: wanted.number,
+            ..self.wanted()
+        };
+        let is_at_hand = latest.is_of_frames_of(wanted)
+            && !self
+                .engine
+                .needs_renderer(&Arc::new(self.effective(&latest)), latest.rendered);
+        let wanted = if is_at_hand { &latest } else { wanted };
         let other = match &mut self.other {
             None => None,
             Some(other) => {
-                other.frame(session, index, time, size)?;
+                other.frame(&mut self.session, index, time, size)?;
                 Some(other.picture(wanted, size)?)
             }
         };
@@ -480,35 +525,23 @@ impl Inner {
                     )?)
                 }
             };
-            reference.add(session, index, time)?;
+            reference.add(&mut self.session, index, time)?;
         }
         let reference = self.reference.as_ref().map(Reference::averaged);
         let mut report = self
             .engine
             .report(wanted, size, wanted.views, stats, reference)?;
-        let pixels = f64::from(size[0]) * f64::from(size[1]);
-        if let Some(without_photons) = self.pressure.gave_up() {
-            log::debug!(
-                "a frame of {}x{} was given up after {:.0} ms",
-                size[0],
-                size[1],
-                milliseconds_since(began)
-            );
-            self.engine.give_up(without_photons);
-            if let Some(other) = &mut self.other {
-                other.give_up(without_photons);
-            }
-            if self.is_preview {
-                // It took too long for the hand.
-                self.note_cost(wanted, 4.0 * PREVIEW_BUDGET_MS / pixels);
-            }
-            self.shown = None;
+        if self.pressure.gave_up().is_some() {
+            self.give_up(wanted, size, began);
             return Ok(Turn::Go);
         }
         self.note_cost(
             wanted,
-            (milliseconds_since(began) - photons_ms).max(0.0) / pixels,
+            (milliseconds_since(began) - photons_ms).max(0.0) / pixels_of(size),
         );
+        self.reported = wanted.view_mode;
+        self.answered = wanted.number;
+        report.picture = self.picture;
         report.other = other;
         report.changes = self.changes;
         report.is_full = self.divisor == 1;
@@ -526,8 +559,74 @@ impl Inner {
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
             self.write_screenshots(wanted, size);
+            self.full_frames = self.full_frames.saturating_add(1);
+            self.stock_views(wanted, size)?;
         }
         Ok(Turn::Go)
+    }
+
+    /// The frame in hand was given up.
+    fn give_up(&mut self, wanted: &Wanted, size: [u32; 2], began: Instant) {
+        let Some(without_photons) = self.pressure.gave_up() else {
+            return;
+        };
+        log::debug!(
+            "a frame of {}x{} was given up after {:.0} ms",
+            size[0],
+            size[1],
+            milliseconds_since(began)
+        );
+        self.engine.give_up(without_photons);
+        if let Some(other) = &mut self.other {
+            other.give_up(without_photons);
+        }
+        if self.is_preview {
+            // It took too long for the hand.
+            self.note_cost(wanted, 4.0 * PREVIEW_BUDGET_MS / pixels_of(size));
+        }
+        self.shown = None;
+    }
+
+    /// Gives the window the other views of the frame that was just rendered, so that it has each at once when it is asked
+    /// for. Those that it can make itself it makes; those that need another renderer are left out. Ends as soon as something
+    /// is asked for, and goes on after the next frame.
+    fn stock_views(&mut self, wanted: &Wanted, size: [u32; 2]) -> Result<(), EngineError> {
+        for &inspection in Inspection::ALL {
+            let mode = ViewMode::Inspection(inspection);
+            let is_there = mode == wanted.view_mode
+                || Seen::holds(inspection)
+                || self.stocked.contains(&inspection);
+            // One frame has none.
+            let is_early = inspection == Inspection::Variance && self.full_frames < 2;
+            if is_there || is_early || !self.engine.can_inspect(inspection) {
+                continue;
+            }
+            if self.pressure.is_asked() || self.wanted().number != wanted.number {
+                return Ok(());
+            }
+            self.pressure.begin();
+            let began = Instant::now();
+            let made = self.engine.pictures(mode, wanted, size, None);
+            if self.pressure.gave_up().is_some() {
+                return Ok(());
+            }
+            self.stocked.push(inspection);
+            match made {
+                Ok(pictures) => {
+                    let view = (self.picture, mode, pictures.kept());
+                    self.report(Report::View(Box::new(view)));
+                }
+                Err(error) if error.is_lost() => return Err(error),
+                // Whoever asks for it is told.
+                Err(error) => log::debug!("{}: {error}", mode.name()),
+            }
+            log::debug!(
+                "{} was stocked in {:.1} ms",
+                mode.name(),
+                milliseconds_since(began)
+            );
+        }
+        Ok(())
     }
 
     fn write_screenshots(&mut self, wanted: &Wanted, size: [u32; 2]) {
@@ -564,6 +663,30 @@ impl Inner {
             .map_or(FIRST_DIVISOR, |cost| preview_divisor(wanted.size, cost))
     }
 
+    /// The settings under which what is wanted has something to show: nearly those that were asked for.
+    fn effective(&self, wanted: &Wanted) -> Settings {
+        let settings = &*wanted.settings;
+        match wanted.view_mode {
+            // The averaged frames have a variance of their own.
+            ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {
+                settings.clone()
+            }
+            // What has the map already needs none made.
+            ViewMode::Inspection(Inspection::Caustic)
+                if self.engine.forms_caustics()
+                    && !self
+                        .engine
+                        .needs_renderer(&wanted.settings, wanted.rendered) =>
+            {
+                settings.clone()
+            }
+            ViewMode::Inspection(inspection) => Settings {
+                render: inspection.settings_for(&settings.render),
+                ..settings.clone()
+            },
+        }
+    }
+
     fn is_finished(&self, wanted: &Wanted) -> bool {
         let reference_done = wanted.view_mode != ViewMode::Error
             || self
@@ -576,7 +699,7 @@ impl Inner {
 
 /// The least power of two by which an image of `size`, at `cost` milliseconds per pixel, is computed within the budget.
 fn preview_divisor(size: [u32; 2], cost: f64) -> u32 {
-    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let pixels = pixels_of(size);
     let coarsest = (size[0].min(size[1]) / FEWEST_PIXELS).max(1);
     let mut divisor = 1;
     while 2 * divisor <= coarsest
@@ -587,18 +710,8 @@ fn preview_divisor(size: [u32; 2], cost: f64) -> u32 {
     divisor
 }
 
-/// The settings under which a view mode has something to show, or nearly those that were asked for.
-fn effective(settings: &Settings, mode: ViewMode) -> Settings {
-    match mode {
-        // The averaged frames have a variance of their own.
-        ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {
-            settings.clone()
-        }
-        ViewMode::Inspection(inspection) => Settings {
-            render: inspection.settings_for(&settings.render),
-            ..settings.clone()
-        },
-    }
+fn pixels_of(size: [u32; 2]) -> f64 {
+    f64::from(size[0]) * f64::from(size[1])
 }
 
 #[cfg(test)]

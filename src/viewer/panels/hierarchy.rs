@@ -3,9 +3,9 @@
 use egui::collapsing_header::CollapsingState;
 use egui::{Panel, ScrollArea, TextEdit, Ui};
 
-use crate::scene::edit::Edit;
 use crate::scene::{Node, Scene};
 use crate::viewer::app::App;
+use crate::viewer::selection::{self, Selection};
 
 /// Nodes whose subtrees are open at first: a scene of thousands of nodes opens only its roots.
 const OPEN_UP_TO: usize = 200;
@@ -32,7 +32,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         ui.separator();
         let mut asked = Asked::default();
         let wanted = app.fields.search.trim().to_lowercase();
-        let selected = app.selected;
+        let selected = &app.selected;
         let scrolls = std::mem::take(&mut app.fields.scroll_to_selected);
         ScrollArea::both().auto_shrink(false).show(ui, |ui| {
             let scene = app.document.scene();
@@ -40,7 +40,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 // Ancestors of the selection open, so that it can be seen.
                 let mut opened = Vec::new();
                 if scrolls {
-                    let mut at = selected.and_then(|node| scene.nodes.get(node)?.parent);
+                    let mut at = selected
+                        .last()
+                        .and_then(|node| scene.nodes.get(node)?.parent);
                     while let Some(node) = at {
                         opened.push(node);
                         at = scene.nodes.get(node).and_then(|node| node.parent);
@@ -75,15 +77,18 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         });
         let context = ui.ctx().clone();
         if let Some(node) = asked.select {
-            app.selected = Some(node);
+            app.selected.click(Some(node), selection::adds(&context));
         }
-        if let Some(node) = asked.focus {
-            app.selected = Some(node);
+        if let Some(node) = asked.focus
+            && !selection::adds(&context)
+        {
+            app.select(Some(node));
             app.focus_selected();
         }
-        if let Some(edit) = asked.edit {
+        if let Some((node, is_hidden)) = asked.show
+            && let Some(edit) = app.selected.show(node, is_hidden)
+        {
             app.edit(&context, edit);
-            app.forget_missing();
         }
     });
 }
@@ -93,12 +98,13 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 struct Asked {
     select: Option<usize>,
     focus: Option<usize>,
-    edit: Option<Edit>,
+    /// A node, and whether it is hidden from now on.
+    show: Option<(usize, bool)>,
 }
 
 struct Tree<'a> {
     scene: &'a Scene,
-    selected: Option<usize>,
+    selected: &'a Selection,
     opened: &'a [usize],
     scrolls: bool,
 }
@@ -137,7 +143,7 @@ fn row(
     ui: &mut Ui,
     index: usize,
     node: &Node,
-    selected: Option<usize>,
+    selected: &Selection,
     scrolls: bool,
     asked: &mut Asked,
 ) {
@@ -145,12 +151,9 @@ fn row(
         let mut is_shown = !node.is_hidden;
         let toggle = ui.checkbox(&mut is_shown, "").on_hover_text("shown");
         if toggle.changed() {
-            asked.edit = Some(Edit::Visibility {
-                node: index,
-                is_hidden: !is_shown,
-            });
+            asked.show = Some((index, !is_shown));
         }
-        let is_selected = selected == Some(index);
+        let is_selected = selected.contains(index);
         let name = if node.name.is_empty() {
             "(no name)"
         } else {
@@ -165,7 +168,7 @@ fn row(
         if response.double_clicked() {
             asked.focus = Some(index);
         }
-        if is_selected && scrolls {
+        if selected.last() == Some(index) && scrolls {
             response.scroll_to_me(Some(egui::Align::Center));
         }
     });

@@ -19,7 +19,7 @@ const NEW_CONE_RAD: f32 = 0.6;
 
 /// The tab.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let Some(node) = app.selected else {
+    let Some(node) = app.selected.last() else {
         ui.weak("Nothing is selected: click an object in the picture, or a node of the scene.");
         return;
     };
@@ -28,13 +28,16 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(shown) = scene.nodes.get(node) else {
         return;
     };
+    let count = app.selected.nodes().len();
+    if count > 1 {
+        ui.weak(format!(
+            "{count} selected: shown, moved and deleted together; the last one is edited here"
+        ));
+    }
     name(node, shown, &mut app.fields.name, ui, &mut edits);
     let mut is_shown = !shown.is_hidden;
     if ui.checkbox(&mut is_shown, "Visible").changed() {
-        edits.one = Some(Edit::Visibility {
-            node,
-            is_hidden: !is_shown,
-        });
+        edits.one = app.selected.show(node, !is_shown);
     }
     transform(node, shown.trs(), ui, &mut edits);
     let revision = app.document.revision();
@@ -56,11 +59,14 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
     app.fields.materials = Some((node, revision, materials));
     ui.separator();
-    let focus = buttons(node, ui, &mut edits);
-    if focus {
-        app.focus_selected();
-    }
+    let pressed = buttons(node, ui, &mut edits);
     carry_out(app, ui, edits);
+    match pressed {
+        Some(Pressed::Focus) => app.focus_selected(),
+        Some(Pressed::Duplicate) => app.duplicate_selected(ui.ctx()),
+        Some(Pressed::Delete) => app.delete_selected(ui.ctx()),
+        None => {}
+    }
 }
 
 /// Kind and name of the node. `written` is a name that is being written, and of which node.
@@ -90,11 +96,20 @@ fn name(
     });
 }
 
-/// What can be done with the node; true if it is to be looked at.
-fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> bool {
-    let mut focus = false;
+/// What is done with all that is selected.
+enum Pressed {
+    Focus,
+    Duplicate,
+    Delete,
+}
+
+/// What can be done with the node, and with all that is selected.
+fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> Option<Pressed> {
+    let mut pressed = None;
     ui.horizontal_wrapped(|ui| {
-        focus = ui.add(Button::new("Focus").shortcut_text("F")).clicked();
+        if ui.add(Button::new("Focus").shortcut_text("F")).clicked() {
+            pressed = Some(Pressed::Focus);
+        }
         let child = |name: &str, content| Edit::Add {
             parent: Some(node),
             node: NewNode {
@@ -117,13 +132,13 @@ fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> bool {
         }
         let duplicate = Button::new("Duplicate").shortcut_text("Ctrl+D");
         if ui.add(duplicate).clicked() {
-            edits.add(Edit::Duplicate { node });
+            pressed = Some(Pressed::Duplicate);
         }
         if ui.add(Button::new("Delete").shortcut_text("Del")).clicked() {
-            edits.one = Some(Edit::Delete { node });
+            pressed = Some(Pressed::Delete);
         }
     });
-    focus
+    pressed
 }
 
 /// What the widgets asked for.
@@ -172,7 +187,7 @@ fn carry_out(app: &mut App, ui: &Ui, edits: Edits) {
     if let Some(edit) = edits.one {
         app.edit(&context, edit);
         if edits.selects_new && app.document.scene().nodes.len() > count {
-            app.selected = Some(count);
+            app.selected.set(Some(count));
             app.fields.scroll_to_selected = true;
         }
         app.forget_missing();

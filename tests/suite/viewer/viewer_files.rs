@@ -206,6 +206,36 @@ fn a_scene_without_light_is_lit_when_it_is_opened_and_the_next_one_is_left_alone
 }
 
 #[test]
+fn a_studio_that_was_chosen_stays_and_the_chart_begins_anew_with_another_scene() {
+    let folder = Folder::new("viewer-studio");
+    let mut viewer = open("builtin:cornell", &folder, |settings| {
+        path_tracing(settings);
+        settings.light = Light::Auto;
+        settings.environment.path = "builtin:studio".to_owned();
+    });
+    let path = folder.join("again.glb");
+    let mut document = Document::load("builtin:cornell").unwrap();
+    document.save(&path).unwrap();
+    until(&mut viewer, "frames of the first scene", |app| {
+        app.charted() > 12
+    });
+    drop_file(&mut viewer, &path);
+    let name = path.to_string_lossy().into_owned();
+    until(&mut viewer, "the scene", |app| app.settings().scene == name);
+    // Of the first scene there are more.
+    assert!(
+        viewer.state().charted() < 12,
+        "{}",
+        viewer.state().charted()
+    );
+    settle(&mut viewer);
+    let app = viewer.state();
+    assert_eq!(app.settings().environment.path, "builtin:studio");
+    assert!(shown(app).eyes[0].pixels[0] != egui::Color32::BLACK);
+    assert!(app.charted() > 0);
+}
+
+#[test]
 fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
     let folder = Folder::new("viewer-environment");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);

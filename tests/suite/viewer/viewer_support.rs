@@ -45,6 +45,7 @@ pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) ->
         document: Document::load(scene).unwrap(),
         settings,
         headset: narrow(),
+        is_auto_lit: false,
         recording: None,
         out: folder.path().to_owned(),
         window_state: WindowState {
@@ -163,34 +164,38 @@ pub fn node_of(scene: &Scene, name: &str) -> usize {
     found.unwrap_or_else(|| panic!("no node {name}"))
 }
 
-fn button(viewer: &mut Viewer, pos: Pos2, pressed: bool) {
+fn button(viewer: &mut Viewer, pos: Pos2, pressed: bool, modifiers: Modifiers) {
     viewer.event(egui::Event::PointerButton {
         pos,
         button: PointerButton::Primary,
         pressed,
-        modifiers: Modifiers::NONE,
+        modifiers,
     });
     viewer.step();
 }
 
 pub fn click_at(viewer: &mut Viewer, at: Pos2) {
+    click_with(viewer, at, Modifiers::NONE);
+}
+
+pub fn click_with(viewer: &mut Viewer, at: Pos2, modifiers: Modifiers) {
     viewer.hover_at(at);
     viewer.step();
-    button(viewer, at, true);
-    button(viewer, at, false);
+    button(viewer, at, true, modifiers);
+    button(viewer, at, false, modifiers);
 }
 
 pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
     viewer.hover_at(from);
     two_steps(viewer);
-    button(viewer, from, true);
+    button(viewer, from, true, Modifiers::NONE);
     const STEPS: u32 = 6;
     for step in 1..=STEPS {
         let share = step as f32 / STEPS as f32;
         viewer.event(egui::Event::PointerMoved(from + by * share));
         viewer.step();
     }
-    button(viewer, from + by, false);
+    button(viewer, from + by, false, Modifiers::NONE);
 }
 
 pub fn press(viewer: &mut Viewer, modifiers: Modifiers, key: Key) {

@@ -248,9 +248,18 @@ impl Edit {
             Self::Add { node, .. } => format!("Add {}", node.name),
             Self::Delete { node: index } => format!("Delete {}", node(index)),
             Self::Duplicate { node: index } => format!("Duplicate {}", node(index)),
-            Self::Several(edits) => match edits.first() {
-                Some(first) => first.label(scene),
-                None => "Nothing".to_owned(),
+            Self::Several(edits) => match edits.as_slice() {
+                [] => "Nothing".to_owned(),
+                [first, more @ ..] => {
+                    let kind = std::mem::discriminant(first);
+                    let alike = more
+                        .iter()
+                        .filter(|edit| std::mem::discriminant(*edit) == kind);
+                    match alike.count() {
+                        0 => first.label(scene),
+                        more => format!("{} and {more} more", first.label(scene)),
+                    }
+                }
             },
             Self::Append(tail) => format!("Add {}", name_of(tail.nodes.first().map(|n| &n.name))),
             Self::Truncate { .. } => "Remove".to_owned(),
