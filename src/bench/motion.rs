@@ -40,8 +40,11 @@ const EVEN: f32 = 0.1;
 /// Frames that have references: the last, and the one before it.
 const JUDGED: usize = 2;
 
+/// Of `run`'s settings.
+type Change = fn(&mut RenderSettings);
+
 /// What is reconstructed, by the name that rows give it.
-const VARIANTS: [(&str, fn(&mut RenderSettings)); 3] = [
+const VARIANTS: [(&str, Change); 3] = [
     ("raw", |render| {
         let own = &mut render.reconstruct;
         for switch in [&mut own.svgf, &mut own.taa, &mut own.still] {
@@ -223,11 +226,7 @@ fn sway(headset: &Headset, scene: &Scene, frames: u32) -> Result<Vec<[View; 2]>,
 }
 
 /// `run`'s settings, changed.
-fn settings_of(
-    settings: &Settings,
-    method: Method,
-    change: &fn(&mut RenderSettings),
-) -> RenderSettings {
+fn settings_of(settings: &Settings, method: Method, change: &Change) -> RenderSettings {
     let mut render = settings.render.clone();
     render.method = method;
     render.spp = 1;
