@@ -579,6 +579,7 @@ mod tests {
     struct Silent;
 
     impl BenchProgress for Silent {
+        fn says(&mut self, _: &str) {}
         fn planned(&mut self, _: crate::options::Suite, _: &[GroupPlan]) {}
         fn began(&mut self, _: &GroupPlan) {}
         fn round(&mut self, _: &GroupPlan, _: Round) {}
