@@ -90,6 +90,73 @@ pub struct GroupPlan {
     pub warm_up: u32,
 }
 
+impl GroupPlan {
+    /// Frames of each variant.
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        u64::from(self.rounds + self.warm_up.max(1))
+    }
+}
+
+/// Seconds that the frames of `plans` take, roughly: by one frame of each scene, which `time_s` renders, times pixels and
+/// samples. Scenes that are generated to a size pass for one.
+///
+/// # Errors
+/// The first of `time_s`.
+pub(super) fn estimated_s(
+    plans: &[GroupPlan],
+    mut time_s: impl FnMut(&GroupPlan, &Candidate) -> Result<f64, BenchError>,
+) -> Result<f64, BenchError> {
+    let samples = |plan: &GroupPlan, candidate: &Candidate| {
+        let [width, height] = plan.size.map(f64::from);
+        width * height * f64::from(candidate.settings.spp)
+    };
+    let mut known: Vec<(&SceneSource, f64)> = Vec::new();
+    let mut total_s = 0.0;
+    for plan in plans {
+        let Some(first) = plan.candidates.first() else {
+            continue;
+        };
+        let is_like = |scene: &SceneSource| match (scene, &plan.scene) {
+            (SceneSource::Generated(_), SceneSource::Generated(_)) => true,
+            (one, other) => one == other,
+        };
+        let place = match known.iter().position(|(scene, _)| is_like(scene)) {
+            Some(place) => place,
+            None => {
+                known.push((&plan.scene, time_s(plan, first)? / samples(plan, first)));
+                known.len() - 1
+            }
+        };
+        let all = plan.candidates.iter();
+        let samples: f64 = all.map(|candidate| samples(plan, candidate)).sum();
+        total_s += known[place].1 * samples * plan.frames() as f64;
+    }
+    Ok(total_s)
+}
+
+/// Seconds of one frame of a group, once its lists have grown.
+///
+/// # Errors
+/// [`BenchError`].
+pub(super) fn frame_s(
+    plan: &GroupPlan,
+    candidate: &Candidate,
+    settings: &Settings,
+    library: &ShaderLibrary,
+) -> Result<f64, BenchError> {
+    go_on()?;
+    let scene = plan.scene.load(settings)?;
+    let context = GpuContext::open(Some(&settings.adapter))?;
+    let render = &candidate.settings;
+    let mut renderer = Renderer::new(context, library, &scene, render, plan.eyes, plan.size)?;
+    let views = plan.headset.views_from_head(&scene.start_pose());
+    renderer.render_frame(&views, 0, |_| {})?;
+    let began = Instant::now();
+    renderer.render_frame(&views, 1, |_| {})?;
+    Ok(began.elapsed().as_secs_f64())
+}
+
 /// What all groups share.
 pub struct Lab<'a> {
     /// Folder of the report.
@@ -580,12 +647,37 @@ mod tests {
 
     impl BenchProgress for Silent {
         fn says(&mut self, _: &str) {}
-        fn planned(&mut self, _: crate::options::Suite, _: &[GroupPlan]) {}
+        fn planned(&mut self, _: crate::options::Suite, _: &[GroupPlan], _: f64) {}
         fn began(&mut self, _: &GroupPlan) {}
         fn round(&mut self, _: &GroupPlan, _: Round) {}
         fn reference(&mut self, _: &GroupPlan, _: u32, _: u32) {}
         fn finished(&mut self, _: &GroupPlan) {}
         fn skipped(&mut self, _: &GroupPlan) {}
+    }
+
+    #[test]
+    fn frames_take_the_time_of_one_of_their_scene_by_pixels_and_samples() {
+        let one = plan();
+        let mut larger = plan();
+        larger.size = one.size.map(|pixels| 2 * pixels);
+        larger.candidates.truncate(1);
+        larger.candidates[0].settings.spp = 3;
+        let mut other = plan();
+        other.scene = SceneSource::Named("builtin:sphere".to_owned());
+        let mut timed = Vec::new();
+        let found = estimated_s(&[one.clone(), larger, other], |plan, _| {
+            timed.push(plan.scene.name());
+            Ok(timed.len() as f64)
+        });
+        assert_eq!(timed, ["builtin:plane", "builtin:sphere"]);
+        // Per frame: a second a variant, twelve for the larger picture of three samples, two seconds a variant.
+        let (variants, frames) = (one.candidates.len() as f64, one.frames() as f64);
+        let expected = frames * (variants + 12.0 + 2.0 * variants);
+        let found = found.unwrap();
+        assert!(
+            (found / expected - 1.0).abs() < 1e-12,
+            "{found} for {expected}"
+        );
     }
 
     fn plan() -> GroupPlan {

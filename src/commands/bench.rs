@@ -108,15 +108,19 @@ fn left([done, all]: [u64; 2], elapsed_s: f64) -> String {
         return String::new();
     }
     let left_s = elapsed_s * (all - done) as f64 / done as f64;
-    match left_s {
-        ..100.0 => format!(", about {left_s:.0} s left"),
-        ..6000.0 => format!(", about {:.0} min left", left_s / 60.0),
-        _ => format!(", about {:.1} h left", left_s / 3600.0),
+    format!(", about {} left", in_words(left_s))
+}
+
+fn in_words(seconds: f64) -> String {
+    match seconds {
+        ..100.0 => format!("{seconds:.0} s"),
+        ..6000.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
     }
 }
 
 fn frames(plan: &GroupPlan) -> u64 {
-    u64::from(plan.rounds + plan.warm_up.max(1)) * plan.candidates.len() as u64
+    plan.frames() * plan.candidates.len() as u64
 }
 
 impl BenchProgress for Bar {
@@ -127,7 +131,7 @@ impl BenchProgress for Bar {
         }
     }
 
-    fn planned(&mut self, suite: Suite, plans: &[GroupPlan]) {
+    fn planned(&mut self, suite: Suite, plans: &[GroupPlan], frames_s: f64) {
         self.frames[1] = plans.iter().map(frames).sum();
         self.groups[1] = plans.len();
         self.bar.set_length(self.frames[1]);
@@ -136,9 +140,10 @@ impl BenchProgress for Bar {
         let [_, frames] = self.frames;
         self.bar.suspend(|| {
             eprintln!(
-                "bench {}: {groups} groups, {variants} variants, {frames} frames and their references; \
-                 stopped, it goes on with the same command",
-                suite.word()
+                "bench {}: {groups} groups, {variants} variants, {frames} frames (about {}, by one of \
+                 each scene) and their references; stopped, it goes on with the same command",
+                suite.word(),
+                in_words(frames_s),
             );
         });
     }
