@@ -98,20 +98,20 @@ impl GroupPlan {
     }
 }
 
-/// Seconds that the frames of `plans` take, roughly: by one frame of each scene, which `time_s` renders, times pixels and
-/// samples. Scenes that are generated to a size pass for one.
+/// Seconds that `plans` take without references, roughly: by what `time_s` finds for one variant of each scene, times variants,
+/// and for frames times pixels and samples. Scenes that are generated to a size pass for one.
 ///
 /// # Errors
 /// The first of `time_s`.
 pub(super) fn estimated_s(
     plans: &[GroupPlan],
-    mut time_s: impl FnMut(&GroupPlan, &Candidate) -> Result<f64, BenchError>,
+    mut time_s: impl FnMut(&GroupPlan, &Candidate) -> Result<VariantTime, BenchError>,
 ) -> Result<f64, BenchError> {
     let samples = |plan: &GroupPlan, candidate: &Candidate| {
         let [width, height] = plan.size.map(f64::from);
         width * height * f64::from(candidate.settings.spp)
     };
-    let mut known: Vec<(&SceneSource, f64)> = Vec::new();
+    let mut known: Vec<(&SceneSource, VariantTime)> = Vec::new();
     let mut total_s = 0.0;
     for plan in plans {
         let Some(first) = plan.candidates.first() else {
@@ -124,37 +124,55 @@ pub(super) fn estimated_s(
         let place = match known.iter().position(|(scene, _)| is_like(scene)) {
             Some(place) => place,
             None => {
-                known.push((&plan.scene, time_s(plan, first)? / samples(plan, first)));
+                let mut found = time_s(plan, first)?;
+                found.frame_s /= samples(plan, first);
+                known.push((&plan.scene, found));
                 known.len() - 1
             }
         };
-        let all = plan.candidates.iter();
-        let samples: f64 = all.map(|candidate| samples(plan, candidate)).sum();
-        total_s += known[place].1 * samples * plan.frames() as f64;
+        let VariantTime { set_up_s, frame_s } = known[place].1;
+        for candidate in &plan.candidates {
+            let frames_s = frame_s * samples(plan, candidate) * plan.frames() as f64;
+            total_s += set_up_s + frames_s;
+        }
     }
     Ok(total_s)
 }
 
-/// Seconds of one frame of a group, once its lists have grown.
+/// How long a variant takes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VariantTime {
+    /// Seconds until its first frame stands.
+    pub(super) set_up_s: f64,
+    /// Seconds of the next one.
+    pub(super) frame_s: f64,
+}
+
+/// Takes a variant's time.
 ///
 /// # Errors
 /// [`BenchError`].
-pub(super) fn frame_s(
+pub(super) fn variant_time(
     plan: &GroupPlan,
     candidate: &Candidate,
     settings: &Settings,
     library: &ShaderLibrary,
-) -> Result<f64, BenchError> {
+) -> Result<VariantTime, BenchError> {
     go_on()?;
     let scene = plan.scene.load(settings)?;
+    let began = Instant::now();
     let context = GpuContext::open(Some(&settings.adapter))?;
     let render = &candidate.settings;
     let mut renderer = Renderer::new(context, library, &scene, render, plan.eyes, plan.size)?;
     let views = plan.headset.views_from_head(&scene.start_pose());
     renderer.render_frame(&views, 0, |_| {})?;
+    let set_up_s = began.elapsed().as_secs_f64();
     let began = Instant::now();
     renderer.render_frame(&views, 1, |_| {})?;
-    Ok(began.elapsed().as_secs_f64())
+    Ok(VariantTime {
+        set_up_s,
+        frame_s: began.elapsed().as_secs_f64(),
+    })
 }
 
 /// What all groups share.
@@ -656,7 +674,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_take_the_time_of_one_of_their_scene_by_pixels_and_samples() {
+    fn variants_take_the_time_of_one_of_their_scene_by_pixels_and_samples() {
         let one = plan();
         let mut larger = plan();
         larger.size = one.size.map(|pixels| 2 * pixels);
@@ -667,12 +685,15 @@ mod tests {
         let mut timed = Vec::new();
         let found = estimated_s(&[one.clone(), larger, other], |plan, _| {
             timed.push(plan.scene.name());
-            Ok(timed.len() as f64)
+            Ok(VariantTime {
+                set_up_s: 100.0,
+                frame_s: timed.len() as f64,
+            })
         });
         assert_eq!(timed, ["builtin:plane", "builtin:sphere"]);
         // Per frame: a second a variant, twelve for the larger picture of three samples, two seconds a variant.
         let (variants, frames) = (one.candidates.len() as f64, one.frames() as f64);
-        let expected = frames * (variants + 12.0 + 2.0 * variants);
+        let expected = 100.0 * (2.0 * variants + 1.0) + frames * (variants + 12.0 + 2.0 * variants);
         let found = found.unwrap();
         assert!(
             (found / expected - 1.0).abs() < 1e-12,

@@ -129,8 +129,9 @@ impl From<GpuError> for BenchError {
 pub trait BenchProgress {
     /// What a suite that has no groups does now.
     fn says(&mut self, what: &str);
-    /// The groups of `suite` that will be measured or taken from the journal, and roughly how many seconds their frames take.
-    fn planned(&mut self, suite: Suite, plans: &[GroupPlan], frames_s: f64);
+    /// The groups of `suite` that will be measured or taken from the journal, and roughly how many seconds they take without
+    /// references.
+    fn planned(&mut self, suite: Suite, plans: &[GroupPlan], without_references_s: f64);
     /// A group begins.
     fn began(&mut self, plan: &GroupPlan);
     /// A round of it is done.
@@ -202,10 +203,10 @@ pub fn run(
         library.clone(),
         machine.clone(),
     );
-    let frames_s = measure::estimated_s(&plans, |plan, first| {
-        measure::frame_s(plan, first, settings, &library)
+    let without_references_s = measure::estimated_s(&plans, |plan, first| {
+        measure::variant_time(plan, first, settings, &library)
     })?;
-    progress.planned(options.suite, &plans, frames_s);
+    progress.planned(options.suite, &plans, without_references_s);
     let mut lab = Lab::new(
         out, settings, machine, library, journal, references, progress,
     );

@@ -131,7 +131,7 @@ impl BenchProgress for Bar {
         }
     }
 
-    fn planned(&mut self, suite: Suite, plans: &[GroupPlan], frames_s: f64) {
+    fn planned(&mut self, suite: Suite, plans: &[GroupPlan], without_references_s: f64) {
         self.frames[1] = plans.iter().map(frames).sum();
         self.groups[1] = plans.len();
         self.bar.set_length(self.frames[1]);
@@ -140,10 +140,10 @@ impl BenchProgress for Bar {
         let [_, frames] = self.frames;
         self.bar.suspend(|| {
             eprintln!(
-                "bench {}: {groups} groups, {variants} variants, {frames} frames (about {}, by one of \
-                 each scene) and their references; stopped, it goes on with the same command",
+                "bench {}: {groups} groups, {variants} variants, {frames} frames, which take about {} and their references on top; \
+                 stopped, it goes on with the same command",
                 suite.word(),
-                in_words(frames_s),
+                in_words(without_references_s),
             );
         });
     }
