@@ -186,16 +186,8 @@ pub fn run(
     }
     let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
     let out = options.out.as_path();
-    let folder = match &options.references {
-        Some(folder) => folder.clone(),
-        None => out.join("references"),
-    };
-    for path in [out, &folder] {
-        fs::create_dir_all(path).map_err(|error| BenchError::Out {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })?;
-    }
+    make_folder(out)?;
+    let folder = references_folder(options)?;
     let journal = Journal::open(&out.join("journal.jsonl"))?;
     let references = References::open(
         &folder,
@@ -232,6 +224,24 @@ pub fn run(
     let report = report(options, &machine, part.as_ref(), None, &rows);
     write(out, &report)?;
     Ok(outcome(out, &report, lab.resumed()))
+}
+
+/// Makes a folder for output, if it is missing.
+fn make_folder(path: &Path) -> Result<(), BenchError> {
+    fs::create_dir_all(path).map_err(|error| BenchError::Out {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
+}
+
+/// The folder of the references, made.
+fn references_folder(options: &BenchOptions) -> Result<PathBuf, BenchError> {
+    let folder = match &options.references {
+        Some(folder) => folder.clone(),
+        None => options.out.join("references"),
+    };
+    make_folder(&folder)?;
+    Ok(folder)
 }
 
 fn report<'a>(
@@ -273,10 +283,7 @@ fn take_part(plans: &mut Vec<GroupPlan>, [number, of]: [u32; 2]) -> Part {
 /// [`BenchError::Report`], [`BenchError::File`], [`BenchError::Out`].
 pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<Outcome, BenchError> {
     let joined = join(reports)?;
-    fs::create_dir_all(out).map_err(|error| BenchError::Out {
-        path: out.to_owned(),
-        reason: error.to_string(),
-    })?;
+    make_folder(out)?;
     let report = joined.report();
     Journal::open(&out.join("journal.jsonl"))?.append(report.rows)?;
     write(out, &report)?;

@@ -15,7 +15,9 @@ use super::paired_references::{
 use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
 use super::suites::framing_headset;
-use super::{BenchError, BenchProgress, Outcome, go_on, machine_of, suites};
+use super::{
+    BenchError, BenchProgress, Outcome, go_on, machine_of, make_folder, references_folder, suites,
+};
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, ImageRgb, write_atomically};
 use crate::options::BenchOptions;
@@ -81,6 +83,19 @@ impl Pair {
     }
 }
 
+/// What the rows of a scene share.
+struct Stage<'a> {
+    options: &'a BenchOptions,
+    library: &'a ShaderLibrary,
+    name: &'a str,
+    scene: &'a Scene,
+    size: [u32; 2],
+    rounds: u32,
+    views: &'a [[View; 2]],
+    /// By judged frame and eye.
+    truth: &'a [[Pair; 2]],
+}
+
 /// Measures, and writes the report.
 ///
 /// # Errors
@@ -92,24 +107,14 @@ pub(super) fn run(
 ) -> Result<Outcome, BenchError> {
     let settings = &options.settings;
     let size = settings.size.unwrap_or(SIZE);
-    let frames = options
-        .frames
-        .unwrap_or(FRAMES)
-        .max(BRIGHTNESS_FRAMES as u32);
+    let fewest = BRIGHTNESS_FRAMES as u32;
+    let frames = options.frames.unwrap_or(FRAMES).max(fewest);
     let rounds = options.rounds.unwrap_or(ROUNDS);
     let samples = suites::reference_samples(options);
     let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
     let out = options.out.as_path();
-    let folder = match &options.references {
-        Some(folder) => folder.clone(),
-        None => out.join("references"),
-    };
-    for path in [out, &folder] {
-        std::fs::create_dir_all(path).map_err(|error| BenchError::Out {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })?;
-    }
+    make_folder(out)?;
+    let folder = references_folder(options)?;
     let references =
         reference::References::open(&folder, samples / 2, library.clone(), machine.clone());
     let names: Vec<String> = match options.scenes.as_slice() {
@@ -123,9 +128,6 @@ pub(super) fn run(
         let fingerprint = source.fingerprint(settings)?;
         let (headset, _) = framing_headset(settings, size, &scene)?;
         let views = sway(&headset, &scene, frames)?;
-        let [.., before, last] = views.as_slice() else {
-            continue;
-        };
         progress.says(&format!("{name}: references of {samples} samples"));
         let reference = |view: View, half: u32| -> Result<ImageRgb, BenchError> {
             let mut settings = settings.clone();
@@ -143,54 +145,21 @@ pub(super) fn run(
             Ok(Image::new(size[0], size[1], pixels.collect())?)
         };
         let pair = |view| Ok::<_, BenchError>(Pair::of([reference(view, 0)?, reference(view, 1)?]));
-        let judged = [before, last].map(|[left, right]| Ok([pair(*left)?, pair(*right)?]));
-        let truth = judged.into_iter().collect::<Result<Vec<_>, BenchError>>()?;
+        let judged = views.iter().skip(views.len() - JUDGED);
+        let judged = judged.map(|[left, right]| Ok([pair(*left)?, pair(*right)?]));
+        let truth = judged.collect::<Result<Vec<_>, BenchError>>()?;
+        let stage = Stage {
+            options,
+            library,
+            name: &name,
+            scene: &scene,
+            size,
+            rounds,
+            views: &views,
+            truth: &truth,
+        };
         for method in [Method::Photon, Method::Path] {
-            let mut found: Vec<Option<Shown>> = VARIANTS.iter().map(|_| None).collect();
-            let mut seen = None;
-            for round in 0..rounds {
-                for ((variant, change), found) in VARIANTS.iter().zip(&mut found) {
-                    go_on()?;
-                    let word = method.word();
-                    progress.says(&format!(
-                        "{name}: {word}, {variant}, round {} of {rounds}",
-                        round + 1
-                    ));
-                    let render = settings_of(settings, method, change);
-                    let context = GpuContext::open(Some(&settings.adapter))?;
-                    let mut renderer =
-                        Renderer::new(context, library, &scene, &render, Eyes::Both, size)?;
-                    let now = render_all(&mut renderer, &views)?;
-                    if seen.is_none() {
-                        let hits = |eye| renderer.read_hit_rays(eye);
-                        seen = hits(Eye::Left)?
-                            .zip(hits(Eye::Right)?)
-                            .map(|(left, right)| left_from_right(last, size, &left, &right))
-                            .zip(truth.last())
-                            .map(|(seen, [_, right])| away_from_edges(&seen, &right.displayed[0]));
-                    }
-                    // The pictures are those of every round, bit for bit.
-                    match found {
-                        Some(before) => before.ms.extend(now.ms),
-                        None => *found = Some(now),
-                    }
-                }
-            }
-            let seen = seen.unwrap_or_else(|| Image {
-                width: size[0],
-                height: size[1],
-                pixels: vec![None; size[0] as usize * size[1] as usize],
-            });
-            for ((variant, _), found) in VARIANTS.iter().zip(found) {
-                let Some(found) = found else { continue };
-                rows.push(MotionRow {
-                    scene: name.clone(),
-                    method: method.word().to_owned(),
-                    variant: (*variant).to_owned(),
-                    pixels_per_degree: pixels_per_degree(&last[0], size[0]),
-                    ..judge(&found, &truth, &seen)
-                });
-            }
+            rows.extend(stage.measure(method, progress)?);
         }
     }
     let adapter = match machine.software_adapter {
@@ -200,8 +169,8 @@ pub(super) fn run(
     let what = format!(
         "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
          each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
-         (the eyes' errors apart, away from edges) in display light, 0 to 1. Brightness: mean radiance of the last {BRIGHTNESS_FRAMES} frames \
-         over the reference's. Milliseconds: lower quartile of {rounds} rounds in turn.",
+         (the eyes' errors apart, away from edges) in display light, 0 to 1. Brightness: mean radiance of the last \
+         {BRIGHTNESS_FRAMES} frames over the reference's. Milliseconds: lower quartile of {rounds} rounds in turn.",
         size[0], size[1],
     );
     for file in files(&rows, &what)? {
@@ -213,6 +182,73 @@ pub(super) fn run(
         report: out.join("report.md"),
         unsettled: 0,
     })
+}
+
+impl Stage<'_> {
+    /// Renders every variant in turn, round by round; a row for each.
+    fn measure(
+        &self,
+        method: Method,
+        progress: &mut dyn BenchProgress,
+    ) -> Result<Vec<MotionRow>, BenchError> {
+        let settings = &self.options.settings;
+        let word = method.word();
+        let mut found: Vec<Option<Shown>> = VARIANTS.iter().map(|_| None).collect();
+        let mut seen = None;
+        for round in 1..=self.rounds {
+            for ((variant, change), found) in VARIANTS.iter().zip(&mut found) {
+                go_on()?;
+                progress.says(&format!(
+                    "{}: {word}, {variant}, round {round} of {}",
+                    self.name, self.rounds
+                ));
+                let render = settings_of(settings, method, change);
+                let context = GpuContext::open(Some(&settings.adapter))?;
+                let (scene, size) = (self.scene, self.size);
+                let mut renderer =
+                    Renderer::new(context, self.library, scene, &render, Eyes::Both, size)?;
+                let now = render_all(&mut renderer, self.views)?;
+                if seen.is_none() {
+                    seen = self.seen_by_both(&renderer)?;
+                }
+                // The pictures are those of every round, bit for bit.
+                match found {
+                    Some(before) => before.ms.extend(now.ms),
+                    None => *found = Some(now),
+                }
+            }
+        }
+        let seen = seen.unwrap_or_else(|| Image {
+            width: self.size[0],
+            height: self.size[1],
+            pixels: Vec::new(),
+        });
+        let rows = VARIANTS
+            .iter()
+            .zip(found)
+            .filter_map(|((variant, _), found)| {
+                let first = self.views.first()?;
+                Some(MotionRow {
+                    scene: self.name.to_owned(),
+                    method: word.to_owned(),
+                    variant: (*variant).to_owned(),
+                    pixels_per_degree: pixels_per_degree(&first[0], self.size[0]),
+                    ..judge(&found?, self.truth, &seen)
+                })
+            });
+        Ok(rows.collect())
+    }
+
+    /// For each pixel of the right eye the left eye's that sees the same point in the last frame, away from edges.
+    fn seen_by_both(&self, renderer: &Renderer) -> Result<Option<Image<Option<u32>>>, BenchError> {
+        let hits = |eye| renderer.read_hit_rays(eye);
+        let both = hits(Eye::Left)?.zip(hits(Eye::Right)?);
+        let last = self.views.last().zip(self.truth.last());
+        Ok(both.zip(last).map(|((left, right), (views, [_, truth]))| {
+            let seen = left_from_right(views, self.size, &left, &right);
+            away_from_edges(&seen, &truth.displayed[0])
+        }))
+    }
 }
 
 /// Views of a swaying head that begins where the scene does.
@@ -245,12 +281,13 @@ fn render_all(renderer: &mut Renderer, views: &[[View; 2]]) -> Result<Shown, Ben
     };
     for (frame, pair) in (0..).zip(views) {
         let result = renderer.render_frame(pair, frame, |_| {})?;
-        let left = views.len() - frame as usize;
-        // Photon lists and histories grow in the first frames.
-        if left <= views.len() - views.len() / 4 {
+        let frame = frame as usize;
+        // Photon lists and histories grow in the first quarter.
+        if frame >= views.len() / 4 {
             let passes = result.times.passes.values();
             shown.ms.push(passes.map(|(ms, _)| ms).sum());
         }
+        let left = views.len() - frame;
         if left > BRIGHTNESS_FRAMES {
             continue;
         }

@@ -7,7 +7,7 @@ use stereolux_report::ReportError;
 use stereolux_report::work::{ASSUMED, WorkRow, files};
 
 use super::scenes::SceneSource;
-use super::{BenchError, Outcome, go_on};
+use super::{BenchError, Outcome, go_on, make_folder};
 use crate::bvh::records::{BvhNode, Triangle};
 use crate::frame::work::Dispatched;
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
@@ -76,10 +76,7 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
         settings.render.photon.count,
     );
     let out = &options.out;
-    std::fs::create_dir_all(out).map_err(|error| BenchError::Out {
-        path: out.clone(),
-        reason: error.to_string(),
-    })?;
+    make_folder(out)?;
     for file in files(&rows, &what).map_err(|error: ReportError| BenchError::Report(error))? {
         write_atomically(&out.join(&file.path), |to| {
             std::io::Write::write_all(to, &file.bytes)
