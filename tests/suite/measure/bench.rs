@@ -354,18 +354,57 @@ fn figures_hold(report: &Report) {
     assert!(bytes("instances 100") > 5.0 * bytes("instances 10"));
 }
 
+/// Cells of rows.csv, the names of its columns first, all of which are explained.
+fn table(out: &Path) -> Vec<Vec<String>> {
+    let table = std::fs::read_to_string(out.join("rows.csv")).unwrap();
+    let rows: Vec<Vec<String>> = table.lines().map(fields).collect();
+    let columns = json(&out.join("columns.json"));
+    assert!(rows[0].iter().all(|name| columns[name].is_string()));
+    rows
+}
+
+#[test]
+fn motion_judges_each_method_raw_and_reconstructed() {
+    let folder = Folder::new("bench-motion");
+    let out = folder.join("out");
+    let command = "bench motion --size 32x32 --rounds 1 --frames 16 --reference-spp 512 \
+                   --scene builtin:cornell --set photon.count=4096";
+    assert_success(&run_into(&out, command, &[]));
+    let rows = table(&out);
+    let column = |name: &str| rows[0].iter().position(|cell| cell == name).unwrap();
+    let number = |row: usize, name: &str| rows[row][column(name)].parse::<f64>().unwrap();
+    assert_eq!(rows.len(), 7);
+    for (method, first) in [("photon", 1), ("path", 4)] {
+        for (row, variant) in (first..).zip(["raw", "separate", "default"]) {
+            let words = ["method", "variant"].map(|name| rows[row][column(name)].as_str());
+            assert_eq!(words, [method, variant]);
+            assert!(
+                (number(row, "brightness") - 1.0).abs() < 0.2,
+                "{:?}",
+                rows[row]
+            );
+            assert!(number(row, "ms") > 0.0);
+        }
+        for name in ["rmse", "flicker_left", "flicker_right"] {
+            let [raw, default] = [first, first + 2].map(|row| number(row, name));
+            assert!(default < 0.8 * raw, "{method}, {name}: {default} of {raw}");
+        }
+        assert_eq!(number(first, "ms_over_raw"), 1.0);
+    }
+    let refused = run_into(&out, &format!("{command} --shard 1/2"), &[]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert_says(&stderr(&refused), &["--shard"]);
+}
+
 #[test]
 fn work_states_a_frame_of_each_method_and_explains_its_columns() {
     let folder = Folder::new("bench-work");
     let out = folder.join("out");
     let command = "bench work --size 16x16 --scene builtin:cornell --set photon.count=512";
     assert_success(&run_into(&out, command, &[]));
-    let table = std::fs::read_to_string(out.join("rows.csv")).unwrap();
-    let rows: Vec<Vec<String>> = table.lines().map(fields).collect();
+    let rows = table(&out);
     let column = |name: &str| rows[0].iter().position(|cell| cell == name).unwrap();
     let number = |row: &[String], name: &str| row[column(name)].parse::<f64>().unwrap();
-    let columns = json(&out.join("columns.json"));
-    assert!(rows[0].iter().all(|name| columns[name].is_string()));
     for method in ["photon", "path"] {
         let is_of_method = |row: &&Vec<String>| row[column("method")] == method;
         let of_method: Vec<&Vec<String>> = rows[1..].iter().filter(is_of_method).collect();
