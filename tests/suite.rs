@@ -55,6 +55,16 @@ mod suite {
     #[path = "../../crates/gpu/tests/shared/adapter.rs"]
     pub mod adapter;
 
+    #[path = "../../crates/gpu/tests/shared/uniform_branches.rs"]
+    pub mod branches;
+
+    /// From the tests of images.
+    #[allow(dead_code)]
+    #[path = "../../crates/images/tests/shared/block_statistics.rs"]
+    pub mod block_statistics;
+    #[path = "../../crates/images/tests/shared/chi_square.rs"]
+    pub mod chi_square;
+
     pub mod bvh;
     pub mod frame;
     pub mod measure;

@@ -21,10 +21,13 @@ mod bvh_shapes;
 #[path = "shared/trace_probe.rs"]
 #[allow(dead_code)]
 mod trace_probe;
+#[path = "shared/uniform_branches.rs"]
+mod uniform_branches;
 
 mod suite {
     mod bsdf_specialised;
     mod carried;
     mod library;
     mod traversal;
+    mod uniform_branches;
 }

@@ -1,9 +1,8 @@
 //! How light travels: BSDFs, lights, paths, photons, and scenes whose light is known beforehand.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::trace_probe, support, user_bsdf_example};
+use crate::suite::{block_statistics, bvh::trace_probe, chi_square, support, user_bsdf_example};
 
-pub mod block_statistics;
 pub mod bsdf_furnace;
 pub mod bsdf_layer;
 pub mod bsdf_probe;
@@ -12,7 +11,6 @@ pub mod bsdf_surface;
 pub mod bsdf_twin;
 pub mod bsdf_user;
 pub mod caustics;
-pub mod chi_square;
 pub mod closed_sphere;
 pub mod convergence;
 pub mod edges;

@@ -182,39 +182,3 @@ pub fn integrate(density: &dyn Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], de
         .map(|(px, py)| integrate(density, *px, *py, depth + 1))
         .sum()
 }
-
-#[test]
-fn uniform_points_pass_and_a_tilt_of_five_percent_fails() {
-    let mut dice = super::bsdf_twin::Dice::new(11);
-    let mut draw = || (dice.unit(), dice.unit());
-    let [points, pilot] = [(); 2].map(|()| (0..400_000).map(|_| draw()).collect::<Vec<_>>());
-    let sampled = Sampled::in_square(&points, points.len(), &pilot[..20_000]);
-    assert!(p_value(&sampled, &|_, _| 1.0) > 1e-3);
-    // It adds 400,000 x mean of (0.05 (2 x - 1))^2 = 333 to the statistic, 15 standard deviations at 239 degrees.
-    assert!(p_value(&sampled, &|x, _| 0.95 + 0.1 * x) < 1e-6);
-    // Draws that are lost must show.
-    assert!(p_value(&sampled, &|_, _| 0.99) < 1e-6);
-}
-
-#[test]
-fn quadrature_resolves_a_narrow_peak() {
-    let peak = |x: f64, y: f64| {
-        let s = 0.01;
-        (-((x - 0.3).powi(2) + (y - 0.6).powi(2)) / (2.0 * s * s)).exp()
-            / (2.0 * std::f64::consts::PI * s * s)
-    };
-    let mut total = 0.0;
-    for i in 0..8 {
-        for j in 0..8 {
-            let cell = |k: i32| [f64::from(k) / 8.0, f64::from(k + 1) / 8.0];
-            total += integrate(&peak, cell(i), cell(j), 0);
-        }
-    }
-    assert!((total - 1.0).abs() < 1e-4, "{total}");
-}
-
-#[test]
-fn sidak_keeps_the_level_of_the_family() {
-    assert!((sidak(0.01, 1) - 0.01).abs() < 1e-15);
-    assert!((1.0 - (1.0 - sidak(0.01, 50)).powi(50) - 0.01).abs() < 1e-12);
-}
