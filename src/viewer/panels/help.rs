@@ -45,6 +45,9 @@ pub const KEYS: &[(&str, &str)] = &[
     ("drop a file", "open .glb, .gltf, .hdr, .exr or a recording"),
 ];
 
+/// What the window needs above and below the list, points.
+const FRAME_HEIGHT: f32 = 60.0;
+
 /// The overlay, if it is wanted.
 pub fn show(app: &mut App, context: &Context) {
     let mut is_open = app.shows_help;
@@ -53,6 +56,9 @@ pub fn show(app: &mut App, context: &Context) {
         .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
         .resizable(false)
         .collapsible(false)
+        // In a low window the list is scrolled, so that title and close button stay on the screen.
+        .vscroll(true)
+        .max_height(context.content_rect().height() - FRAME_HEIGHT)
         .show(context, |ui| {
             Grid::new("keys").spacing([24.0, 4.0]).show(ui, |ui| {
                 for (keys, what) in KEYS {
