@@ -19,6 +19,7 @@ use super::bvh_reference::ExactInstance;
 use super::moving_support::*;
 use super::support::*;
 use super::trace_probe::{Random, TraceProbe, soup};
+use crate::suite::scene::edits::node;
 
 /// A renderer of few pixels, for its scene.
 fn small(scene: &Scene) -> Renderer {
@@ -295,11 +296,7 @@ fn hierarchies_that_have_drifted_are_built_anew() {
 #[test]
 fn every_deforming_instance_has_a_mesh_of_its_own() {
     let mut scene = builtin("parade");
-    let ball = scene
-        .nodes
-        .iter()
-        .position(|node| node.name == "ball")
-        .unwrap();
+    let ball = node(&scene, "ball");
     let mut twin = scene.nodes[ball].clone();
     twin.parent_from_node.translation += DVec3::new(0.0, 0.8, 0.0);
     twin.morph_weights = vec![1.0];
@@ -433,11 +430,8 @@ fn copies_in_textures_follow_what_moves() {
         ..Node::default()
     });
     let scene = scene;
-    let node = |name: &str| {
-        let found = scene.nodes.iter().position(|node| node.name == name);
-        found.unwrap_or_else(|| panic!("no node {name}"))
-    };
-    let lamp_mesh = scene.nodes[node("lamp")].mesh.unwrap();
+    let lamp_node = node(&scene, "lamp");
+    let lamp_mesh = scene.nodes[lamp_node].mesh.unwrap();
     let clip = scene.clip("parade").unwrap().unwrap();
     let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
     for render_by in [Method::Path, Method::Photon] {
@@ -448,7 +442,7 @@ fn copies_in_textures_follow_what_moves() {
                 s.force.record_texels = record_texels;
             });
             let mut renderer = renderer(&scene, &settings, [20, 20]);
-            let lamp = renderer.scene().instance_of_node(node("lamp")).unwrap();
+            let lamp = renderer.scene().instance_of_node(lamp_node).unwrap();
             let mut added: Option<InstanceId> = None;
             let mut frames = Vec::new();
             for index in 0..6 {

@@ -89,6 +89,14 @@ fn a_pane_does_not_mix_with_the_bars_before_it() {
     }
 }
 
+/// The pixel and those next to it, as far as they are in the image.
+fn around(pixel: usize) -> impl Iterator<Item = usize> {
+    let size = SIZE as usize;
+    let near = |at: usize| at.saturating_sub(1)..(at + 2).min(size);
+    let columns = near(pixel % size);
+    near(pixel / size).flat_map(move |y| columns.clone().map(move |x| y * size + x))
+}
+
 #[test]
 fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
     let scene = builtin("cornell");
@@ -120,30 +128,15 @@ fn light_without_history_is_no_brighter_than_its_brightest_neighbour() {
                 [over(&parts.direct[i]), over(&parts.indirect[i])]
             })
             .collect();
-        let size = SIZE as i32;
         let brightest = |pixel: usize, kind: usize| {
-            let (x, y) = (pixel as i32 % size, pixel as i32 / size);
-            let mut found = 0.0_f64;
-            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
-                let (nx, ny) = (x + dx, y + dy);
-                let inside = (0..size).contains(&nx) && (0..size).contains(&ny);
-                if inside && (dx, dy) != (0, 0) {
-                    found = found.max(luminance(light[(ny * size + nx) as usize][kind]));
-                }
-            }
-            found
+            let others = around(pixel).filter(|other| *other != pixel);
+            let bright = others.map(|other| luminance(light[other][kind]));
+            bright.fold(0.0, f64::max)
         };
         let is_lamp = |pixel: usize| raw[pixel][0] > 10.0;
         let (mut limited, mut judged) = (0, 0);
         for pixel in 0..raw.len() {
-            let (x, y) = (pixel as i32 % size, pixel as i32 / size);
-            let near_lamp = (-1..=1).any(|dy| {
-                (-1..=1).any(|dx| {
-                    let (nx, ny) = ((x + dx).clamp(0, size - 1), (y + dy).clamp(0, size - 1));
-                    is_lamp((ny * size + nx) as usize)
-                })
-            });
-            if near_lamp {
+            if around(pixel).any(is_lamp) {
                 continue;
             }
             judged += 1;

@@ -11,11 +11,13 @@ use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 use super::support::{assert_says, words};
 
+fn parse(args: &[&str]) -> Result<Options, EarlyExit> {
+    let args = std::iter::once("stereolux").chain(args.iter().copied());
+    options::parse(args.map(OsString::from))
+}
+
 fn outcome(args: &[&str]) -> Result<Options, String> {
-    let args = std::iter::once("stereolux")
-        .chain(args.iter().copied())
-        .map(OsString::from);
-    options::parse(args).map_err(|EarlyExit { text, status }| {
+    parse(args).map_err(|EarlyExit { text, status }| {
         assert_eq!(status, 2, "{text}");
         assert!(text.starts_with("error: "), "{text}");
         text
@@ -309,10 +311,7 @@ fn bench_takes_a_suite_and_its_sizes() {
 #[test]
 fn help_is_there_for_every_command_and_names_the_list_of_settings() {
     let help = |args: &[&str]| {
-        let args = std::iter::once("stereolux")
-            .chain(args.iter().copied())
-            .map(OsString::from);
-        let exit = options::parse(args).expect_err("help stops");
+        let exit = parse(args).expect_err("help stops");
         assert_eq!(exit.status, 0);
         exit.text
     };

@@ -1,13 +1,12 @@
 //! `photon.half_rate`: every other pixel gathers, the others interpolate.
 
-use stereolux::settings::{
-    DirectLight, Method, PhotonEstimate, RenderSettings, Reuse, Schedule, Search,
-};
+use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse, Schedule};
 
 use super::cornell::rel_mse;
 use super::hard_support::{eyes_at_origin, images};
 use super::parts::hall_of_mirrors;
 use super::support::{assert_says, bits, builtin, settings, start_views};
+use crate::suite::transport::gathers::{Change, KD, KD_NEAREST, NEAREST};
 
 /// Odd, so that the last column and row gather, and even, so that they do not.
 const SIZES: [[u32; 2]; 2] = [[33, 25], [32, 24]];
@@ -82,15 +81,8 @@ fn light_between_gathered_pixels_is_bilinear() {
 fn every_way_to_gather_is_the_same_at_the_pixels_that_gather() {
     let scene = builtin("cornell");
     let views = start_views(&scene, 21.0);
-    let ways: [fn(&mut RenderSettings); 4] = [
-        |_| {},
-        |s| s.photon.search = Search::KdTree,
-        |s| s.photon.estimate = PhotonEstimate::Nearest,
-        |s| {
-            s.photon.search = Search::KdTree;
-            s.photon.estimate = PhotonEstimate::Nearest;
-        },
-    ];
+    let default: Change = |_| {};
+    let ways = [default, KD, NEAREST, KD_NEAREST];
     for (number, way) in ways.into_iter().enumerate() {
         let size = SIZES[number % 2];
         let [full, half] = both_rates(way).map(|settings| images(&scene, &settings, size, &views));

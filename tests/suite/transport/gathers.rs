@@ -17,13 +17,13 @@ use super::support::{
     renderer, renderer_by, settings, strays,
 };
 
-type Change = fn(&mut RenderSettings);
+pub type Change = fn(&mut RenderSettings);
 
-const KD: Change = |s| s.photon.search = Search::KdTree;
-const NEAREST: Change = |s| s.photon.estimate = PhotonEstimate::Nearest;
-const KD_NEAREST: Change = |s| {
-    s.photon.search = Search::KdTree;
-    s.photon.estimate = PhotonEstimate::Nearest;
+pub const KD: Change = |s| s.photon.search = Search::KdTree;
+pub const NEAREST: Change = |s| s.photon.estimate = PhotonEstimate::Nearest;
+pub const KD_NEAREST: Change = |s| {
+    KD(s);
+    NEAREST(s);
 };
 const FUSED: Change = |s| s.photon.schedule = Schedule::Fused;
 const COOPERATIVE: Change = |s| s.photon.loads = Loads::Cooperative;

@@ -5,13 +5,13 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use stereolux::scene::{LightKind, Material, MeshTriangle, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::*;
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
-    bits, builtin, mean, method, parallel_views, pixel_ray, placed, square_fov, start_pose,
-    start_views,
+    bits, builtin, mean, method, parallel_views, placed, square_fov, start_pose, start_views,
 };
 
 /// The scene with everything in it `scale` times as large, and views to match.
@@ -313,27 +313,19 @@ fn rolled_eyes_see_the_image_turned() {
 
 #[test]
 fn a_sun_and_a_point_light_on_a_plane_in_closed_form() {
+    let albedo = f64::from(plane::ALBEDO);
     // The point light, nearly touching the plane at grazing angles included.
     for height in [1.5, 0.01] {
         let mut scene = plane_of(&whole_plane());
         let lamp = DVec3::new(0.2, 0.1, -plane::DISTANCE_M + height);
         scene.nodes[1].parent_from_node = DAffine3::from_translation(lamp);
-        let views = eyes_at_origin(40.0);
-        for kind in [Method::Photon, Method::Path] {
-            let found = images(&scene, &method(kind, Reuse::Off), [32, 32], &views);
-            for (view, image) in views.iter().zip(&found) {
-                for (pixel, value) in image.iter().enumerate() {
-                    let ray = pixel_ray(view, pixel, [32, 32]);
-                    let hit = ray.origin + ray.direction * (plane::DISTANCE_M / -ray.direction.z);
-                    let expected =
-                        f64::from(plane::ALBEDO) / PI * f64::from(plane::LIGHT_INTENSITY) * height
-                            / hit.distance(lamp).powi(3);
-                    let off = relative(f64::from(value[0]), expected);
-                    // The height is a difference of f32 coordinates of 2 m: 2^-23 of 1 cm is 1e-5.
-                    assert!(off < 0.005, "{kind:?} {height}, pixel {pixel}: {off}");
-                }
-            }
-        }
+        let radiance = |ray: &RayInWorld| {
+            let hit = ray.origin + ray.direction * (plane::DISTANCE_M / -ray.direction.z);
+            albedo / PI * f64::from(plane::LIGHT_INTENSITY) * height / hit.distance(lamp).powi(3)
+        };
+        // The height is a difference of f32 coordinates of 2 m: 2^-23 of 1 cm is 1e-5.
+        let (views, what) = (eyes_at_origin(40.0), format!("{height} m"));
+        check_radiance(&scene, &views, 32, 0.005, &what, radiance);
     }
     // The sun: albedo / pi E cos theta, everywhere the same.
     for degrees in [0.0, 60.0, 89.0, 89.99] {
@@ -345,17 +337,10 @@ fn a_sun_and_a_point_light_on_a_plane_in_closed_form() {
             matrix3: DMat3::from_rotation_y(tilt),
             translation: DVec3::ZERO,
         };
-        let expected = f64::from(plane::ALBEDO) / PI * 3.0 * tilt.cos();
-        for kind in [Method::Photon, Method::Path] {
-            let views = eyes_at_origin(45.0);
-            for image in images(&scene, &method(kind, Reuse::Off), [16, 16], &views) {
-                // cos 89.99 = 1.7e-4 comes from a unit vector in f32: 2^-24 of it is 3.4e-4.
-                for value in &image {
-                    let off = relative(f64::from(value[0]), expected);
-                    assert!(off < 0.005, "{kind:?} at {degrees}: {off}");
-                }
-            }
-        }
+        let expected = albedo / PI * 3.0 * tilt.cos();
+        // cos 89.99 = 1.7e-4 comes from a unit vector in f32: 2^-24 of it is 3.4e-4.
+        let (views, what) = (eyes_at_origin(45.0), format!("{degrees} degrees"));
+        check_radiance(&scene, &views, 16, 0.005, &what, |_| expected);
     }
     // From behind: opaque surfaces scatter on the lit side only.
     let mut scene = plane_of(&whole_plane());

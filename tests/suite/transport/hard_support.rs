@@ -6,6 +6,7 @@ use stereolux::scene::{
     Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
 };
 use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
 pub use super::lights_probe::glowing;
@@ -161,10 +162,23 @@ pub fn check_closed_form(
     tolerance: f64,
     what: &str,
 ) {
+    let radiance = |ray: &RayInWorld| plane_at(ray, scale);
+    check_radiance(scene, views, size, tolerance, what, radiance);
+}
+
+/// Both eyes' images against the radiance along the rays through pixel centres, by each method.
+pub fn check_radiance(
+    scene: &Scene,
+    views: &[View; 2],
+    size: u32,
+    tolerance: f64,
+    what: &str,
+    radiance: impl Fn(&RayInWorld) -> f64,
+) {
     for kind in [Method::Photon, Method::Path] {
         let found = images(scene, &method(kind, Reuse::Off), [size; 2], views);
         for (view, image) in views.iter().zip(&found) {
-            let off = worst(image, &plane_in_closed_form(view, size, scale));
+            let off = worst(image, &image_of(view, size, &radiance));
             assert!(off < tolerance, "{what} {kind:?}: {off}");
         }
     }
@@ -214,22 +228,27 @@ pub fn tiles(image: &[[f32; 3]], width: usize, edge: usize) -> Vec<f64> {
         .collect()
 }
 
+/// Gray image of the radiance along the rays through pixel centres.
+fn image_of(view: &View, size: u32, radiance: impl Fn(&RayInWorld) -> f64) -> Vec<[f32; 3]> {
+    (0..(size * size) as usize)
+        .map(|pixel| [radiance(&pixel_ray(view, pixel, [size, size])) as f32; 3])
+        .collect()
+}
+
 /// What `builtin:plane` looks like in closed form, pixel centres, black beside the plane; `scale` in metres per metre.
 pub fn plane_in_closed_form(view: &View, size: u32, scale: f64) -> Vec<[f32; 3]> {
-    (0..size * size)
-        .map(|pixel| {
-            let ray = pixel_ray(view, pixel as usize, [size, size]);
-            let distance = (-plane::DISTANCE_M * scale - ray.origin.z) / ray.direction.z;
-            let point = (ray.origin + ray.direction * distance) / scale;
-            let beside = point.x.abs().max(point.y.abs()) > plane::HALF_EDGE_M;
-            let value = if distance <= 0.0 || beside {
-                0.0
-            } else {
-                plane::radiance_at(point.x, point.y)
-            };
-            [value as f32; 3]
-        })
-        .collect()
+    image_of(view, size, |ray| plane_at(ray, scale))
+}
+
+fn plane_at(ray: &RayInWorld, scale: f64) -> f64 {
+    let distance = (-plane::DISTANCE_M * scale - ray.origin.z) / ray.direction.z;
+    let point = (ray.origin + ray.direction * distance) / scale;
+    let beside = point.x.abs().max(point.y.abs()) > plane::HALF_EDGE_M;
+    if distance <= 0.0 || beside {
+        0.0
+    } else {
+        plane::radiance_at(point.x, point.y)
+    }
 }
 
 /// Some twenty f32 steps from pixel to radiance keep 2e-6, and 3e-5 where a ray meets the plane at a cosine c and the

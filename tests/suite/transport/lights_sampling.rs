@@ -245,39 +245,37 @@ fn punctual_lights_follow_khr_lights_punctual() {
 
 /// A map with a sun, a dark half, and poles that differ.
 pub fn map() -> Environment {
-    let (width, height) = (32u32, 16u32);
-    let radiance = (0..width * height)
-        .map(|index| {
-            let (x, y) = (index % width, index / width);
-            let sky = if x < 16 { 0.2 + 0.05 * y as f32 } else { 0.0 };
-            let sun = if (x, y) == (21, 4) { 300.0 } else { 0.0 };
-            [sky + sun, 0.5 * sky + sun, 0.1 + 0.01 * x as f32]
-        })
-        .collect();
+    map_of([32, 16], |x, y| {
+        let sky = if x < 16 { 0.2 + 0.05 * y as f32 } else { 0.0 };
+        let sun = if (x, y) == (21, 4) { 300.0 } else { 0.0 };
+        [sky + sun, 0.5 * sky + sun, 0.1 + 0.01 * x as f32]
+    })
+}
+
+/// A map by the radiance of its texels.
+fn map_of([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [f32; 3]) -> Environment {
+    let texels = (0..width * height).map(|index| texel(index % width, index / width));
     Environment {
         width,
         height,
-        radiance,
+        radiance: texels.collect(),
         name: "test".to_owned(),
+    }
+}
+
+/// Under a map whose radiance is linear in both coordinates, which shows them: `first` in the first texel, in steps of 1.
+fn under_ramp(size: [u32; 2], first: f32) -> Scene {
+    let texel = |x, y| [x as f32 + first, y as f32 + first, 1.0];
+    Scene {
+        environment: Some(map_of(size, texel)),
+        ..environment_scene()
     }
 }
 
 #[test]
 fn directions_have_their_map_coordinates() {
-    // Radiance that is linear in both coordinates shows them.
-    let (width, height) = (64, 32);
-    let ramp = Environment {
-        width,
-        height,
-        radiance: (0..width * height)
-            .map(|index| [(index % width) as f32, (index / width) as f32, 1.0])
-            .collect(),
-        name: "ramp".to_owned(),
-    };
-    let scene = Scene {
-        environment: Some(ramp),
-        ..environment_scene()
-    };
+    let [width, height] = [64, 32];
+    let scene = under_ramp([width, height], 0.0);
     let context = context();
     let probe = LightProbe::new(&context, &["environment"], &scene, DVec3::ZERO);
     // A Fibonacci spiral, and along the axes and diagonals, where the octants meet.
@@ -299,14 +297,7 @@ fn directions_have_their_map_coordinates() {
     let corners = corners
         .filter(|corner| *corner != DVec3::ZERO)
         .map(DVec3::normalize);
-    let queries: Vec<LightQuery> = spiral
-        .chain(corners)
-        .map(|direction| LightQuery {
-            instance: u32::MAX,
-            position: direction.as_vec3().to_array(),
-            ..LightQuery::default()
-        })
-        .collect();
+    let queries: Vec<LightQuery> = spiral.chain(corners).map(of_environment).collect();
     // 3.3e-7 rad of the polynomial; pi, the quotient, the product and two differences round by 6e-8 of 2 pi at most, in all
     // 2e-6 rad. A texel is 2 pi / 64 or pi / 32 of them; its blend rounds by 6e-8 of 64 at most, four times.
     let texel_rad = PI / f64::from(height);
@@ -467,17 +458,7 @@ fn row_sine(index: usize, map: &Environment) -> f64 {
 #[test]
 fn environment_axes_are_those_of_the_design() {
     let context = context();
-    let (width, height) = (64u32, 32u32);
-    let mut scene = environment_scene();
-    let radiance = (0..width * height)
-        .map(|i| [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5, 1.0])
-        .collect();
-    scene.environment = Some(Environment {
-        width,
-        height,
-        radiance,
-        name: "axes".to_owned(),
-    });
+    let scene = under_ramp([64, 32], 0.5);
     let probe = LightProbe::new(&context, &["environment"], &scene, DVec3::ZERO);
     let [column, row] = [0, 1];
     for (direction, axis, due) in [

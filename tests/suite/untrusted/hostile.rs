@@ -361,20 +361,10 @@ fn geometry() -> Texts {
     let normals = json!({ "attributes": { "POSITION": 0, "NORMAL": 1 } });
     let strip = json!({ "attributes": { "POSITION": 0 }, "indices": 1, "mode": 5 });
     // Positions, and what more there is beside three of them.
-    let of_zeros = |primitive: Value, count| {
-        placed(
-            primitive,
-            1,
-            json!({ "accessors": [zeros(count, 5126, "VEC3")] }),
-        )
-    };
-    let beside = |primitive: Value, more: Value| {
-        placed(
-            primitive,
-            1,
-            json!({ "accessors": [zeros(3, 5126, "VEC3"), more] }),
-        )
-    };
+    let with =
+        |primitive, accessors: &[Value]| placed(primitive, 1, json!({ "accessors": accessors }));
+    let of_zeros = |primitive, count| with(primitive, &[zeros(count, 5126, "VEC3")]);
+    let beside = |primitive, more| with(primitive, &[zeros(3, 5126, "VEC3"), more]);
     let many_indices = beside(strip, zeros(67_108_864, 5125, "SCALAR"));
     let many_normals = beside(normals, zeros(22_000_000, 5126, "VEC3"));
     let many_targets = of_zeros(with_targets(json!({ "POSITION": 0 }), 300), 3_000_000);

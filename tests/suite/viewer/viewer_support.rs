@@ -7,7 +7,6 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
-use stereolux::scene::Scene;
 use stereolux::scene::edit::Document;
 use stereolux::settings::{Method, Settings};
 use stereolux::viewer::frames::FrameReport;
@@ -16,6 +15,7 @@ use stereolux::viewer::window_state::WindowState;
 use stereolux::viewer::{App, Start};
 use stereolux::xr::{Fov, Headset};
 
+pub use crate::suite::scene::edits::node as node_of;
 use crate::suite::support::Folder;
 
 pub type Viewer = Harness<'static, App>;
@@ -157,11 +157,6 @@ pub fn place_of(app: &App, name: &str) -> Pos2 {
     let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
     let place = vec2(x as f32 + 0.5, y as f32 + 0.5) / vec2(SIZE[0] as f32, SIZE[1] as f32);
     rect.min + place * rect.size()
-}
-
-pub fn node_of(scene: &Scene, name: &str) -> usize {
-    let found = scene.nodes.iter().position(|node| node.name == name);
-    found.unwrap_or_else(|| panic!("no node {name}"))
 }
 
 fn button(viewer: &mut Viewer, pos: Pos2, pressed: bool, modifiers: Modifiers) {
