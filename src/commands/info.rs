@@ -156,6 +156,7 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     let features = shader_features(&needs, &settings.render);
     let PlannedScene {
         mut stages,
+        lower,
         features: frame_features,
         maps,
     } = plan_of_scene(&scene, &settings.render, is_software).map_err(Failure::failed)?;
@@ -165,8 +166,8 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     };
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
-    let memory =
-        memory(&stages, &frame_features, &library, size, &maps).map_err(Failure::failed)?;
+    let plans = [&stages].into_iter().chain(&lower);
+    let memory = memory(plans, &frame_features, &library, size, &maps).map_err(Failure::failed)?;
     stages.extend(on_demand(&settings.render));
     Ok(json!({
         "name": settings.scene,

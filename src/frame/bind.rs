@@ -1,16 +1,16 @@
-//! Resolves the names that shaders declare to buffers, by owner and name, with seven rules:
+//! Resolves the names that shaders declare to buffers, by owner and name, with six rules:
 //!
 //! 1. A step may rename.
 //! 2. `dispatch` is the stage's table; scene and uniforms are given.
 //! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list.
 //! 4. Any other name belongs to the step's eye, its photon map, or the frame.
 //! 5. `left_NAME` is the left eye's, `other_NAME` the other eye's.
-//! 6. A name without a buffer of its own lies in another's ([`buffers::LODGERS`]).
-//! 7. `NAME_before` is the previous frame's `NAME`, which is double-buffered.
+//! 6. `NAME_before` is the previous frame's `NAME`, which is double-buffered.
 
 use std::collections::BTreeMap;
 
-use super::buffers::{self, BufferRow, ImageLayout, Moment, Scope, TOKEN_BYTES};
+use super::buffers::{self, BufferRow, Holds, ImageLayout, Moment, Scope, TOKEN_BYTES};
+use super::homes::{Home, Homes, settle};
 use super::photon_layout::{MapKind, MapLayout};
 use super::step::{Eye, Owner};
 use crate::gpu::buffers::{allocated_bytes, read_buffer};
@@ -41,18 +41,15 @@ pub struct Meaning {
     pub place: Place,
     /// Whether it is the previous frame's.
     pub is_before: bool,
-    /// Whether it is double-buffered.
-    pub takes_turns: bool,
 }
 
-/// Resolves `name` for `owner` by rules 4 to 7; `None` if there is no such buffer.
+/// Resolves `name` for `owner` by rules 4 to 6; `None` if there is no such buffer.
 #[must_use]
 pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
-    if let Some(row) = buffers::row(name).or_else(|| buffers::lodging(name, owner.eye)) {
+    if let Some(row) = buffers::row(name) {
         return Some(Meaning {
             place: (whose(row, owner), row.name),
             is_before: false,
-            takes_turns: row.takes_turns,
         });
     }
     let of_eye = |name, eye| meaning(name, Owner { eye, ..owner });
@@ -63,13 +60,15 @@ pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
         return of_eye(rest, owner.eye.other());
     }
     let now = meaning(name.strip_suffix("_before")?, owner)?;
-    now.takes_turns.then_some(Meaning {
+    let takes_turns = buffers::row(now.place.1)?.holds == Holds::Turns;
+    takes_turns.then_some(Meaning {
         is_before: true,
         ..now
     })
 }
 
-fn whose(row: &BufferRow, owner: Owner) -> Whose {
+/// Who owns the buffer of a row in a step of `owner`.
+pub(super) fn whose(row: &BufferRow, owner: Owner) -> Whose {
     match row.scope {
         Scope::Eye(_) => Whose::Eye(owner.eye),
         Scope::Frame(_) => Whose::Frame,
@@ -85,17 +84,39 @@ pub struct Use {
     pub is_written: bool,
     /// A pass reads its copy in a texture.
     pub is_copied: bool,
+    /// The first pass that is bound to it only reads it: it holds something from before.
+    pub is_read_first: bool,
+    /// Moments of the first and the last step that use this frame's, and the previous frame's ([`super::homes::moments`]).
+    pub now: Option<[u32; 2]>,
+    /// The same of the previous frame's.
+    pub before: Option<[u32; 2]>,
 }
 
 impl Use {
-    /// Adds a binding.
-    pub fn add(&mut self, kind: BindingKind) {
-        self.is_written |= kind == BindingKind::ReadWrite;
+    /// Adds a binding of a step at moment `at`; steps come in order.
+    pub fn add(&mut self, kind: BindingKind, is_before: bool, at: u32) {
+        let is_written = kind == BindingKind::ReadWrite;
+        self.is_written |= is_written;
         self.is_copied |= kind == BindingKind::Texels;
+        self.is_read_first |= !is_before && self.now.is_none() && !is_written;
+        let span = if is_before {
+            &mut self.before
+        } else {
+            &mut self.now
+        };
+        *span = Some(span.map_or([at, at], |[first, last]| [first.min(at), last.max(at)]));
+    }
+
+    /// Adds a clear at moment `at`.
+    pub fn clear(&mut self, at: u32) {
+        if let Some([first, last]) = &mut self.now {
+            self.is_read_first &= *first <= at;
+            (*first, *last) = ((*first).min(at), (*last).max(at));
+        }
     }
 
     /// Bytes of the buffer; `None` for one that is declared and never written.
-    fn bytes(
+    pub fn bytes(
         self,
         row: &BufferRow,
         whose: Whose,
@@ -122,19 +143,26 @@ struct Held {
     is_token: bool,
     /// Bytes that the plan in use needs of it; it may have more.
     bytes: u64,
-    /// Two if double-buffered.
+    /// One, or one for frames of either parity.
     turns: Vec<wgpu::Buffer>,
-    texels: Option<TexelCopy>,
 }
 
 /// The frame's buffers.
 #[derive(Default)]
 pub struct Buffers {
     held: BTreeMap<Place, Held>,
+    /// Those that have no memory of their own with the plan in use.
+    guests: BTreeMap<Place, Held>,
+    /// Memory that images use in turn.
+    in_turn: Vec<wgpu::Buffer>,
+    texels: BTreeMap<Place, TexelCopy>,
+    /// Whether all have memory of their own.
+    apart: bool,
 }
 
 impl Buffers {
-    /// Allocates all that is used. Buffers that exist and are large enough stay, with their contents.
+    /// Allocates all that is used. Buffers that exist and are large enough stay, with their contents; what holds data within a
+    /// frame alone may lie elsewhere afterwards.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`], [`GpuError::Validation`]: a buffer does not fit the adapter.
@@ -145,19 +173,82 @@ impl Buffers {
         image: &ImageLayout,
         maps: &[MapLayout],
     ) -> Result<(), GpuError> {
-        for (&(whose, name), usage) in uses {
-            let Some(row) = buffers::row(name) else {
-                continue;
+        let homes = match self.apart {
+            true => Homes::default(),
+            false => settle(uses, image, maps),
+        };
+        for (index, &bytes) in homes.turn_bytes.iter().enumerate() {
+            let make = || storage_buffer(context, &label_in_turn(index), bytes);
+            match self.in_turn.get_mut(index) {
+                Some(held) if held.size() >= bytes => {}
+                Some(held) => *held = make()?,
+                None => self.in_turn.push(make()?),
+            }
+        }
+        let known = uses.iter().filter_map(|(&place, usage)| {
+            let row = buffers::row(place.1)?;
+            let bytes = usage.bytes(row, place.0, image, maps);
+            Some((place, homes.of(&place), row, bytes))
+        });
+        // Hosts before their guests.
+        let (own, guests): (Vec<_>, Vec<_>) = known.partition(|known| known.1 == Home::Own);
+        for (place, _, row, bytes) in own {
+            self.hold(context, place, row, bytes)?;
+        }
+        let guests = guests.into_iter().map(|(place, home, _, bytes)| {
+            let held = Held {
+                is_token: false,
+                bytes: allocated_bytes(bytes.unwrap_or(TOKEN_BYTES)),
+                turns: self.memory(home),
             };
-            let bytes = usage.bytes(row, whose, image, maps);
-            self.hold(context, (whose, name), row, bytes)?;
-            if let Some(held) = self
-                .held
-                .get_mut(&(whose, name))
-                .filter(|_| usage.is_copied)
-            {
-                let copy = held.texels.get_or_insert(TexelCopy::new(name));
-                copy.fit(context, held.turns[0].size())?;
+            (place, held)
+        });
+        self.guests = guests.collect();
+        for (&place, _) in uses.iter().filter(|(_, usage)| usage.is_copied) {
+            let bytes = self.find(&place).map_or(0, |held| held.turns[0].size());
+            let copy = self.texels.entry(place).or_insert(TexelCopy::new(place.1));
+            copy.fit(context, bytes)?;
+        }
+        Ok(())
+    }
+
+    fn find(&self, place: &Place) -> Option<&Held> {
+        self.guests.get(place).or_else(|| self.held.get(place))
+    }
+
+    /// Gives images that would share memory memory of their own from the next allocation on.
+    pub fn keep_apart(&mut self) {
+        self.apart = true;
+    }
+
+    /// What lies where a guest is to lie: one buffer, or one for frames of either parity.
+    fn memory(&self, home: Home) -> Vec<wgpu::Buffer> {
+        match home {
+            Home::Own => Vec::new(),
+            Home::Turn(index) => self.in_turn.get(index).cloned().into_iter().collect(),
+            Home::In { host, is_before } => {
+                let held = self.held.get(&host);
+                let mut turns = held.map_or(Vec::new(), |held| held.turns.clone());
+                if is_before {
+                    turns.reverse();
+                }
+                turns
+            }
+        }
+    }
+
+    /// Gives buffers that no plan uses a token, so that they can be bound.
+    ///
+    /// # Errors
+    /// As [`Buffers::allocate`].
+    pub fn give_tokens<'u>(
+        &mut self,
+        context: &GpuContext,
+        places: impl IntoIterator<Item = &'u Place>,
+    ) -> Result<(), GpuError> {
+        for &place in places {
+            if let Some(row) = buffers::row(place.1).filter(|_| self.find(&place).is_none()) {
+                self.hold(context, place, row, None)?;
             }
         }
         Ok(())
@@ -181,14 +272,12 @@ impl Buffers {
         let is_token = bytes.is_none();
         let bytes = bytes.unwrap_or(TOKEN_BYTES);
         let label = label(place);
-        let count = if row.takes_turns { 2 } else { 1 };
-        let turns = (0..count).map(|_| storage_buffer(context, &label, bytes));
+        let turns = (0..row.turns()).map(|_| storage_buffer(context, &label, bytes));
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
         let held = Held {
             is_token,
             bytes: allocated_bytes(bytes),
             turns,
-            texels: None,
         };
         self.held.insert(place, held);
         Ok(())
@@ -197,20 +286,29 @@ impl Buffers {
     /// Bytes that all buffers have on the device, copies in textures aside.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let turns = self.held.values().flat_map(|held| &held.turns);
-        turns.map(wgpu::Buffer::size).sum()
+        let own = self.held.values().flat_map(|held| &held.turns);
+        own.chain(&self.in_turn).map(wgpu::Buffer::size).sum()
+    }
+
+    /// Whether a buffer is another one in every other frame.
+    #[must_use]
+    pub fn takes_turns(&self, place: &Place) -> bool {
+        self.find(place).is_some_and(|held| held.turns.len() > 1)
     }
 
     /// Drops the images of the eyes, for another size.
     pub fn forget_images(&mut self) {
-        self.held
-            .retain(|(whose, _), _| matches!(whose, Whose::Map(_) | Whose::Batch(..)));
+        let is_of_map = |whose: &Whose| matches!(whose, Whose::Map(_) | Whose::Batch(..));
+        self.held.retain(|(whose, _), _| is_of_map(whose));
+        self.texels.retain(|(whose, _), _| is_of_map(whose));
+        self.guests.clear();
+        self.in_turn.clear();
     }
 
     /// The buffer in frames of `parity` (0 or 1); `None` if no pass uses it.
     #[must_use]
     pub fn get(&self, meaning: &Meaning, parity: usize) -> Option<&wgpu::Buffer> {
-        let held = self.held.get(&meaning.place)?;
+        let held = self.find(&meaning.place)?;
         let turn = parity ^ usize::from(meaning.is_before);
         held.turns.get(turn).or_else(|| held.turns.first())
     }
@@ -220,7 +318,7 @@ impl Buffers {
     pub fn bound(&self, meaning: &Meaning, parity: usize) -> Option<wgpu::BindingResource<'_>> {
         let buffer = self.get(meaning, parity)?;
         let size = match meaning.place.0 {
-            Whose::Map(_) | Whose::Batch(..) => self.held.get(&meaning.place)?.bytes,
+            Whose::Map(_) | Whose::Batch(..) => self.find(&meaning.place)?.bytes,
             Whose::Eye(_) | Whose::Frame => buffer.size(),
         };
         Some(wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -233,7 +331,7 @@ impl Buffers {
     /// The texture copy of a buffer, if a pass reads it.
     #[must_use]
     pub fn texels(&self, meaning: &Meaning) -> Option<&TexelCopy> {
-        self.held.get(&meaning.place)?.texels.as_ref()
+        self.texels.get(&meaning.place)
     }
 
     /// Binds those of `names` that exist for `owner`, for passes outside the frame's plan.
@@ -265,11 +363,12 @@ impl Buffers {
     ) -> impl Iterator<Item = (wgpu::Buffer, u64)> {
         let rows = buffers::BUFFERS.iter();
         rows.filter(move |row| row.cleared.contains(&moment))
-            .filter_map(move |row| self.held.get(&(whose(row, owner), row.name)))
+            .filter_map(move |row| self.find(&(whose(row, owner), row.name)))
             .flat_map(|held| held.turns.iter().map(|turn| (turn.clone(), held.bytes)))
     }
 
-    /// Reads the first `count` elements of a buffer back; `None` if no pass writes it. Waits for the device.
+    /// Reads the first `count` elements of a buffer back; `None` if no pass writes it, or if it holds nothing after the frame.
+    /// Waits for the device.
     ///
     /// # Errors
     /// As [`read_buffer`].
@@ -280,8 +379,9 @@ impl Buffers {
         parity: usize,
         count: usize,
     ) -> Result<Option<Vec<T>>, GpuError> {
-        let held = self.held.get(&(whose, name));
-        let Some(held) = held.filter(|held| !held.is_token) else {
+        let place = (whose, name);
+        let held = self.held.get(&place).filter(|held| !held.is_token);
+        let Some(held) = held.filter(|_| !self.guests.contains_key(&place)) else {
             return Ok(None);
         };
         let buffer = &held.turns[parity % held.turns.len()];
@@ -290,7 +390,7 @@ impl Buffers {
 
     /// Bytes of a buffer, one turn of it; 0 if no pass writes it.
     pub fn bytes_of(&self, place: &Place) -> u64 {
-        let held = self.held.get(place).filter(|held| !held.is_token);
+        let held = self.find(place).filter(|held| !held.is_token);
         held.map_or(0, |held| held.bytes)
     }
 
@@ -308,20 +408,47 @@ impl Buffers {
     }
 }
 
-/// Bytes on the device of every buffer that is used, both of those that take turns and copies in textures with it.
+/// Bytes on the device of buffers with memory of their own, both of those that take turns and copies in textures with it; and
+/// of memory that images use in turn.
+#[derive(Debug, Clone, Default)]
+pub struct BytesHeld {
+    /// Of each buffer.
+    pub own: BTreeMap<Place, u64>,
+    /// Of each memory that images use in turn.
+    pub in_turn: Vec<u64>,
+}
+
+impl BytesHeld {
+    /// Adds what [`Buffers::allocate`] would allocate for one more plan.
+    pub fn add(&mut self, uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayout]) {
+        let homes = settle(uses, image, maps);
+        for (&(whose, name), usage) in uses {
+            let Some(row) = buffers::row(name) else {
+                continue;
+            };
+            let bytes = usage.bytes(row, whose, image, maps).unwrap_or(TOKEN_BYTES);
+            let own = match homes.of(&(whose, name)) {
+                Home::Own => row.turns(),
+                _ => 0,
+            };
+            let bytes = allocated_bytes(bytes) * (own + u64::from(usage.is_copied));
+            if bytes > 0 {
+                let held = self.own.entry((whose, name)).or_default();
+                *held = bytes.max(*held);
+            }
+        }
+        let most = homes.turn_bytes.len().max(self.in_turn.len());
+        self.in_turn.resize(most, 0);
+        for (held, bytes) in self.in_turn.iter_mut().zip(homes.turn_bytes) {
+            *held = bytes.max(*held);
+        }
+    }
+}
+
+/// What memory that images use in turn is called.
 #[must_use]
-pub fn bytes_held(
-    uses: &BTreeMap<Place, Use>,
-    image: &ImageLayout,
-    maps: &[MapLayout],
-) -> BTreeMap<Place, u64> {
-    let held = uses.iter().filter_map(|(&(whose, name), usage)| {
-        let row = buffers::row(name)?;
-        let bytes = allocated_bytes(usage.bytes(row, whose, image, maps).unwrap_or(TOKEN_BYTES));
-        let times = if row.takes_turns { 2 } else { 1 } + u64::from(usage.is_copied);
-        Some(((whose, name), bytes * times))
-    });
-    held.collect()
+pub fn label_in_turn(index: usize) -> String {
+    format!("images in turn {}", index + 1)
 }
 
 fn bytes_of(row: &BufferRow, whose: Whose, image: &ImageLayout, maps: &[MapLayout]) -> u64 {
@@ -360,8 +487,6 @@ mod tests {
             Some((Whose::Eye(Eye::Left), "moments"))
         );
         let shared = |name| Some((Whose::Frame, name));
-        assert_eq!(of("direct_ping"), shared("indirect_light"));
-        assert_eq!(of("other_direct_ping"), shared("direct_light"));
         assert_eq!(of("provenance"), Some((Whose::Frame, "provenance")));
         assert_eq!(
             of("photons"),

@@ -1,10 +1,9 @@
-//! Every buffer that passes write: owner, size, when it is cleared, and whether it is double-buffered.
+//! Every buffer that passes write: owner, size, when it is cleared, and how long it holds its data.
 //!
 //! A buffer is allocated if a pass of the plan binds it, at full size if one writes it; what is only declared gets
 //! [`TOKEN_BYTES`]. A buffer has a texture copy if a shader declares a texture under its name.
 
 use super::photon_layout::MapLayout;
-use super::step::Eye;
 use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
 use crate::renderer::records::stereo::StereoCounters;
 
@@ -64,6 +63,19 @@ impl ImageLayout {
     }
 }
 
+/// How long a buffer holds its data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holds {
+    /// From its first write in a frame to its last use in it; then its memory may hold something else ([`super::homes`]).
+    Within,
+    /// From its first write in a frame until the next frame begins: the host reads it, or passes outside the plan do.
+    After,
+    /// At all times.
+    Always,
+    /// Double-buffered: shaders call the previous frame's `NAME_before`.
+    Turns,
+}
+
 /// One buffer.
 #[derive(Debug, Clone, Copy)]
 pub struct BufferRow {
@@ -73,8 +85,8 @@ pub struct BufferRow {
     pub scope: Scope,
     /// When it is cleared.
     pub cleared: &'static [Moment],
-    /// Whether it is double-buffered: shaders call the previous frame's `NAME_before`.
-    pub takes_turns: bool,
+    /// How long it holds its data.
+    pub holds: Holds,
     /// Whether the host writes it, so that it always has its full size.
     pub host_writes: bool,
 }
@@ -85,7 +97,7 @@ impl BufferRow {
             name,
             scope,
             cleared: &[],
-            takes_turns: false,
+            holds: Holds::Always,
             host_writes: false,
         }
     }
@@ -95,8 +107,8 @@ impl BufferRow {
         self
     }
 
-    const fn takes_turns(mut self) -> Self {
-        self.takes_turns = true;
+    const fn holds(mut self, holds: Holds) -> Self {
+        self.holds = holds;
         self
     }
 
@@ -106,9 +118,17 @@ impl BufferRow {
     }
 }
 
+impl BufferRow {
+    /// Buffers that it has: two if they take turns.
+    #[must_use]
+    pub fn turns(&self) -> u64 {
+        if self.holds == Holds::Turns { 2 } else { 1 }
+    }
+}
+
 macro_rules! per_pixel {
     ($scope:ident, $name:literal, $bytes:expr) => {
-        BufferRow::new($name, Scope::$scope(|image| image.pixels() * $bytes))
+        BufferRow::new($name, Scope::$scope(|image| image.pixels() * $bytes)).holds(Holds::Within)
     };
 }
 
@@ -131,26 +151,25 @@ const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
 #[rustfmt::skip]
 pub const BUFFERS: &[BufferRow] = &[
     // A sample of an eye: `shaders/shared/eye_hit.wesl`, `shaders/shared/parts.wesl`.
-    per_pixel!(Eye, "hit_rays", 16),
+    per_pixel!(Eye, "hit_rays", 16).holds(Holds::After),
     per_pixel!(Eye, "first_surfaces", 16),
     per_pixel!(Eye, "hit_list", 4),
     fixed!(Eye, "hit_count", 16).cleared(&[Moment::Sample]),
     fixed!(Eye, "hit_groups", 16),
-    // The eyes use these in turn: the right eye reads the left one's before it writes its own.
-    per_pixel!(Frame, "hit_paths", 16),
-    per_pixel!(Frame, "hit_surfaces", 16),
-    per_pixel!(Frame, "end_rays", 16),
-    per_pixel!(Frame, "first_albedo", 16),
-    per_pixel!(Frame, "emitted_light", 16),
-    per_pixel!(Frame, "direct_light", 16),
-    per_pixel!(Frame, "indirect_light", 16),
-    per_pixel!(Frame, "caustic_light", 16),
+    per_pixel!(Eye, "hit_paths", 16),
+    per_pixel!(Eye, "hit_surfaces", 16),
+    per_pixel!(Eye, "end_rays", 16),
+    per_pixel!(Eye, "first_albedo", 16),
+    per_pixel!(Eye, "emitted_light", 16),
+    per_pixel!(Eye, "direct_light", 16),
+    per_pixel!(Eye, "indirect_light", 16),
+    per_pixel!(Eye, "caustic_light", 16),
     per_pixel!(Eye, "sample_radiance", 16),
     per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),
     // Sums over a frame's samples.
-    per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Frame]),
-    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "radiance_sum", 16).holds(Holds::After).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "parts_sum", PARTS_BYTES).holds(Holds::After).cleared(&[Moment::Frame]),
     // One bit per pixel: hidden by the headset's lens.
     BufferRow::new("hidden_pixels", Scope::Eye(|image| image.pixels().div_ceil(32) * 4)).host_writes(),
 
@@ -167,44 +186,48 @@ pub const BUFFERS: &[BufferRow] = &[
 
     // Reuse of the left eye's samples.
     // The left eye's: `shaders/shared/light_samples.wesl`.
-    per_pixel!(Frame, "light_samples", 24),
-    per_pixel!(Frame, "light_places", 16),
+    per_pixel!(Eye, "light_samples", 24),
+    per_pixel!(Eye, "light_places", 16),
     per_pixel!(Frame, "scatter_targets", 8),
     per_pixel!(Frame, "scatter_nearest", 4).cleared(&[Moment::Reuse]),
-    per_pixel!(Frame, "scatter_winners", 4).cleared(&[Moment::Reuse]),
+    per_pixel!(Frame, "scatter_winners", 4).holds(Holds::After).cleared(&[Moment::Reuse]),
     per_pixel!(Frame, "fill_list", 4),
     fixed!(Frame, "fill_count", 16).cleared(&[Moment::Reuse]),
     fixed!(Frame, "fill_groups", 16),
-    per_pixel!(Frame, "provenance", 4),
+    per_pixel!(Frame, "provenance", 4).holds(Holds::After),
     fixed!(Frame, "stereo_counters", size_of::<StereoCounters>() as u64).cleared(&[Moment::Frame]),
 
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
-    per_pixel!(Eye, "seen_surfaces", 16).takes_turns(),
+    per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 12),
-    per_pixel!(Eye, "motion", 16),
-    per_pixel!(Eye, "moments", 16).takes_turns(),
-    per_pixel!(Eye, "history_length", 4).takes_turns(),
+    per_pixel!(Eye, "motion", 16).holds(Holds::After),
+    per_pixel!(Eye, "moments", 16).holds(Holds::Turns),
+    per_pixel!(Eye, "history_length", 4).holds(Holds::Turns),
     // Moments and lengths before the eyes share.
     per_pixel!(Eye, "own_moments", 16),
     per_pixel!(Eye, "own_history_length", 4),
-    // What the next frame reads; the filter also goes back and forth through it and what lies elsewhere ([`LODGERS`]).
-    per_pixel!(Eye, "direct_history", 16),
-    per_pixel!(Eye, "indirect_history", 16),
-    per_pixel!(Eye, "still_sum", 16),
-    per_pixel!(Eye, "reconstructed", 16),
-    per_pixel!(Eye, "anti_aliased", 16).takes_turns(),
-    per_pixel!(Eye, "anti_aliased_moments", 8).takes_turns(),
+    // Light on its way through the filter, and as the next frame reads it.
+    per_pixel!(Eye, "direct_ping", 16),
+    per_pixel!(Eye, "indirect_ping", 16),
+    per_pixel!(Eye, "direct_pong", 16),
+    per_pixel!(Eye, "indirect_pong", 16),
+    per_pixel!(Eye, "direct_history", 16).holds(Holds::Always),
+    per_pixel!(Eye, "indirect_history", 16).holds(Holds::Always),
+    per_pixel!(Eye, "still_sum", 16).holds(Holds::Always),
+    per_pixel!(Eye, "reconstructed", 16).holds(Holds::After),
+    per_pixel!(Eye, "anti_aliased", 16).holds(Holds::Turns),
+    per_pixel!(Eye, "anti_aliased_moments", 8).holds(Holds::Turns),
 
     // Of the dispatch that runs: `shaders/shared/work.wesl`.
     fixed!(Frame, "work_counts", size_of::<[u64; 5]>() as u64).cleared(&[Moment::Frame]),
 
     // Views of intermediate results.
-    per_pixel!(Frame, "inspected_hits", 16),
-    per_pixel!(Frame, "inspected_normals", 16),
-    per_pixel!(Frame, "inspected_colors", 16),
-    per_pixel!(Frame, "inspected_marks", 16),
-    per_pixel!(Frame, "inspected_surfaces", 16),
-    per_pixel!(Frame, "inspection", 16).cleared(&[Moment::View]),
+    per_pixel!(Frame, "inspected_hits", 16).holds(Holds::Always),
+    per_pixel!(Frame, "inspected_normals", 16).holds(Holds::Always),
+    per_pixel!(Frame, "inspected_colors", 16).holds(Holds::Always),
+    per_pixel!(Frame, "inspected_marks", 16).holds(Holds::Always),
+    per_pixel!(Frame, "inspected_surfaces", 16).holds(Holds::Always),
+    per_pixel!(Frame, "inspection", 16).holds(Holds::Always).cleared(&[Moment::View]),
 
     // Photon paths of a batch, in slots of their own.
     batch("path_photons", |map| map.slot_bytes()),
@@ -237,26 +260,6 @@ pub const BUFFERS: &[BufferRow] = &[
     map("kd_nodes", |map| u64::from(map.capacity) * 16),
 ];
 
-/// Names that have no buffer of their own, and where the left and the right eye's lie: the filter's light lies where samples were,
-/// which nobody reads once they are summed up.
-pub const LODGERS: [(&str, [&str; 2]); 4] = [
-    ("direct_ping", ["direct_light", "indirect_light"]),
-    ("indirect_ping", ["caustic_light", "emitted_light"]),
-    ("direct_pong", ["hit_surfaces", "end_rays"]),
-    ("indirect_pong", ["hit_paths", "first_albedo"]),
-];
-
-/// The buffer in which `name` lies for `eye`, if it has none of its own.
-#[must_use]
-pub fn lodging(name: &str, eye: Eye) -> Option<&'static BufferRow> {
-    let (_, hosts) = LODGERS.iter().find(|(lodger, _)| *lodger == name)?;
-    let [left, right] = *hosts;
-    row(match eye {
-        Eye::Left => left,
-        Eye::Right => right,
-    })
-}
-
 /// The row of a buffer.
 #[must_use]
 pub fn row(name: &str) -> Option<&'static BufferRow> {
@@ -278,17 +281,5 @@ mod tests {
             assert!(row(one.name).is_some());
         }
         assert!(row("no_such_buffer").is_none());
-        let image = ImageLayout {
-            size: [3, 2],
-            ..ImageLayout::default()
-        };
-        let hosts: Vec<_> = LODGERS.iter().flat_map(|(_, hosts)| hosts).collect();
-        for (index, host) in hosts.iter().enumerate() {
-            assert!(!hosts[..index].contains(host), "{host} is taken twice");
-            // Shared by the eyes, a vec4 of f32 per pixel, and not cleared while a lodger is in it.
-            let found = row(host).unwrap();
-            assert!(matches!(found.scope, Scope::Frame(bytes) if bytes(&image) == 16 * 6));
-            assert!(found.cleared.is_empty() && !found.takes_turns);
-        }
     }
 }

@@ -4,8 +4,9 @@ use serde::Serialize;
 
 use std::collections::BTreeMap;
 
-use super::bind::{Whose, bytes_held, label, meaning};
+use super::bind::{BytesHeld, Place, Use, Whose, label, label_in_turn, meaning};
 use super::buffers::ImageLayout;
+use super::homes::{moments, note_clears};
 use super::photon_layout::MapLayout;
 use super::run::{named, note_uses, specialised};
 use super::step::{PlannedStage, Step};
@@ -50,7 +51,7 @@ pub struct Memory {
     pub total_bytes: u64,
     /// Both eyes' own buffers.
     pub eyes_bytes: u64,
-    /// What the eyes use in turn.
+    /// What both eyes use, and memory that images use in turn.
     pub shared_bytes: u64,
     /// Photon maps.
     pub photons_bytes: u64,
@@ -67,12 +68,12 @@ pub struct HeldBuffer {
     pub bytes: u64,
 }
 
-/// Counts the memory of `stages`' buffers without allocating it.
+/// Counts the memory of the buffers of several plans without allocating it.
 ///
 /// # Errors
 /// As [`list`].
-pub fn memory(
-    stages: &[PlannedStage],
+pub fn memory<'a>(
+    plans: impl IntoIterator<Item = &'a Vec<PlannedStage>>,
     features: &ShaderFeatures,
     library: &ShaderLibrary,
     size: [u32; 2],
@@ -80,24 +81,22 @@ pub fn memory(
 ) -> Result<Memory, GpuError> {
     /// How many of the largest buffers are named.
     const NAMED: usize = 10;
-    let mut uses = BTreeMap::new();
-    for step in stages.iter().flat_map(|planned| &planned.steps) {
-        let Some(pass) = step.pass() else { continue };
-        let features = specialised(pass, features, step.runs_from_list());
-        let shader = library.compile(&pass.shader_name(), &features)?;
-        let given = Resources::default();
-        note_uses(step, &reflect_bindings(&shader)?, &given, &mut uses);
-    }
     let image = ImageLayout {
         size,
         ..ImageLayout::default()
     };
-    let held = bytes_held(&uses, &image, maps);
+    let mut held = BytesHeld::default();
+    for stages in plans {
+        held.add(&uses(stages, features, library)?, &image, maps);
+    }
+    let turns: u64 = held.in_turn.iter().sum();
     let mut memory = Memory {
         size,
+        total_bytes: turns,
+        shared_bytes: turns,
         ..Memory::default()
     };
-    for ((whose, _), bytes) in &held {
+    for ((whose, _), bytes) in &held.own {
         let part = match whose {
             Whose::Eye(_) => &mut memory.eyes_bytes,
             Whose::Frame => &mut memory.shared_bytes,
@@ -106,16 +105,37 @@ pub fn memory(
         *part += bytes;
         memory.total_bytes += bytes;
     }
-    let mut largest: Vec<_> = held.into_iter().collect();
+    let own = held.own.into_iter();
+    let own = own.map(|(place, bytes)| (label(place), bytes));
+    let in_turn = (0..).map(label_in_turn).zip(held.in_turn);
+    let mut largest: Vec<_> = own.chain(in_turn).collect();
     largest.sort_by_key(|(_, bytes)| std::cmp::Reverse(*bytes));
     let named = largest.into_iter().take(NAMED);
     memory.largest = named
-        .map(|(place, bytes)| HeldBuffer {
-            buffer: label(place),
-            bytes,
-        })
+        .map(|(buffer, bytes)| HeldBuffer { buffer, bytes })
         .collect();
     Ok(memory)
+}
+
+/// How the passes of `stages` use which buffers.
+///
+/// # Errors
+/// As [`list`].
+pub fn uses(
+    stages: &[PlannedStage],
+    features: &ShaderFeatures,
+    library: &ShaderLibrary,
+) -> Result<BTreeMap<Place, Use>, GpuError> {
+    let mut uses = BTreeMap::new();
+    for (at, _, step) in moments(stages) {
+        let Some(pass) = step.pass() else { continue };
+        let features = specialised(pass, features, step.runs_from_list());
+        let shader = library.compile(&pass.shader_name(), &features)?;
+        let given = Resources::default();
+        note_uses(step, at, &reflect_bindings(&shader)?, &given, &mut uses);
+    }
+    note_clears(stages, &mut uses);
+    Ok(uses)
 }
 
 /// Lists `stages`, whose shaders are specialised by `features`.
@@ -156,9 +176,6 @@ fn listed(
             continue;
         };
         let name = match found.place {
-            (_, host) if !declared.contains(host) => {
-                format!("{declared} (in {host})")
-            }
             (Whose::Eye(eye), name) if eye != step.owner.eye => format!("{}_{name}", eye.name()),
             (_, name) => name.to_owned(),
         };

@@ -12,6 +12,7 @@
 
 pub mod bind;
 pub mod buffers;
+pub mod homes;
 pub mod listing;
 pub mod passes;
 pub mod photon_layout;

@@ -179,6 +179,8 @@ passes! {
         "SVGF: accumulates light over frames by reprojection.";
     stereo_share: Pixels,
         "SVGF: mixes in the other eye's accumulated light where both see a surface.";
+    stereo_agree: Pixels,
+        "SVGF: mixes in the other eye's filtered light where both see a surface.";
     svgf_variance: Pixels,
         "SVGF: estimates the variance of the accumulated light.";
     svgf_atrous: Pixels,

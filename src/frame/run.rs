@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
-use super::passes::{Domain, Pass, inspect_surfaces};
+use super::homes::{moments, note_clears};
+use super::passes::{Domain, Pass, inspect_surfaces, stereo_share};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -35,6 +36,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     ShaderFeatures {
         from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
         inspects: *pass == inspect_surfaces,
+        shares_moments: *pass == stereo_share,
         ..shared
     }
 }
@@ -227,14 +229,13 @@ impl FrameRun {
         maps: &[MapLayout],
     ) -> Result<(), GpuError> {
         let mut uses = BTreeMap::new();
-        for planned in stages {
-            for step in &planned.steps {
-                if let Some(pass) = step.pass() {
-                    let kernel = self.kernel(&self.key(step, pass, planned.stage))?;
-                    note_uses(step, &kernel.bindings, given, &mut uses);
-                }
+        for (at, stage, step) in moments(stages) {
+            if let Some(pass) = step.pass() {
+                let kernel = self.kernel(&self.key(step, pass, stage))?;
+                note_uses(step, at, &kernel.bindings, given, &mut uses);
             }
         }
+        note_clears(stages, &mut uses);
         self.buffers.allocate(context, &uses, image, maps)
     }
 
@@ -276,9 +277,8 @@ impl FrameRun {
         given: &Resources<'_>,
     ) -> Result<[wgpu::BindGroup; 2], GpuError> {
         let mut uses = BTreeMap::new();
-        note_uses(step, &raster.bindings, given, &mut uses);
-        self.buffers
-            .allocate(context, &uses, &ImageLayout::default(), &[])?;
+        note_uses(step, 0, &raster.bindings, given, &mut uses);
+        self.buffers.give_tokens(context, uses.keys())?;
         let bind = |parity| {
             raster.bind_by(context, |binding| {
                 self.resource(step, binding, given, parity)
@@ -398,7 +398,7 @@ impl FrameRun {
     ) -> Result<Vec<Bound>, GpuError> {
         let takes_turns = kernel.bindings.iter().any(|binding| {
             let found = meaning(&named(step, &binding.name), step.owner);
-            found.is_some_and(|found| found.takes_turns)
+            found.is_some_and(|found| self.buffers.takes_turns(&found.place))
         });
         (0..if takes_turns { 2 } else { 1 })
             .map(|parity| {
@@ -556,9 +556,10 @@ pub fn named(step: &Step, binding: &str) -> String {
     }
 }
 
-/// How the passes of a plan use which buffers.
+/// Notes how a pass at moment `at` uses which buffers; passes come in order.
 pub fn note_uses(
     step: &Step,
+    at: u32,
     bindings: &[Binding],
     given: &Resources<'_>,
     uses: &mut BTreeMap<Place, Use>,
@@ -569,7 +570,8 @@ pub fn note_uses(
             continue;
         }
         if let Some(found) = meaning(&name, step.owner) {
-            uses.entry(found.place).or_default().add(binding.kind);
+            let usage = uses.entry(found.place).or_default();
+            usage.add(binding.kind, found.is_before, at);
         }
     }
 }

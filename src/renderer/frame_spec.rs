@@ -2,6 +2,7 @@
 
 use super::editing::shines;
 use super::photon_map::PhotonMap;
+use super::quality::plans_of_qualities;
 use super::{SceneBuffers, caustic_paths, photon_paths_per_thread, reuses_glossy, shader_features};
 use crate::frame::{
     AdapterLimits, FrameSpec, GatherSlices, MapConfig, MapKind, MapLayout, PlannedStage,
@@ -9,19 +10,21 @@ use crate::frame::{
 };
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures};
 use crate::scene::{Needs, Scene};
-use crate::settings::{Force, Loads, Method, RenderSettings, Reuse, Search};
+use crate::settings::{Force, Loads, Method, Quality, RenderSettings, Reuse, Search};
 
-/// A scene's first frame.
+/// A scene's frames.
 pub struct PlannedScene {
-    /// Its stages.
+    /// Stages of the first frame.
     pub stages: Vec<PlannedStage>,
+    /// Stages of frames of lower quality, for which memory is held too.
+    pub lower: Vec<Vec<PlannedStage>>,
     /// What their shaders are specialised by.
     pub features: ShaderFeatures,
     /// Its photon maps.
     pub maps: Vec<MapLayout>,
 }
 
-/// The stages of a scene's first frame on a hardware or a software adapter, and what their shaders are specialised by. No
+/// The stages of a scene's frames on a hardware or a software adapter, and what their shaders are specialised by. No
 /// device is needed to know. Of shapes that change, boxes are refitted once per level of the deepest hierarchy, which is
 /// named once here.
 ///
@@ -43,22 +46,25 @@ pub fn plan_of_scene(
     let maps = map_configs(settings, &features, has_lights, (is_software, 0));
     let reconstruct = &settings.reconstruct;
     let maps: Vec<MapLayout> = maps.into_iter().map(layout).collect::<Result<_, _>>()?;
-    let stages = plan(&FrameSpec {
-        settings,
-        features,
-        both: true,
-        reuse: settings.reuse,
-        samples_per_dispatch: 1,
-        maps: maps.clone(),
-        slices: GatherSlices::ONE,
-        shapes: shapes.then(|| ShapeCounts {
-            levels: vec![[0, 0]],
-            ..ShapeCounts::default()
-        }),
-        keeps_previous: reconstruct.follows_motion() || settings.output.motion,
-    });
+    let planned = |settings: &RenderSettings, reuse| {
+        plan(&FrameSpec {
+            settings,
+            features,
+            both: true,
+            reuse,
+            samples_per_dispatch: 1,
+            maps: maps.clone(),
+            slices: GatherSlices::ONE,
+            shapes: shapes.then(|| ShapeCounts {
+                levels: vec![[0, 0]],
+                ..ShapeCounts::default()
+            }),
+            keeps_previous: reconstruct.follows_motion() || settings.output.motion,
+        })
+    };
     Ok(PlannedScene {
-        stages,
+        stages: planned(settings, settings.reuse),
+        lower: plans_of_qualities(settings, Quality::of(settings), planned),
         features,
         maps,
     })
@@ -83,7 +89,8 @@ pub(super) fn frame_features(
         reuse_paths: reuse_glossy && settings.method == Method::Path,
         reuse_shadow_rays: reuse_glossy && settings.stereo.shadow_rays,
         one_sample: settings.spp == 1,
-        keeps_samples: both && settings.reuse != Reuse::Off,
+        // One sample is the sum of all.
+        keeps_samples: both && settings.reuse != Reuse::Off && settings.spp > 1,
         ..features
     }
 }

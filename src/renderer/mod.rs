@@ -301,6 +301,13 @@ impl Renderer {
         self.frame.buffers.bytes()
     }
 
+    /// Lets no images share memory, for comparison with frames where they do.
+    #[cfg(feature = "internals")]
+    pub fn keep_images_apart(&mut self) {
+        self.frame.buffers.keep_apart();
+        self.is_bound = false;
+    }
+
     /// Cuts the eyes' work otherwise than the adapter asks for.
     #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn limit_work(&mut self, limits: WorkLimits) {

@@ -147,31 +147,8 @@ impl Renderer {
 
     /// The plans of all frames that it can be asked for; first of those that need most.
     pub(super) fn plans(&self) -> Vec<Vec<PlannedStage>> {
-        let most = self.quality.most;
-        let mut plans = Vec::new();
-        // The filter goes back and forth between the same buffers with two passes or more.
-        for filter_passes in [most.filter_passes, most.filter_passes.min(1), 0] {
-            for half_rate in [most.half_rate, false] {
-                let mut settings = self.settings.clone();
-                let quality = Quality {
-                    filter_passes,
-                    half_rate,
-                    ..most
-                };
-                quality.put(&mut settings);
-                for reuse in [
-                    if most.reuse {
-                        settings.reuse
-                    } else {
-                        Reuse::Off
-                    },
-                    Reuse::Off,
-                ] {
-                    plans.push(self.plan_with(&settings, reuse));
-                }
-            }
-        }
-        plans
+        let plan = |settings: &RenderSettings, reuse| self.plan_with(settings, reuse);
+        plans_of_qualities(&self.settings, self.quality.most, plan)
     }
 
     /// Allocates, for images of `size` pixels, what frames of any quality need.
@@ -182,9 +159,11 @@ impl Renderer {
         self.full_size = size;
         self.image.size = size;
         let layouts: Vec<MapLayout> = self.maps.iter().map(|map| map.layout).collect();
+        // They depend on what the frame's shaders are specialised by.
+        let plans = self.plans();
         let mut frame = std::mem::take(&mut self.frame);
         let mut allocated = Ok(());
-        for stages in self.plans() {
+        for stages in plans {
             allocated = allocated.and_then(|()| {
                 frame.allocate(&self.context, &stages, &self.given(), &self.image, &layouts)
             });
@@ -192,4 +171,33 @@ impl Renderer {
         self.frame = frame;
         allocated
     }
+}
+
+/// The plans of all qualities up to `most`, which is the first one's.
+pub(super) fn plans_of_qualities(
+    settings: &RenderSettings,
+    most: Quality,
+    plan: impl Fn(&RenderSettings, Reuse) -> Vec<PlannedStage>,
+) -> Vec<Vec<PlannedStage>> {
+    let mut plans = Vec::new();
+    // The filter goes back and forth between the same buffers with two passes or more.
+    for filter_passes in [most.filter_passes, most.filter_passes.min(1), 0] {
+        for half_rate in [most.half_rate, false] {
+            let mut settings = settings.clone();
+            let quality = Quality {
+                filter_passes,
+                half_rate,
+                ..most
+            };
+            quality.put(&mut settings);
+            let reuse = if most.reuse {
+                settings.reuse
+            } else {
+                Reuse::Off
+            };
+            plans.push(plan(&settings, reuse));
+            plans.push(plan(&settings, Reuse::Off));
+        }
+    }
+    plans
 }

@@ -113,6 +113,7 @@ features! {
     Pass {
         from_list: "a pass over a list of pixels",
         inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
+        shares_moments: "moments and lengths of history, shared between the eyes beside the light",
         encodes: "a target with hardware sRGB encoding",
     }
 }

@@ -31,7 +31,10 @@ pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
     steps.rename(&[
         ("sample_radiance", "left_sample_radiance"),
         ("sample_parts", "left_sample_parts"),
+        ("light_samples", "left_light_samples"),
+        ("light_places", "left_light_places"),
     ]);
+    find_left_samples(&mut steps, frame);
     steps.done()
 }
 
@@ -43,7 +46,18 @@ pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
         steps.clear(Moment::Reuse);
         steps.run(&passes::left_copy, Size::Tiles);
     }
+    find_left_samples(&mut steps, frame);
     steps.done()
+}
+
+/// A frame's only sample is not kept beside the sum of all.
+fn find_left_samples(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    if frame.features.one_sample {
+        steps.rename(&[
+            ("left_sample_radiance", "left_radiance_sum"),
+            ("left_sample_parts", "left_parts_sum"),
+        ]);
+    }
 }
 
 /// One sample of an eye without reuse.

@@ -80,7 +80,18 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
             ("shared_moments", "moments"),
             ("shared_length", "history_length"),
         ];
-        light = share(steps, frame, light, 0, &[&own[..], &theirs].concat());
+        // History has been read and is written only by the wavelet's first pass: light may pass through it.
+        let to = match settings.atrous_passes {
+            0 => PONG,
+            _ => HISTORY,
+        };
+        light = share(
+            steps,
+            frame,
+            &passes::stereo_share,
+            [light, to],
+            &[&own[..], &theirs].concat(),
+        );
     }
     // What the wavelet's first pass leaves is what the next frame reads; with no pass at all, the light as accumulated.
     let to = match settings.atrous_passes {
@@ -102,23 +113,23 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
         light = to;
     }
     if shares {
-        // Each eye's own pixels have weighed the neighbours a little differently: agree once more. Moments and lengths stay
-        // as they are: what is written goes nowhere.
-        let nowhere = [
-            ("shared_moments", "own_moments"),
-            ("shared_length", "own_history_length"),
-        ];
-        light = share(steps, frame, light, 1, &nowhere);
+        light = share(
+            steps,
+            frame,
+            &passes::stereo_agree,
+            [light, other(light)],
+            &[],
+        );
     }
     light
 }
 
-/// Mixes each eye's light with the other's where both see a surface.
+/// Mixes each eye's light with the other's where both see a surface. Returns where that lies: `to`.
 fn share(
     steps: &mut Steps,
     frame: &FrameSpec<'_>,
-    light: Light,
-    index: u32,
+    pass: &Pass,
+    [light, to]: [Light; 2],
     names: &[(&'static str, &'static str)],
 ) -> Light {
     let theirs = match light {
@@ -126,9 +137,7 @@ fn share(
         PONG => ["other_direct_pong", "other_indirect_pong"],
         _ => ["other_direct_history", "other_indirect_history"],
     };
-    let to = other(light);
-    for_eyes(steps, frame, &passes::stereo_share, |step| {
-        step.words(index, 0, 0);
+    for_eyes(steps, frame, pass, |step| {
         step.names(&named(["direct_mean", "indirect_mean"], light));
         step.names(&named(["other_direct", "other_indirect"], theirs));
         step.names(&named(["shared_direct", "shared_indirect"], to));

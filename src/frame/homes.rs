@@ -1,0 +1,176 @@
+//! Where the frame's images lie: those that are not needed at the same time share memory.
+//!
+//! An image that holds data only within a frame ([`Holds::Within`]) needs memory from the first step that touches it to the
+//! last. It lies where another image holds nothing meanwhile, or in memory that such images use in turn. This is linear-scan
+//! register allocation (Poletto and Sarkar 1999, section 4) with images for registers, the largest placed first.
+
+use std::collections::BTreeMap;
+
+use super::bind::{Place, Use};
+use super::buffers::{self, Holds, ImageLayout};
+use super::photon_layout::MapLayout;
+use super::step::{Action, PlannedStage, Stage, Step};
+use crate::gpu::buffers::allocated_bytes;
+
+/// First and last moment of a range.
+type Span = [u32; 2];
+/// All of a frame.
+const ALWAYS: Span = [0, u32::MAX];
+
+/// Where a buffer lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Home {
+    /// In memory of its own.
+    Own,
+    /// In another buffer, which holds nothing meanwhile; of one that is double-buffered in that of this or the previous frame.
+    In {
+        /// The other buffer.
+        host: Place,
+        /// Whether in that of the previous frame.
+        is_before: bool,
+    },
+    /// In memory of this number that images use in turn.
+    Turn(usize),
+}
+
+/// Where all buffers of a plan lie.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Homes {
+    of: BTreeMap<Place, Home>,
+    /// Bytes of each memory that images use in turn, the largest first.
+    pub turn_bytes: Vec<u64>,
+}
+
+impl Homes {
+    /// Where a buffer lies.
+    #[must_use]
+    pub fn of(&self, place: &Place) -> Home {
+        self.of.get(place).copied().unwrap_or(Home::Own)
+    }
+}
+
+/// The steps of a frame and the moments at which they run. Of the right eye's two stages a frame runs one; the short one counts
+/// as a single moment, so that where images lie does not depend on the number of slices that a pass is cut into.
+pub fn moments(stages: &[PlannedStage]) -> impl Iterator<Item = (u32, Stage, &Step)> {
+    let (mut begins, mut next) = (0, 0);
+    stages.iter().flat_map(move |planned| {
+        let is_instead = planned.stage == Stage::RightEqual;
+        if !is_instead {
+            begins = next;
+            next += planned.steps.len() as u32;
+        }
+        let first = begins;
+        let steps = (0..).zip(&planned.steps);
+        steps.map(move |(step_index, step)| {
+            let at = if is_instead {
+                first
+            } else {
+                first + step_index
+            };
+            (at, planned.stage, step)
+        })
+    })
+}
+
+/// Notes when buffers that are used are cleared.
+pub fn note_clears(stages: &[PlannedStage], uses: &mut BTreeMap<Place, Use>) {
+    for (at, _, step) in moments(stages) {
+        let Action::Clear(moment) = step.action else {
+            continue;
+        };
+        for row in buffers::BUFFERS
+            .iter()
+            .filter(|row| row.cleared.contains(&moment))
+        {
+            if let Some(usage) = uses.get_mut(&(super::bind::whose(row, step.owner), row.name)) {
+                usage.clear(at);
+            }
+        }
+    }
+}
+
+/// Memory that may take images in, and when it is taken.
+struct Room {
+    home: Home,
+    bytes: u64,
+    taken: Vec<Span>,
+}
+
+impl Room {
+    fn is_free(&self, [first, last]: Span) -> bool {
+        let apart = |taken: &Span| taken[1] < first || last < taken[0];
+        self.taken.iter().all(apart)
+    }
+}
+
+/// Places the buffers of a plan.
+#[must_use]
+pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayout]) -> Homes {
+    let mut rooms = Vec::new();
+    let mut guests = Vec::new();
+    for (&place, usage) in uses {
+        let Some(row) = buffers::row(place.1).filter(|row| row.holds != Holds::Always) else {
+            continue;
+        };
+        let Some(bytes) = usage.bytes(row, place.0, image, maps) else {
+            continue;
+        };
+        let bytes = allocated_bytes(bytes);
+        let now = usage.now.filter(|_| !usage.is_read_first).unwrap_or(ALWAYS);
+        let mut room = |is_before, taken| {
+            let home = Home::In {
+                host: place,
+                is_before,
+            };
+            let taken = vec![taken];
+            rooms.push(Room { home, bytes, taken });
+        };
+        match row.holds {
+            Holds::Turns => {
+                room(false, [now[0], u32::MAX]);
+                room(true, [0, usage.before.map_or(u32::MAX, |before| before[1])]);
+            }
+            Holds::After => room(false, [now[0], u32::MAX]),
+            Holds::Within if now == ALWAYS => {}
+            Holds::Always => {}
+            Holds::Within => guests.push((place, row, bytes, now)),
+        }
+    }
+    // The largest first: a smaller one finds room in what they leave.
+    guests.sort_by_key(|&(place, _, bytes, [first, _])| (std::cmp::Reverse(bytes), first, place));
+    let mut homes = Homes::default();
+    for (place, row, bytes, span) in guests {
+        let has_room = |room: &&mut Room| {
+            // A clear does not know whose turn it is.
+            let is_apart = row.cleared.is_empty() || !room.takes_turns();
+            is_apart && room.bytes >= bytes && room.is_free(span)
+        };
+        let smallest = rooms
+            .iter_mut()
+            .filter(has_room)
+            .min_by_key(|room| room.bytes);
+        let home = if let Some(room) = smallest {
+            room.taken.push(span);
+            room.home
+        } else {
+            let home = Home::Turn(homes.turn_bytes.len());
+            homes.turn_bytes.push(bytes);
+            let taken = vec![span];
+            rooms.push(Room { home, bytes, taken });
+            home
+        };
+        homes.of.insert(place, home);
+    }
+    homes
+}
+
+impl Room {
+    fn takes_turns(&self) -> bool {
+        match self.home {
+            Home::In { host, .. } => {
+                buffers::row(host.1).is_some_and(|row| row.holds == Holds::Turns)
+            }
+            _ => false,
+        }
+    }
+}
