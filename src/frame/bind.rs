@@ -486,7 +486,6 @@ mod tests {
             of("other_moments"),
             Some((Whose::Eye(Eye::Left), "moments"))
         );
-        let shared = |name| Some((Whose::Frame, name));
         assert_eq!(of("provenance"), Some((Whose::Frame, "provenance")));
         assert_eq!(
             of("photons"),
