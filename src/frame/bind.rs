@@ -216,7 +216,8 @@ impl Buffers {
         self.guests.get(place).or_else(|| self.held.get(place))
     }
 
-    /// Gives images that would share memory memory of their own from the next allocation on.
+    /// Gives images that would share memory their own from the next allocation on.
+    #[cfg(feature = "internals")]
     pub fn keep_apart(&mut self) {
         self.apart = true;
     }

@@ -116,9 +116,7 @@ impl BufferRow {
         self.host_writes = true;
         self
     }
-}
 
-impl BufferRow {
     /// Buffers that it has: two if they take turns.
     #[must_use]
     pub fn turns(&self) -> u64 {

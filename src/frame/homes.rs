@@ -101,6 +101,15 @@ impl Room {
         let apart = |taken: &Span| taken[1] < first || last < taken[0];
         self.taken.iter().all(apart)
     }
+
+    fn takes_turns(&self) -> bool {
+        match self.home {
+            Home::In { host, .. } => {
+                buffers::row(host.1).is_some_and(|row| row.holds == Holds::Turns)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// Places the buffers of a plan.
@@ -162,15 +171,4 @@ pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayou
         homes.of.insert(place, home);
     }
     homes
-}
-
-impl Room {
-    fn takes_turns(&self) -> bool {
-        match self.home {
-            Home::In { host, .. } => {
-                buffers::row(host.1).is_some_and(|row| row.holds == Holds::Turns)
-            }
-            _ => false,
-        }
-    }
 }
