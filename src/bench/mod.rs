@@ -101,6 +101,16 @@ pub enum BenchError {
     Interrupted,
 }
 
+/// The scenes that `--scene` names, or the two by which a frame is judged.
+fn scenes_or_two(options: &BenchOptions) -> Vec<String> {
+    match options.scenes.as_slice() {
+        [] => ["builtin:cornell", "builtin:gallery"]
+            .map(str::to_owned)
+            .into(),
+        named => named.to_vec(),
+    }
+}
+
 /// # Errors
 /// [`BenchError::Interrupted`] once the user wants the suite to end.
 fn go_on() -> Result<(), BenchError> {

@@ -16,7 +16,8 @@ use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
 use super::suites::framing_headset;
 use super::{
-    BenchError, BenchProgress, Outcome, go_on, machine_of, make_folder, references_folder, suites,
+    BenchError, BenchProgress, Outcome, go_on, machine_of, make_folder, references_folder,
+    scenes_or_two, suites,
 };
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::{Image, ImageRgb, write_atomically};
@@ -27,8 +28,6 @@ use crate::settings::{Choice as _, Eyes, Method, RenderSettings, Settings, Tone}
 use crate::tone::shown;
 use crate::xr::{Headset, Motion, SimulatedSession, View, all_frames};
 
-/// Scenes without `--scene`.
-const SCENES: [&str; 2] = ["builtin:cornell", "builtin:gallery"];
 /// Pixels per eye without `--size`.
 const SIZE: [u32; 2] = [96, 96];
 /// Frames without `--frames`.
@@ -117,12 +116,8 @@ pub(super) fn run(
     let folder = references_folder(options)?;
     let references =
         reference::References::open(&folder, samples / 2, library.clone(), machine.clone());
-    let names: Vec<String> = match options.scenes.as_slice() {
-        [] => SCENES.map(str::to_owned).into(),
-        named => named.to_vec(),
-    };
     let mut rows = Vec::new();
-    for name in names {
+    for name in scenes_or_two(options) {
         let source = SceneSource::Named(name.clone());
         let scene = source.load(settings)?;
         let fingerprint = source.fingerprint(settings)?;

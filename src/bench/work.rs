@@ -7,7 +7,7 @@ use stereolux_report::ReportError;
 use stereolux_report::work::{ASSUMED, WorkRow, files};
 
 use super::scenes::SceneSource;
-use super::{BenchError, Outcome, go_on, make_folder};
+use super::{BenchError, Outcome, go_on, make_folder, scenes_or_two};
 use crate::bvh::records::{BvhNode, Triangle};
 use crate::frame::work::Dispatched;
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
@@ -15,11 +15,9 @@ use crate::images::write_atomically;
 use crate::options::BenchOptions;
 use crate::renderer::records::photon::Photon;
 use crate::renderer::{FrameResult, Renderer};
-use crate::settings::{Choice as _, Eyes, Method, Reuse, Settings};
+use crate::settings::{Choice as _, Eyes, Method, Settings};
 use crate::xr::Headset;
 
-/// Scenes without `--scene`.
-const SCENES: [&str; 2] = ["builtin:cornell", "builtin:gallery"];
 /// Pixels per eye at which is counted, without `--size`: large enough that borders do not tell.
 const SIZE: [u32; 2] = [256, 256];
 /// Frames before the one that is counted: photon lists have grown, filters have a history.
@@ -35,12 +33,8 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
     let settings = &options.settings;
     let headset = Headset::load(&settings.headset)?;
     let counted = settings.size.unwrap_or(SIZE);
-    let names: Vec<String> = match options.scenes.as_slice() {
-        [] => SCENES.map(str::to_owned).into(),
-        named => named.to_vec(),
-    };
     let mut rows: Vec<WorkRow> = Vec::new();
-    for name in names {
+    for name in scenes_or_two(options) {
         for method in [Method::Photon, Method::Path] {
             go_on()?;
             let source = SceneSource::Named(name.clone());
@@ -72,7 +66,7 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
         counted[0],
         counted[1],
         headset.name,
-        Reuse::Lookup.word(),
+        settings.render.reuse.word(),
         settings.render.photon.count,
     );
     let out = &options.out;
@@ -90,12 +84,11 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
     })
 }
 
-/// `run`'s settings in a headset, with photons traced in every frame.
+/// `run`'s settings, with photons traced in every frame.
 fn settings_of(settings: &Settings, method: Method) -> Settings {
     let mut settings = settings.clone();
     let render = &mut settings.render;
     render.method = method;
-    render.reuse = Reuse::Lookup;
     render.spp = 1;
     render.photon.every_frame = true;
     render.output.work = true;
