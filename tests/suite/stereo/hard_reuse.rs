@@ -1,0 +1,192 @@
+//! Reuse where it is hard: canted eyes, bumps at grazing angles, holes, textures that shine, shapes that change. What the
+//! right eye takes over has the mean of what it would have traced.
+
+use glam::{DQuat, DVec3};
+use stereolux::renderer::Eye;
+use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
+use stereolux::settings::{Method, Reuse};
+use stereolux::xr::{Pose, View};
+
+use super::support::{
+    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose, statistics,
+};
+use crate::suite::bvh::deforming::torn;
+use crate::suite::transport::hard_support::{add, quad};
+
+const SIZE: usize = 32;
+/// Blocks along a side.
+const BLOCKS: usize = 4;
+const FRAMES: u32 = 32;
+
+/// A box with a sheet of `material` in it, 0.8 m ahead of the eyes, whose texture is `texel` over 16x16 texels.
+fn sheet(material: Material, turn: DQuat, texel: impl Fn(u32, u32) -> [u8; 4]) -> (Scene, Pose) {
+    let mut scene = builtin("cornell");
+    let head = start_pose(&scene);
+    scene.images.push(Image {
+        name: "made".to_owned(),
+        width: 16,
+        height: 16,
+        rgba8: (0..256).flat_map(|at| texel(at % 16, at / 16)).collect(),
+    });
+    scene.textures.push(Texture {
+        image: scene.images.len() as u32 - 1,
+        wrap_u: Wrap::Repeat,
+        wrap_v: Wrap::Repeat,
+        filter: Filter::Linear,
+    });
+    let [u, v] = [DVec3::X, DVec3::Y].map(|axis| turn * axis);
+    let middle = head.position + head.orientation * DVec3::NEG_Z * 0.8;
+    add(
+        &mut scene,
+        &quad(middle - 0.25 * (u + v), 0.5 * u, 0.5 * v),
+        material,
+    );
+    let mesh = scene.meshes.last_mut().unwrap();
+    mesh.uv0 = vec![
+        [0.0, 0.0],
+        [2.0, 0.0],
+        [2.0, 2.0],
+        [0.0, 0.0],
+        [2.0, 2.0],
+        [0.0, 2.0],
+    ];
+    (scene, head)
+}
+
+fn on_top(of: &Scene) -> Option<TextureRef> {
+    Some(TextureRef {
+        texture: of.textures.len() as u32,
+        uv_set: 0,
+        texcoord_from_uv: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+    })
+}
+
+fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
+    let plain = builtin("cornell");
+    let texture = on_top(&plain);
+    let upright = DQuat::IDENTITY;
+    let checks = |x: u32, y: u32| (x / 4 + y / 4).is_multiple_of(2);
+    let views = |head| parallel_views(head, 0.063, square_fov(20.0));
+    let mut canted = views(start_pose(&plain));
+    for (view, turn) in canted.iter_mut().zip([0.1, -0.1]) {
+        view.orientation *= DQuat::from_rotation_y(turn) * DQuat::from_rotation_z(turn);
+    }
+    let white = Material::lambert("sheet", [0.8; 3]);
+    let bumps = Material {
+        normal_texture: texture,
+        ..white.clone()
+    };
+    let grazing = DQuat::from_rotation_x(-1.4);
+    let waves = |x: u32, _| [if x % 8 < 4 { 168 } else { 88 }, 128, 248, 255];
+    let (bumpy, head) = sheet(bumps, grazing, waves);
+    let holes = Material {
+        base_color_texture: texture,
+        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
+        double_sided: true,
+        ..white.clone()
+    };
+    let (holed, _) = sheet(holes.clone(), upright, |x, y| {
+        [200, 200, 200, 255 * u8::from(checks(x, y))]
+    });
+    let veil = Material {
+        alpha_mode: AlphaMode::Blend,
+        ..holes
+    };
+    let (veiled, _) = sheet(veil, upright, |_, _| [200, 200, 200, 128]);
+    let sign = Material {
+        emissive_texture: texture,
+        emission: [2.0; 3],
+        ..white
+    };
+    let (shining, _) = sheet(sign, upright, |x, y| [255 * u8::from(checks(x, y)); 4]);
+    let parade = builtin("parade");
+    let parade_views = views(start_pose(&parade));
+    vec![
+        ("canted", plain, canted),
+        ("bumps", bumpy, views(head)),
+        ("holes", holed, views(head)),
+        ("veil", veiled, views(head)),
+        ("sign", shining, views(head)),
+        ("parade", parade, parade_views),
+    ]
+}
+
+/// Luminance (plain mean of channels) of each block and of all.
+fn blocks(image: &[[f32; 3]]) -> Vec<f64> {
+    let side = SIZE / BLOCKS;
+    let mut sums = vec![0.0; BLOCKS * BLOCKS + 1];
+    for (at, color) in image.iter().enumerate() {
+        let block = at / SIZE / side * BLOCKS + at % SIZE / side;
+        let light = color.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0;
+        sums[block] += light / (side * side) as f64;
+        sums[BLOCKS * BLOCKS] += light / (SIZE * SIZE) as f64;
+    }
+    sums
+}
+
+/// Whether means are alike: within 3 standard errors and 0.5 % over the image, and 4 and 1 % in each block, as 400 of them are
+/// asked. The shares are what visibility that is taken over may cost.
+fn are_alike(a: &[(f64, f64)], b: &[(f64, f64)]) -> bool {
+    a.iter().zip(b).enumerate().all(|(index, (a, b))| {
+        let [errors, share] = if index == BLOCKS * BLOCKS {
+            [3.0, 0.005]
+        } else {
+            [4.0, 0.01]
+        };
+        (a.0 - b.0).abs() <= errors * (a.1 + b.1).sqrt() + share * b.0
+    })
+}
+
+#[test]
+fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
+    for (by, (name, scene, views)) in [Method::Photon, Method::Path]
+        .into_iter()
+        .flat_map(|by| cases().into_iter().map(move |case| (by, case)))
+    {
+        // Mean and its variance over frames, of both eyes' blocks; share of the right eye's surfaces that was taken over.
+        let of = |reuse| {
+            let settings = settings(|s| {
+                s.method = by;
+                s.reuse = reuse;
+                // Samples lie anywhere in their pixels, and elsewhere in each eye.
+                s.spp = 2;
+                s.photon.count = 4096;
+                s.photon.every_frame = true;
+            });
+            let mut renderer = renderer(&scene, &settings, [SIZE as u32; 2]);
+            if name == "parade" {
+                renderer.set_pose(&torn(&scene, 0.3));
+            }
+            let mut values = Eye::BOTH.map(|_| vec![Vec::new(); BLOCKS * BLOCKS + 1]);
+            let mut reused = 0.0;
+            for index in 0..FRAMES {
+                let result = renderer.render_frame(&views, index, |_| {}).unwrap();
+                let [taken, rest] = [result.stereo.reused, result.stereo.filled].map(f64::from);
+                reused += taken / (taken + rest).max(1.0) / f64::from(FRAMES);
+                for (values, eye) in values.iter_mut().zip(Eye::BOTH) {
+                    for (values, value) in values.iter_mut().zip(blocks(&radiance(&renderer, eye)))
+                    {
+                        values.push(value);
+                    }
+                }
+            }
+            let means = values.map(|eye| {
+                eye.iter()
+                    .map(|values| statistics(values))
+                    .collect::<Vec<_>>()
+            });
+            (means, reused)
+        };
+        let ([left, native], none) = of(Reuse::Off);
+        assert!(none == 0.0 && !are_alike(&left, &native), "{by:?}, {name}");
+        for reuse in [Reuse::Scatter, Reuse::Lookup] {
+            let ([_, found], share) = of(reuse);
+            let whole = [&found, &native].map(|means| means[BLOCKS * BLOCKS].0);
+            eprintln!("{by:?}, {name}, {reuse:?}: {whole:?}, {share:.2} taken over");
+            assert!(
+                share > 0.4 && are_alike(&found, &native),
+                "{by:?}, {name}, {reuse:?}"
+            );
+        }
+    }
+}
