@@ -196,6 +196,8 @@ pub fn traces() -> Vec<Vec<u8>> {
                     views,
                     located: (time > 20_000_000).then_some(views.views),
                     switch_reuse: false,
+                    refresh_hz: (time > 0).then_some(72.0),
+                    hidden: (time > 0).then(Default::default),
                     quality: (time > 0).then(|| Quality::of(&RenderSettings::default())),
                     input: session.locate_input(time).unwrap_or_default(),
                 };

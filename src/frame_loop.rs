@@ -405,6 +405,7 @@ pub fn step(
         return Ok(Step::Ended);
     };
     let mut stages = vec![HostSpan::since("wait", began)];
+    renderer.follow_hidden(session.info().hidden.as_ref());
     if state.switch_reuse && !renderer.switch_reuse() {
         log::info!("reuse is off in this run's settings; there is nothing to switch");
     }
@@ -684,7 +685,6 @@ fn run_frames(
     mut mirror: Option<&mut Mirror>,
     application: &mut Application<'_>,
 ) -> Result<(), LoopError> {
-    let refresh_hz = session.info().refresh_hz;
     let mut index = 0;
     loop {
         let began = Instant::now();
@@ -746,7 +746,7 @@ fn run_frames(
                 let facts = FrameFacts {
                     frame: index,
                     display_time_ns: frame.display_time_ns,
-                    refresh_hz,
+                    refresh_hz: session.info().refresh_hz,
                     views: &frame.located.views,
                 };
                 way.output.write_frame(&facts, &images)?;

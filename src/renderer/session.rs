@@ -27,6 +27,16 @@ impl Hidden {
 }
 
 impl Renderer {
+    /// Follows the session, whose lenses may come to hide something else. Where the renderer was made for lenses that hide
+    /// nothing and never will, all pixels stay seen.
+    pub(crate) fn follow_hidden(&mut self, areas: Option<&[HiddenArea; 2]>) {
+        if let Some((hidden, areas)) = self.hidden.as_mut().zip(areas)
+            && hidden.areas != *areas
+        {
+            *hidden = Hidden::new(areas);
+        }
+    }
+
     /// Says which pixels the lenses hide, if that or the fields of view are new.
     pub(super) fn update_hidden(&mut self, views: &[View; 2]) {
         let Some(hidden) = &mut self.hidden else {

@@ -30,6 +30,7 @@
 //! | `instance_loss_pending` | the event of that name |
 //! | `session_lost` | `xrWaitFrame` says ERROR_SESSION_LOST |
 //! | `end_frame_lost` | `xrEndFrame` says ERROR_SESSION_LOST |
+//! | `changes` | the display refreshes at 72 Hz instead of 75, and the lenses hide a corner |
 //! | `exiting` | STOPPING, IDLE, EXITING, as if the wearer had quit in the runtime's menu |
 //! | `pause` | STOPPING, IDLE, then READY again |
 //! | `unseen` | every second frame has `shouldRender` false, and a layer for it is an error |
@@ -77,6 +78,8 @@ pub(crate) struct State {
 enum Event {
     State(S),
     InstanceLossPending,
+    RefreshRate,
+    VisibilityMask,
 }
 
 static STATE: Mutex<State> = Mutex::new(State {
@@ -260,6 +263,12 @@ unsafe extern "system" fn enumerate_extensions(
             "XR_META_touch_controller_plus",
             "XR_EXT_hand_interaction",
         ]
+    } else if asked_for("changes") {
+        &[
+            "XR_KHR_vulkan_enable2",
+            "XR_FB_display_refresh_rate",
+            "XR_KHR_visibility_mask",
+        ]
     } else if asked_for("wild_mask") {
         &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
     } else {
@@ -397,6 +406,26 @@ unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuf
                     session: xr::Session::from_raw(SESSION),
                     state: entered,
                     time: xr::Time::from_nanos(1),
+                },
+            );
+        }
+        Some(Event::RefreshRate) => {
+            out.cast::<xr::EventDataDisplayRefreshRateChangedFB>()
+                .write(xr::EventDataDisplayRefreshRateChangedFB {
+                    ty: xr::EventDataDisplayRefreshRateChangedFB::TYPE,
+                    next: std::ptr::null(),
+                    from_display_refresh_rate: 75.0,
+                    to_display_refresh_rate: 72.0,
+                });
+        }
+        Some(Event::VisibilityMask) => {
+            out.cast::<xr::EventDataVisibilityMaskChangedKHR>().write(
+                xr::EventDataVisibilityMaskChangedKHR {
+                    ty: xr::EventDataVisibilityMaskChangedKHR::TYPE,
+                    next: std::ptr::null(),
+                    session: xr::Session::from_raw(SESSION),
+                    view_configuration_type: xr::ViewConfigurationType::PRIMARY_STEREO,
+                    view_index: 0,
                 },
             );
         }
@@ -644,6 +673,9 @@ unsafe extern "system" fn end_frame(_: xr::Session, info: *const xr::FrameEndInf
             state.enter(&[S::LOSS_PENDING]);
         } else if asked_for("instance_loss_pending") {
             state.events.push_back(Event::InstanceLossPending);
+        } else if asked_for("changes") {
+            state.events.push_back(Event::RefreshRate);
+            state.events.push_back(Event::VisibilityMask);
         } else if asked_for("exiting") || asked_for("pause") {
             state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
         }
@@ -706,7 +738,7 @@ unsafe extern "system" fn refresh_rates(
     count: *mut u32,
     out: *mut f32,
 ) -> R {
-    let usable = asked_for("wild_rates").then_some(75.0);
+    let usable = (asked_for("wild_rates") || asked_for("changes")).then_some(75.0);
     let wild = [f32::NAN, -90.0, 0.0, f32::INFINITY, 1e30];
     let rates: Vec<f32> = wild.into_iter().chain(usable).collect();
     fill(&rates, capacity, count, |index, rate| {
@@ -734,8 +766,21 @@ unsafe extern "system" fn visibility_mask(
     _: xr::VisibilityMaskTypeKHR,
     mask: *mut xr::VisibilityMaskKHR,
 ) -> R {
-    const TRIANGLES: u32 = 100_000;
     let mask = &mut *mask;
+    if asked_for("changes") {
+        let corner = [[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]];
+        let hidden = if state().has_failed { &corner[..] } else { &[] };
+        mask.vertex_count_output = hidden.len() as u32;
+        mask.index_count_output = hidden.len() as u32;
+        if mask.vertex_capacity_input > 0 {
+            for (index, &[x, y]) in hidden.iter().enumerate() {
+                mask.vertices.add(index).write(xr::Vector2f { x, y });
+                mask.indices.add(index).write(index as u32);
+            }
+        }
+        return R::SUCCESS;
+    }
+    const TRIANGLES: u32 = 100_000;
     mask.vertex_count_output = 4;
     mask.index_count_output = 3 * TRIANGLES;
     if mask.vertex_capacity_input == 0 || mask.index_capacity_input == 0 {

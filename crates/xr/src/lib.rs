@@ -215,7 +215,7 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
     }
 }
 
-/// What a session is, fixed for its life.
+/// What a session is. Refresh rate and hidden areas may change while it waits for a frame, the rest is fixed for its life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionInfo {
     /// Kind and detail for messages and `run.json`, such as `simulated (sway)`.
@@ -226,7 +226,7 @@ pub struct SessionInfo {
     pub refresh_hz: f64,
     /// Pixels per eye (width, height) that the source asks for; a native recording does not say.
     pub recommended_size: Option<[u32; 2]>,
-    /// Area hidden by each eye's lens, left and right; `None`: unknown.
+    /// Area hidden by each eye's lens, left and right, nothing as yet included; `None`: none, ever.
     pub hidden: Option<[HiddenArea; 2]>,
 }
 

@@ -1,5 +1,6 @@
 //! Records the views that were really used, around any session.
 
+use super::hidden_area::HiddenArea;
 use super::trace::{self, TraceFrame, TraceHeader};
 use super::validation::{self, Fault};
 use super::view::View;
@@ -30,6 +31,9 @@ pub struct Recorder<S> {
     located: Option<[View; 2]>,
     /// The quality that was set since the last line, and the last one written.
     quality: [Option<Quality>; 2],
+    /// The refresh rate and the hidden areas that were written last.
+    refresh_hz: f64,
+    hidden: [HiddenArea; 2],
     /// The version that the header states.
     version: u64,
 }
@@ -44,7 +48,12 @@ impl<S: XrSession> Recorder<S> {
         let header = TraceHeader {
             headset: inner.info().headset.clone(),
             refresh_hz: inner.info().refresh_hz,
-            hidden: inner.info().hidden.clone(),
+            // What may come to hide something is written when it does.
+            hidden: inner
+                .info()
+                .hidden
+                .clone()
+                .filter(|areas| !areas.iter().all(HiddenArea::is_empty)),
         };
         let version = header.version();
         let written = File::create(path).and_then(|mut file| {
@@ -61,6 +70,8 @@ impl<S: XrSession> Recorder<S> {
                 input: Input::default(),
                 located: None,
                 quality: [None; 2],
+                refresh_hz: header.refresh_hz,
+                hidden: header.hidden.unwrap_or_default(),
                 version,
             }),
             Err(cause) => Err(XrError::RecordCreate {
@@ -104,7 +115,11 @@ impl<S: XrSession> Recorder<S> {
         }
         self.input.checked().map_err(invalid)?;
         let [set, known] = self.quality;
+        let info = self.inner.info();
+        let hidden = info.hidden.as_ref().filter(|areas| **areas != self.hidden);
         let frame = TraceFrame {
+            refresh_hz: Some(info.refresh_hz).filter(|rate_hz| *rate_hz != self.refresh_hz),
+            hidden: hidden.cloned(),
             quality: set.filter(|_| set != known),
             t_ns,
             located,
@@ -117,6 +132,10 @@ impl<S: XrSession> Recorder<S> {
         }
         self.file.write_all(trace::frame_line(&frame)?.as_bytes())?;
         self.quality = [None, set.or(known)];
+        self.refresh_hz = frame.refresh_hz.unwrap_or(self.refresh_hz);
+        if let Some(hidden) = frame.hidden {
+            self.hidden = hidden;
+        }
         self.frames += 1;
         Ok(())
     }

@@ -115,7 +115,11 @@ impl ReplaySession {
             headset: trace.header.headset.clone(),
             refresh_hz: trace.header.refresh_hz,
             recommended_size: None,
-            hidden: trace.header.hidden.clone(),
+            // Where nothing is hidden yet, room is made for what will be.
+            hidden: trace.header.hidden.clone().or_else(|| {
+                let changes = trace.frames.iter().any(|frame| frame.hidden.is_some());
+                changes.then(Default::default)
+            }),
         };
         let frames = trace.frames.len() as u64;
         let warnings = trace.warnings.clone();
@@ -252,6 +256,11 @@ impl XrSession for ReplaySession {
         let Some(predicted_display_time_ns) = self.display_time_ns(self.next_frame) else {
             return Ok(None);
         };
+        if let Some(recorded) = self.recorded(self.next_frame) {
+            let (refresh_hz, hidden) = (recorded.refresh_hz, recorded.hidden.clone());
+            self.info.refresh_hz = refresh_hz.unwrap_or(self.info.refresh_hz);
+            self.info.hidden = hidden.or_else(|| self.info.hidden.take());
+        }
         let frame = FrameState {
             predicted_display_time_ns,
             period_ns: period_ns(self.info.refresh_hz),

@@ -28,7 +28,7 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality` and `located`, and is what a file with `hidden` or
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located` and changes of headset, and is what a file with `hidden` or
 /// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
@@ -56,6 +56,10 @@ pub struct TraceFrame {
     pub located: Option<[View; 2]>,
     /// Stereo reuse is switched from this frame on.
     pub switch_reuse: bool,
+    /// The headset's refresh rate from this frame on, hertz, where it has changed.
+    pub refresh_hz: Option<f64>,
+    /// What the lenses hide from this frame on, where it has changed.
+    pub hidden: Option<[HiddenArea; 2]>,
     /// The quality that was set, for this frame and those after it.
     pub quality: Option<Quality>,
     /// What the wearer did.
@@ -75,6 +79,8 @@ impl TraceFrame {
     #[must_use]
     pub fn version(&self) -> u64 {
         let is_plain = !self.switch_reuse
+            && self.refresh_hz.is_none()
+            && self.hidden.is_none()
             && self.located.is_none()
             && self.quality.is_none()
             && self.input == Input::default();
@@ -334,29 +340,33 @@ fn read_header(map: &Map<String, Value>) -> Result<(TraceHeader, u64), Fault> {
         Value::String(name) => name.clone(),
         other => return Err(wrong_kind("headset", other, "a string")),
     };
-    let refresh_hz = fields.number("refresh_hz")?;
-    if !super::headset::REFRESH_RANGE_HZ.contains(&refresh_hz) {
-        let what = format!("{refresh_hz} Hz is not between 1 and 1000 Hz");
-        return Err(fields.fault("refresh_hz", what));
-    }
-    let hidden = match map.get("hidden") {
-        None => None,
-        Some(Value::Array(eyes)) if eyes.len() == 2 => Some([
-            read_hidden("hidden[0]", &eyes[0])?,
-            read_hidden("hidden[1]", &eyes[1])?,
-        ]),
-        Some(other) => {
-            return Err(wrong_kind("hidden", other, "an array for two eyes"));
-        }
+    let header = TraceHeader {
+        headset,
+        refresh_hz: read_rate("refresh_hz", fields.value("refresh_hz")?)?,
+        hidden: fields.optional("hidden", read_both_hidden)?,
     };
-    Ok((
-        TraceHeader {
-            headset,
-            refresh_hz,
-            hidden,
-        },
-        version,
-    ))
+    Ok((header, version))
+}
+
+fn read_rate(path: &str, value: &Value) -> Result<f64, Fault> {
+    let rate_hz = number(path, value)?;
+    if super::headset::REFRESH_RANGE_HZ.contains(&rate_hz) {
+        return Ok(rate_hz);
+    }
+    Err(Fault {
+        field: path.to_owned(),
+        what: format!("{rate_hz} Hz is not between 1 and 1000 Hz"),
+    })
+}
+
+fn read_both_hidden(path: &str, value: &Value) -> Result<[HiddenArea; 2], Fault> {
+    let Some([left, right]) = value.as_array().map(Vec::as_slice) else {
+        return Err(wrong_kind(path, value, "an array for two eyes"));
+    };
+    Ok([
+        read_hidden(&format!("{path}[0]"), left)?,
+        read_hidden(&format!("{path}[1]"), right)?,
+    ])
 }
 
 fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
@@ -388,6 +398,8 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
         "input",
         "quality",
         "located",
+        "refresh_hz",
+        "hidden",
     ];
     // Those from `input` on came with version 2.
     let known = if version == 1 { &known[..4] } else { &known };
@@ -424,6 +436,8 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
             Ok(checked.map_err(at)?.views)
         })?,
         quality: fields.optional("quality", read_quality)?,
+        refresh_hz: fields.optional("refresh_hz", read_rate)?,
+        hidden: fields.optional("hidden", read_both_hidden)?,
         input: fields
             .optional("input", |_, value| Input::read(value))?
             .unwrap_or_default(),
@@ -498,7 +512,15 @@ struct HeaderJson<'a> {
     headset: &'a str,
     refresh_hz: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    hidden: Option<[&'a [[[f64; 2]; 3]]; 2]>,
+    hidden: Option<HiddenJson<'a>>,
+}
+
+/// Triangles of both eyes.
+type HiddenJson<'a> = [&'a [[[f64; 2]; 3]]; 2];
+
+fn hidden_json(hidden: &Option<[HiddenArea; 2]>) -> Option<HiddenJson<'_>> {
+    let eyes = hidden.as_ref()?;
+    Some(eyes.each_ref().map(HiddenArea::triangles))
 }
 
 #[derive(Serialize)]
@@ -512,6 +534,10 @@ struct FrameJson<'a> {
     switch_reuse: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     quality: Option<Quality>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refresh_hz: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hidden: Option<HiddenJson<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     input: Option<InputJson<'a>>,
 }
@@ -548,10 +574,7 @@ pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_j
         version,
         headset: &header.headset,
         refresh_hz: header.refresh_hz,
-        hidden: header
-            .hidden
-            .as_ref()
-            .map(|eyes| eyes.each_ref().map(HiddenArea::triangles)),
+        hidden: hidden_json(&header.hidden),
     })?;
     Ok(line + "\n")
 }
@@ -584,6 +607,8 @@ pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
         },
         switch_reuse: frame.switch_reuse,
         quality: frame.quality,
+        refresh_hz: frame.refresh_hz,
+        hidden: hidden_json(&frame.hidden),
         input: frame.input.json(),
     })?;
     Ok(line + "\n")

@@ -355,7 +355,9 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
             let fraction = f64::from(s.reused) / f64::from(s.reused + s.filled);
             assert_eq!(s.reuse_fraction, fraction, "{what}");
             assert!(s.scattered <= s.left_hits, "{what}: {s:?}");
-            assert!(s.traced < size[0] * size[1] / 2, "{what}: {s:?}");
+            // Surroundings leave nothing to meet without tracing; in so few pixels many surfaces lie beside others.
+            let traced = s.traced - counts[Provenance::Background as usize];
+            assert!(traced < 2 * (s.reused + s.filled) / 3, "{what}: {s:?}");
         }
     }
 }

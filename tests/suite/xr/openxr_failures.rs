@@ -10,7 +10,9 @@ use stereolux::xr::Input;
 use stereolux::xr::trace::{Trace, TraceFrame};
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
-use crate::suite::support::{Folder, assert_begins, assert_says, json as json_of, printed, words};
+use crate::suite::support::{
+    Folder, assert_begins, assert_says, exrs, json as json_of, printed, words,
+};
 
 /// Fails unless the run went on without a headset, for this reason.
 pub fn assert_fell_back(output: &Output, why: &str) {
@@ -385,6 +387,64 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
             assert!((1..=200).contains(&area.triangles().len()));
         }
     }
+}
+
+/// The display's rate and what the lenses hide change after five frames.
+#[test]
+fn a_headset_that_changes_is_followed_recorded_and_replayed() {
+    let folder = Folder::new("openxr-changes");
+    let (live, again, plain) = (
+        folder.join("live"),
+        folder.join("again"),
+        folder.join("plain"),
+    );
+    let trace = folder.join("changes.jsonl");
+    let mut args = small_run(&live, &trace, 8);
+    // Surroundings everywhere: what is hidden is black.
+    let more = ["--light=sky", "--reuse=lookup", "--set=output.images=true"].map(str::to_owned);
+    args.extend(more.clone());
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    assert_status(&on_fake(&folder, "changes", &[], &args), 0);
+    let read = Trace::read(&trace).unwrap();
+    assert_eq!((read.header.refresh_hz, &read.header.hidden), (75.0, &None));
+    let rates: Vec<_> = read.frames.iter().map(|frame| frame.refresh_hz).collect();
+    assert_eq!(
+        rates,
+        [None, None, None, None, None, Some(72.0), None, None]
+    );
+    let changes = |frame: &TraceFrame| frame.hidden.is_some();
+    assert_eq!(read.frames.iter().position(changes), Some(5));
+    // Negative control: the same without what the lenses hide.
+    let without = std::fs::read_to_string(&trace).unwrap();
+    let without = without.replace("\"hidden\":[[[[-1.0,1.0]", "\"hidden\":[[[[-1.0,-1.0]");
+    let other = folder.join("other.jsonl");
+    std::fs::write(&other, without).unwrap();
+    for (trace, out) in [(&trace, &again), (&other, &plain)] {
+        let mut args = small_run(out, Path::new("unused"), 8);
+        args.truncate(args.len() - 2);
+        args[2] = "replay".to_owned();
+        args.extend(["--trace".to_owned(), trace.display().to_string()]);
+        args.extend(more.clone());
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        // On the runtime's adapter again.
+        assert_status(&on_fake(&folder, "changes", &[], &args), 0);
+    }
+    let images = exrs(&live);
+    assert_eq!(images.len(), 16);
+    let differ = |out| -> Vec<String> {
+        let others = exrs(out);
+        images
+            .keys()
+            .filter(|name| images.get(*name) != others.get(*name))
+            .cloned()
+            .collect()
+    };
+    assert_eq!(differ(&again), Vec::<String>::new());
+    // The right eye takes over what the left one sees.
+    let from_there =
+        |frame: u32| ["left", "right"].map(|eye| format!("frame_{frame:04}_{eye}.exr"));
+    let from_there: Vec<_> = (5..8).flat_map(from_there).collect();
+    assert_eq!(differ(&plain), from_there);
 }
 
 /// Which bindings are suggested, on a runtime that has every extension and on one that has none.

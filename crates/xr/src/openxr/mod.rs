@@ -234,8 +234,17 @@ impl OpenXrSession {
                     ));
                 }
                 xr::Event::VisibilityMaskChangedKHR(_) => {
-                    // The mask is part of a recording's header and so fixed for a run.
-                    log::info!("the runtime changed its visibility mask; this run keeps the first");
+                    log::info!("the runtime changed its visibility mask");
+                    let settings = &self.options.settings;
+                    let hidden = hidden_areas(&self.runtime, &self.session, settings);
+                    self.info.hidden = hidden.or_else(|| self.info.hidden.take());
+                }
+                xr::Event::DisplayRefreshRateChangedFB(change) => {
+                    let rate = change.to_display_refresh_rate();
+                    if is_usable_rate(&rate) {
+                        log::info!("the display now refreshes at {rate} Hz");
+                        self.info.refresh_hz = f64::from(rate);
+                    }
                 }
                 xr::Event::ReferenceSpaceChangePending(_) => {
                     log::info!("the runtime recentred its space");
@@ -586,12 +595,11 @@ fn refresh_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted_hz:
         }
         return UNKNOWN_REFRESH_HZ;
     }
-    let is_usable = |rate: &f32| super::headset::REFRESH_RANGE_HZ.contains(&f64::from(*rate));
     let mut rates = session
         .enumerate_display_refresh_rates()
         .unwrap_or_default();
     // What is no number, or no rate of a display.
-    rates.retain(is_usable);
+    rates.retain(is_usable_rate);
     if wanted_hz > 0.0 {
         let nearest = rates.iter().copied().min_by(|a, b| {
             (f64::from(*a) - wanted_hz)
@@ -615,12 +623,16 @@ fn refresh_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted_hz:
     session
         .get_display_refresh_rate()
         .ok()
-        .filter(is_usable)
+        .filter(is_usable_rate)
         .or(rates.first().copied())
         .map_or(UNKNOWN_REFRESH_HZ, f64::from)
 }
 
-/// What the lenses hide, if the runtime says so and the settings want it.
+fn is_usable_rate(rate_hz: &f32) -> bool {
+    super::headset::REFRESH_RANGE_HZ.contains(&f64::from(*rate_hz))
+}
+
+/// What the lenses hide, if the runtime tells and the settings want it; where that is nothing, it may become something.
 fn hidden_areas(
     runtime: &Runtime,
     session: &xr::Session<xr::Vulkan>,
@@ -641,6 +653,5 @@ fn hidden_areas(
             .collect();
         Some(HiddenArea::from_mesh(&vertices, &mask.indices))
     };
-    let areas = [area(0)?, area(1)?];
-    (!areas.iter().all(HiddenArea::is_empty)).then_some(areas)
+    Some([area(0)?, area(1)?])
 }

@@ -289,6 +289,8 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
             views,
             located: None,
             switch_reuse: frame.switch_reuse,
+            refresh_hz: None,
+            hidden: None,
             quality: None,
             input,
         });
@@ -608,6 +610,8 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
         views: read(&format!("{HEADER}\n{FRAME}\n")).unwrap().frames[0].views,
         located: None,
         switch_reuse,
+        refresh_hz: None,
+        hidden: None,
         quality: None,
         input,
     };
@@ -738,11 +742,14 @@ proptest! {
             );
             [eye(1e-4), eye(0.3e-4)]
         });
+        let changed = hidden.clone();
         let frames = views.into_iter().enumerate().map(|(k, views)| TraceFrame {
             t_ns: k as i64 * step_ns,
             views: LocatedViews::valid(views),
             located: (k % 4 == 2).then_some(located),
             switch_reuse: k % 3 == 1,
+            refresh_hz: (k % 5 == 3).then_some(72.5),
+            hidden: changed.clone().filter(|_| k % 5 == 4),
             quality: qualities[k % qualities.len()],
             input: inputs[k % inputs.len()].clone(),
         });
