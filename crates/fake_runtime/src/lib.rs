@@ -18,6 +18,10 @@
 //! | value | in a session |
 //! |---|---|
 //! | `profiles`, `no_extensions` | with every extension that brings controllers, or none: says on standard error which bindings are suggested |
+//! | `trackers` | with joints of hands and gaze, at the places that [`joint_at`] and [`GAZE`] say: in the frames that [`is_tracked`] names, else lost in one way or another |
+//! | `no_trackers` | knows joints of hands and gaze, its headset does not |
+//! | `refused_trackers` | its headset has joints of hands and gaze; making a tracker and binding the gaze fail |
+//! | `wild_joints` | joints of hands at no place |
 //! | `wild_hands` | hands that are tracked at no place, triggers pulled by NaN |
 //! | `wild_rates` | refresh rates that are no numbers, negative, infinite, and 75 Hz |
 //! | `no_rates` | no refresh rate that makes sense |
@@ -181,7 +185,7 @@ unsafe extern "system" fn get_instance_proc_addr(
                 // is passed.
                 "xrDestroyInstance" | "xrDestroySession" | "xrDestroySpace" | "xrDestroyActionSet"
                 | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
-                | "xrReleaseSwapchainImage" | "xrResultToString" | "xrStructureTypeToString" => {
+                | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrResultToString" | "xrStructureTypeToString" => {
                     Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
                 }
                 // Bindings want every function of the core to be there.
@@ -234,6 +238,8 @@ unsafe extern "system" fn get_instance_proc_addr(
         GetDisplayRefreshRateFB = refresh_rate,
         RequestDisplayRefreshRateFB = request_refresh_rate,
         GetVisibilityMaskKHR = visibility_mask,
+        CreateHandTrackerEXT = create_hand_tracker,
+        LocateHandJointsEXT = locate_hand_joints,
     );
     out.write(function);
     R::SUCCESS
@@ -268,6 +274,12 @@ unsafe extern "system" fn enumerate_extensions(
             "XR_KHR_vulkan_enable2",
             "XR_FB_display_refresh_rate",
             "XR_KHR_visibility_mask",
+        ]
+    } else if offers_trackers() {
+        &[
+            "XR_KHR_vulkan_enable2",
+            "XR_EXT_hand_tracking",
+            "XR_EXT_eye_gaze_interaction",
         ]
     } else if asked_for("wild_mask") {
         &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
@@ -334,6 +346,18 @@ unsafe extern "system" fn system_properties(
         orientation_tracking: xr::TRUE,
         position_tracking: xr::TRUE,
     };
+    let has_trackers = (!asked_for("no_trackers")).into();
+    let mut chained = (*out).next.cast::<xr::BaseOutStructure>();
+    while let Some(structure) = chained.as_mut() {
+        if structure.ty == xr::SystemHandTrackingPropertiesEXT::TYPE {
+            let of_hands = chained.cast::<xr::SystemHandTrackingPropertiesEXT>();
+            (*of_hands).supports_hand_tracking = has_trackers;
+        } else if structure.ty == xr::SystemEyeGazeInteractionPropertiesEXT::TYPE {
+            let of_gaze = chained.cast::<xr::SystemEyeGazeInteractionPropertiesEXT>();
+            (*of_gaze).supports_eye_gaze_interaction = has_trackers;
+        }
+        chained = structure.next;
+    }
     R::SUCCESS
 }
 
@@ -474,11 +498,16 @@ unsafe extern "system" fn suggest_bindings(
     _: xr::Instance,
     suggested: *const xr::InteractionProfileSuggestedBinding,
 ) -> R {
-    if !asked_for("profiles") && !asked_for("no_extensions") {
-        return R::SUCCESS;
-    }
     let names = &state().names;
     let name = |handle: u64| names.get(&handle).map_or("?", String::as_str);
+    if asked_for("refused_trackers")
+        && name((*suggested).interaction_profile.into_raw()).ends_with("gaze_interaction")
+    {
+        return R::ERROR_PATH_UNSUPPORTED;
+    }
+    if !asked_for("profiles") && !asked_for("no_extensions") && !asked_for("trackers") {
+        return R::SUCCESS;
+    }
     let count = (*suggested).count_suggested_bindings as usize;
     for at in 0..count {
         let binding = (*suggested).suggested_bindings.add(at).read();
@@ -570,24 +599,41 @@ unsafe extern "system" fn create_space(
 
 unsafe extern "system" fn create_action_space(
     _: xr::Session,
-    _: *const xr::ActionSpaceCreateInfo,
+    info: *const xr::ActionSpaceCreateInfo,
     out: *mut xr::Space,
 ) -> R {
-    out.write(xr::Space::from_raw(state().handle()));
+    let mut state = state();
+    let space = state.handle();
+    // A space is called as its action.
+    if let Some(name) = state.names.get(&(*info).action.into_raw()).cloned() {
+        state.names.insert(space, name);
+    }
+    out.write(xr::Space::from_raw(space));
     R::SUCCESS
 }
 
-/// Hands that nobody tracks, or that are no place at all.
+/// Hands that nobody tracks, or that are no place at all; gaze.
 unsafe extern "system" fn locate_space(
-    _: xr::Space,
+    space: xr::Space,
     _: xr::Space,
     _: xr::Time,
     out: *mut xr::SpaceLocation,
 ) -> R {
+    let state = state();
+    let is_gaze = |name: &String| name == "gaze";
+    if asked_for("trackers") && state.names.get(&space.into_raw()).is_some_and(is_gaze) {
+        (*out).pose = GAZE;
+        // Between two good frames a guess: valid, and not tracked.
+        (*out).location_flags = if is_tracked(state.waited) {
+            valid() | tracked()
+        } else {
+            valid()
+        };
+        return R::SUCCESS;
+    }
     let is_wild = asked_for("wild_hands");
-    let flags = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
     (*out).location_flags = if is_wild {
-        flags
+        valid()
     } else {
         xr::SpaceLocationFlags::EMPTY
     };
@@ -604,6 +650,101 @@ unsafe extern "system" fn locate_space(
     };
     if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
         velocity.velocity_flags = xr::SpaceVelocityFlags::EMPTY;
+    }
+    R::SUCCESS
+}
+
+fn valid() -> xr::SpaceLocationFlags {
+    xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID
+}
+
+fn tracked() -> xr::SpaceLocationFlags {
+    xr::SpaceLocationFlags::POSITION_TRACKED | xr::SpaceLocationFlags::ORIENTATION_TRACKED
+}
+
+/// Where the gaze of `trackers` is: ahead of the head's start and turned left by 2 asin 0.6.
+pub const GAZE: xr::Posef = xr::Posef {
+    orientation: xr::Quaternionf {
+        x: 0.0,
+        y: 0.6,
+        z: 0.0,
+        w: 0.8,
+    },
+    position: xr::Vector3f {
+        x: 0.0,
+        y: 0.25,
+        z: -0.125,
+    },
+};
+
+/// Where a joint of `trackers` is; `hand` is 0 for the left and 1 for the right one, and all joints turn as [`GAZE`].
+#[must_use]
+pub fn joint_at(hand: usize, joint: usize) -> xr::Posef {
+    xr::Posef {
+        position: xr::Vector3f {
+            x: if hand == 0 { -0.25 } else { 0.25 },
+            y: joint as f32 / 64.0,
+            z: -0.5,
+        },
+        ..GAZE
+    }
+}
+
+/// Whether `trackers` tracks all in a frame; the first waited for is 1.
+#[must_use]
+pub fn is_tracked(frame: u64) -> bool {
+    frame % 3 == 1
+}
+
+fn offers_trackers() -> bool {
+    let behaviours = ["trackers", "no_trackers", "refused_trackers", "wild_joints"];
+    behaviours.into_iter().any(asked_for)
+}
+
+/// A tracker's handle says which hand it is of.
+unsafe extern "system" fn create_hand_tracker(
+    _: xr::Session,
+    info: *const xr::HandTrackerCreateInfoEXT,
+    out: *mut xr::HandTrackerEXT,
+) -> R {
+    if asked_for("no_trackers") || asked_for("refused_trackers") {
+        return R::ERROR_FEATURE_UNSUPPORTED;
+    }
+    out.write(xr::HandTrackerEXT::from_raw((*info).hand.into_raw() as u64));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn locate_hand_joints(
+    tracker: xr::HandTrackerEXT,
+    _: *const xr::HandJointsLocateInfoEXT,
+    out: *mut xr::HandJointLocationsEXT,
+) -> R {
+    if (*out).joint_count as usize != xr::HAND_JOINT_COUNT_EXT {
+        return R::ERROR_VALIDATION_FAILURE;
+    }
+    let hand = usize::from(tracker.into_raw() == xr::HandEXT::RIGHT.into_raw() as u64);
+    let frame = state().waited;
+    // Lost: not active in one frame, one joint unknown in the next.
+    let is_active = is_tracked(frame) || frame % 3 == 2;
+    (*out).is_active = is_active.into();
+    for joint in 0..xr::HAND_JOINT_COUNT_EXT {
+        let mut pose = joint_at(hand, joint);
+        if asked_for("wild_joints") {
+            pose.position.y = f32::NAN;
+        }
+        let is_known = is_tracked(frame) || joint != 25;
+        (*out)
+            .joint_locations
+            .add(joint)
+            .write(xr::HandJointLocationEXT {
+                location_flags: if is_active && is_known {
+                    valid()
+                } else {
+                    xr::SpaceLocationFlags::EMPTY
+                },
+                pose,
+                radius: 0.0078125,
+            });
     }
     R::SUCCESS
 }

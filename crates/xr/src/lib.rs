@@ -50,6 +50,7 @@ pub mod recorder;
 pub mod replay;
 pub mod simulated;
 pub mod simulated_hands;
+mod simulated_joints;
 mod text_lines;
 mod toml_files;
 pub mod trace;

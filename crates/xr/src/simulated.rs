@@ -272,12 +272,13 @@ impl XrSession for SimulatedSession {
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate()?;
         let mut input = self.hands.at(display_time_ns);
-        let hands = input.hands.iter_mut();
-        for tracked in hands
-            .flat_map(|hand| [&mut hand.grip, &mut hand.aim])
-            .flatten()
-        {
-            tracked.pose.position += self.moved_m;
+        for hand in &mut input.hands {
+            let tracked = [&mut hand.grip, &mut hand.aim].into_iter().flatten();
+            let joints = hand.joints.iter_mut().flat_map(|joints| joints.iter_mut());
+            let poses = tracked.map(|tracked| &mut tracked.pose);
+            for pose in poses.chain(joints.map(|joint| &mut joint.pose)) {
+                pose.position += self.moved_m;
+            }
         }
         input.actions = ActionValues::of_touch(&self.actions, &input.hands);
         Ok(input)

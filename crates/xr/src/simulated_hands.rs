@@ -1,6 +1,7 @@
 //! Hands of the simulated headset: a script of what they do when, read from TOML.
 //!
 //! ```toml
+//! joints = true                # both hands have joints (`simulated_joints`); without it they have none
 //! [[right]]
 //! at_s = 0.5                   # seconds; each step of a hand is later than the one before
 //! reach = "vase"               # the grip goes to the middle of that node, where the scene's file has it
@@ -25,6 +26,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::input::{Button, Buttons, Hand, Input, Side, Tracked};
+use super::simulated_joints::joints_of;
 use super::{InputError, toml_files, validation};
 use stereolux_base::pose::Pose;
 
@@ -40,6 +42,7 @@ const VELOCITY_STEP_S: f64 = 1e-3;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HandScript {
     hands: [Option<HandPlan>; 2],
+    has_joints: bool,
 }
 
 /// What one hand does.
@@ -58,6 +61,8 @@ struct HandPlan {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    #[serde(default)]
+    joints: bool,
     #[serde(default)]
     left: Vec<Spanned<Step>>,
     #[serde(default)]
@@ -125,6 +130,7 @@ impl HandScript {
                 plan(Side::Left, &read.left)?,
                 plan(Side::Right, &read.right)?,
             ],
+            has_joints: read.joints,
         })
     }
 
@@ -132,12 +138,15 @@ impl HandScript {
     #[must_use]
     pub fn at(&self, time_ns: i64) -> Input {
         let seconds = time_ns as f64 * 1e-9;
-        let hand = |plan: &Option<HandPlan>| {
-            let plan = plan.as_ref();
-            plan.map_or_else(Hand::default, |plan| plan.at(seconds))
+        let hand = |side: Side| {
+            let plan = self.hands[side as usize].as_ref();
+            let mut hand = plan.map_or_else(Hand::default, |plan| plan.at(seconds));
+            let grip = hand.grip.filter(|_| self.has_joints);
+            hand.joints = grip.map(|grip| joints_of(side, &grip.pose, hand.trigger, hand.squeeze));
+            hand
         };
         Input {
-            hands: self.hands.each_ref().map(hand),
+            hands: Side::BOTH.map(hand),
             ..Input::default()
         }
     }

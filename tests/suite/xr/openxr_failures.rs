@@ -5,9 +5,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use glam::{DQuat, DVec3, Quat, Vec3};
+use openxr::Posef;
 use serde_json::{Value, json};
-use stereolux::xr::Input;
 use stereolux::xr::trace::{Trace, TraceFrame};
+use stereolux::xr::{Input, Pose};
+use stereolux_fake_runtime as fake;
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
 use crate::suite::support::{
@@ -163,8 +166,14 @@ fn info_says_why_a_runtime_cannot_be_used() {
 fn info_says_what_a_runtime_does_not_offer() {
     let folder = Folder::new("openxr-not-offered");
     let missing = ["bare_hands", "hand_joints", "gaze", "controller_models"];
-    for (behaviour, expected) in [("no_extensions", &missing[..]), ("profiles", &missing[1..])] {
-        assert_eq!(info(&folder, behaviour)["not_offered"], json!(expected));
+    for (behaviour, expected) in [
+        ("no_extensions", &missing[..]),
+        ("profiles", &missing[1..]),
+        ("trackers", &[missing[0], missing[3]]),
+        ("no_trackers", &missing),
+    ] {
+        let said = info(&folder, behaviour);
+        assert_eq!(said["not_offered"], json!(expected), "{behaviour}");
     }
 }
 
@@ -375,6 +384,7 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
         ("wild_mask", 90.0),
         // Hands that are nowhere do nothing, and nothing of them is recorded.
         ("wild_hands", 90.0),
+        ("wild_joints", 90.0),
     ] {
         let (output, trace) = run_small(&folder, behaviour, &[], 2);
         assert_status(&output, 0);
@@ -495,4 +505,51 @@ fn bindings_are_suggested_for_the_profiles_that_the_runtime_has() {
     let plain = suggested("no_extensions");
     let without_extension = |line: &&String| !line.contains("/meta/") && !line.contains("/ext/");
     assert!(plain.iter().eq(all.iter().filter(without_extension)));
+}
+
+/// Where the runtime says, in the frames in which it tracks them; in others, and where it refuses them, all goes on without.
+#[test]
+fn joints_and_gaze_arrive_in_the_world() {
+    let folder = Folder::new("openxr-trackers");
+    let run = |behaviour: &str| {
+        let trace = folder.join(&format!("{behaviour}.jsonl"));
+        let mut args = small_run(&folder.join(behaviour), &trace, 6);
+        // Turned, so that a pose left in the runtime's space is seen.
+        args.push("--pose='1 2 3 0 0.6 0 0.8'".to_owned());
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let output = on_fake(&folder, behaviour, &[], &args);
+        assert_status(&output, 0);
+        (Trace::read(&trace).unwrap().frames, stderr(&output))
+    };
+    let assert_at = |seen: &Pose, there: Posef| {
+        let (p, q) = (there.position, there.orientation);
+        let turn = DQuat::from_rotation_y(2.0 * 0.6_f64.asin());
+        let place = DVec3::new(1.0, 2.0, 3.0) + turn * Vec3::new(p.x, p.y, p.z).as_dvec3();
+        let orientation = turn * Quat::from_xyzw(q.x, q.y, q.z, q.w).as_dquat();
+        // f32 numbers under 1: some 1e-7.
+        let is_near = (seen.position - place).length() < 1e-6;
+        let is_turned = seen.orientation.dot(orientation).abs() > 1.0 - 1e-7;
+        assert!(is_near && is_turned, "{seen:?}");
+    };
+    let (frames, said) = run("trackers");
+    let gaze = "suggested: /interaction_profiles/ext/eye_gaze_interaction gaze /user/eyes_ext/";
+    assert_says(&said, &[gaze]);
+    assert_eq!(frames.len(), 6);
+    for (frame, waited) in frames.iter().zip(1..) {
+        let (is_tracked, seen) = (fake::is_tracked(waited), frame.input.gaze);
+        assert_eq!(seen.is_some(), is_tracked, "{waited}");
+        seen.iter().for_each(|gaze| assert_at(gaze, fake::GAZE));
+        for (side, hand) in frame.input.hands.iter().enumerate() {
+            assert_eq!(hand.joints.is_some(), is_tracked, "{waited}");
+            let joints = hand.joints.iter().flat_map(|joints| joints.iter());
+            for (index, joint) in joints.enumerate() {
+                assert_at(&joint.pose, fake::joint_at(side, index));
+                assert_eq!(joint.radius_m, 0.0078125);
+            }
+        }
+    }
+    let (frames, said) = run("refused_trackers");
+    assert!(frames.iter().all(|frame| frame.input == Input::default()));
+    let refused = |what: &str| format!("offers {what} and refuses to give it");
+    assert_says(&said, &[&refused("joints of hands"), &refused("gaze")]);
 }

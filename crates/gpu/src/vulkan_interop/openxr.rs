@@ -396,3 +396,85 @@ pub fn relate(
     location.next = std::ptr::null_mut();
     Ok((location, velocity))
 }
+
+/// Whether the headset tracks joints of hands and gaze, by the extensions that the instance was made with.
+///
+/// # Errors
+/// The runtime's.
+pub fn tracks_joints_and_gaze(
+    runtime: &xr::Instance,
+    system: xr::SystemId,
+) -> xr::Result<[bool; 2]> {
+    let mut joints = xr::sys::SystemHandTrackingPropertiesEXT {
+        ty: xr::sys::SystemHandTrackingPropertiesEXT::TYPE,
+        next: std::ptr::null_mut(),
+        supports_hand_tracking: xr::sys::FALSE,
+    };
+    let mut gaze = xr::sys::SystemEyeGazeInteractionPropertiesEXT {
+        ty: xr::sys::SystemEyeGazeInteractionPropertiesEXT::TYPE,
+        next: std::ptr::null_mut(),
+        supports_eye_gaze_interaction: xr::sys::FALSE,
+    };
+    let extensions = runtime.exts();
+    let mut chain: *mut c_void = std::ptr::null_mut();
+    if extensions.ext_hand_tracking.is_some() {
+        chain = (&raw mut joints).cast();
+    }
+    if extensions.ext_eye_gaze_interaction.is_some() {
+        gaze.next = chain;
+        chain = (&raw mut gaze).cast();
+    }
+    let mut properties = xr::sys::SystemProperties::out(chain.cast());
+    // SAFETY: the chain holds structures of extensions in use alone, each whole and typed; all outlive the call, and what
+    // the runtime leaves of `properties` is never read.
+    let result = unsafe {
+        let get = runtime.fp().get_system_properties;
+        get(runtime.as_raw(), system, properties.as_mut_ptr())
+    };
+    if result.into_raw() < 0 {
+        return Err(result);
+    }
+    Ok([
+        joints.supports_hand_tracking.into(),
+        gaze.supports_eye_gaze_interaction.into(),
+    ])
+}
+
+/// Where a hand's joints are in `base` at `time`; `None` while the hand is not tracked. Flags begin as none, as in
+/// [`relate`]. Callers owe that both are of one session.
+///
+/// # Errors
+/// The runtime's.
+pub fn locate_joints(
+    tracker: &xr::HandTracker,
+    base: &xr::Space,
+    time: xr::Time,
+) -> xr::Result<Option<xr::HandJointLocations>> {
+    let Some(extension) = &base.instance().exts().ext_hand_tracking else {
+        return Err(xr::sys::Result::ERROR_EXTENSION_NOT_PRESENT);
+    };
+    let mut joints = [xr::HandJointLocation::default(); xr::HAND_JOINT_COUNT];
+    let info = xr::sys::HandJointsLocateInfoEXT {
+        ty: xr::sys::HandJointsLocateInfoEXT::TYPE,
+        next: std::ptr::null(),
+        base_space: base.as_raw(),
+        time,
+    };
+    let mut locations = xr::sys::HandJointLocationsEXT {
+        ty: xr::sys::HandJointLocationsEXT::TYPE,
+        next: std::ptr::null_mut(),
+        is_active: xr::sys::FALSE,
+        joint_count: xr::HAND_JOINT_COUNT as u32,
+        joint_locations: joints.as_mut_ptr(),
+    };
+    // SAFETY: tracker and space are alive and of one session; the structures are whole and typed, `joints` has as many
+    // elements as `joint_count` says, and all outlive the call.
+    let result = unsafe {
+        let locate = extension.locate_hand_joints;
+        locate(tracker.as_raw(), &raw const info, &raw mut locations)
+    };
+    if result.into_raw() < 0 {
+        return Err(result);
+    }
+    Ok(bool::from(locations.is_active).then_some(joints))
+}

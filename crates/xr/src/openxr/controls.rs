@@ -1,4 +1,5 @@
-//! All action sets of a session: the program's own (switch reuse, quit), walking and turning, the hands, the application's.
+//! All action sets of a session: the program's own (switch reuse, quit), walking and turning, the hands, the application's;
+//! and what follows fingers and eyes.
 
 use glam::DVec2;
 use openxr as xr;
@@ -7,6 +8,7 @@ use super::hands::Hands;
 use super::own_actions::OwnActions;
 use super::runtime::{Runtime, RuntimeError, failed};
 use super::states::{held, stick};
+use super::trackers::Trackers;
 use crate::actions::Actions;
 use crate::profiles::{Drives, PROFILES, Profile};
 use crate::{Input, Pulse, PulseOf};
@@ -37,6 +39,7 @@ struct Moves {
 /// The actions, attached to a session.
 pub(super) struct Controls {
     hands: Hands,
+    trackers: Trackers,
     own: Option<OwnActions>,
     /// `None`: the wearer neither walks nor turns.
     moves: Option<Moves>,
@@ -70,7 +73,7 @@ impl Controls {
         moves: bool,
         actions: &Actions,
     ) -> Result<Self, RuntimeError> {
-        let mut controls = Self::make(&runtime.instance, moves, actions).map_err(in_set)?;
+        let mut controls = Self::make(runtime, session, moves, actions).map_err(in_set)?;
         let used = runtime.used_extensions();
         let is_there = |extension: &str| used.contains(&extension);
         for profile in PROFILES {
@@ -82,17 +85,25 @@ impl Controls {
             .attach_action_sets(&controls.sets())
             .map_err(in_set)?;
         controls.hands.attached(session).map_err(in_set)?;
+        controls.trackers.attached(session).map_err(in_set)?;
         if let Some(own) = &mut controls.own {
             own.attached(session).map_err(in_set)?;
         }
         Ok(controls)
     }
 
-    fn make(instance: &xr::Instance, moves: bool, actions: &Actions) -> xr::Result<Self> {
+    fn make<G>(
+        runtime: &Runtime,
+        session: &xr::Session<G>,
+        moves: bool,
+        actions: &Actions,
+    ) -> xr::Result<Self> {
+        let instance = &runtime.instance;
         let set = instance.create_action_set("stereolux", "stereolux", 0)?;
         let moves = moves && !actions.drops_locomotion();
         Ok(Self {
             hands: Hands::new(instance)?,
+            trackers: Trackers::new(runtime, session, &set),
             own: OwnActions::new(instance, actions)?,
             moves: moves.then(|| Moves::new(instance)).transpose()?,
             switch_reuse: set.create_action("switch_reuse", "Switch stereo reuse", &[])?,
@@ -199,6 +210,8 @@ impl Controls {
         time: xr::Time,
     ) -> xr::Result<Input> {
         let mut input = self.hands.read(session, base, world_from_base, time)?;
+        self.trackers
+            .read(&mut input, base, world_from_base, time)?;
         if let Some(own) = &self.own {
             input.actions = own.read(session, base, world_from_base, time)?;
         }

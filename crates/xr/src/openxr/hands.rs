@@ -169,6 +169,13 @@ impl Hands {
     }
 }
 
+/// Whether position and orientation mean something.
+pub(super) fn is_valid(flags: xr::SpaceLocationFlags) -> bool {
+    flags.contains(
+        xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID,
+    )
+}
+
 /// A space in the world; `None` while the runtime does not know where it is.
 pub(super) fn tracked(
     space: &xr::Space,
@@ -177,8 +184,7 @@ pub(super) fn tracked(
     time: xr::Time,
 ) -> xr::Result<Option<Tracked>> {
     let (location, velocity) = interop::relate(space, base, time)?;
-    let known = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
-    if !location.location_flags.contains(known) {
+    if !is_valid(location.location_flags) {
         return Ok(None);
     }
     let in_world = |flag, v: xr::Vector3f| {

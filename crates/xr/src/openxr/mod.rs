@@ -15,6 +15,7 @@ mod own_actions;
 mod runtime;
 mod states;
 mod swapchain;
+mod trackers;
 
 use std::time::{Duration, Instant};
 

@@ -121,26 +121,20 @@ pub(super) fn failed(call: &'static str) -> impl FnOnce(xr::sys::Result) -> Runt
     }
 }
 
-/// Optional extensions in use.
+/// What is in use of what a runtime may offer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Offered {
     pub(super) depth_layer: bool,
     pub(super) visibility_mask: bool,
     pub(super) refresh_rate: bool,
+    pub(super) hand_joints: bool,
+    pub(super) gaze: bool,
     touch_plus: bool,
     hand_interaction: bool,
 }
 
-/// What a machine may lack without harm, with the extensions that offer it.
-const MAY_LACK: [(&str, &[&str]); 4] = [
-    ("bare_hands", &["XR_EXT_hand_interaction"]),
-    ("hand_joints", &["XR_EXT_hand_tracking"]),
-    ("gaze", &["XR_EXT_eye_gaze_interaction"]),
-    (
-        "controller_models",
-        &["XR_MSFT_controller_model", "XR_FB_render_model"],
-    ),
-];
+/// Either offers pictures of controllers; this program asks for neither.
+const CONTROLLER_MODELS: [&str; 2] = ["XR_MSFT_controller_model", "XR_FB_render_model"];
 
 /// A runtime with a headset, ready for a session.
 pub struct Runtime {
@@ -168,10 +162,12 @@ impl Runtime {
         if !available.khr_vulkan_enable2 {
             return Err(RuntimeError::NoVulkan);
         }
-        let offered = Offered {
+        let mut offered = Offered {
             depth_layer: available.khr_composition_layer_depth,
             visibility_mask: available.khr_visibility_mask,
             refresh_rate: available.fb_display_refresh_rate,
+            hand_joints: available.ext_hand_tracking,
+            gaze: available.ext_eye_gaze_interaction,
             touch_plus: available.meta_touch_controller_plus,
             hand_interaction: available.ext_hand_interaction,
         };
@@ -180,6 +176,8 @@ impl Runtime {
         enabled.khr_composition_layer_depth = offered.depth_layer;
         enabled.khr_visibility_mask = offered.visibility_mask;
         enabled.fb_display_refresh_rate = offered.refresh_rate;
+        enabled.ext_hand_tracking = offered.hand_joints;
+        enabled.ext_eye_gaze_interaction = offered.gaze;
         enabled.meta_touch_controller_plus = offered.touch_plus;
         enabled.ext_hand_interaction = offered.hand_interaction;
         let application = xr::ApplicationInfo {
@@ -209,6 +207,9 @@ impl Runtime {
                 .map_err(failed("xrGetSystemProperties"))?
                 .system_name,
         );
+        // A runtime that knows how may stand before a headset that cannot.
+        [offered.hand_joints, offered.gaze] = interop::tracks_joints_and_gaze(&instance, system)
+            .map_err(failed("xrGetSystemProperties"))?;
         let no_stereo = || RuntimeError::NoStereo {
             system: headset.clone(),
         };
@@ -358,21 +359,27 @@ impl Runtime {
         })
     }
 
-    /// What of [`MAY_LACK`] the runtime does not offer.
+    /// What runtime and headset may lack without harm, and do.
     fn not_offered(&self) -> Vec<&'static str> {
-        let is_there = |name: &&str| self.extensions.iter().any(|known| known == name);
-        let missing = MAY_LACK
-            .iter()
-            .filter(|(_, extensions)| !extensions.iter().any(is_there));
-        missing.map(|(what, _)| *what).collect()
+        let knows = |name: &&str| self.extensions.iter().any(|known| known == name);
+        let may_lack = [
+            ("bare_hands", self.offered.hand_interaction),
+            ("hand_joints", self.offered.hand_joints),
+            ("gaze", self.offered.gaze),
+            ("controller_models", CONTROLLER_MODELS.iter().any(knows)),
+        ];
+        let missing = may_lack.into_iter().filter(|(_, is_there)| !is_there);
+        missing.map(|(what, _)| what).collect()
     }
 
-    /// Extensions that the instance was made with.
+    /// Extensions in use.
     pub(super) fn used_extensions(&self) -> Vec<&'static str> {
         let optional = [
             (self.offered.depth_layer, "XR_KHR_composition_layer_depth"),
             (self.offered.visibility_mask, "XR_KHR_visibility_mask"),
             (self.offered.refresh_rate, "XR_FB_display_refresh_rate"),
+            (self.offered.hand_joints, "XR_EXT_hand_tracking"),
+            (self.offered.gaze, "XR_EXT_eye_gaze_interaction"),
             (self.offered.touch_plus, "XR_META_touch_controller_plus"),
             (self.offered.hand_interaction, "XR_EXT_hand_interaction"),
         ];

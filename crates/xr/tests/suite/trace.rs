@@ -698,7 +698,7 @@ fn malformed_input_is_named_by_file_line_and_field() {
 
 #[test]
 fn what_simulated_hands_do_is_recorded_and_replayed() {
-    let script = "[[left]]\nat_s = 0.01\nposition_m = [1, 2, 3]\n[[left]]\nat_s = 0.03\npress = ['menu']\n\
+    let script = "joints = true\n[[left]]\nat_s = 0.01\nposition_m = [1, 2, 3]\n[[left]]\nat_s = 0.03\npress = ['menu']\n\
                   point_at = 'a'\n[[right]]\nat_s = 0.02\nstick = [0.5, -1]\nwave = true\n";
     let place_of = |_: &str| Ok(DVec3::new(0.3, 0.2, 0.1));
     let hands = HandScript::parse("hands.toml", script, &Pose::IDENTITY, &place_of).unwrap();
@@ -706,6 +706,11 @@ fn what_simulated_hands_do_is_recorded_and_replayed() {
     let recorded = play(&mut Recorder::create(&file.0, simulated(5).with_hands(hands)).unwrap());
     assert!(recorded[4].input.hand(Side::Left).pressed.has(Button::Menu));
     assert_eq!(recorded[4].input.hand(Side::Right).stick.y, -1.0);
+    let hands = &recorded[4].input.hands;
+    for Hand { grip, joints, .. } in hands {
+        let palm = joints.as_ref().unwrap()[0].pose.position;
+        assert_eq!(palm, grip.unwrap().pose.position);
+    }
     assert!(
         file.text()
             .starts_with("{\"format\":\"stereolux-trace\",\"version\":2,")
