@@ -182,7 +182,10 @@ mod tests {
         let back = grip.orientation.conjugate();
         let in_grip = Pose::new(-(back * grip.position), back);
         let joints = joints_of(side, &grip, trigger, squeeze);
-        joints.iter().map(|joint| in_grip.then(&joint.pose)).collect()
+        joints
+            .iter()
+            .map(|joint| in_grip.then(&joint.pose))
+            .collect()
     }
 
     fn distance(joints: &[Pose], a: usize, b: usize) -> f64 {
@@ -194,14 +197,21 @@ mod tests {
     #[test]
     fn bones_are_rigid_and_joints_look_along_them() {
         let open = local(Side::Right, 0.0, 0.0);
-        for (side, step) in Side::BOTH.into_iter().flat_map(|side| (0..121).map(move |s| (side, s))) {
+        for (side, step) in Side::BOTH
+            .into_iter()
+            .flat_map(|side| (0..121).map(move |s| (side, s)))
+        {
             let (trigger, squeeze) = (f64::from(step / 11) / 10.0, f64::from(step % 11) / 10.0);
             let joints = local(side, trigger, squeeze);
             for [first, last] in [THUMB, INDEX].into_iter().chain(OTHERS) {
                 for at in first..last {
                     let [bone, was] = [&joints, &open].map(|all| distance(all, at, at + 1));
-                    assert!((bone - was).abs() < 1e-12, "{trigger} {squeeze}: bone {at}: {bone}");
-                    let ahead = joints[at].position + joints[at].orientation * (DVec3::NEG_Z * bone);
+                    assert!(
+                        (bone - was).abs() < 1e-12,
+                        "{trigger} {squeeze}: bone {at}: {bone}"
+                    );
+                    let ahead =
+                        joints[at].position + joints[at].orientation * (DVec3::NEG_Z * bone);
                     let off = (ahead - joints[at + 1].position).length();
                     assert!(off < 1e-12, "{trigger} {squeeze}: joint {at}: {off}");
                 }
