@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::hands::Hands;
 use crate::gpu::ShaderLibrary;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
 use crate::scene::{Scene, ScenePart};
@@ -30,6 +31,8 @@ pub(crate) struct Kept {
     pub(super) clip: Option<(String, f64, f64)>,
     /// Images of the scene that have other texels now.
     pub(super) repainted: Vec<usize>,
+    /// The wearer's hands, once they were asked for.
+    pub(super) hands: Option<Hands>,
     #[cfg(feature = "panels")]
     pub(super) panels: Vec<Option<super::panels::Kept>>,
     /// The quality that was set in this frame.
@@ -51,6 +54,7 @@ impl Kept {
             has_other_surroundings: false,
             clip: None,
             repainted: Vec::new(),
+            hands: None,
             #[cfg(feature = "panels")]
             panels: Vec::new(),
             quality: None,

@@ -5,6 +5,7 @@
 //! Everything that it can see is in [`FrameInput`] and [`World`] and is recorded with `--record`, so that `--trace` drives
 //! it to the same pixels without a headset. An application that keeps to that takes no other clock and no other dice.
 
+mod hands;
 mod kept;
 #[cfg(feature = "panels")]
 mod panels;
@@ -182,7 +183,7 @@ pub struct Application<'a> {
 }
 
 impl<'a> Application<'a> {
-    /// Starts it.
+    /// Starts it. `shows_hands`: unless it says otherwise.
     ///
     /// # Errors
     /// The application's own.
@@ -190,9 +191,12 @@ impl<'a> Application<'a> {
         app: &'a mut dyn App,
         actions: Actions,
         scene: Scene,
+        shows_hands: bool,
     ) -> Result<Self, AppError> {
         let mut kept = Kept::new(scene, actions);
-        app.start(&mut World::new(&mut kept, None, None))?;
+        let mut world = World::new(&mut kept, None, None);
+        world.show_hands(shows_hands)?;
+        app.start(&mut world)?;
         kept.settled();
         Ok(Self {
             app,
@@ -225,6 +229,8 @@ impl<'a> Application<'a> {
         let mut world = World::new(&mut self.kept, Some(renderer), Some(&frame));
         let updated = self.app.update(&frame, &mut world);
         updated.map_err(LoopError::App)?;
+        let moved = world.move_hands(&frame);
+        moved.map_err(|error| LoopError::App(error.into()))?;
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }
 

@@ -1,11 +1,13 @@
 //! What an application can change: the scene, by name.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 
 use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
+use super::hands::Hands;
 use super::kept::{Kept, PartChange};
 use super::{AppError, FrameInput};
 use crate::printable::{did_you_mean, line};
@@ -107,8 +109,9 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn node(&self, name: &str) -> Result<usize, WorldError> {
-        let names = self.kept.scene.nodes.iter().map(|node| node.name.as_str());
-        numbered("node", name, names)
+        let hands = self.kept.hands.as_ref().map(Hands::nodes);
+        let nodes = self.kept.scene.nodes.iter().map(|node| &*node.name);
+        numbered("node", name, nodes, hands)
     }
 
     /// The first material of that name.
@@ -116,13 +119,10 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn material(&self, name: &str) -> Result<usize, WorldError> {
-        let names = self
-            .kept
-            .scene
-            .materials
-            .iter()
-            .map(|material| &*material.name);
-        numbered("material", name, names)
+        let hands = self.kept.hands.as_ref().map(Hands::materials);
+        let materials = self.kept.scene.materials.iter();
+        let names = materials.map(|material| &*material.name);
+        numbered("material", name, names, hands)
     }
 
     /// The first punctual light of that name.
@@ -136,7 +136,7 @@ impl<'a> World<'a> {
             .lights
             .iter()
             .map(|light| light.name.as_str());
-        numbered("light", name, names)
+        numbered("light", name, names, None)
     }
 
     /// Where a node stands, the scene's own animation left aside.
@@ -265,7 +265,7 @@ impl<'a> World<'a> {
     /// [`WorldError::Unknown`]; [`WorldError::Clip`]: a speed or time that is not finite.
     pub fn play_clip(&mut self, name: &str, speed: f64, time_s: f64) -> Result<(), WorldError> {
         let clips = &self.kept.scene.animations;
-        numbered("clip", name, clips.iter().map(|clip| &*clip.name))?;
+        numbered("clip", name, clips.iter().map(|clip| &*clip.name), None)?;
         if !(speed.is_finite() && time_s.is_finite()) {
             let fault = format!("speed {speed} and time {time_s} s are not both finite");
             return Err(WorldError::Clip(fault));
@@ -397,6 +397,14 @@ impl<'a> World<'a> {
         }
     }
 
+    pub(super) fn hands_mut(&mut self) -> Option<&mut Hands> {
+        self.kept.hands.as_mut()
+    }
+
+    pub(super) fn set_hands(&mut self, hands: Hands) {
+        self.kept.hands = Some(hands);
+    }
+
     #[cfg(feature = "panels")]
     pub(super) fn panels(&mut self) -> &mut Vec<Option<super::panels::Kept>> {
         &mut self.kept.panels
@@ -409,7 +417,7 @@ impl<'a> World<'a> {
 
     /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The
     /// scene's animation is that of the frame under way, what the application changed in this frame does not count yet.
-    /// Nothing is met in [`super::App::start`]. As [`Renderer::cast_ray`].
+    /// Nothing is met in [`super::App::start`], and the wearer's own hands never are. As [`Renderer::cast_ray`].
     #[must_use]
     pub fn cast_ray(
         &self,
@@ -417,8 +425,10 @@ impl<'a> World<'a> {
         direction: DVec3,
         max_distance_m: f64,
     ) -> Option<RayHit> {
+        let hands = self.kept.hands.as_ref().map(Hands::nodes);
+        let hands = hands.unwrap_or_default();
         self.renderer?
-            .cast_ray(origin_in_world, direction, max_distance_m)
+            .cast_ray_past(&hands, origin_in_world, direction, max_distance_m)
     }
 
     /// Where something lands that is thrown from a hand: what a parabola meets first that leaves `origin_in_world` with this
@@ -534,16 +544,19 @@ fn entry<'a, T>(what: &'static str, list: &'a [T], index: usize) -> Result<&'a T
     Ok(list.get(index).ok_or(missing)?)
 }
 
-/// The number of the first of `names` that is `name`.
+/// The number of the first of `names` that is `name`; those numbered `past` do not count.
 fn numbered<'a>(
     what: &'static str,
     name: &str,
     names: impl Iterator<Item = &'a str> + Clone,
+    past: Option<Range<usize>>,
 ) -> Result<usize, WorldError> {
-    let found = names.clone().position(|known| known == name);
-    found.ok_or_else(|| WorldError::Unknown {
+    let past = past.unwrap_or_default();
+    let names = names.enumerate().filter(|(at, _)| !past.contains(at));
+    let found = names.clone().find(|(_, known)| *known == name);
+    found.map(|(at, _)| at).ok_or_else(|| WorldError::Unknown {
         what,
         name: name.to_owned(),
-        hint: did_you_mean(name, names),
+        hint: did_you_mean(name, names.map(|(_, known)| known)),
     })
 }

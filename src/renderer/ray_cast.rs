@@ -1,5 +1,7 @@
 //! Rays that the host casts at what the renderer shows: what a hand points at, where a foot stands.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::{InstanceId, Renderer};
@@ -41,6 +43,17 @@ impl Renderer {
         direction: DVec3,
         max_distance_m: f64,
     ) -> Option<RayHit> {
+        self.cast_ray_past(&(0..0), origin_in_world, direction, max_distance_m)
+    }
+
+    /// As [`Renderer::cast_ray`], without meeting what these nodes of the scene place.
+    pub(crate) fn cast_ray_past(
+        &self,
+        nodes: &Range<usize>,
+        origin_in_world: DVec3,
+        direction: DVec3,
+        max_distance_m: f64,
+    ) -> Option<RayHit> {
         let direction = direction.try_normalize()?;
         if !origin_in_world.is_finite() || max_distance_m.is_nan() {
             return None;
@@ -50,7 +63,7 @@ impl Renderer {
             direction,
             t_max: max_distance_m,
         };
-        let met = self.scene.cast_ray(&ray)?;
+        let met = self.scene.cast_ray(&ray, nodes)?;
         let instance = InstanceId(met.instance);
         let is_front = met.normal_in_world.dot(direction) <= 0.0;
         Some(RayHit {

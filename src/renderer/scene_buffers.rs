@@ -360,11 +360,12 @@ impl SceneBuffers {
         removed
     }
 
-    /// What a ray meets first of the instances where they stand by now.
-    pub(super) fn cast_ray(&self, ray: &Ray) -> Option<InstanceHit> {
-        self.hierarchies.cast_at(self.table.sources(), ray, |mesh| {
-            self.deformer.as_ref()?.triangles_now(mesh)
-        })
+    /// What a ray meets first of the instances where they stand by now, those of the nodes `past` left aside.
+    pub(super) fn cast_ray(&self, ray: &Ray, past: &Range<usize>) -> Option<InstanceHit> {
+        let admits = |source: &InstanceSource| !past.contains(&(source.node as usize));
+        let shape = |mesh| self.deformer.as_ref()?.triangles_now(mesh);
+        let sources = self.table.sources();
+        self.hierarchies.cast_at(sources, ray, admits, shape)
     }
 
     /// Where an instance stands; `None` if there is none of that number.

@@ -223,7 +223,8 @@ impl MeshHierarchies {
         closest.best
     }
 
-    /// What a ray in world space meets first of placed meshes, and of several at one distance the first of them. `shape` gives
+    /// What a ray in world space meets first of the placed meshes that `admits` does not leave aside, and of several at one
+    /// distance the first of them. `shape` gives
     /// the triangles of a mesh that is shaped otherwise than its hierarchy, in object space and by number; its
     /// [`MeshRange::bounds`](crate::MeshRange::bounds) are to hold them. Time in proportion to instances.
     ///
@@ -232,12 +233,13 @@ impl MeshHierarchies {
         &self,
         sources: &[InstanceSource],
         ray: &Ray,
+        admits: impl Fn(&InstanceSource) -> bool,
         shape: impl Fn(usize) -> Option<Vec<[DVec3; 3]>>,
     ) -> Option<InstanceHit> {
         debug_assert!(sources.len() <= MAX_INDEX as usize);
         let mut ray = *ray;
         let mut best: Option<InstanceHit> = None;
-        for (instance, source) in (0..).zip(sources) {
+        for (instance, source) in (0..).zip(sources).filter(|(_, source)| admits(source)) {
             let mesh = source.mesh as usize;
             let bounds = self.meshes.get(mesh).and_then(|range| range.bounds);
             let Some((bounds, (object_from_world, _))) =

@@ -162,7 +162,7 @@ fn placed_meshes_are_met_where_they_are() {
             if all.iter().any(|hit| hit.inside < 1e-6) {
                 continue;
             }
-            let found = trees.cast_at(&sources, &ray, |_| None);
+            let found = trees.cast_at(&sources, &ray, |_| true, |_| None);
             let Some(first) = all.first() else {
                 assert_eq!(found, None);
                 continue;
@@ -209,7 +209,7 @@ fn shapes_known_in_closed_form() {
     let trees = MeshHierarchies::build(std::slice::from_ref(&cube), &[]).unwrap();
     let at = DVec3::new(5.0, 0.0, -2.0);
     let sources = [placed(DAffine3::from_translation(at), 0)];
-    let cast = |ray: Ray| trees.cast_at(&sources, &ray, |_| None);
+    let cast = |ray: Ray| trees.cast_at(&sources, &ray, |_| true, |_| None);
     let hit = cast(ray(DVec3::new(0.0, 0.25, -2.5), 2.0 * DVec3::X)).unwrap();
     // Halves and quarters: nothing is rounded.
     assert_eq!((hit.hit.t, hit.normal_in_world), (2.0, DVec3::NEG_X));
@@ -227,7 +227,7 @@ fn shapes_known_in_closed_form() {
     // A placement without extent is met by nothing.
     let flat = [placed(DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)), 0)];
     let down = ray(DVec3::new(0.1, 3.0, 0.2), DVec3::NEG_Y);
-    assert_eq!(trees.cast_at(&flat, &down, |_| None), None);
+    assert_eq!(trees.cast_at(&flat, &down, |_| true, |_| None), None);
 
     // A ball of n rings: its faces leave the sphere by 1 - cos of half a face's angle at most, which is below
     // (pi / n)^2 for the diagonal of a face.

@@ -20,8 +20,8 @@ pub use choices::{
 pub use quality::Quality;
 pub use registry::{Kind, Setting};
 pub use table::{
-    AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, LimitsSettings,
-    OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
+    AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, InputSettings,
+    LimitsSettings, OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
     TextureSettings, TimingSettings,
 };

@@ -143,6 +143,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Output", &[EXPOSURE, IMAGES, PARTS]),
     RowSection::new("Compiled features", &[FORCE]),
     RowSection::new("Simulated headset", &[SIMULATED]),
+    RowSection::new("Input", &[INPUT]),
     RowSection::new("OpenXR", &[OPENXR]),
     RowSection::new("GPU", &[TIMING, SHADERS]),
     RowSection::new("Limits", &[LIMITS]),
@@ -177,6 +178,8 @@ settings! {
             output: OutputSettings;
             /// Simulated headset.
             simulated: SimulatedSettings;
+            /// What the wearer does.
+            input: InputSettings;
             /// OpenXR sessions.
             openxr: OpenXrSettings;
             /// GPU use.
@@ -411,6 +414,14 @@ settings! {
             motion: Motion = Motion::Sway;
             /// TOML file of what the simulated hands do (docs/recordings.md); empty: there are none
             hands: String = String::new(), TEXT;
+        }
+    }
+
+    /// What becomes of the wearer's input (`input.*`).
+    struct InputSettings at (input) "input." {
+        rows INPUT {
+            /// show the hands along their tracked joints, else a plain controller where one is held; view has none
+            show_hands: bool = false;
         }
     }
 

@@ -1,0 +1,293 @@
+//! Hands and controllers in the picture.
+//!
+//! A tracked hand is a ball at every joint, a tube along every bone and skin over the palm; what only has a grip is a plain
+//! controller. All are instances of a few meshes in one part of the scene, moved by the frame's recorded input: a replay
+//! has the same pictures. They are lit, mirrored and cast shadows, and no ray of the application meets them.
+
+mod shapes;
+
+use std::ops::Range;
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::FrameInput;
+use super::world::{World, WorldError};
+use crate::pose::Pose;
+use crate::scene::edit::{Edit, Placement};
+use crate::scene::{Material, Mesh, Node, Scene, ScenePart};
+use crate::xr::Side;
+use crate::xr::input::{Hand, JOINTS, Joint, Tracked};
+
+/// Bones, by their joints in the order of `XrHandJointEXT`: from the wrist along each finger to its tip.
+const BONES: [[usize; 2]; 24] = [
+    [1, 2],
+    [2, 3],
+    [3, 4],
+    [4, 5],
+    [1, 6],
+    [6, 7],
+    [7, 8],
+    [8, 9],
+    [9, 10],
+    [1, 11],
+    [11, 12],
+    [12, 13],
+    [13, 14],
+    [14, 15],
+    [1, 16],
+    [16, 17],
+    [17, 18],
+    [18, 19],
+    [19, 20],
+    [1, 21],
+    [21, 22],
+    [22, 23],
+    [23, 24],
+    [24, 25],
+];
+/// What the palm's skin is stretched between.
+const PALM: [[usize; 3]; 12] = [
+    [1, 2, 6],
+    [2, 3, 6],
+    [3, 7, 6],
+    [1, 6, 11],
+    [6, 7, 12],
+    [6, 12, 11],
+    [1, 11, 16],
+    [11, 12, 17],
+    [11, 17, 16],
+    [1, 16, 21],
+    [16, 17, 22],
+    [16, 22, 21],
+];
+/// Solids of a hand: balls, tubes, skin on both sides.
+const SOLIDS: usize = JOINTS + BONES.len() + 2 * PALM.len();
+/// Nodes of one side: joints with their solids, the controller with handle and head.
+const NODES: usize = 1 + SOLIDS + 3;
+
+/// Bones without length and joints without a radius are this large, metres: a placement has an inverse.
+const LEAST_M: f64 = 1e-6;
+/// Skin between joints that lie in a line is left out: below this sine of the angle.
+const LEAST_SINE: f64 = 1e-3;
+/// Where the head sits on the handle, in the grip, metres.
+const HEAD_M: DVec3 = DVec3::new(0.0, 0.0, -0.056);
+
+/// Meshes of the part, in their order.
+#[derive(Clone, Copy)]
+enum Shape {
+    Ball,
+    Tube,
+    Skin,
+    Handle,
+    Head,
+}
+
+/// The part of the scene that shows them.
+pub(super) struct Hands {
+    part: ScenePart,
+    is_shown: bool,
+}
+
+impl Hands {
+    /// Their nodes, which nobody else finds by name or meets by a ray.
+    pub(super) fn nodes(&self) -> Range<usize> {
+        self.part.nodes.clone()
+    }
+
+    /// Their materials, likewise.
+    pub(super) fn materials(&self) -> Range<usize> {
+        self.part.materials.clone()
+    }
+}
+
+/// Both hands and controllers as a scene of its own. Nothing is hidden: shaders are made for what comes to be seen.
+fn scene() -> Scene {
+    let matte = |name: &str, color: [f32; 3], roughness: f32| Material {
+        roughness,
+        specular: 1.0,
+        ..Material::lambert(name, color)
+    };
+    let with = |mesh: Mesh, material: u32| {
+        let mut mesh = mesh;
+        for triangle in &mut mesh.triangles {
+            triangle.material = material;
+        }
+        mesh
+    };
+    let mut scene = Scene {
+        name: "hands".to_owned(),
+        meshes: vec![
+            with(shapes::ball(), 0),
+            with(shapes::tube(), 0),
+            with(shapes::triangle(), 0),
+            with(shapes::handle(), 1),
+            with(shapes::head(), 1),
+        ],
+        materials: vec![
+            matte("wearer's hands", [0.55, 0.42, 0.35], 0.6),
+            matte("wearer's controllers", [0.25; 3], 0.4),
+        ],
+        ..Scene::default()
+    };
+    let hand = [Shape::Ball; JOINTS].into_iter();
+    let hand = hand.chain([Shape::Tube; BONES.len()]);
+    let hand: Vec<Shape> = hand.chain([Shape::Skin; 2 * PALM.len()]).collect();
+    for side in Side::BOTH {
+        group(&mut scene, &format!("wearer's {} hand", side.word()), &hand);
+        let controller = format!("wearer's {} controller", side.word());
+        group(&mut scene, &controller, &[Shape::Handle, Shape::Head]);
+    }
+    scene
+}
+
+/// Adds a node with a node for each shape below it, each a speck until it is placed.
+fn group(scene: &mut Scene, name: &str, shapes: &[Shape]) {
+    let root = scene.nodes.len();
+    scene.roots.push(root);
+    scene.nodes.push(Node {
+        name: name.to_owned(),
+        children: (root + 1..=root + shapes.len()).collect(),
+        ..Node::default()
+    });
+    scene.nodes.extend(shapes.iter().map(|shape| Node {
+        name: name.to_owned(),
+        parent: Some(root),
+        parent_from_node: speck(DVec3::ZERO),
+        mesh: Some(*shape as usize),
+        ..Node::default()
+    }));
+}
+
+fn speck(at: DVec3) -> DAffine3 {
+    DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(LEAST_M)), at)
+}
+
+/// World from solid, in the order of their nodes.
+fn solids(joints: &[Joint; JOINTS]) -> impl Iterator<Item = DAffine3> {
+    let balls = joints.iter().map(ball);
+    let tubes = BONES
+        .iter()
+        .map(|bone| tube(bone.map(|joint| &joints[joint])));
+    let skin = PALM
+        .iter()
+        .flat_map(|corners| skin(corners.map(|joint| &joints[joint])));
+    balls.chain(tubes).chain(skin)
+}
+
+fn radius_m(joint: &Joint) -> f64 {
+    joint.radius_m.max(LEAST_M)
+}
+
+/// As large as the joint.
+fn ball(joint: &Joint) -> DAffine3 {
+    let axes = DMat3::from_quat(joint.pose.orientation) * radius_m(joint);
+    DAffine3::from_mat3_translation(axes, joint.pose.position)
+}
+
+/// From one joint to the other, as thick as the thinner one: the balls close it.
+fn tube([from, to]: [&Joint; 2]) -> DAffine3 {
+    let bone = to.pose.position - from.pose.position;
+    let along = bone.try_normalize().unwrap_or(DVec3::Z);
+    let radius_m = radius_m(from).min(radius_m(to));
+    let (right, up) = along.any_orthonormal_pair();
+    DAffine3 {
+        matrix3: DMat3::from_cols(
+            right * radius_m,
+            up * radius_m,
+            along * bone.length().max(LEAST_M),
+        ),
+        translation: from.pose.position,
+    }
+}
+
+/// A triangle on either side of three joints, as far from them as the thinnest one's skin.
+fn skin(corners: [&Joint; 3]) -> [DAffine3; 2] {
+    let [a, b, c] = corners.map(|joint| joint.pose.position);
+    let [ab, ac] = [b - a, c - a];
+    let normal = ab.cross(ac);
+    if normal.length() <= LEAST_SINE * ab.length() * ac.length() {
+        return [speck(a); 2];
+    }
+    let normal = normal.normalize();
+    let radius_m = corners
+        .into_iter()
+        .map(radius_m)
+        .fold(f64::INFINITY, f64::min);
+    [1.0, -1.0].map(|side| DAffine3 {
+        matrix3: DMat3::from_cols(ab, ac, normal * side),
+        translation: a + normal * side * radius_m,
+    })
+}
+
+/// World from handle and from head, which points where the hand does.
+fn controller(grip: &Tracked, aim: Option<&Tracked>) -> [DAffine3; 2] {
+    let head = Pose::new(
+        grip.pose
+            .then(&Pose::new(HEAD_M, glam::DQuat::IDENTITY))
+            .position,
+        aim.unwrap_or(grip).pose.orientation,
+    );
+    [grip.pose.affine(), head.affine()]
+}
+
+impl World<'_> {
+    /// Shows the wearer's hands, or does so no longer: along the joints where they are tracked, else a plain controller where
+    /// a grip is. They are where the frame's input has them, in that very frame. [`World::node`] does not find them,
+    /// and [`World::cast_ray`] goes through them.
+    ///
+    /// In [`super::App::start`] the renderer is made for them; later the first call may compile.
+    ///
+    /// # Errors
+    /// [`WorldError::Part`]: the renderer cannot take them.
+    pub fn show_hands(&mut self, shows: bool) -> Result<(), WorldError> {
+        if let Some(hands) = self.hands_mut() {
+            hands.is_shown = shows;
+        } else if shows {
+            let part = self.insert(scene(), None, "wearer's hands", DAffine3::IDENTITY)?;
+            self.set_hands(Hands {
+                part,
+                is_shown: true,
+            });
+        }
+        Ok(())
+    }
+
+    /// Puts them where a frame's input has them.
+    pub(super) fn move_hands(&mut self, frame: &FrameInput) -> Result<(), WorldError> {
+        let Some(hands) = self.hands_mut() else {
+            return Ok(());
+        };
+        let (is_shown, root) = (hands.is_shown, hands.part.root());
+        for side in Side::BOTH {
+            let nodes = root + 1 + side as usize * NODES;
+            let Hand {
+                grip, aim, joints, ..
+            } = frame.hand(side);
+            let joints = joints.as_ref().filter(|_| is_shown);
+            let grip = grip.as_ref().filter(|_| is_shown && joints.is_none());
+            self.place_all(nodes, joints.map(|joints| solids(joints)))?;
+            let controller = grip.map(|grip| controller(grip, aim.as_ref()).into_iter());
+            self.place_all(nodes + 1 + SOLIDS, controller)?;
+        }
+        Ok(())
+    }
+
+    /// Places what is below a group and shows it, or hides it. What stays as it was costs no edit.
+    fn place_all(
+        &mut self,
+        group: usize,
+        world_from_nodes: Option<impl Iterator<Item = DAffine3>>,
+    ) -> Result<(), WorldError> {
+        let is_hidden = world_from_nodes.is_none();
+        if self.scene().nodes[group].is_hidden != is_hidden {
+            self.set_visible(group, !is_hidden)?;
+        }
+        for (node, world_from_node) in (group + 1..).zip(world_from_nodes.into_iter().flatten()) {
+            if self.scene().nodes[node].parent_from_node != world_from_node {
+                let to = Placement::Matrix(world_from_node);
+                self.edit(Edit::Transform { node, to })?;
+            }
+        }
+        Ok(())
+    }
+}
