@@ -6,9 +6,10 @@
 
 mod shapes;
 
+use std::iter::once;
 use std::ops::Range;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::FrameInput;
 use super::world::{World, WorldError};
@@ -60,8 +61,24 @@ const PALM: [[usize; 3]; 12] = [
     [16, 17, 22],
     [16, 22, 21],
 ];
-/// Solids of a hand: balls, tubes, skin on both sides.
-const SOLIDS: usize = JOINTS + BONES.len() + 2 * PALM.len();
+/// Joints that have a ball: the palm lies within its skin.
+const PALM_BALL: usize = 1;
+/// How thick a wrist is at most, in radii of the middle metacarpal's root.
+const WRIST: f64 = 1.2;
+/// How much of the arm is shown behind the wrist, metres.
+const ARM_M: f64 = 0.04;
+/// What a hand is made of, in this order: balls at joints, tubes along bones, halves that taper them, skin on both
+/// sides of the palm, and the arm's beginning.
+const SHAPES: [(Shape, usize); 6] = [
+    (Shape::Ball, JOINTS - PALM_BALL),
+    (Shape::Tube, BONES.len()),
+    (Shape::Half, BONES.len()),
+    (Shape::Skin, 2 * PALM.len()),
+    (Shape::Tube, 1),
+    (Shape::Ball, 1),
+];
+/// How many that are.
+const SOLIDS: usize = JOINTS - PALM_BALL + 2 * BONES.len() + 2 * PALM.len() + 2;
 /// Nodes of one side: joints with their solids, the controller with handle and head.
 const NODES: usize = 1 + SOLIDS + 3;
 
@@ -73,10 +90,11 @@ const LEAST_SINE: f64 = 1e-3;
 const HEAD_M: DVec3 = DVec3::new(0.0, 0.0, -0.056);
 
 /// Meshes of the part, in their order.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Shape {
     Ball,
     Tube,
+    Half,
     Skin,
     Handle,
     Head,
@@ -119,6 +137,7 @@ fn scene() -> Scene {
         meshes: vec![
             with(shapes::ball(), 0),
             with(shapes::tube(), 0),
+            with(shapes::half(), 0),
             with(shapes::triangle(), 0),
             with(shapes::handle(), 1),
             with(shapes::head(), 1),
@@ -129,9 +148,7 @@ fn scene() -> Scene {
         ],
         ..Scene::default()
     };
-    let hand = [Shape::Ball; JOINTS].into_iter();
-    let hand = hand.chain([Shape::Tube; BONES.len()]);
-    let hand: Vec<Shape> = hand.chain([Shape::Skin; 2 * PALM.len()]).collect();
+    let hand = SHAPES.map(|(shape, count)| vec![shape; count]).concat();
     for side in Side::BOTH {
         group(&mut scene, &format!("wearer's {} hand", side.word()), &hand);
         let controller = format!("wearer's {} controller", side.word());
@@ -162,33 +179,70 @@ fn speck(at: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(LEAST_M)), at)
 }
 
-/// World from solid, in the order of their nodes.
+/// World from solid, in the order of [`SHAPES`].
 fn solids(joints: &[Joint; JOINTS]) -> impl Iterator<Item = DAffine3> {
-    let balls = joints.iter().map(ball);
-    let tubes = BONES
-        .iter()
-        .map(|bone| tube(bone.map(|joint| &joints[joint])));
+    // A wrist is about as thick as the bones that begin there, and wider.
+    let wrist = &joints[1];
+    let thick_m = radius_m(wrist).min(WRIST * radius_m(&joints[11]));
+    let wrist_size = DVec3::new(radius_m(wrist), thick_m, radius_m(wrist));
+    let wrist_ball = sized(&wrist.pose, wrist_size);
+    let arm_end = DVec3::new(0.0, 0.0, ARM_M);
+    let arm_end = wrist.pose.then(&Pose::new(arm_end, DQuat::IDENTITY));
+    let arm = sized(&wrist.pose, wrist_size.with_z(ARM_M));
+    let arm_end = sized(&arm_end, wrist_size.with_z(0.5 * thick_m));
+
+    let balls = joints[PALM_BALL + 1..].iter().map(ball);
+    let bones = || BONES.iter().map(|bone| bone.map(|joint| &joints[joint]));
+    let tubes = bones().map(|[from, to]| tube(from, to));
+    let halves = bones().enumerate().map(|(at, [from, to])| {
+        let is_wrist = BONES[at][0] == 1;
+        if is_wrist {
+            speck(from.pose.position)
+        } else {
+            half(from, to)
+        }
+    });
     let skin = PALM
         .iter()
-        .flat_map(|corners| skin(corners.map(|joint| &joints[joint])));
-    balls.chain(tubes).chain(skin)
+        .map(|corners| corners.map(|joint| &joints[joint]));
+    once(wrist_ball)
+        .chain(balls)
+        .chain(tubes)
+        .chain(halves)
+        .chain(skin.flat_map(skin_of))
+        .chain([arm, arm_end])
 }
 
 fn radius_m(joint: &Joint) -> f64 {
     joint.radius_m.max(LEAST_M)
 }
 
+fn sized(world_from_joint: &Pose, size_m: DVec3) -> DAffine3 {
+    let axes = DMat3::from_quat(world_from_joint.orientation) * DMat3::from_diagonal(size_m);
+    DAffine3::from_mat3_translation(axes, world_from_joint.position)
+}
+
 /// As large as the joint.
 fn ball(joint: &Joint) -> DAffine3 {
-    let axes = DMat3::from_quat(joint.pose.orientation) * radius_m(joint);
-    DAffine3::from_mat3_translation(axes, joint.pose.position)
+    sized(&joint.pose, DVec3::splat(radius_m(joint)))
 }
 
 /// From one joint to the other, as thick as the thinner one: the balls close it.
-fn tube([from, to]: [&Joint; 2]) -> DAffine3 {
+fn tube(from: &Joint, to: &Joint) -> DAffine3 {
+    along(from, to, radius_m(from).min(radius_m(to)))
+}
+
+/// Half a ball, drawn out from the thicker joint to the other one.
+fn half(from: &Joint, to: &Joint) -> DAffine3 {
+    if radius_m(from) < radius_m(to) {
+        return half(to, from);
+    }
+    along(from, to, radius_m(from))
+}
+
+fn along(from: &Joint, to: &Joint, radius_m: f64) -> DAffine3 {
     let bone = to.pose.position - from.pose.position;
     let along = bone.try_normalize().unwrap_or(DVec3::Z);
-    let radius_m = radius_m(from).min(radius_m(to));
     let (right, up) = along.any_orthonormal_pair();
     DAffine3 {
         matrix3: DMat3::from_cols(
@@ -201,7 +255,7 @@ fn tube([from, to]: [&Joint; 2]) -> DAffine3 {
 }
 
 /// A triangle on either side of three joints, as far from them as the thinnest one's skin.
-fn skin(corners: [&Joint; 3]) -> [DAffine3; 2] {
+fn skin_of(corners: [&Joint; 3]) -> [DAffine3; 2] {
     let [a, b, c] = corners.map(|joint| joint.pose.position);
     let [ab, ac] = [b - a, c - a];
     let normal = ab.cross(ac);
@@ -222,9 +276,7 @@ fn skin(corners: [&Joint; 3]) -> [DAffine3; 2] {
 /// World from handle and from head, which points where the hand does.
 fn controller(grip: &Tracked, aim: Option<&Tracked>) -> [DAffine3; 2] {
     let head = Pose::new(
-        grip.pose
-            .then(&Pose::new(HEAD_M, glam::DQuat::IDENTITY))
-            .position,
+        grip.pose.then(&Pose::new(HEAD_M, DQuat::IDENTITY)).position,
         aim.unwrap_or(grip).pose.orientation,
     );
     [grip.pose.affine(), head.affine()]

@@ -26,6 +26,11 @@ pub(super) fn tube() -> Mesh {
     )
 }
 
+/// The half of the ball where Z is positive, open.
+pub(super) fn half() -> Mesh {
+    turned("half", &[arc(DVec2::ZERO, 1.0, 0.0, FRAC_PI_2)])
+}
+
 /// The origin, X and Y.
 pub(super) fn triangle() -> Mesh {
     let mut mesh = Mesh {
