@@ -19,33 +19,12 @@ use crate::scene::{Material, Mesh, Node, Scene, ScenePart};
 use crate::xr::Side;
 use crate::xr::input::{Hand, JOINTS, Joint, Tracked};
 
-/// Bones, by their joints in the order of `XrHandJointEXT`: from the wrist along each finger to its tip.
-const BONES: [[usize; 2]; 24] = [
-    [1, 2],
-    [2, 3],
-    [3, 4],
-    [4, 5],
-    [1, 6],
-    [6, 7],
-    [7, 8],
-    [8, 9],
-    [9, 10],
-    [1, 11],
-    [11, 12],
-    [12, 13],
-    [13, 14],
-    [14, 15],
-    [1, 16],
-    [16, 17],
-    [17, 18],
-    [18, 19],
-    [19, 20],
-    [1, 21],
-    [21, 22],
-    [22, 23],
-    [23, 24],
-    [24, 25],
-];
+/// The wrist, and the first and last joint of each finger, in the order of `XrHandJointEXT`.
+const WRIST: usize = 1;
+const FINGERS: [[usize; 2]; 5] = [[2, 5], [6, 10], [11, 15], [16, 20], [21, 25]];
+/// A ball at every joint but the palm, which lies within its skin; a bone from the wrist to each finger and along it.
+const BALLS: usize = JOINTS - 1;
+const BONES: usize = 24;
 /// What the palm's skin is stretched between.
 const PALM: [[usize; 3]; 12] = [
     [1, 2, 6],
@@ -61,24 +40,22 @@ const PALM: [[usize; 3]; 12] = [
     [16, 17, 22],
     [16, 22, 21],
 ];
-/// Joints that have a ball: the palm lies within its skin.
-const PALM_BALL: usize = 1;
-/// How thick a wrist is at most, in radii of the middle metacarpal's root.
-const WRIST: f64 = 1.2;
+/// How thick a wrist is at most, in radii of the middle finger's root.
+const WRIST_TO_ROOT: f64 = 1.2;
 /// How much of the arm is shown behind the wrist, metres.
 const ARM_M: f64 = 0.04;
 /// What a hand is made of, in this order: balls at joints, tubes along bones, halves that taper them, skin on both
 /// sides of the palm, and the arm's beginning.
 const SHAPES: [(Shape, usize); 6] = [
-    (Shape::Ball, JOINTS - PALM_BALL),
-    (Shape::Tube, BONES.len()),
-    (Shape::Half, BONES.len()),
+    (Shape::Ball, BALLS),
+    (Shape::Tube, BONES),
+    (Shape::Half, BONES),
     (Shape::Skin, 2 * PALM.len()),
     (Shape::Tube, 1),
     (Shape::Ball, 1),
 ];
 /// How many that are.
-const SOLIDS: usize = JOINTS - PALM_BALL + 2 * BONES.len() + 2 * PALM.len() + 2;
+const SOLIDS: usize = BALLS + 2 * BONES + 2 * PALM.len() + 2;
 /// Nodes of one side: joints with their solids, the controller with handle and head.
 const NODES: usize = 1 + SOLIDS + 3;
 
@@ -179,11 +156,21 @@ fn speck(at: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(LEAST_M)), at)
 }
 
+/// The two joints of each bone.
+fn bones() -> impl Iterator<Item = [usize; 2]> {
+    FINGERS.into_iter().flat_map(|[first, last]| {
+        let along = (first..last).map(|at| [at, at + 1]);
+        once([WRIST, first]).chain(along)
+    })
+}
+
 /// World from solid, in the order of [`SHAPES`].
 fn solids(joints: &[Joint; JOINTS]) -> impl Iterator<Item = DAffine3> {
     // A wrist is about as thick as the bones that begin there, and wider.
-    let wrist = &joints[1];
-    let thick_m = radius_m(wrist).min(WRIST * radius_m(&joints[11]));
+    let wrist = &joints[WRIST];
+    let root_m = radius_m(&joints[FINGERS[2][0]]);
+    let skin_m = radius_m(wrist).min(root_m);
+    let thick_m = radius_m(wrist).min(WRIST_TO_ROOT * root_m);
     let wrist_size = DVec3::new(radius_m(wrist), thick_m, radius_m(wrist));
     let wrist_ball = sized(&wrist.pose, wrist_size);
     let arm_end = DVec3::new(0.0, 0.0, ARM_M);
@@ -191,20 +178,23 @@ fn solids(joints: &[Joint; JOINTS]) -> impl Iterator<Item = DAffine3> {
     let arm = sized(&wrist.pose, wrist_size.with_z(ARM_M));
     let arm_end = sized(&arm_end, wrist_size.with_z(0.5 * thick_m));
 
-    let balls = joints[PALM_BALL + 1..].iter().map(ball);
-    let bones = || BONES.iter().map(|bone| bone.map(|joint| &joints[joint]));
-    let tubes = bones().map(|[from, to]| tube(from, to));
-    let halves = bones().enumerate().map(|(at, [from, to])| {
-        let is_wrist = BONES[at][0] == 1;
+    let balls = joints[WRIST + 1..].iter().map(ball);
+    let tubes = bones().map(|bone| tube(bone.map(|at| &joints[at])));
+    let halves = bones().map(|bone| {
+        let [from, to] = bone.map(|at| &joints[at]);
+        let is_wrist = bone[0] == WRIST;
         if is_wrist {
             speck(from.pose.position)
         } else {
             half(from, to)
         }
     });
-    let skin = PALM
-        .iter()
-        .map(|corners| corners.map(|joint| &joints[joint]));
+    let skin = PALM.iter().map(move |corners| {
+        corners.map(|at| {
+            let joint = &joints[at];
+            (joint, if at == WRIST { skin_m } else { radius_m(joint) })
+        })
+    });
     once(wrist_ball)
         .chain(balls)
         .chain(tubes)
@@ -228,7 +218,7 @@ fn ball(joint: &Joint) -> DAffine3 {
 }
 
 /// From one joint to the other, as thick as the thinner one: the balls close it.
-fn tube(from: &Joint, to: &Joint) -> DAffine3 {
+fn tube([from, to]: [&Joint; 2]) -> DAffine3 {
     along(from, to, radius_m(from).min(radius_m(to)))
 }
 
@@ -254,22 +244,19 @@ fn along(from: &Joint, to: &Joint, radius_m: f64) -> DAffine3 {
     }
 }
 
-/// A triangle on either side of three joints, as far from them as the thinnest one's skin.
-fn skin_of(corners: [&Joint; 3]) -> [DAffine3; 2] {
-    let [a, b, c] = corners.map(|joint| joint.pose.position);
-    let [ab, ac] = [b - a, c - a];
-    let normal = ab.cross(ac);
-    if normal.length() <= LEAST_SINE * ab.length() * ac.length() {
-        return [speck(a); 2];
-    }
-    let normal = normal.normalize();
-    let radius_m = corners
-        .into_iter()
-        .map(radius_m)
-        .fold(f64::INFINITY, f64::min);
-    [1.0, -1.0].map(|side| DAffine3 {
-        matrix3: DMat3::from_cols(ab, ac, normal * side),
-        translation: a + normal * side * radius_m,
+/// A triangle on either side of three joints, each of its corners as far from the joint as given beside it.
+fn skin_of(corners: [(&Joint, f64); 3]) -> [DAffine3; 2] {
+    let [a, b, c] = corners.map(|(joint, _)| joint.pose.position);
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    [normal, -normal].map(|out| {
+        let [a, b, c] = corners.map(|(joint, off_m)| joint.pose.position + out * off_m);
+        let [ab, ac] = [b - a, c - a];
+        let matrix3 = DMat3::from_cols(ab, ac, out);
+        if matrix3.determinant().abs() > LEAST_SINE * ab.length() * ac.length() {
+            DAffine3::from_mat3_translation(matrix3, a)
+        } else {
+            speck(a)
+        }
     })
 }
 
