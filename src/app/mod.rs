@@ -229,7 +229,7 @@ impl<'a> Application<'a> {
         let mut world = World::new(&mut self.kept, Some(renderer), Some(&frame));
         let updated = self.app.update(&frame, &mut world);
         updated.map_err(LoopError::App)?;
-        let moved = world.move_hands(&frame);
+        let moved = world.move_hands(&frame.input);
         moved.map_err(|error| LoopError::App(error.into()))?;
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }

@@ -5,19 +5,20 @@
 //! has the same pictures. They are lit, mirrored and cast shadows, and no ray of the application meets them.
 
 mod shapes;
+#[cfg(test)]
+mod tests;
 
 use std::iter::once;
 use std::ops::Range;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use super::FrameInput;
 use super::world::{World, WorldError};
 use crate::pose::Pose;
 use crate::scene::edit::{Edit, Placement};
 use crate::scene::{Material, Mesh, Node, Scene, ScenePart};
 use crate::xr::Side;
-use crate::xr::input::{Hand, JOINTS, Joint, Tracked};
+use crate::xr::input::{Hand, Input, JOINTS, Joint, Tracked};
 
 /// The wrist, and the first and last joint of each finger, in the order of `XrHandJointEXT`.
 const WRIST: usize = 1;
@@ -291,8 +292,8 @@ impl World<'_> {
         Ok(())
     }
 
-    /// Puts them where a frame's input has them.
-    pub(super) fn move_hands(&mut self, frame: &FrameInput) -> Result<(), WorldError> {
+    /// Puts them where a frame's input has them; what is not tracked is hidden.
+    pub(super) fn move_hands(&mut self, input: &Input) -> Result<(), WorldError> {
         let Some(hands) = self.hands_mut() else {
             return Ok(());
         };
@@ -301,7 +302,7 @@ impl World<'_> {
             let nodes = root + 1 + side as usize * NODES;
             let Hand {
                 grip, aim, joints, ..
-            } = frame.hand(side);
+            } = input.hand(side);
             let joints = joints.as_ref().filter(|_| is_shown);
             let grip = grip.as_ref().filter(|_| is_shown && joints.is_none());
             self.place_all(nodes, joints.map(|joints| solids(joints)))?;
