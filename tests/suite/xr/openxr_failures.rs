@@ -214,8 +214,8 @@ fn small_run(out: &Path, trace: &Path, frames: usize) -> Vec<String> {
 }
 
 /// Arguments of a replay of its recording.
-fn small_replay(out: &Path, trace: &Path) -> Vec<String> {
-    let mut args = small_run(out, Path::new("unused"), 8);
+fn small_replay(out: &Path, trace: &Path, frames: usize) -> Vec<String> {
+    let mut args = small_run(out, Path::new("unused"), frames);
     args.truncate(args.len() - 2);
     args[2] = "replay".to_owned();
     args.extend(["--trace".to_owned(), trace.display().to_string()]);
@@ -225,7 +225,8 @@ fn small_replay(out: &Path, trace: &Path) -> Vec<String> {
 /// Runs with `args` and `more` of them, on the runtime's adapter, and well.
 fn run_with(folder: &Folder, behaviour: &str, args: &[String], more: &[&str]) -> Output {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    let output = on_fake(folder, behaviour, &[], &[&args, more].concat());
+    let logs = [("RUST_LOG", "info".to_owned())];
+    let output = on_fake(folder, behaviour, &logs, &[&args, more].concat());
     assert_status(&output, 0);
     output
 }
@@ -296,36 +297,33 @@ fn a_headset_gets_defaults_of_its_own_and_settings_win() {
     assert!(images && said.contains("; pictures in "), "{said}");
 }
 
-/// At any call, and in the middle of a frame.
+/// Between frames or within one, which is kept then and is none of the 8 that were asked for.
 #[test]
 fn a_lost_session_is_made_anew_and_the_run_goes_on() {
     let folder = Folder::new("openxr-anew");
     let more = ["--light=sky", "--reuse=lookup", "--set=output.images=true"];
-    for (behaviour, says) in [
-        ("loss_pending", "the runtime announces it"),
-        ("session_lost", "xrWaitFrame: "),
-        ("locate_lost", "xrLocateViews: "),
-        ("acquire_lost", "xrAcquireSwapchainImage: "),
-        ("end_frame_lost", "xrEndFrame: "),
+    for (behaviour, says, rendered) in [
+        ("loss_pending", "the runtime announces it", 8),
+        ("session_lost", "xrWaitFrame: ", 8),
+        ("locate_lost", "xrLocateViews: ", 9),
+        ("acquire_lost", "xrAcquireSwapchainImage: ", 9),
+        ("end_frame_lost", "xrEndFrame: ", 9),
     ] {
         let [live, again, trace] =
             ["", "-again", ".jsonl"].map(|what| folder.join(&format!("{behaviour}{what}")));
         let output = run_with(&folder, behaviour, &small_run(&live, &trace, 8), &more);
         let said = stderr(&output);
-        assert_says(
-            &said,
-            &[
-                &format!("the OpenXR session is lost ({says}"),
-                "is back after",
-            ],
-        );
-        let warnings = said.lines().filter(|line| line.contains("WARN")).count();
-        assert_eq!(warnings, 1, "{said}");
+        let lost = format!("the OpenXR session is lost ({says}");
+        for says in [&*lost, "the OpenXR session is back after "] {
+            assert_eq!(said.matches(says).count(), 1, "{behaviour}: {said}");
+        }
         let frames = Trace::read(&trace).unwrap().frames;
         assert!(frames.is_sorted_by(|a, b| a.t_ns < b.t_ns), "{behaviour}");
-        run_with(&folder, behaviour, &small_replay(&again, &trace), &more);
+        let args = small_replay(&again, &trace, rendered);
+        run_with(&folder, behaviour, &args, &more);
         let images = exrs(&live);
-        assert_eq!((frames.len(), stats(&live).len(), images.len()), (8, 8, 16));
+        let counted = [frames.len(), stats(&live).len(), images.len() / 2];
+        assert_eq!(counted, [rendered; 3], "{behaviour}");
         assert!(images == exrs(&again), "{behaviour}");
     }
 }
@@ -477,7 +475,7 @@ fn a_headset_that_changes_is_followed_recorded_and_replayed() {
     let other = folder.join("other.jsonl");
     std::fs::write(&other, without).unwrap();
     for (trace, out) in [(&trace, &again), (&other, &plain)] {
-        run_with(&folder, "changes", &small_replay(out, trace), &more);
+        run_with(&folder, "changes", &small_replay(out, trace, 8), &more);
     }
     let images = exrs(&live);
     assert_eq!(images.len(), 16);
