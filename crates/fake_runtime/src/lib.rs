@@ -30,17 +30,24 @@
 //!
 //! | value | once [`SHOWN_BEFORE`] frames were shown |
 //! |---|---|
-//! | `loss_pending` | the session goes to LOSS_PENDING |
+//! | `loss_pending` | the session goes to LOSS_PENDING, once |
 //! | `instance_loss_pending` | the event of that name |
-//! | `session_lost` | `xrWaitFrame` says ERROR_SESSION_LOST |
-//! | `end_frame_lost` | `xrEndFrame` says ERROR_SESSION_LOST |
+//! | `session_lost` | `xrWaitFrame` says ERROR_SESSION_LOST, once; `xrGetSystem` finds no headset for a while |
+//! | `locate_lost`, `acquire_lost` | `xrLocateViews` or `xrAcquireSwapchainImage` says it, once |
+//! | `end_frame_lost` | `xrEndFrame` says ERROR_SESSION_LOST, once |
+//! | `lost_for_good` | as `session_lost`, and the headset never comes back |
+//! | `lost_again` | as `session_lost` at once, and so is every session that follows |
+//! | `lost_and_changed` | as `session_lost` at once, and then other images are recommended |
 //! | `changes` | the display refreshes at 72 Hz instead of 75, and the lenses hide a corner |
 //! | `exiting` | STOPPING, IDLE, EXITING, as if the wearer had quit in the runtime's menu |
 //! | `pause` | STOPPING, IDLE, then READY again |
 //! | `unseen` | every second frame has `shouldRender` false, and a layer for it is an error |
 //!
-//! Anything else: frames without end. Only what stereolux calls is there, and calls are trusted to be valid: that they
-//! are is checked against Monado under the validation layers.
+//! Anything else: frames without end. One session at a time; each has a handle and display times of its own, and an event of
+//! the one before it comes first. Action sets that are there have different names.
+//!
+//! Only what stereolux calls is there, and calls are trusted to be valid: that they are is checked against Monado under the
+//! validation layers.
 //!
 //! `unsafe`: everything here is a C interface that is handed pointers by a loader; each is valid for the call by
 //! OpenXR's and Vulkan's rules of valid usage.
@@ -61,7 +68,6 @@ pub const SHOWN_BEFORE: u64 = 5;
 
 const INSTANCE: u64 = 1;
 const SYSTEM: u64 = 2;
-const SESSION: u64 = 3;
 const PERIOD_NS: i64 = 11_111_111;
 /// Pixels per eye.
 const SIZE: u32 = 32;
@@ -71,16 +77,41 @@ pub(crate) struct State {
     next_handle: u64,
     /// What paths and actions are called, by handle.
     names: BTreeMap<u64, String>,
+    /// What action sets are called, by handle.
+    sets: BTreeMap<u64, String>,
     shown: u64,
-    waited: u64,
-    is_running: bool,
     has_failed: bool,
+    /// Calls of `xrGetSystem` since the session was lost.
+    looked: u64,
+    session: Session,
+    session_before: u64,
     pub(crate) vulkan: Option<vulkan::Device>,
     pub(crate) swapchains: Vec<vulkan::Swapchain>,
 }
 
+/// What begins anew with each session.
+struct Session {
+    /// 0: there is none.
+    handle: u64,
+    waited: u64,
+    is_running: bool,
+    is_lost: bool,
+}
+
+impl Session {
+    const fn new(handle: u64) -> Self {
+        Self {
+            handle,
+            waited: 0,
+            is_running: false,
+            is_lost: false,
+        }
+    }
+}
+
 enum Event {
-    State(S),
+    /// Of the session with this handle.
+    State(u64, S),
     InstanceLossPending,
     RefreshRate,
     VisibilityMask,
@@ -90,10 +121,12 @@ static STATE: Mutex<State> = Mutex::new(State {
     events: VecDeque::new(),
     next_handle: 100,
     names: BTreeMap::new(),
+    sets: BTreeMap::new(),
     shown: 0,
-    waited: 0,
-    is_running: false,
     has_failed: false,
+    looked: 0,
+    session: Session::new(0),
+    session_before: 0,
     vulkan: None,
     swapchains: Vec::new(),
 });
@@ -116,13 +149,27 @@ impl State {
     }
 
     fn enter(&mut self, states: &[S]) {
-        self.events
-            .extend(states.iter().map(|state| Event::State(*state)));
+        let session = self.session.handle;
+        let events = states.iter().map(|state| Event::State(session, *state));
+        self.events.extend(events);
     }
 
-    /// True once, when enough frames were shown.
-    fn fails_now(&mut self) -> bool {
-        self.shown >= SHOWN_BEFORE && !std::mem::replace(&mut self.has_failed, true)
+    /// True when enough frames were shown and `behaviour` is asked for, once for all that are.
+    fn fails_now(&mut self, behaviour: &str) -> bool {
+        asked_for(behaviour)
+            && self.shown >= SHOWN_BEFORE
+            && !std::mem::replace(&mut self.has_failed, true)
+    }
+
+    /// Whether a call for `session` may go on.
+    fn check(&self, session: xr::Session) -> Result<(), R> {
+        if session.into_raw() != self.session.handle {
+            Err(R::ERROR_HANDLE_INVALID)
+        } else if self.session.is_lost {
+            Err(R::ERROR_SESSION_LOST)
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -183,8 +230,7 @@ unsafe extern "system" fn get_instance_proc_addr(
                 })*
                 // The other functions of the core do nothing, with success: the ABI lets a C function ignore what it
                 // is passed.
-                "xrDestroyInstance" | "xrDestroySession" | "xrDestroySpace" | "xrDestroyActionSet"
-                | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
+                "xrDestroyInstance" | "xrDestroySpace" | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
                 | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrResultToString" | "xrStructureTypeToString" => {
                     Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
                 }
@@ -208,11 +254,13 @@ unsafe extern "system" fn get_instance_proc_addr(
         PollEvent = poll_event,
         StringToPath = string_to_path,
         CreateActionSet = create_action_set,
+        DestroyActionSet = destroy_action_set,
         CreateAction = create_action,
         SuggestInteractionProfileBindings = suggest_bindings,
         GetActionStateBoolean = boolean_state,
         GetActionStateVector2f = vector_state,
         CreateSession = create_session,
+        DestroySession = destroy_session,
         BeginSession = begin_session,
         EndSession = end_session,
         RequestExitSession = request_exit,
@@ -322,7 +370,13 @@ unsafe extern "system" fn get_system(
     _: *const xr::SystemGetInfo,
     out: *mut xr::SystemId,
 ) -> R {
-    if asked_for("no_headset") {
+    let mut state = state();
+    if state.has_failed {
+        state.looked += 1;
+    }
+    let is_away = asked_for("session_lost") && (1..=3).contains(&state.looked)
+        || asked_for("lost_for_good") && state.has_failed;
+    if asked_for("no_headset") || is_away {
         return R::ERROR_FORM_FACTOR_UNAVAILABLE;
     }
     out.write(xr::SystemId::from_raw(SYSTEM));
@@ -388,6 +442,8 @@ unsafe extern "system" fn view_configuration_views(
         (0, 4096)
     } else if asked_for("huge_size") {
         (u32::MAX, u32::MAX)
+    } else if asked_for("lost_and_changed") && state().has_failed {
+        (SIZE + 1, 4096)
     } else {
         (SIZE, 4096)
     };
@@ -420,14 +476,16 @@ unsafe extern "system" fn blend_modes(
 }
 
 unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuffer) -> R {
-    match state().events.pop_front() {
+    let mut state = state();
+    let session = xr::Session::from_raw(state.session.handle);
+    match state.events.pop_front() {
         None => return R::EVENT_UNAVAILABLE,
-        Some(Event::State(entered)) => {
+        Some(Event::State(session, entered)) => {
             out.cast::<xr::EventDataSessionStateChanged>().write(
                 xr::EventDataSessionStateChanged {
                     ty: xr::EventDataSessionStateChanged::TYPE,
                     next: std::ptr::null(),
-                    session: xr::Session::from_raw(SESSION),
+                    session: xr::Session::from_raw(session),
                     state: entered,
                     time: xr::Time::from_nanos(1),
                 },
@@ -447,7 +505,7 @@ unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuf
                 xr::EventDataVisibilityMaskChangedKHR {
                     ty: xr::EventDataVisibilityMaskChangedKHR::TYPE,
                     next: std::ptr::null(),
-                    session: xr::Session::from_raw(SESSION),
+                    session,
                     view_configuration_type: xr::ViewConfigurationType::PRIMARY_STEREO,
                     view_index: 0,
                 },
@@ -477,10 +535,22 @@ unsafe extern "system" fn string_to_path(
 
 unsafe extern "system" fn create_action_set(
     _: xr::Instance,
-    _: *const xr::ActionSetCreateInfo,
+    info: *const xr::ActionSetCreateInfo,
     out: *mut xr::ActionSet,
 ) -> R {
-    out.write(xr::ActionSet::from_raw(state().handle()));
+    let name = CStr::from_ptr((*info).action_set_name.as_ptr()).to_string_lossy();
+    let mut state = state();
+    if state.sets.values().any(|known| *known == name) {
+        return R::ERROR_NAME_DUPLICATED;
+    }
+    let handle = state.handle();
+    state.sets.insert(handle, name.into_owned());
+    out.write(xr::ActionSet::from_raw(handle));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn destroy_action_set(set: xr::ActionSet) -> R {
+    state().sets.remove(&set.into_raw());
     R::SUCCESS
 }
 
@@ -550,23 +620,50 @@ unsafe extern "system" fn create_session(
     _: *const xr::SessionCreateInfo,
     out: *mut xr::Session,
 ) -> R {
-    out.write(xr::Session::from_raw(SESSION));
-    state().enter(&[S::IDLE, S::READY]);
+    let mut state = state();
+    if state.session.handle != 0 {
+        return R::ERROR_LIMIT_REACHED;
+    }
+    let handle = state.handle();
+    state.session = Session::new(handle);
+    if state.has_failed {
+        // Late, of a session that is not there any more.
+        let before = state.session_before;
+        state.events.push_back(Event::State(before, S::EXITING));
+    }
+    state.enter(&[S::IDLE, S::READY]);
+    out.write(xr::Session::from_raw(handle));
     R::SUCCESS
 }
 
-unsafe extern "system" fn begin_session(_: xr::Session, _: *const xr::SessionBeginInfo) -> R {
+unsafe extern "system" fn destroy_session(session: xr::Session) -> R {
     let mut state = state();
-    if std::mem::replace(&mut state.is_running, true) {
+    if session.into_raw() != state.session.handle {
+        return R::ERROR_HANDLE_INVALID;
+    }
+    state.session_before = state.session.handle;
+    state.session = Session::new(0);
+    R::SUCCESS
+}
+
+unsafe extern "system" fn begin_session(session: xr::Session, _: *const xr::SessionBeginInfo) -> R {
+    let mut state = state();
+    if let Err(error) = state.check(session) {
+        return error;
+    }
+    if std::mem::replace(&mut state.session.is_running, true) {
         return R::ERROR_SESSION_RUNNING;
     }
     state.enter(&[S::SYNCHRONIZED, S::VISIBLE, S::FOCUSED]);
     R::SUCCESS
 }
 
-unsafe extern "system" fn end_session(_: xr::Session) -> R {
+unsafe extern "system" fn end_session(session: xr::Session) -> R {
     let mut state = state();
-    if !std::mem::replace(&mut state.is_running, false) {
+    if let Err(error) = state.check(session) {
+        return error;
+    }
+    if !std::mem::replace(&mut state.session.is_running, false) {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
     // The end of the pause, or of everything.
@@ -579,9 +676,12 @@ unsafe extern "system" fn end_session(_: xr::Session) -> R {
     R::SUCCESS
 }
 
-unsafe extern "system" fn request_exit(_: xr::Session) -> R {
+unsafe extern "system" fn request_exit(session: xr::Session) -> R {
     let mut state = state();
-    if !state.is_running {
+    if let Err(error) = state.check(session) {
+        return error;
+    }
+    if !state.session.is_running {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
     state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
@@ -624,7 +724,7 @@ unsafe extern "system" fn locate_space(
     if asked_for("trackers") && state.names.get(&space.into_raw()).is_some_and(is_gaze) {
         (*out).pose = GAZE;
         // Between two good frames a guess: valid, and not tracked.
-        (*out).location_flags = if is_tracked(state.waited) {
+        (*out).location_flags = if is_tracked(state.session.waited) {
             valid() | tracked()
         } else {
             valid()
@@ -723,7 +823,7 @@ unsafe extern "system" fn locate_hand_joints(
         return R::ERROR_VALIDATION_FAILURE;
     }
     let hand = usize::from(tracker.into_raw() == xr::HandEXT::RIGHT.into_raw() as u64);
-    let frame = state().waited;
+    let frame = state().session.waited;
     // Lost: not active in one frame, one joint unknown in the next.
     let is_active = is_tracked(frame) || frame % 3 == 2;
     (*out).is_active = is_active.into();
@@ -771,67 +871,78 @@ unsafe extern "system" fn float_state(
 }
 
 unsafe extern "system" fn wait_frame(
-    _: xr::Session,
+    session: xr::Session,
     _: *const xr::FrameWaitInfo,
     out: *mut xr::FrameState,
 ) -> R {
     let mut state = state();
-    if !state.is_running {
+    if !state.session.is_running {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
-    if state.shown >= SHOWN_BEFORE && asked_for("session_lost") {
-        return R::ERROR_SESSION_LOST;
+    let behaviours = ["session_lost", "lost_for_good", "lost_and_changed"];
+    state.session.is_lost |= behaviours.into_iter().any(|lost| state.fails_now(lost))
+        || asked_for("lost_again") && state.shown >= SHOWN_BEFORE;
+    if let Err(error) = state.check(session) {
+        return error;
     }
-    state.waited += 1;
-    (*out).predicted_display_time =
-        xr::Time::from_nanos(1_000_000_000 + state.waited as i64 * PERIOD_NS);
+    state.session.waited += 1;
+    let waited = state.session.waited as i64;
+    (*out).predicted_display_time = xr::Time::from_nanos(1_000_000_000 + waited * PERIOD_NS);
     (*out).predicted_display_period = xr::Duration::from_nanos(PERIOD_NS);
     (*out).should_render = xr::Bool32::from_raw(u32::from(is_seen(&state)));
     R::SUCCESS
 }
 
 fn is_seen(state: &State) -> bool {
-    !asked_for("unseen") || state.waited.is_multiple_of(2)
+    !asked_for("unseen") || state.session.waited.is_multiple_of(2)
 }
 
-unsafe extern "system" fn begin_frame(_: xr::Session, _: *const xr::FrameBeginInfo) -> R {
-    R::SUCCESS
+unsafe extern "system" fn begin_frame(session: xr::Session, _: *const xr::FrameBeginInfo) -> R {
+    state().check(session).err().unwrap_or(R::SUCCESS)
 }
 
-unsafe extern "system" fn end_frame(_: xr::Session, info: *const xr::FrameEndInfo) -> R {
+unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::FrameEndInfo) -> R {
     let mut state = state();
+    let waited = state.session.waited as i64;
+    if (*info).display_time.as_nanos() != 1_000_000_000 + waited * PERIOD_NS {
+        return R::ERROR_TIME_INVALID;
+    }
     if (*info).layer_count > 0 {
         if !is_seen(&state) {
             return R::ERROR_VALIDATION_FAILURE;
         }
-        if state.shown >= SHOWN_BEFORE && asked_for("end_frame_lost") {
-            return R::ERROR_SESSION_LOST;
+        state.session.is_lost |= state.fails_now("end_frame_lost");
+        if let Err(error) = state.check(session) {
+            return error;
         }
         state.shown += 1;
     }
-    if state.fails_now() {
-        if asked_for("loss_pending") {
-            state.enter(&[S::LOSS_PENDING]);
-        } else if asked_for("instance_loss_pending") {
-            state.events.push_back(Event::InstanceLossPending);
-        } else if asked_for("changes") {
-            state.events.push_back(Event::RefreshRate);
-            state.events.push_back(Event::VisibilityMask);
-        } else if asked_for("exiting") || asked_for("pause") {
-            state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
-        }
+    if state.fails_now("loss_pending") {
+        state.enter(&[S::LOSS_PENDING]);
+    } else if state.fails_now("instance_loss_pending") {
+        state.events.push_back(Event::InstanceLossPending);
+    } else if state.fails_now("changes") {
+        state.events.push_back(Event::RefreshRate);
+        state.events.push_back(Event::VisibilityMask);
+    } else if state.fails_now("exiting") || state.fails_now("pause") {
+        state.enter(&[S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
     }
     R::SUCCESS
 }
 
 unsafe extern "system" fn locate_views(
-    _: xr::Session,
+    session: xr::Session,
     _: *const xr::ViewLocateInfo,
     located: *mut xr::ViewState,
     capacity: u32,
     count: *mut u32,
     out: *mut xr::View,
 ) -> R {
+    let mut state = state();
+    state.session.is_lost |= state.fails_now("locate_lost");
+    if let Err(error) = state.check(session) {
+        return error;
+    }
     (*located).view_state_flags =
         xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID;
     let eyes: &[f32] = if asked_for("one_view") {

@@ -252,6 +252,10 @@ pub(crate) unsafe extern "system" fn acquire_image(
     out: *mut u32,
 ) -> R {
     let mut state = state();
+    state.session.is_lost |= state.fails_now("acquire_lost");
+    if state.session.is_lost {
+        return R::ERROR_SESSION_LOST;
+    }
     let Some(found) = state
         .swapchains
         .iter_mut()

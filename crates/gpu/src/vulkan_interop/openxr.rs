@@ -205,6 +205,28 @@ pub fn open_device(
     unsafe { adapter.create_device_from_hal(open, descriptor) }.map_err(|error| error.to_string())
 }
 
+/// Whether the runtime dictates the adapter of `device`, one of [`open_device`], as it did then. Callers owe that runtime and
+/// device belong together.
+///
+/// # Errors
+/// The runtime's.
+pub fn dictates_adapter_of(
+    runtime: &xr::Instance,
+    system: xr::SystemId,
+    device: &wgpu::Device,
+) -> xr::Result<bool> {
+    // SAFETY: the guard is dropped at the end of this function.
+    let Some(open) = (unsafe { device.as_hal::<Vulkan>() }) else {
+        return Err(xr::sys::Result::ERROR_GRAPHICS_DEVICE_INVALID);
+    };
+    let instance = open.shared_instance().raw_instance().handle();
+    // SAFETY: the Vulkan instance was made through this runtime, and the guard keeps it.
+    let dictated = unsafe {
+        runtime.vulkan_graphics_device(system, instance.as_raw() as usize as *const c_void)
+    }?;
+    Ok(dictated as usize as u64 == open.raw_physical_device().as_raw())
+}
+
 /// A session on a device of [`open_device`]. The device lives at least as long as the session. Callers owe that runtime,
 /// system and device belong together.
 ///

@@ -1,17 +1,20 @@
 //! A session on an OpenXR runtime.
 //!
 //! [`Runtime`] finds the loader, the runtime and its headset and opens the device that the runtime dictates;
-//! [`OpenXrSession`] runs the session on it. The runtime's poses are in its LOCAL or STAGE space; `locomotion` holds where
+//! [`OpenXrSession`] runs the session on it, and another one where `recovery` puts one in the place of a lost one. The runtime's poses are in its LOCAL or STAGE space; `locomotion` holds where
 //! that space lies in the world, and everything that leaves this module is in the world.
 //!
 //! Calls into Vulkan and whatever else cannot be checked by the compiler are in
 //! [`stereolux_gpu::vulkan_interop::openxr`].
 
 mod controls;
+mod display_clock;
 mod hands;
 mod lifecycle;
+mod live;
 mod locomotion;
 mod own_actions;
+mod recovery;
 mod runtime;
 mod states;
 mod swapchain;
@@ -24,11 +27,12 @@ use openxr as xr;
 
 pub use runtime::{Runtime, RuntimeError};
 
-use self::controls::Controls;
-use self::lifecycle::{Lifecycle, Step};
+use self::controls::Wishes;
+use self::display_clock::DisplayClock;
+use self::lifecycle::Step;
+use self::live::Live;
 use self::locomotion::Locomotion;
-use self::runtime::{STEREO, failed};
-use self::swapchain::EyeSwapchains;
+use self::runtime::{STEREO, is_gone};
 use super::frame_clock::FrameOrder;
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
@@ -66,29 +70,25 @@ pub struct SessionOptions {
     pub actions: Actions,
 }
 
-/// A session. Fields are dropped in order: images before their session, the session before its instance.
+/// The session of a run. Fields are dropped in order: the runtime's session before its instance.
 pub struct OpenXrSession {
     info: SessionInfo,
     order: FrameOrder,
-    lifecycle: Lifecycle,
     locomotion: Locomotion,
     options: SessionOptions,
-    eyes: Option<[EyeSwapchains; 2]>,
-    controls: Controls,
-    space: xr::Space,
-    stream: xr::FrameStream<xr::Vulkan>,
-    waiter: xr::FrameWaiter,
-    session: xr::Session<xr::Vulkan>,
+    /// `None`: it was lost, and none took its place.
+    live: Option<Live>,
     device: wgpu::Device,
     runtime: Runtime,
     /// The runtime wants this program to quit, or has gone.
     is_over: bool,
     /// The wearer pressed the button.
     wants_to_quit: bool,
-    /// A frame was begun and not ended.
-    in_frame: bool,
+    /// Frames that were shown.
     frames: u64,
-    last_time_ns: Option<i64>,
+    /// Sessions that were lost since the last frame.
+    losses: u32,
+    clock: DisplayClock,
     last_head: Option<Pose>,
 }
 
@@ -96,70 +96,45 @@ impl OpenXrSession {
     /// Creates the session and its swapchains on the device of [`Runtime::open_device`].
     ///
     /// # Errors
-    /// [`RuntimeError::Call`] and [`RuntimeError::Vulkan`].
+    /// [`RuntimeError::Call`], [`RuntimeError::Vulkan`] and [`RuntimeError::Binding`].
     pub fn create(
         runtime: Runtime,
         context: &GpuContext,
         options: SessionOptions,
     ) -> Result<Self, RuntimeError> {
-        let (session, waiter, stream) =
-            interop::create_session(&runtime.instance, runtime.system, &context.device)
-                .map_err(failed("xrCreateSession"))?;
-        let (kind, world_from_space) = match options.settings.space {
-            Space::Local => (xr::ReferenceSpaceType::LOCAL, options.start.position),
-            Space::Stage => (
-                xr::ReferenceSpaceType::STAGE,
-                options.start.position - DVec3::Y * EYE_HEIGHT_M,
-            ),
+        let live = Live::new(&runtime, &context.device, &options)?;
+        let settings = &options.settings;
+        let world_from_space = match settings.space {
+            Space::Local => options.start.position,
+            Space::Stage => options.start.position - DVec3::Y * EYE_HEIGHT_M,
         };
-        let space = session
-            .create_reference_space(kind, xr::Posef::IDENTITY)
-            .map_err(failed("xrCreateReferenceSpace"))?;
-        let refresh_hz = refresh_rate(&runtime, &session, options.settings.refresh_hz);
-        let hidden = hidden_areas(&runtime, &session, &options.settings);
-        let moves = options.settings.locomotion;
-        let controls = Controls::new(&runtime, &session, moves, &options.actions)?;
-        let with_depth = options.settings.depth_layer && runtime.offered.depth_layer;
-        let eyes = EyeSwapchains::pair(
-            &session,
-            &context.device,
-            options.size,
-            options.settings.format,
-            with_depth,
-        )?;
         let info = SessionInfo {
             source: format!("openxr ({})", runtime.name()),
             headset: runtime.headset().to_owned(),
-            refresh_hz,
+            refresh_hz: refresh_rate(&runtime, &live.session, settings.refresh_hz),
             recommended_size: Some(runtime.recommended_size()),
-            hidden,
+            hidden: hidden_areas(&runtime, &live.session, settings),
         };
         let locomotion = Locomotion::new(
             Pose::new(
                 world_from_space,
                 DQuat::from_rotation_y(options.start.heading_rad()),
             ),
-            &options.settings,
+            settings,
         );
         Ok(Self {
             info,
             order: FrameOrder::default(),
-            lifecycle: Lifecycle::new(),
             locomotion,
             options,
-            eyes: Some(eyes),
-            controls,
-            space,
-            stream,
-            waiter,
-            session,
+            live: Some(live),
             device: context.device.clone(),
             runtime,
             is_over: false,
             wants_to_quit: false,
-            in_frame: false,
             frames: 0,
-            last_time_ns: None,
+            losses: 0,
+            clock: DisplayClock::default(),
             last_head: None,
         })
     }
@@ -167,90 +142,105 @@ impl OpenXrSession {
     /// The colour format of the images, and whether depth goes with them.
     #[must_use]
     pub fn image_format(&self) -> Option<(wgpu::TextureFormat, bool)> {
-        let [left, _] = self.eyes.as_ref()?;
-        Some((left.format(), left.depth().is_some()))
+        self.live.as_ref().map(Live::image_format)
     }
 
-    /// What `call` said as an error of this run. A lost session or instance needs no more calls.
-    fn lost(&mut self, call: &'static str, result: xr::sys::Result) -> XrError {
-        use xr::sys::Result as R;
-        let gone = matches!(
-            result,
-            R::ERROR_INSTANCE_LOST | R::ERROR_SESSION_LOST | R::ERROR_RUNTIME_FAILURE
-        );
-        if gone {
-            self.is_over = true;
-            self.lifecycle.enter(xr::SessionState::LOSS_PENDING);
+    /// The runtime's session, unless it is lost.
+    fn usable(&mut self) -> Option<&mut Live> {
+        self.live.as_mut().filter(|live| live.loss.is_none())
+    }
+
+    /// Whether frames are waited for, begun and ended.
+    fn is_running(&mut self) -> bool {
+        self.usable().is_some_and(|live| live.lifecycle.running())
+    }
+
+    /// Notes that the session is lost, by what `loss` says: another takes its place before the next frame.
+    fn note_loss(&mut self, loss: String) {
+        if let Some(live) = self.usable() {
+            log::debug!("the OpenXR session is lost: {loss}");
+            live.loss = Some(loss);
         }
-        XrError::Runtime(format!(
-            "{call}: {result}{}; {} frames were shown and are kept",
-            if gone {
-                " (the OpenXR runtime or its session is gone; start it again)"
-            } else {
-                ""
-            },
-            self.frames
-        ))
     }
 
-    /// Reads the runtime's events and does what they ask for.
+    /// Takes what `call` said: a lost session is noted, and anything else is an error of this run.
+    ///
+    /// # Errors
+    /// Any other failure. A runtime that is gone needs no more calls.
+    fn fail(&mut self, call: &'static str, result: xr::sys::Result) -> Result<(), XrError> {
+        if result == xr::sys::Result::ERROR_SESSION_LOST {
+            self.note_loss(format!("{call}: {result}"));
+            return Ok(());
+        }
+        let gone = if is_gone(result) {
+            self.is_over = true;
+            " (the OpenXR runtime is gone; start it again)"
+        } else {
+            ""
+        };
+        Err(self.with_frames_kept(&format!("{call}: {result}{gone}")))
+    }
+
+    fn with_frames_kept(&self, what: &str) -> XrError {
+        let frames = self.frames;
+        XrError::Runtime(format!("{what}; {frames} frames were shown and are kept"))
+    }
+
+    /// Reads the runtime's events and does what they ask for. Those of a lost session ask for nothing.
     fn poll_events(&mut self) -> Result<(), XrError> {
         let mut buffer = xr::EventDataBuffer::new();
         loop {
             let event = match self.runtime.instance.poll_event(&mut buffer) {
                 Ok(Some(event)) => event,
                 Ok(None) => return Ok(()),
-                Err(error) => return Err(self.lost("xrPollEvent", error)),
+                Err(error) => return self.fail("xrPollEvent", error),
             };
-            match event {
-                xr::Event::SessionStateChanged(change)
-                    if change.session() == self.session.as_raw() =>
+            let usable = self.live.as_mut().filter(|live| live.loss.is_none());
+            match (event, usable) {
+                (xr::Event::SessionStateChanged(change), Some(live))
+                    if change.session() == live.session.as_raw() =>
                 {
                     log::info!("OpenXR session: {}", lifecycle::name(change.state()));
-                    match self.lifecycle.enter(change.state()) {
+                    match live.lifecycle.enter(change.state()) {
                         Step::None => {}
                         Step::Begin => {
-                            if let Err(error) = self.session.begin(STEREO) {
-                                return Err(self.lost("xrBeginSession", error));
+                            if let Err(error) = live.session.begin(STEREO) {
+                                self.fail("xrBeginSession", error)?;
                             }
                         }
                         Step::End => {
-                            if let Err(error) = self.session.end() {
-                                return Err(self.lost("xrEndSession", error));
+                            if let Err(error) = live.session.end() {
+                                self.fail("xrEndSession", error)?;
                             }
                         }
                         Step::Quit => self.is_over = true,
-                        Step::Lost => {
-                            return Err(self.lost(
-                                "the runtime announces the loss of the session",
-                                xr::sys::Result::ERROR_SESSION_LOST,
-                            ));
-                        }
+                        Step::Lost => self.note_loss("the runtime announces it".to_owned()),
                     }
                 }
-                xr::Event::InstanceLossPending(_) => {
-                    return Err(self.lost(
+                (xr::Event::InstanceLossPending(_), _) => {
+                    return self.fail(
                         "the runtime announces the loss of the instance",
                         xr::sys::Result::ERROR_INSTANCE_LOST,
-                    ));
+                    );
                 }
-                xr::Event::VisibilityMaskChangedKHR(_) => {
+                (xr::Event::VisibilityMaskChangedKHR(change), Some(live))
+                    if change.session() == live.session.as_raw() =>
+                {
                     log::info!("the runtime changed its visibility mask");
-                    let settings = &self.options.settings;
-                    let hidden = hidden_areas(&self.runtime, &self.session, settings);
-                    self.info.hidden = hidden.or_else(|| self.info.hidden.take());
+                    let session = live.session.clone();
+                    self.follow_hidden(&session);
                 }
-                xr::Event::DisplayRefreshRateChangedFB(change) => {
+                (xr::Event::DisplayRefreshRateChangedFB(change), Some(_)) => {
                     let rate = change.to_display_refresh_rate();
                     if is_usable_rate(&rate) {
                         log::info!("the display now refreshes at {rate} Hz");
                         self.info.refresh_hz = f64::from(rate);
                     }
                 }
-                xr::Event::ReferenceSpaceChangePending(_) => {
+                (xr::Event::ReferenceSpaceChangePending(_), Some(_)) => {
                     log::info!("the runtime recentred its space");
                 }
-                xr::Event::EventsLost(lost) => {
+                (xr::Event::EventsLost(lost), _) => {
                     log::warn!("the runtime dropped {} events", lost.lost_event_count());
                 }
                 _ => {}
@@ -258,24 +248,37 @@ impl OpenXrSession {
         }
     }
 
-    /// Asks the runtime to end the session and follows until it has: without frames some never get there.
-    fn finish(&mut self) -> Result<(), XrError> {
-        if !self.lifecycle.running() {
-            return Ok(());
+    /// Takes over what the lenses hide now, if anything may be hidden.
+    fn follow_hidden(&mut self, session: &xr::Session<xr::Vulkan>) {
+        if let Some(hidden) = &mut self.info.hidden
+            && let Some(now) = hidden_areas(&self.runtime, session, &self.options.settings)
+        {
+            *hidden = now;
         }
-        if let Err(error) = self.session.request_exit() {
-            return Err(self.lost("xrRequestExitSession", error));
+    }
+
+    /// Asks the runtime to end the session and follows until it has: without frames some never get there. A session that
+    /// is lost meanwhile has ended.
+    fn finish(&mut self) -> Result<(), XrError> {
+        let Some(live) = self.usable().filter(|live| live.lifecycle.running()) else {
+            return Ok(());
+        };
+        if let Err(error) = live.session.request_exit() {
+            return self.fail("xrRequestExitSession", error);
         }
         let began = Instant::now();
         while !self.is_over && began.elapsed() < LONGEST_GOODBYE {
             self.poll_events()?;
-            if self.lifecycle.running() {
-                let state = match self.waiter.wait() {
+            let Some(live) = self.usable() else {
+                return Ok(());
+            };
+            if live.lifecycle.running() {
+                let state = match live.waiter.wait() {
                     Ok(state) => state,
-                    Err(error) => return Err(self.lost("xrWaitFrame", error)),
+                    Err(error) => return self.fail("xrWaitFrame", error),
                 };
-                if let Err(error) = self.stream.begin() {
-                    return Err(self.lost("xrBeginFrame", error));
+                if let Err(error) = live.stream.begin() {
+                    return self.fail("xrBeginFrame", error);
                 }
                 self.end_empty(state.predicted_display_time)?;
             } else if !self.is_over {
@@ -286,23 +289,49 @@ impl OpenXrSession {
     }
 
     fn end_empty(&mut self, time: xr::Time) -> Result<(), XrError> {
-        self.in_frame = false;
-        match self.stream.end(time, self.runtime.blend_mode, &[]) {
-            Ok(()) => Ok(()),
-            Err(error) => Err(self.lost("xrEndFrame", error)),
+        let blend_mode = self.runtime.system.blend_mode;
+        let Some(live) = self.usable() else {
+            return Ok(());
+        };
+        live.in_frame = false;
+        match live.stream.end(time, blend_mode, &[]) {
+            Ok(()) => {
+                self.losses = 0;
+                Ok(())
+            }
+            Err(error) => self.fail("xrEndFrame", error),
         }
     }
 
-    /// Moves, turns, and notes what else the wearer wants; true if reuse is to be switched.
-    fn follow_controls(&mut self, time_ns: i64) -> Result<bool, XrError> {
-        let input = match self.controls.read(&self.session) {
-            Ok(input) => input,
-            Err(error) => return Err(self.lost("xrSyncActions", error)),
+    /// Waits for a frame of the session and reads the controls; `None`: it was lost over that.
+    fn next_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        let Some(live) = self.usable() else {
+            return Ok(None);
         };
-        let seconds = self
-            .last_time_ns
-            .map_or(0.0, |last| time_ns.saturating_sub(last) as f64 * 1e-9);
-        self.last_time_ns = Some(time_ns);
+        let state = match live.waiter.wait() {
+            Ok(state) => state,
+            Err(error) => return self.fail("xrWaitFrame", error).map(|()| None),
+        };
+        let input = match live.controls.read(&live.session) {
+            Ok(input) => input,
+            Err(error) => return self.fail("xrSyncActions", error).map(|()| None),
+        };
+        let period_ns = state.predicted_display_period.as_nanos().max(1);
+        let last_ns = self.clock.last_ns();
+        let time_ns = self.clock.next_ns(state.predicted_display_time, period_ns);
+        let seconds = last_ns.map_or(0.0, |last| time_ns.saturating_sub(last) as f64 * 1e-9);
+        self.follow_controls(&input, seconds);
+        Ok(Some(FrameState {
+            predicted_display_time_ns: time_ns,
+            period_ns,
+            should_render: state.should_render,
+            switch_reuse: input.switch_reuse,
+            quality: QualityFrom::Application,
+        }))
+    }
+
+    /// Moves, turns, and notes what else the wearer wants, `seconds` after the frame before.
+    fn follow_controls(&mut self, input: &Wishes, seconds: f64) {
         if let Some(head) = self.last_head {
             // Turned first: the head stays where it is, and the walk goes where it then looks.
             let in_space = inverse(&self.locomotion.world_from_space()).then(&head);
@@ -316,7 +345,6 @@ impl OpenXrSession {
             log::info!("the wearer quits");
             self.wants_to_quit = true;
         }
-        Ok(input.switch_reuse)
     }
 }
 
@@ -336,48 +364,46 @@ impl XrSession for OpenXrSession {
             return Ok(None);
         }
         loop {
+            // The one place where a session is replaced, whichever call said that it is lost.
+            let loss = self.live.as_ref().and_then(|live| live.loss.clone());
+            if let Some(loss) = loss {
+                self.recover(&loss)?;
+            }
             self.poll_events()?;
             if self.is_over || stereolux_base::interrupt::requested() {
                 self.finish()?;
                 return Ok(None);
             }
-            if self.lifecycle.running() {
-                break;
+            if !self.is_running() {
+                std::thread::sleep(IDLE_PAUSE);
+            } else if let Some(frame) = self.next_frame()? {
+                self.order.waited(&frame);
+                return Ok(Some(frame));
             }
-            std::thread::sleep(IDLE_PAUSE);
         }
-        let state = match self.waiter.wait() {
-            Ok(state) => state,
-            Err(error) => return Err(self.lost("xrWaitFrame", error)),
-        };
-        let time_ns = state.predicted_display_time.as_nanos();
-        let switch_reuse = self.follow_controls(time_ns)?;
-        let frame = FrameState {
-            predicted_display_time_ns: time_ns,
-            period_ns: state.predicted_display_period.as_nanos().max(1),
-            should_render: state.should_render,
-            switch_reuse,
-            quality: QualityFrom::Application,
-        };
-        self.order.waited(&frame);
-        Ok(Some(frame))
     }
 
     fn begin_frame(&mut self) -> Result<(), XrError> {
         self.order.begin()?;
-        if let Err(error) = self.stream.begin() {
-            return Err(self.lost("xrBeginFrame", error));
+        let Some(live) = self.usable() else {
+            return Ok(());
+        };
+        if let Err(error) = live.stream.begin() {
+            return self.fail("xrBeginFrame", error);
         }
-        self.in_frame = true;
+        live.in_frame = true;
         Ok(())
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
         self.order.may_locate()?;
-        let time = xr::Time::from_nanos(display_time_ns);
-        let (flags, views) = match self.session.locate_views(STEREO, time, &self.space) {
+        let time = self.clock.of_runtime(display_time_ns);
+        let Some(live) = self.usable() else {
+            return Ok(None);
+        };
+        let (flags, views) = match live.session.locate_views(STEREO, time, &live.space) {
             Ok(located) => located,
-            Err(error) => return Err(self.lost("xrLocateViews", error)),
+            Err(error) => return self.fail("xrLocateViews", error).map(|()| None),
         };
         let [left, right] = views.as_slice() else {
             return Ok(None);
@@ -404,18 +430,26 @@ impl XrSession for OpenXrSession {
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate()?;
-        let read = self.controls.locate(
-            &self.session,
-            &self.space,
-            &self.locomotion.world_from_space(),
-            xr::Time::from_nanos(display_time_ns),
-        );
-        read.map_err(|error| self.lost("reading the hands", error))
+        let time = self.clock.of_runtime(display_time_ns);
+        let world_from_space = self.locomotion.world_from_space();
+        let Some(live) = self.usable() else {
+            return Ok(Input::default());
+        };
+        let read = live
+            .controls
+            .locate(&live.session, &live.space, &world_from_space, time);
+        read.or_else(|error| {
+            self.fail("reading the hands", error)
+                .map(|()| Input::default())
+        })
     }
 
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
-        let sent = self.controls.vibrate(&self.session, pulse);
-        sent.map_err(|error| self.lost("xrApplyHapticFeedback", error))
+        let Some(live) = self.usable() else {
+            return Ok(());
+        };
+        let sent = live.controls.vibrate(&live.session, pulse);
+        sent.or_else(|error| self.fail("xrApplyHapticFeedback", error))
     }
 
     fn move_wearer(&mut self, by_m: DVec3) {
@@ -427,11 +461,11 @@ impl XrSession for OpenXrSession {
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
         self.order.may_acquire()?;
-        let Some(eyes) = &mut self.eyes else {
-            return Err(XrError::CallOrder("acquire_targets after the end".into()));
+        let Some(live) = self.usable() else {
+            return Ok(RenderTargets::FrameLoopOwned);
         };
         let mut acquire = || {
-            let [left, right] = eyes;
+            let [left, right] = &mut live.eyes;
             Ok((left.acquire()?, right.acquire()?))
         };
         match acquire() {
@@ -444,56 +478,63 @@ impl XrSession for OpenXrSession {
                     near_m: NEAR_M,
                 })))
             }
-            Err((call, error)) => Err(self.lost(call, error)),
+            Err((call, error)) => {
+                self.fail(call, error)?;
+                Ok(RenderTargets::FrameLoopOwned)
+            }
         }
     }
 
     fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
         self.order.end(submission.display_time_ns)?;
-        let time = xr::Time::from_nanos(submission.display_time_ns);
+        let time = self.clock.of_runtime(submission.display_time_ns);
         let Some(rendered) = submission.rendered else {
             return self.end_empty(time);
         };
-        let Some(eyes) = &mut self.eyes else {
-            return Err(XrError::CallOrder("end_frame after the end".into()));
+        let blend_mode = self.runtime.system.blend_mode;
+        let size = submission.size.unwrap_or(self.options.size);
+        let space_from_world = inverse(&self.locomotion.world_from_space());
+        // A frame in which the session was lost is not shown, and does not count.
+        let Some(live) = self.usable() else {
+            return Ok(());
         };
         let mut release = || {
-            let [left, right] = eyes;
+            let [left, right] = &mut live.eyes;
             left.release()?;
             right.release()
         };
         if let Err((call, error)) = release() {
-            return Err(self.lost(call, error));
+            return self.fail(call, error);
         }
-        self.in_frame = false;
+        live.in_frame = false;
         // The views that were rendered, back in the runtime's space: f64 until the last step, so that they round to the
         // f32 numbers that the runtime gave.
-        let space_from_world = inverse(&self.locomotion.world_from_space());
-        let layers =
-            [(&eyes[0], rendered.left()), (&eyes[1], rendered.right())].map(|(eye, view)| {
-                let (pose, fov) = pose_in_space(&space_from_world, view);
-                LayerView {
-                    pose,
-                    fov,
-                    color: eye.color(),
-                    depth: eye.depth(),
-                }
-            });
+        let [left, right] = &live.eyes;
+        let layers = [(left, rendered.left()), (right, rendered.right())].map(|(eye, view)| {
+            let (pose, fov) = pose_in_space(&space_from_world, view);
+            LayerView {
+                pose,
+                fov,
+                color: eye.color(),
+                depth: eye.depth(),
+            }
+        });
         let ended = interop::end_frame_with_layer(
-            &mut self.stream,
+            &mut live.stream,
             time,
-            self.runtime.blend_mode,
-            &self.space,
-            submission.size.unwrap_or(self.options.size),
+            blend_mode,
+            &live.space,
+            size,
             NEAR_M,
             layers,
         );
         match ended {
             Ok(()) => {
                 self.frames += 1;
+                self.losses = 0;
                 Ok(())
             }
-            Err(error) => Err(self.lost("xrEndFrame", error)),
+            Err(error) => self.fail("xrEndFrame", error),
         }
     }
 }
@@ -501,26 +542,17 @@ impl XrSession for OpenXrSession {
 impl Drop for OpenXrSession {
     fn drop(&mut self) {
         // After an error the session may still be running: leave it in order, as far as the runtime plays along.
-        if self.lifecycle.running() && !self.is_over {
-            let time = self.last_time_ns.map(xr::Time::from_nanos);
-            let ended = match (self.in_frame, time) {
-                (true, Some(time)) => self.end_empty(time),
-                _ => Ok(()),
-            };
-            if let Err(error) = ended.and_then(|()| self.finish()) {
-                log::debug!("{error}");
-            }
+        if self.is_over || !self.is_running() {
+            return;
         }
-        // wgpu lets go of a texture once the device is done with it; only then may the runtime destroy its image.
-        if let Some(eyes) = &mut self.eyes {
-            for eye in eyes {
-                eye.forget_images();
-            }
+        let is_in_frame = self.live.as_ref().is_some_and(|live| live.in_frame);
+        let ended = match self.clock.last_ns().filter(|_| is_in_frame) {
+            Some(time_ns) => self.end_empty(self.clock.of_runtime(time_ns)),
+            None => Ok(()),
+        };
+        if let Err(error) = ended.and_then(|()| self.finish()) {
+            log::debug!("{error}");
         }
-        if let Err(error) = stereolux_gpu::context::finish(&self.device) {
-            log::debug!("at the session's end: {error}");
-        }
-        self.eyes = None;
     }
 }
 

@@ -35,7 +35,7 @@ pub enum RuntimeError {
         /// Name of the runtime.
         runtime: String,
         /// The runtime's words.
-        reason: String,
+        reason: xr::sys::Result,
     },
     /// The headset does not show two views.
     #[error("{system:?} offers no stereo view configuration (two views, left and right)")]
@@ -89,13 +89,16 @@ pub enum RuntimeError {
         /// The runtime's words.
         reason: String,
     },
+    /// For a new session in the place of a lost one the runtime has something else than before.
+    #[error("the OpenXR runtime now has {0}; start the run again")]
+    Changed(&'static str),
     /// Any other call.
     #[error("{call}: {reason}")]
     Call {
         /// The function.
         call: &'static str,
         /// The runtime's words.
-        reason: String,
+        reason: xr::sys::Result,
     },
     /// The device.
     #[error(transparent)]
@@ -111,14 +114,25 @@ impl RuntimeError {
             Self::OtherAdapter { .. } | Self::TooLarge { .. } | Self::Binding { .. }
         )
     }
+
+    /// Whether the same may go well a little later.
+    pub(super) fn may_pass(&self) -> bool {
+        match self {
+            Self::NoHeadset { reason, .. } | Self::Call { reason, .. } => !is_gone(*reason),
+            _ => false,
+        }
+    }
 }
 
 /// For `map_err`: an error of `call`.
 pub(super) fn failed(call: &'static str) -> impl FnOnce(xr::sys::Result) -> RuntimeError {
-    move |result| RuntimeError::Call {
-        call,
-        reason: result.to_string(),
-    }
+    move |reason| RuntimeError::Call { call, reason }
+}
+
+/// Whether the runtime itself is gone, and takes no more calls.
+pub(super) fn is_gone(result: xr::sys::Result) -> bool {
+    use xr::sys::Result as R;
+    matches!(result, R::ERROR_INSTANCE_LOST | R::ERROR_RUNTIME_FAILURE)
 }
 
 /// What is in use of what a runtime may offer.
@@ -136,16 +150,96 @@ pub(super) struct Offered {
 /// Either offers pictures of controllers; this program asks for neither.
 const CONTROLLER_MODELS: [&str; 2] = ["XR_MSFT_controller_model", "XR_FB_render_model"];
 
+/// A headset as the runtime describes it.
+pub(super) struct System {
+    pub(super) id: xr::SystemId,
+    pub(super) blend_mode: xr::EnvironmentBlendMode,
+    name: String,
+    views: [xr::ViewConfigurationView; 2],
+    tracks_joints_and_gaze: [bool; 2],
+}
+
+impl System {
+    /// The headset of the runtime that is called `runtime`.
+    fn find(instance: &xr::Instance, runtime: &str) -> Result<Self, RuntimeError> {
+        let id = instance
+            .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
+            .map_err(|reason| RuntimeError::NoHeadset {
+                runtime: runtime.to_owned(),
+                reason,
+            })?;
+        let name = one_line(
+            &instance
+                .system_properties(id)
+                .map_err(failed("xrGetSystemProperties"))?
+                .system_name,
+        );
+        // A runtime that knows how may stand before a headset that cannot.
+        let tracks_joints_and_gaze = interop::tracks_joints_and_gaze(instance, id)
+            .map_err(failed("xrGetSystemProperties"))?;
+        let no_stereo = || RuntimeError::NoStereo {
+            system: name.clone(),
+        };
+        let configurations = instance
+            .enumerate_view_configurations(id)
+            .map_err(failed("xrEnumerateViewConfigurations"))?;
+        if !configurations.contains(&STEREO) {
+            return Err(no_stereo());
+        }
+        let views = instance
+            .enumerate_view_configuration_views(id, STEREO)
+            .map_err(failed("xrEnumerateViewConfigurationViews"))?;
+        let views = <[_; 2]>::try_from(views).map_err(|_| no_stereo())?;
+        // A scene that fills the view: the first mode that does not show the room, else what there is.
+        let modes = instance
+            .enumerate_environment_blend_modes(id, STEREO)
+            .map_err(failed("xrEnumerateEnvironmentBlendModes"))?;
+        let blend_mode = modes
+            .iter()
+            .find(|mode| **mode == xr::EnvironmentBlendMode::OPAQUE)
+            .or(modes.first())
+            .copied()
+            .unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
+        Ok(Self {
+            id,
+            blend_mode,
+            name,
+            views,
+            tracks_joints_and_gaze,
+        })
+    }
+
+    /// See [`Runtime::recommended_size`].
+    fn recommended_size(&self) -> [u32; 2] {
+        let [left, right] = &self.views;
+        let most = self.largest_size();
+        [
+            left.recommended_image_rect_width
+                .max(right.recommended_image_rect_width)
+                .min(most[0]),
+            left.recommended_image_rect_height
+                .max(right.recommended_image_rect_height)
+                .min(most[1]),
+        ]
+    }
+
+    /// See [`Runtime::largest_size`].
+    fn largest_size(&self) -> [u32; 2] {
+        let [left, right] = &self.views;
+        [
+            left.max_image_rect_width.min(right.max_image_rect_width),
+            left.max_image_rect_height.min(right.max_image_rect_height),
+        ]
+    }
+}
+
 /// A runtime with a headset, ready for a session.
 pub struct Runtime {
     pub(super) instance: xr::Instance,
-    pub(super) system: xr::SystemId,
+    pub(super) system: System,
     pub(super) offered: Offered,
-    pub(super) blend_mode: xr::EnvironmentBlendMode,
-    views: [xr::ViewConfigurationView; 2],
     name: String,
     version: String,
-    headset: String,
     extensions: Vec<String>,
 }
 
@@ -195,44 +289,8 @@ impl Runtime {
             .properties()
             .map_err(failed("xrGetInstanceProperties"))?;
         let name = one_line(&properties.runtime_name);
-        let system = instance
-            .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
-            .map_err(|error| RuntimeError::NoHeadset {
-                runtime: name.clone(),
-                reason: error.to_string(),
-            })?;
-        let headset = one_line(
-            &instance
-                .system_properties(system)
-                .map_err(failed("xrGetSystemProperties"))?
-                .system_name,
-        );
-        // A runtime that knows how may stand before a headset that cannot.
-        [offered.hand_joints, offered.gaze] = interop::tracks_joints_and_gaze(&instance, system)
-            .map_err(failed("xrGetSystemProperties"))?;
-        let no_stereo = || RuntimeError::NoStereo {
-            system: headset.clone(),
-        };
-        let configurations = instance
-            .enumerate_view_configurations(system)
-            .map_err(failed("xrEnumerateViewConfigurations"))?;
-        if !configurations.contains(&STEREO) {
-            return Err(no_stereo());
-        }
-        let views = instance
-            .enumerate_view_configuration_views(system, STEREO)
-            .map_err(failed("xrEnumerateViewConfigurationViews"))?;
-        let views = <[_; 2]>::try_from(views).map_err(|_| no_stereo())?;
-        // A scene that fills the view: the first mode that does not show the room, else what there is.
-        let modes = instance
-            .enumerate_environment_blend_modes(system, STEREO)
-            .map_err(failed("xrEnumerateEnvironmentBlendModes"))?;
-        let blend_mode = modes
-            .iter()
-            .find(|mode| **mode == xr::EnvironmentBlendMode::OPAQUE)
-            .or(modes.first())
-            .copied()
-            .unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
+        let system = System::find(&instance, &name)?;
+        [offered.hand_joints, offered.gaze] = system.tracks_joints_and_gaze;
         let extensions = available
             .names()
             .into_iter()
@@ -245,14 +303,43 @@ impl Runtime {
         Ok(Self {
             system,
             offered,
-            blend_mode,
-            views,
             version: properties.runtime_version.to_string(),
             name,
-            headset,
             extensions,
             instance,
         })
+    }
+
+    /// Looks for the headset again, before another session is made on `device`. What a run keeps must be as it was.
+    ///
+    /// # Errors
+    /// [`RuntimeError::Changed`], and those of [`Runtime::find`].
+    pub(super) fn find_again(&mut self, device: &wgpu::Device) -> Result<(), RuntimeError> {
+        let again = System::find(&self.instance, &self.name)?;
+        if again.name != self.system.name {
+            return Err(RuntimeError::Changed("another headset"));
+        }
+        let sizes = |system: &System| [system.recommended_size(), system.largest_size()];
+        if sizes(&again) != sizes(&self.system) {
+            return Err(RuntimeError::Changed("images of another size"));
+        }
+        self.ask_requirements(again.id)?;
+        let is_same = interop::dictates_adapter_of(&self.instance, again.id, device)
+            .map_err(failed("xrGetVulkanGraphicsDevice2KHR"))?;
+        if !is_same {
+            return Err(RuntimeError::Changed("another adapter"));
+        }
+        [self.offered.hand_joints, self.offered.gaze] = again.tracks_joints_and_gaze;
+        self.system = again;
+        Ok(())
+    }
+
+    /// The specification wants this asked before a session is made.
+    fn ask_requirements(&self, system: xr::SystemId) -> Result<(), RuntimeError> {
+        self.instance
+            .graphics_requirements::<xr::Vulkan>(system)
+            .map_err(failed("xrGetVulkanGraphicsRequirements2KHR"))?;
+        Ok(())
     }
 
     /// Name and version.
@@ -264,33 +351,20 @@ impl Runtime {
     /// The headset's name.
     #[must_use]
     pub fn headset(&self) -> &str {
-        &self.headset
+        &self.system.name
     }
 
     /// Pixels per eye that the runtime recommends, within what it takes. Both eyes get the same, as everywhere in this
     /// program: the larger. [`Runtime::size`] refuses what makes no sense.
     #[must_use]
     pub fn recommended_size(&self) -> [u32; 2] {
-        let [left, right] = &self.views;
-        let most = self.largest_size();
-        [
-            left.recommended_image_rect_width
-                .max(right.recommended_image_rect_width)
-                .min(most[0]),
-            left.recommended_image_rect_height
-                .max(right.recommended_image_rect_height)
-                .min(most[1]),
-        ]
+        self.system.recommended_size()
     }
 
     /// Pixels per eye that it takes at most.
     #[must_use]
     pub fn largest_size(&self) -> [u32; 2] {
-        let [left, right] = &self.views;
-        [
-            left.max_image_rect_width.min(right.max_image_rect_width),
-            left.max_image_rect_height.min(right.max_image_rect_height),
-        ]
+        self.system.largest_size()
     }
 
     /// The size to render: `wanted`, or what the runtime recommends.
@@ -304,7 +378,7 @@ impl Runtime {
             || size.iter().any(|side| *side > MAX_SIZE)
         {
             return Err(RuntimeError::NoSize {
-                system: self.headset.clone(),
+                system: self.system.name.clone(),
                 recommended: self.recommended_size(),
                 most,
             });
@@ -320,12 +394,10 @@ impl Runtime {
     /// # Errors
     /// [`RuntimeError::OtherAdapter`], [`RuntimeError::Vulkan`] or [`RuntimeError::Gpu`].
     pub fn open_device(&self, wanted: Option<&str>) -> Result<GpuContext, RuntimeError> {
-        // The specification wants this asked before a session is made.
-        self.instance
-            .graphics_requirements::<xr::Vulkan>(self.system)
-            .map_err(failed("xrGetVulkanGraphicsRequirements2KHR"))?;
-        let (instance, adapter) = interop::adapter_of_runtime(&self.instance, self.system)
-            .map_err(RuntimeError::Vulkan)?;
+        let system = self.system.id;
+        self.ask_requirements(system)?;
+        let (instance, adapter) =
+            interop::adapter_of_runtime(&self.instance, system).map_err(RuntimeError::Vulkan)?;
         let info = adapter.get_info();
         if let Some(wanted) = wanted
             && !info.name.to_lowercase().contains(&wanted.to_lowercase())
@@ -336,9 +408,8 @@ impl Runtime {
             });
         }
         let descriptor = GpuContext::device_descriptor(&adapter)?;
-        let (device, queue) =
-            interop::open_device(&self.instance, self.system, &adapter, &descriptor)
-                .map_err(RuntimeError::Vulkan)?;
+        let (device, queue) = interop::open_device(&self.instance, system, &adapter, &descriptor)
+            .map_err(RuntimeError::Vulkan)?;
         Ok(GpuContext::from_device(instance, adapter, device, queue))
     }
 
@@ -348,8 +419,8 @@ impl Runtime {
         json!({
             "runtime": self.name,
             "version": self.version,
-            "system": self.headset,
-            "views": self.views.iter().map(|view| json!({
+            "system": self.headset(),
+            "views": self.system.views.iter().map(|view| json!({
                 "recommended_size": [view.recommended_image_rect_width, view.recommended_image_rect_height],
                 "largest_size": [view.max_image_rect_width, view.max_image_rect_height],
             })).collect::<Vec<_>>(),

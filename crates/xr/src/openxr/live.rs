@@ -1,0 +1,87 @@
+//! What hangs on one session of the runtime: made in one go, for the run's first session and for each that takes the place of
+//! a lost one.
+
+use openxr as xr;
+
+use super::controls::Controls;
+use super::lifecycle::Lifecycle;
+use super::runtime::{Runtime, RuntimeError, failed};
+use super::swapchain::EyeSwapchains;
+use super::{SessionOptions, Space};
+use stereolux_gpu::vulkan_interop::openxr as interop;
+
+/// A session of the runtime. Fields are dropped in order: images before their session. Its action sets go with it: sets are
+/// the instance's, names are taken while a set is there, and bindings can be suggested only for sets that were never
+/// attached (OpenXR 1.1, section 11 "Input and Haptics").
+pub(super) struct Live {
+    pub(super) lifecycle: Lifecycle,
+    /// What said that it is lost. It is left alone then, until another takes its place.
+    pub(super) loss: Option<String>,
+    /// A frame was begun and not ended.
+    pub(super) in_frame: bool,
+    pub(super) eyes: [EyeSwapchains; 2],
+    pub(super) controls: Controls,
+    pub(super) space: xr::Space,
+    pub(super) stream: xr::FrameStream<xr::Vulkan>,
+    pub(super) waiter: xr::FrameWaiter,
+    pub(super) session: xr::Session<xr::Vulkan>,
+    device: wgpu::Device,
+}
+
+impl Live {
+    /// Makes all of it on the device that the runtime dictates.
+    ///
+    /// # Errors
+    /// [`RuntimeError::Call`], [`RuntimeError::Vulkan`] and [`RuntimeError::Binding`].
+    pub(super) fn new(
+        runtime: &Runtime,
+        device: &wgpu::Device,
+        options: &SessionOptions,
+    ) -> Result<Self, RuntimeError> {
+        let settings = &options.settings;
+        let (session, waiter, stream) =
+            interop::create_session(&runtime.instance, runtime.system.id, device)
+                .map_err(failed("xrCreateSession"))?;
+        let kind = match settings.space {
+            Space::Local => xr::ReferenceSpaceType::LOCAL,
+            Space::Stage => xr::ReferenceSpaceType::STAGE,
+        };
+        let space = session
+            .create_reference_space(kind, xr::Posef::IDENTITY)
+            .map_err(failed("xrCreateReferenceSpace"))?;
+        let controls = Controls::new(runtime, &session, settings.locomotion, &options.actions)?;
+        let with_depth = settings.depth_layer && runtime.offered.depth_layer;
+        let eyes =
+            EyeSwapchains::pair(&session, device, options.size, settings.format, with_depth)?;
+        Ok(Self {
+            lifecycle: Lifecycle::new(),
+            loss: None,
+            in_frame: false,
+            eyes,
+            controls,
+            space,
+            stream,
+            waiter,
+            session,
+            device: device.clone(),
+        })
+    }
+
+    /// The colour format of the images, and whether depth goes with them.
+    pub(super) fn image_format(&self) -> (wgpu::TextureFormat, bool) {
+        let [left, _] = &self.eyes;
+        (left.format(), left.depth().is_some())
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        // wgpu lets go of a texture once the device is done with it; only then may the runtime destroy its image.
+        for eye in &mut self.eyes {
+            eye.forget_images();
+        }
+        if let Err(error) = stereolux_gpu::context::finish(&self.device) {
+            log::debug!("at the session's end: {error}");
+        }
+    }
+}
