@@ -1,77 +1,78 @@
 //! The frame uniform: `shaders/shared/frame.wesl`.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
-/// One eye in render space (world axes, origin at the head).
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Eye {
-    /// Eye position in render space, metres.
-    pub position: [f32; 3],
-    /// Tangent of the field of view's left edge (negative for a symmetric view).
-    pub tan_left: f32,
-    /// First column of render_from_eye.
-    pub axis_x: [f32; 3],
-    /// Tangent of the right edge.
-    pub tan_right: f32,
-    /// Second column of render_from_eye.
-    pub axis_y: [f32; 3],
-    /// Tangent of the upper edge.
-    pub tan_up: f32,
-    /// Third column of render_from_eye; the eye looks along its negative.
-    pub axis_z: [f32; 3],
-    /// Tangent of the lower edge.
-    pub tan_down: f32,
+shared_record! {
+    /// One eye in render space (world axes, origin at the head).
+    pub struct Eye {
+        /// Eye position in render space, metres.
+        pub position: [f32; 3],
+        /// Tangent of the field of view's left edge (negative for a symmetric view).
+        pub tan_left: f32,
+        /// First column of render_from_eye.
+        pub axis_x: [f32; 3],
+        /// Tangent of the right edge.
+        pub tan_right: f32,
+        /// Second column of render_from_eye.
+        pub axis_y: [f32; 3],
+        /// Tangent of the upper edge.
+        pub tan_up: f32,
+        /// Third column of render_from_eye; the eye looks along its negative.
+        pub axis_z: [f32; 3],
+        /// Tangent of the lower edge.
+        pub tan_down: f32,
+    }
 }
 
-/// Uniform block of one frame.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Frame {
-    /// Left eye.
-    pub left: Eye,
-    /// Right eye.
-    pub right: Eye,
-    /// Left eye's position minus the right eye's, metres, subtracted in f64.
-    pub left_from_right: [f32; 3],
-    /// `FRAME_*` bits.
-    pub flags: u32,
-    /// Render space minus photon space, metres.
-    pub photon_offset: [f32; 3],
-    /// Gather radius of the next photon map, metres.
-    pub photon_radius: f32,
-    /// Pixels per eye, across.
-    pub width: u32,
-    /// Pixels per eye, down.
-    pub height: u32,
-    /// Random seed.
-    pub seed: u32,
-    /// Frame number.
-    pub frame_index: u32,
-    /// Sample number of dispatch entry 0.
-    pub first_sample: u32,
-    /// Samples per pixel of the whole frame.
-    pub sample_count: u32,
-    /// Longest light path from eye to light, in segments.
-    pub max_depth: u32,
-    /// Gather radius of the next caustic map, metres.
-    pub caustic_radius: f32,
-    /// Frame number that keys the photons' random streams.
-    pub photon_frame_index: u32,
-    /// Least cosine between a photon's normal and that of the surface that gathers it.
-    pub normal_min_cos: f32,
-    /// Dependence on the viewing direction (0 Lambert, 1 mirror) up to which a surface is reused.
-    pub reuse_max_view_dependence: f32,
-    /// GGX alpha below which eye paths follow a reflection instead of gathering.
-    pub follow_max_alpha: f32,
-    /// Share of its width by which a lobe may move between the eyes for its indirect light to be reused.
-    pub reuse_max_lobe_shift: f32,
-    /// Photons that the estimate from the nearest takes.
-    pub nearest_photons: u32,
-    /// Samples of lights that one shadow ray's is chosen from, 1 or more.
-    pub light_candidates: u32,
-    /// Unused.
-    pub padding: u32,
+shared_record! {
+    /// Uniform block of one frame.
+    pub struct Frame {
+        /// Left eye.
+        pub left: Eye,
+        /// Right eye.
+        pub right: Eye,
+        /// Left eye's position minus the right eye's, metres, subtracted in f64.
+        pub left_from_right: [f32; 3],
+        /// `FRAME_*` bits.
+        pub flags: u32,
+        /// Render space minus photon space, metres.
+        pub photon_offset: [f32; 3],
+        /// Gather radius of the next photon map, metres.
+        pub photon_radius: f32,
+        /// Pixels per eye, across.
+        pub width: u32,
+        /// Pixels per eye, down.
+        pub height: u32,
+        /// Random seed.
+        pub seed: u32,
+        /// Frame number.
+        pub frame_index: u32,
+        /// Sample number of dispatch entry 0.
+        pub first_sample: u32,
+        /// Samples per pixel of the whole frame.
+        pub sample_count: u32,
+        /// Longest light path from eye to light, in segments.
+        pub max_depth: u32,
+        /// Gather radius of the next caustic map, metres.
+        pub caustic_radius: f32,
+        /// Frame number that keys the photons' random streams.
+        pub photon_frame_index: u32,
+        /// Least cosine between a photon's normal and that of the surface that gathers it.
+        pub normal_min_cos: f32,
+        /// Dependence on the viewing direction (0 Lambert, 1 mirror) up to which a surface is reused.
+        pub reuse_max_view_dependence: f32,
+        /// GGX alpha below which eye paths follow a reflection instead of gathering.
+        pub follow_max_alpha: f32,
+        /// Share of its width by which a lobe may move between the eyes for its indirect light to be reused.
+        pub reuse_max_lobe_shift: f32,
+        /// Photons that the estimate from the nearest takes.
+        pub nearest_photons: u32,
+        /// Samples of lights that one shadow ray's is chosen from, 1 or more.
+        pub light_candidates: u32,
+        /// Unused.
+        pub padding: u32,
+    }
 }
 
 /// Paths end by Russian roulette.

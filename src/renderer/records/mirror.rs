@@ -1,23 +1,24 @@
 //! What the pass that draws an eye into a window knows besides the frame: `shaders/passes/mirror.wesl`.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
-/// Uniform block of one eye's picture in the window.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Mirror {
-    /// Upper left corner of its rectangle, window pixels.
-    pub corner: [f32; 2],
-    /// Image pixels per window pixel.
-    pub scale: f32,
-    /// Factor on light before the filmic curve.
-    pub light_scale: f32,
-    /// 1 if the window's format does not encode sRGB by itself.
-    pub encode: u32,
-    /// Fills the block.
-    pub unused_0: u32,
-    /// Fills the block.
-    pub unused_1: u32,
-    /// Fills the block.
-    pub unused_2: u32,
+shared_record! {
+    /// Uniform block of one eye's picture in the window.
+    pub struct Mirror {
+        /// Upper left corner of its rectangle, window pixels.
+        pub corner: [f32; 2],
+        /// Image pixels per window pixel.
+        pub scale: f32,
+        /// Factor on light before the filmic curve.
+        pub light_scale: f32,
+        /// 1 if the window's format does not encode sRGB by itself.
+        pub encode: u32,
+        /// Fills the block.
+        pub unused_0: u32,
+        /// Fills the block.
+        pub unused_1: u32,
+        /// Fills the block.
+        pub unused_2: u32,
+    }
 }

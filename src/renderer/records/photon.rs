@@ -1,63 +1,67 @@
 //! Records of the photon map that host and shaders share.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
-/// Twin of `PhotonCounters` in `shaders/shared/photon.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct PhotonCounters {
-    /// Photons in the list.
-    pub stored: u32,
-    /// Photons dropped because the buffer was full.
-    pub dropped: u32,
-    /// Paths whose photons were all kept; the flux is divided by this.
-    pub paths_kept: u32,
-    /// Paths traced.
-    pub paths_traced: u32,
-    /// Photons that all paths made.
-    pub demanded: u32,
-    /// Unused.
-    pub padding: [u32; 3],
+shared_record! {
+    /// Twin of `PhotonCounters` in `shaders/shared/photon.wesl`.
+    #[derive(Default, Eq)]
+    pub struct PhotonCounters {
+        /// Photons in the list.
+        pub stored: u32,
+        /// Photons dropped because the buffer was full.
+        pub dropped: u32,
+        /// Paths whose photons were all kept; the flux is divided by this.
+        pub paths_kept: u32,
+        /// Paths traced.
+        pub paths_traced: u32,
+        /// Photons that all paths made.
+        pub demanded: u32,
+        /// Unused.
+        pub padding: [u32; 3],
+    }
 }
 
-/// Twin of `Photon` in `shaders/shared/photon.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct Photon {
-    /// Photon space, metres.
-    pub position: [f32; 3],
-    /// Direction of flight, octahedral, 16 bits each.
-    pub direction: u32,
-    /// Power, W, before division by the number of paths.
-    pub flux: [f32; 3],
-    /// Normal (13 bits each) and segments from the light (6 bits).
-    pub normal_depth: u32,
+shared_record! {
+    /// Twin of `Photon` in `shaders/shared/photon.wesl`.
+    #[derive(Default)]
+    pub struct Photon {
+        /// Photon space, metres.
+        pub position: [f32; 3],
+        /// Direction of flight, octahedral, 16 bits each.
+        pub direction: u32,
+        /// Power, W, before division by the number of paths.
+        pub flux: [f32; 3],
+        /// Normal (13 bits each) and segments from the light (6 bits).
+        pub normal_depth: u32,
+    }
 }
 
-/// Twin of `PhotonGrid` in `shaders/shared/grid.wesl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct PhotonGrid {
-    /// Lower corner of the padding layer, photon space, metres.
-    pub origin: [f32; 3],
-    /// 1 / cell edge, 1/m.
-    pub inverse_edge: f32,
-    /// Cells along each axis, padding included.
-    pub dims: [u32; 3],
-    /// 0 for a dense grid, else the number of hashed row starts.
-    pub hashed_rows: u32,
-    /// Table cells in use.
-    pub cell_count: u32,
-    /// 1 if there are photons.
-    pub has_photons: u32,
-    /// Cell edge, metres.
-    pub edge: f32,
-    /// Gather radius that the map was made for, metres.
-    pub radius: f32,
-    /// Indirect dispatch over photons.
-    pub photon_groups: [u32; 4],
-    /// Indirect dispatch over blocks of the cells in use.
-    pub block_groups: [u32; 4],
-    /// Indirect dispatch over the cells in use.
-    pub value_groups: [u32; 4],
+shared_record! {
+    /// Twin of `PhotonGrid` in `shaders/shared/grid.wesl`.
+    #[derive(Default)]
+    pub struct PhotonGrid {
+        /// Lower corner of the padding layer, photon space, metres.
+        pub origin: [f32; 3],
+        /// 1 / cell edge, 1/m.
+        pub inverse_edge: f32,
+        /// Cells along each axis, padding included.
+        pub dims: [u32; 3],
+        /// 0 for a dense grid, else the number of hashed row starts.
+        pub hashed_rows: u32,
+        /// Table cells in use.
+        pub cell_count: u32,
+        /// 1 if there are photons.
+        pub has_photons: u32,
+        /// Cell edge, metres.
+        pub edge: f32,
+        /// Gather radius that the map was made for, metres.
+        pub radius: f32,
+        /// Indirect dispatch over photons.
+        pub photon_groups: [u32; 4],
+        /// Indirect dispatch over blocks of the cells in use.
+        pub block_groups: [u32; 4],
+        /// Indirect dispatch over the cells in use.
+        pub value_groups: [u32; 4],
+    }
 }

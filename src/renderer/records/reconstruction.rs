@@ -1,47 +1,48 @@
 //! What the reconstruction passes know besides the frame: `shaders/shared/reconstruction.wesl`.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
 use super::frame::Eye;
 
-/// Uniform block of one frame's reconstruction.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Reconstruction {
-    /// Left eye, without the frame's offset within the pixel.
-    pub left: Eye,
-    /// Right eye, likewise.
-    pub right: Eye,
-    /// Left eye of the frame before, in its render space.
-    pub previous_left: Eye,
-    /// Right eye of the frame before.
-    pub previous_right: Eye,
-    /// 1 if there was a frame before, else 0.
-    pub has_history: f32,
-    /// Least share of a new frame in the accumulated light.
-    pub color_alpha: f32,
-    /// Least share of a new frame in the luminance moments.
-    pub moments_alpha: f32,
-    /// Standard deviations of luminance at which a weight is 1/e.
-    pub sigma_luminance: f32,
-    /// Exponent of the normals' cosine.
-    pub sigma_normal: f32,
-    /// Pixel widths from the tangent plane at which a weight is 1/e.
-    pub sigma_plane: f32,
-    /// Frames in the still mean before this one.
-    pub still_frames: f32,
-    /// The still mean's share in the picture.
-    pub still_share: f32,
-    /// Factor on radiance before the filmic curve.
-    pub exposure: f32,
-    /// Least share of a new frame in the anti-aliased picture.
-    pub taa_alpha: f32,
-    /// Standard deviations that a history colour may lie from its neighbours' mean.
-    pub taa_clip: f32,
-    /// Frames of history up to which light is limited to its brightest neighbour's.
-    pub firefly_frames: f32,
-    /// 1 while lights have come or gone a few frames ago.
-    pub light_switched: f32,
-    /// Unused.
-    pub padding: [u32; 3],
+shared_record! {
+    /// Uniform block of one frame's reconstruction.
+    pub struct Reconstruction {
+        /// Left eye, without the frame's offset within the pixel.
+        pub left: Eye,
+        /// Right eye, likewise.
+        pub right: Eye,
+        /// Left eye of the frame before, in its render space.
+        pub previous_left: Eye,
+        /// Right eye of the frame before.
+        pub previous_right: Eye,
+        /// 1 if there was a frame before, else 0.
+        pub has_history: f32,
+        /// Least share of a new frame in the accumulated light.
+        pub color_alpha: f32,
+        /// Least share of a new frame in the luminance moments.
+        pub moments_alpha: f32,
+        /// Standard deviations of luminance at which a weight is 1/e.
+        pub sigma_luminance: f32,
+        /// Exponent of the normals' cosine.
+        pub sigma_normal: f32,
+        /// Pixel widths from the tangent plane at which a weight is 1/e.
+        pub sigma_plane: f32,
+        /// Frames in the still mean before this one.
+        pub still_frames: f32,
+        /// The still mean's share in the picture.
+        pub still_share: f32,
+        /// Factor on radiance before the filmic curve.
+        pub exposure: f32,
+        /// Least share of a new frame in the anti-aliased picture.
+        pub taa_alpha: f32,
+        /// Standard deviations that a history colour may lie from its neighbours' mean.
+        pub taa_clip: f32,
+        /// Frames of history up to which light is limited to its brightest neighbour's.
+        pub firefly_frames: f32,
+        /// 1 while lights have come or gone a few frames ago.
+        pub light_switched: f32,
+        /// Unused.
+        pub padding: [u32; 3],
+    }
 }

@@ -1,6 +1,7 @@
 //! What stereo reuse says of itself: `shaders/shared/stereo.wesl`.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
 /// Where the right eye's pixels came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,20 +33,21 @@ impl Provenance {
     }
 }
 
-/// Sums over the samples of a frame.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct StereoCounters {
-    /// Left samples that hit a surface.
-    pub left_hits: u32,
-    /// Those that the right eye sees and may reuse.
-    pub scattered: u32,
-    /// Right pixels that took one over.
-    pub reused: u32,
-    /// Right primary rays that met no triangle scattered to them, and were traced.
-    pub traced: u32,
-    /// Of the reused, those that scattered the left light samples anew.
-    pub resampled: u32,
-    /// Filled pixels by [`Provenance`].
-    pub filled_because: [u32; Provenance::Gap as usize + 1],
+shared_record! {
+    /// Sums over the samples of a frame.
+    #[derive(Default, Eq)]
+    pub struct StereoCounters {
+        /// Left samples that hit a surface.
+        pub left_hits: u32,
+        /// Those that the right eye sees and may reuse.
+        pub scattered: u32,
+        /// Right pixels that took one over.
+        pub reused: u32,
+        /// Right primary rays that met no triangle scattered to them, and were traced.
+        pub traced: u32,
+        /// Of the reused, those that scattered the left light samples anew.
+        pub resampled: u32,
+        /// Filled pixels by [`Provenance`].
+        pub filled_because: [u32; Provenance::Gap as usize + 1],
+    }
 }

@@ -1,17 +1,18 @@
 //! What the passes that hand an image to a runtime know besides the frame: `shaders/shared/submit.wesl`.
 
 use bytemuck::{Pod, Zeroable};
+use stereolux_bvh::shared_record;
 
-/// Uniform block of one eye's submission.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Submit {
-    /// Factor on light before the filmic curve.
-    pub scale: f32,
-    /// Distance at which the depth image holds 1, metres.
-    pub near_m: f32,
-    /// 0 left, 1 right.
-    pub eye: u32,
-    /// Unused.
-    pub padding: u32,
+shared_record! {
+    /// Uniform block of one eye's submission.
+    pub struct Submit {
+        /// Factor on light before the filmic curve.
+        pub scale: f32,
+        /// Distance at which the depth image holds 1, metres.
+        pub near_m: f32,
+        /// 0 left, 1 right.
+        pub eye: u32,
+        /// Unused.
+        pub padding: u32,
+    }
 }

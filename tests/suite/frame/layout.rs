@@ -1,9 +1,10 @@
 //! Every struct that host and shaders share has one layout: size and each field's offset, by naga's reflection.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::mem::{offset_of, size_of};
+use std::mem::size_of;
 
-use stereolux::bvh::{self, bounds, records, top};
+use stereolux::bvh::records::{self, RecordLayout};
+use stereolux::bvh::{self, bounds, top};
 use stereolux::frame::passes;
 use stereolux::frame::photon_layout::{self, SCAN_BLOCK};
 use stereolux::frame::run::specialised;
@@ -34,249 +35,37 @@ fn is_filler(name: &str) -> bool {
     name.starts_with("padding") || name.starts_with("reserved")
 }
 
-macro_rules! host_layout {
-    ($type:path { $($field:ident),+ $(,)? }) => {{
-        // A field that is forgotten here does not compile.
-        #[allow(dead_code, unused_variables)]
-        fn all_fields(value: &$type) {
-            let $type { $($field),+ } = value;
-        }
-        let mut fields = vec![$((stringify!($field).to_owned(), offset_of!($type, $field))),+];
-        fields.retain(|(name, _)| !is_filler(name));
-        fields.sort_by_key(|field| field.1);
-        let name = stringify!($type).rsplit("::").next().unwrap().trim().to_owned();
-        (name, Layout { size: size_of::<$type>(), fields })
-    }};
-}
-
 fn host() -> BTreeMap<String, Layout> {
-    BTreeMap::from([
-        host_layout!(frame::Eye {
-            position,
-            tan_left,
-            axis_x,
-            tan_right,
-            axis_y,
-            tan_up,
-            axis_z,
-            tan_down
-        }),
-        host_layout!(frame::Frame {
-            left,
-            right,
-            left_from_right,
-            flags,
-            photon_offset,
-            photon_radius,
-            width,
-            height,
-            seed,
-            frame_index,
-            first_sample,
-            sample_count,
-            max_depth,
-            caustic_radius,
-            photon_frame_index,
-            normal_min_cos,
-            reuse_max_view_dependence,
-            follow_max_alpha,
-            reuse_max_lobe_shift,
-            nearest_photons,
-            light_candidates,
-            padding,
-        }),
-        host_layout!(mirror::Mirror {
-            corner,
-            scale,
-            light_scale,
-            encode,
-            unused_0,
-            unused_1,
-            unused_2,
-        }),
-        host_layout!(reconstruction::Reconstruction {
-            left,
-            right,
-            previous_left,
-            previous_right,
-            has_history,
-            color_alpha,
-            moments_alpha,
-            sigma_luminance,
-            sigma_normal,
-            sigma_plane,
-            still_frames,
-            still_share,
-            exposure,
-            taa_alpha,
-            taa_clip,
-            firefly_frames,
-            light_switched,
-            padding,
-        }),
-        host_layout!(stereo::StereoCounters {
-            left_hits,
-            scattered,
-            reused,
-            traced,
-            resampled,
-            filled_because,
-        }),
-        host_layout!(submit::Submit {
-            scale,
-            near_m,
-            eye,
-            padding,
-        }),
-        host_layout!(records::BvhNode {
-            left_min,
-            left_index,
-            left_max,
-            left_count,
-            right_min,
-            right_index,
-            right_max,
-            right_count,
-        }),
-        host_layout!(records::Instance {
-            render_from_object_0,
-            render_from_object_1,
-            render_from_object_2,
-            object_from_render_0,
-            object_from_render_1,
-            object_from_render_2,
-            blas_root,
-            first_emitter,
-            flags,
-            node,
-        }),
-        host_layout!(records::PreviousInstance {
-            render_from_object_0,
-            render_from_object_1,
-            render_from_object_2,
-            exists,
-            first_position,
-            first_vertex,
-            padding,
-        }),
-        host_layout!(records::Triangle {
-            v0,
-            material,
-            v1,
-            emitter,
-            v2,
-            flags
-        }),
-        host_layout!(deform::RestVertex {
-            position,
-            mesh,
-            normal,
-            vertex,
-            tangent,
-            joints,
-            weights,
-        }),
-        host_layout!(deform::DeformMesh {
-            first_joint,
-            first_weight,
-            target_count,
-            first_delta,
-            first_vertex,
-            vertex_count,
-            padding_0,
-            padding_1,
-        }),
-        host_layout!(light::Light {
-            position,
-            kind,
-            direction,
-            scene_radius,
-            radiance,
-            pick_pdf,
-            instance,
-            triangle,
-            spot_scale,
-            spot_offset,
-        }),
-        host_layout!(light::LightAlias {
-            threshold,
-            alias_index
-        }),
-        host_layout!(material::TextureSlot {
-            row_u,
-            info,
-            row_v,
-            reserved
-        }),
-        host_layout!(material::Material {
-            base_color,
-            emission,
-            flags,
-            specular_color,
-            specular,
-            attenuation_per_m,
-            ior,
-            metallic,
-            roughness,
-            transmission,
-            normal_scale,
-            alpha_cutoff,
-            user_bsdf,
-            reserved_0,
-            reserved_1,
-            base_color_map,
-            metallic_roughness_map,
-            normal_map,
-            emissive_map,
-            specular_map,
-            specular_color_map,
-            transmission_map,
-        }),
-        host_layout!(material::TextureInfo {
-            offset,
-            width,
-            height,
-            flags
-        }),
-        host_layout!(material::Vertex {
-            normal,
-            color_rg,
-            tangent,
-            uv0,
-            uv1,
-            color_ba,
-            reserved_0,
-            reserved_1,
-            reserved_2,
-        }),
-        host_layout!(photon_map::Photon {
-            position,
-            direction,
-            flux,
-            normal_depth
-        }),
-        host_layout!(photon_map::PhotonCounters {
-            stored,
-            dropped,
-            paths_kept,
-            paths_traced,
-            demanded,
-            padding,
-        }),
-        host_layout!(photon_map::PhotonGrid {
-            origin,
-            inverse_edge,
-            dims,
-            hashed_rows,
-            cell_count,
-            has_photons,
-            edge,
-            radius,
-            photon_groups,
-            block_groups,
-            value_groups,
-        }),
-    ])
+    let records = [
+        frame::Eye::LAYOUT,
+        frame::Frame::LAYOUT,
+        mirror::Mirror::LAYOUT,
+        reconstruction::Reconstruction::LAYOUT,
+        stereo::StereoCounters::LAYOUT,
+        submit::Submit::LAYOUT,
+        records::BvhNode::LAYOUT,
+        records::Instance::LAYOUT,
+        records::PreviousInstance::LAYOUT,
+        records::Triangle::LAYOUT,
+        deform::RestVertex::LAYOUT,
+        deform::DeformMesh::LAYOUT,
+        light::Light::LAYOUT,
+        light::LightAlias::LAYOUT,
+        material::TextureSlot::LAYOUT,
+        material::Material::LAYOUT,
+        material::TextureInfo::LAYOUT,
+        material::Vertex::LAYOUT,
+        photon_map::Photon::LAYOUT,
+        photon_map::PhotonCounters::LAYOUT,
+        photon_map::PhotonGrid::LAYOUT,
+    ];
+    let layout = |record: RecordLayout| {
+        let named = record.fields.iter().filter(|(name, _)| !is_filler(name));
+        let fields = named.map(|&(name, offset)| (name.to_owned(), offset));
+        let (size, fields) = (record.size, fields.collect());
+        (record.name.to_owned(), Layout { size, fields })
+    };
+    records.map(layout).into()
 }
 
 /// Layouts of every struct in a buffer's type, directly or inside others.

@@ -3,11 +3,13 @@
 // What the tests here take from other subjects.
 use crate::suite::{
     bvh::deforming, bvh::trace_probe, stereo::cornell, support, transport::hard_support,
+    xr::openxr_runtime, xr::openxr_support,
 };
 
 pub mod anti_aliasing;
 pub mod deforming_motion;
 pub mod determinism;
+pub mod endurance;
 pub mod forced_features;
 pub mod frame_plan;
 pub mod frames_in_flight;
