@@ -1,8 +1,12 @@
 //! What of a world outlives a call of the application, and how it comes to be shown.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::hands::Hands;
+use super::loading::{Question, Successor};
 use crate::gpu::ShaderLibrary;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
 use crate::scene::{Scene, ScenePart};
@@ -11,8 +15,16 @@ use crate::xr::{Actions, Pulse};
 
 /// A part of the scene that comes or goes.
 pub(super) enum PartChange {
-    Added(ScenePart, Box<PreparedPart>),
+    Added(Arrival),
     Removed(ScenePart),
+}
+
+/// A part that was added.
+pub(super) struct Arrival {
+    pub(super) part: ScenePart,
+    pub(super) prepared: Box<PreparedPart>,
+    /// Who takes the renderer's place if that lacks shaders.
+    pub(super) successor: Option<Box<Successor>>,
 }
 
 /// What of a world outlives a call of the application.
@@ -25,12 +37,22 @@ pub(crate) struct Kept {
     pub(super) part: Option<PartChange>,
     /// Why the renderer cannot show it.
     pub(super) needs_rebuild: Option<String>,
+    /// A part that the renderer cannot show and its successor can.
+    arrival: Option<Arrival>,
+    /// Shaders of all renderers.
+    pub(super) library: Option<Arc<ShaderLibrary>>,
+    /// Of threads that load parts.
+    pub(super) questions: Vec<Question>,
+    /// How often the surroundings were replaced.
+    pub(super) surroundings: u32,
     /// The surroundings are others.
     pub(super) has_other_surroundings: bool,
     /// The clip that plays from this frame on: name, speed, where it begins in seconds.
     pub(super) clip: Option<(String, f64, f64)>,
     /// Images of the scene that have other texels now.
     pub(super) repainted: Vec<usize>,
+    /// Images that ever were repainted.
+    painted: BTreeSet<usize>,
     /// The wearer's hands, once they were asked for.
     pub(super) hands: Option<Hands>,
     #[cfg(feature = "panels")]
@@ -51,6 +73,11 @@ impl Kept {
             is_changed: false,
             part: None,
             needs_rebuild: None,
+            arrival: None,
+            library: None,
+            questions: Vec::new(),
+            surroundings: 0,
+            painted: BTreeSet::new(),
             has_other_surroundings: false,
             clip: None,
             repainted: Vec::new(),
@@ -120,8 +147,12 @@ impl Kept {
             let scene = &self.scene;
             let applied = match part {
                 None => renderer.apply_scene(scene)?,
-                Some(PartChange::Added(part, prepared)) => {
-                    renderer.add_part(scene, &part, &prepared)?
+                Some(PartChange::Added(arrival)) => {
+                    let applied = renderer.add_part(scene, &arrival.part, &arrival.prepared)?;
+                    if matches!(applied, Applied::NeedsRebuild { .. }) {
+                        self.arrival = Some(arrival);
+                    }
+                    applied
                 }
                 Some(PartChange::Removed(part)) => renderer.remove_part(scene, &part)?,
             };
@@ -139,6 +170,7 @@ impl Kept {
             renderer.play_clip(&self.scene, &clip, speed, time_s, display_time_ns)?;
         }
         for image in self.repainted.drain(..) {
+            self.painted.insert(image);
             if self.needs_rebuild.is_none() {
                 renderer.repaint_image(&self.scene, image)?;
             }
@@ -155,12 +187,51 @@ impl Kept {
         renderer: &mut Renderer,
         library: &ShaderLibrary,
     ) -> Result<(), RenderError> {
+        if self.library.is_none() {
+            self.library = Some(Arc::new(library.clone()));
+        }
         if let Some(why) = self.needs_rebuild.take() {
             log::info!("the renderer is made anew: {why}");
+            self.is_changed = false;
+            let arrival = self.arrival.take();
+            if let Some(arrival) = arrival
+                && self.make_way(renderer, arrival)?
+            {
+                return Ok(());
+            }
             let successor = renderer.rebuild().build(library, &self.scene)?;
             renderer.succeed_by(successor)?;
-            self.is_changed = false;
         }
         Ok(())
+    }
+
+    /// Lets the successor that came with a part take the renderer's place, and tells it what has changed since it was made;
+    /// whether it can show all of that.
+    fn make_way(
+        &self,
+        renderer: &mut Renderer,
+        Arrival {
+            part,
+            prepared,
+            successor,
+        }: Arrival,
+    ) -> Result<bool, RenderError> {
+        let Some(successor) = successor else {
+            return Ok(false);
+        };
+        renderer.succeed_by(successor.renderer)?;
+        let scene = &self.scene;
+        let is_shown = |applied| matches!(applied, Applied::InPlace(_));
+        let has_other_surroundings = successor.surroundings != self.surroundings;
+        if !is_shown(renderer.add_part(scene, &part, &prepared)?)
+            || has_other_surroundings && !is_shown(renderer.replace_surroundings(scene)?)
+        {
+            return Ok(false);
+        }
+        let painted = self.painted.iter().copied();
+        for image in painted.filter(|image| *image < scene.images.len()) {
+            renderer.repaint_image(scene, image)?;
+        }
+        Ok(true)
     }
 }

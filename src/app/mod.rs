@@ -7,6 +7,7 @@
 
 mod hands;
 mod kept;
+mod loading;
 #[cfg(feature = "panels")]
 mod panels;
 mod world;
@@ -24,9 +25,10 @@ use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, Pu
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use kept::Kept;
+pub use loading::PartLoading;
 #[cfg(feature = "panels")]
 pub use panels::{Panel, PanelSpec};
-pub use world::{PartLoading, World, WorldError};
+pub use world::{World, WorldError};
 
 /// Why an application gives up; its text is one line.
 pub type AppError = Box<dyn Error + Send + Sync>;
@@ -231,6 +233,7 @@ impl<'a> Application<'a> {
         updated.map_err(LoopError::App)?;
         let moved = world.move_hands(&frame.input);
         moved.map_err(|error| LoopError::App(error.into()))?;
+        self.kept.answer_questions();
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }
 

@@ -1,17 +1,17 @@
 //! What an application can change: the scene, by name.
 
 use std::ops::Range;
-use std::path::PathBuf;
-use std::thread::JoinHandle;
+use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
 use super::hands::Hands;
-use super::kept::{Kept, PartChange};
+use super::kept::{Arrival, Kept, PartChange};
+use super::loading::{Loaded, Maker, PartLoading};
 use super::{AppError, FrameInput};
 use crate::printable::{did_you_mean, line};
-use crate::renderer::{PreparedPart, RayHit, Renderer};
+use crate::renderer::{RayHit, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
 use crate::scene::{Environment, Material, Node, PunctualLight, Scene, ScenePart};
 use crate::settings::Quality;
@@ -32,17 +32,6 @@ pub struct World<'a> {
     kept: &'a mut Kept,
     renderer: Option<&'a Renderer>,
     frame: Option<&'a FrameInput>,
-}
-
-/// A glTF file that is being loaded ([`World::load_part`]).
-pub struct PartLoading(JoinHandle<Result<(Scene, Option<PreparedPart>), AppError>>);
-
-impl PartLoading {
-    /// Whether [`World::add_part`] would wait. A replay may find another answer: do not decide by it what is shown when.
-    #[must_use]
-    pub fn is_ready(&self) -> bool {
-        self.0.is_finished()
-    }
 }
 
 /// What an application asked for and cannot have; one line.
@@ -320,27 +309,31 @@ impl<'a> World<'a> {
             let fault = format!("{name}: radiance that is negative or not finite");
             return Err(WorldError::Surroundings(fault));
         }
+        self.kept.surroundings += 1;
         let had_some = self.kept.scene.environment.replace(surroundings).is_some();
         self.kept.has_other_surroundings |= had_some;
         self.kept.is_changed |= !had_some;
         Ok(())
     }
 
-    /// Begins to load a glTF file on another thread, which also prepares it for the renderer.
+    /// Begins to load a glTF file on another thread, which also prepares it for the renderer. Where it needs shaders that are
+    /// not compiled in, the thread makes another renderer, which takes the present one's place with the part: until then both
+    /// take memory, and after it reconstruction begins anew.
     #[must_use]
-    pub fn load_part(&self, path: impl Into<PathBuf>) -> PartLoading {
-        let path = path.into();
-        let preparation = self.renderer.map(Renderer::part_preparation);
-        PartLoading(std::thread::spawn(move || {
-            let scene = Scene::load(&path)?;
-            let prepared = preparation.map(|preparation| preparation.prepare(&scene));
-            Ok((scene, prepared.transpose()?))
-        }))
+    pub fn load_part(&mut self, path: impl AsRef<Path>) -> PartLoading {
+        let maker = self.renderer.zip(self.kept.library.as_ref());
+        let maker = maker.map(|(renderer, library)| Maker {
+            preparation: renderer.part_preparation(),
+            rebuild: renderer.rebuild(),
+            library: library.clone(),
+        });
+        PartLoading::begin(self.kept, path.as_ref(), maker)
     }
 
     /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
-    /// has had the time. Which frame calls this is the application's to say, and not how fast a disk was, so that a replay
-    /// has the same frames. [`ScenePart::root`] is the new node.
+    /// has had the time. It shows one frame later where the thread made another renderer for it. Which frame calls this is
+    /// the application's to say, and not how fast a disk was, so that a replay has the same frames. [`ScenePart::root`] is the
+    /// new node.
     ///
     /// # Errors
     /// [`WorldError::Part`]: a file that cannot be used; [`WorldError::Edit`].
@@ -350,22 +343,25 @@ impl<'a> World<'a> {
         name: &str,
         world_from_part: DAffine3,
     ) -> Result<ScenePart, WorldError> {
-        let loaded = loading.0.join();
+        let loaded = loading.end(self.kept);
         let loaded =
-            loaded.map_err(|_| WorldError::Part("the thread that loads it ended".into()))?;
+            loaded.ok_or_else(|| WorldError::Part("the thread that loads it ended".into()))?;
         let in_words = |error: AppError| WorldError::Part(error.to_string());
-        let (scene, prepared) = loaded.map_err(in_words)?;
-        self.insert(scene, prepared, name, world_from_part)
+        self.insert(loaded.map_err(in_words)?, name, world_from_part)
     }
 
     /// Adds a scene below a new node, prepared or not.
     pub(super) fn insert(
         &mut self,
-        scene: Scene,
-        mut prepared: Option<PreparedPart>,
+        loaded: impl Into<Loaded>,
         name: &str,
         world_from_part: DAffine3,
     ) -> Result<ScenePart, WorldError> {
+        let Loaded {
+            scene,
+            mut prepared,
+            successor,
+        } = loaded.into();
         if let (None, Some(renderer)) = (&prepared, self.renderer) {
             // It was loaded before there was a renderer.
             let now = renderer.part_preparation().prepare(&scene);
@@ -373,7 +369,13 @@ impl<'a> World<'a> {
         }
         let at = Placement::of(world_from_part);
         let part = self.kept.scene.add_part(scene, name, None, at)?;
-        let change = prepared.map(|prepared| PartChange::Added(part.clone(), Box::new(prepared)));
+        let change = prepared.map(|prepared| {
+            PartChange::Added(Arrival {
+                part: part.clone(),
+                prepared: Box::new(prepared),
+                successor,
+            })
+        });
         self.kept.note(change);
         Ok(part)
     }

@@ -61,7 +61,8 @@ pub(super) struct EditBase {
     counts: [usize; 4],
     image_sizes: Vec<[u32; 2]>,
     has_environment: bool,
-    shines: bool,
+    /// Of the scene that is shown.
+    pub(super) needs: Needs,
     most_user_bsdf: u32,
     /// The surroundings are others than those that light samples were packed for.
     relights: bool,
@@ -76,7 +77,7 @@ impl EditBase {
             statistics: SceneStatistics::of(scene),
             ..Self::default()
         };
-        base.shines = shines(&Needs::with_statistics(scene, &base.statistics));
+        base.needs = Needs::with_statistics(scene, &base.statistics);
         let numbers = scene.materials.iter().map(|material| material.user_bsdf);
         base.most_user_bsdf = numbers.max().unwrap_or_default();
         base.note(scene);
@@ -266,15 +267,8 @@ impl Renderer {
         if let Some(meaning) = missing.select(MEANINGS).next() {
             return Some(format!("{meaning} is not compiled in"));
         }
-        // The map of caustics takes photons over from the other one.
-        if self.features().caustics != wanted.caustics {
-            return Some(
-                "the edited scene has no caustics, but a caustic photon map is compiled in"
-                    .to_owned(),
-            );
-        }
-        if base.shines != shines(needs) {
-            let what = if base.shines {
+        if shines(&base.needs) != shines(needs) {
+            let what = if shines(&base.needs) {
                 "no light is left"
             } else {
                 "there was no light"
@@ -368,6 +362,7 @@ impl Renderer {
             reconstruction.reset();
         }
         self.edit_base.note(scene);
+        self.edit_base.needs = needs.clone();
         self.edit_base.outdates_photons = true;
         let wanted = shader_features(needs, &self.settings);
         let spare_features = self

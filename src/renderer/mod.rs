@@ -72,6 +72,7 @@ pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
 pub use radii::{automatic_radius_m, caustic_paths, progressive_radius_m};
 pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};
+use rebuild::MadeWith;
 pub use rebuild::Rebuild;
 pub use reconstruction::Reconstruction;
 use reconstruction::pixel_offset;
@@ -187,12 +188,38 @@ impl Renderer {
         size: [u32; 2],
         hidden: Option<&[HiddenArea; 2]>,
     ) -> Result<Self, RenderError> {
+        let made_with = MadeWith {
+            context,
+            settings: settings.clone(),
+            eyes: eye_choice,
+            size,
+            hidden: hidden.cloned(),
+        };
+        Self::made(made_with, library, scene, None)
+    }
+
+    /// As [`Renderer::new`]; its shaders also do for a part of these needs.
+    fn made(
+        made_with: MadeWith,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        part: Option<&Needs>,
+    ) -> Result<Self, RenderError> {
+        let MadeWith {
+            context,
+            settings,
+            eyes: eye_choice,
+            size,
+            hidden,
+        } = made_with;
+        let settings = &settings;
         check_user_bsdfs(library, scene)?;
         settings.check().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
-        let needs = Needs::with_statistics(scene, &edit_base.statistics);
+        let needs = part.map(|part| edit_base.needs.widened_by(part));
+        let needs = needs.as_ref().unwrap_or(&edit_base.needs);
         let both = eye_choice == EyeChoice::Both;
-        let mut features = frame_features(&needs, settings, both, context.adapter.is_software());
+        let mut features = frame_features(needs, settings, both, context.adapter.is_software());
         features.visibility_mask = hidden.is_some();
         let mut buffers = SceneBuffers::new(&context, scene, &features)?;
         let reconstruct = &settings.reconstruct;
@@ -247,7 +274,7 @@ impl Renderer {
             scene: buffers,
             is_bound: false,
             origin_in_world: DVec3::ZERO,
-            hidden: hidden.map(session::Hidden::new),
+            hidden: hidden.as_ref().map(session::Hidden::new),
             submitter: None,
             mirror: None,
             inspector: inspect::Inspector::default(),

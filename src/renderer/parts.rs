@@ -75,6 +75,9 @@ impl Renderer {
                 "the part is not the one thing that was added since the scene was shown".to_owned(),
             );
         }
+        if prepared.has_textures != self.features().textures {
+            return Some("the part was prepared for other shaders".to_owned());
+        }
         if !self.scene.has_meshes(part.meshes.start) {
             return Some("a mesh that deforms is shown more than once".to_owned());
         }
@@ -85,7 +88,7 @@ impl Renderer {
     /// that the part took, on the host and on the device.
     ///
     /// [`Applied::NeedsRebuild`], with everything as it was: the part was not added to this renderer, or what is left has no
-    /// light, or no caustics where there were some.
+    /// light. A map of caustics stays, and is empty if nothing focuses light any more.
     ///
     /// # Errors
     /// As [`Renderer::apply_scene`].

@@ -1,20 +1,28 @@
 //! A renderer that takes another one's place: where a scene needs shaders, textures or maps that the present one was not made
 //! with. It is made on another thread while frames go on; the application says from which frame on it is the one.
 
-use super::{RenderError, Renderer};
-use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::scene::Scene;
+use super::{RenderError, Renderer, shader_features};
+use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
+use crate::scene::{Needs, Scene};
 use crate::settings::{Eyes, RenderSettings};
 use crate::xr::HiddenArea;
 
-/// All that a renderer was made with but its scene. Can be sent to a thread.
+/// All that a renderer is made with but its scene.
+#[derive(Clone)]
+pub(super) struct MadeWith {
+    pub(super) context: GpuContext,
+    pub(super) settings: RenderSettings,
+    pub(super) eyes: Eyes,
+    pub(super) size: [u32; 2],
+    pub(super) hidden: Option<[HiddenArea; 2]>,
+}
+
+/// All that a renderer was made with but its scene, and what its shaders can show. Can be sent to a thread.
 #[derive(Clone)]
 pub struct Rebuild {
-    context: GpuContext,
-    settings: RenderSettings,
-    eyes: Eyes,
-    size: [u32; 2],
-    hidden: Option<[HiddenArea; 2]>,
+    made_with: MadeWith,
+    needs: Needs,
+    features: ShaderFeatures,
 }
 
 impl Rebuild {
@@ -23,15 +31,27 @@ impl Rebuild {
     /// # Errors
     /// As [`Renderer::new`].
     pub fn build(&self, library: &ShaderLibrary, scene: &Scene) -> Result<Renderer, RenderError> {
-        Renderer::with_hidden_area(
-            self.context.clone(),
-            library,
-            scene,
-            &self.settings,
-            self.eyes,
-            self.size,
-            self.hidden.as_ref(),
-        )
+        Renderer::made(self.made_with.clone(), library, scene, None)
+    }
+
+    /// As [`Rebuild::build`], to take a part of these needs in place later ([`Renderer::add_part`]).
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn build_for(
+        &self,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        part: &Needs,
+    ) -> Result<Renderer, RenderError> {
+        Renderer::made(self.made_with.clone(), library, scene, Some(part))
+    }
+
+    /// Whether a part of these needs can come into the scene shown without other shaders.
+    #[must_use]
+    pub fn can_show(&self, part: &Needs) -> bool {
+        let both = shader_features(&self.needs.widened_by(part), &self.made_with.settings);
+        both.without(self.features) == ShaderFeatures::default()
     }
 }
 
@@ -40,11 +60,15 @@ impl Renderer {
     #[must_use]
     pub fn rebuild(&self) -> Rebuild {
         Rebuild {
-            context: self.context.clone(),
-            settings: self.settings_at_start(),
-            eyes: self.eye_choice,
-            size: self.full_size,
-            hidden: self.hidden.as_ref().map(|hidden| hidden.areas.clone()),
+            made_with: MadeWith {
+                context: self.context.clone(),
+                settings: self.settings_at_start(),
+                eyes: self.eye_choice,
+                size: self.full_size,
+                hidden: self.hidden.as_ref().map(|hidden| hidden.areas.clone()),
+            },
+            needs: self.edit_base.needs.clone(),
+            features: *self.features(),
         }
     }
 

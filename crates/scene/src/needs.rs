@@ -120,6 +120,9 @@ pub struct Needs {
     pub not_lambert: Vec<String>,
     /// What is not modelled for this scene, and why.
     pub left_out: Vec<LeftOut>,
+    /// What caustics are made of: a light, a diffuse surface, a focusing one.
+    #[serde(skip)]
+    pub(crate) caustic_parts: [bool; 3],
 }
 
 impl Needs {
@@ -222,7 +225,8 @@ impl Needs {
         let is_lit = needs.lights != LightCounts::default() || needs.environment;
         let has_diffuse =
             in_use().any(|material| material.user_bsdf != 0 || material.has_base_layer());
-        needs.caustics = is_lit && has_diffuse && in_use().any(focuses);
+        needs.caustic_parts = [is_lit, has_diffuse, in_use().any(focuses)];
+        needs.caustics = needs.caustic_parts == [true; 3];
         needs.left_out = scene.source.left_out.clone();
         needs.note_unneeded();
         needs
@@ -294,6 +298,29 @@ impl Needs {
 
     fn has_textures(&self, name: &str) -> bool {
         self.textures_by_use.contains_key(name)
+    }
+
+    /// Needs of shaders once `part` is shown as well; surroundings, names and counts are the scene's own.
+    #[must_use]
+    pub fn widened_by(&self, part: &Self) -> Self {
+        let mut both = self.clone();
+        both.glossy |= part.glossy;
+        both.dielectric |= part.dielectric;
+        both.textures_by_use.extend(&part.textures_by_use);
+        both.uv1 |= part.uv1;
+        both.normal_maps |= part.normal_maps;
+        both.alpha |= part.alpha;
+        both.vertex_colors |= part.vertex_colors;
+        both.deformation |= part.deformation;
+        both.lights.point += part.lights.point;
+        both.lights.spot += part.lights.spot;
+        both.lights.directional += part.lights.directional;
+        both.lights.emissive_triangles += part.lights.emissive_triangles;
+        for (there, more) in both.caustic_parts.iter_mut().zip(part.caustic_parts) {
+            *there |= more;
+        }
+        both.caustics = both.caustic_parts == [true; 3];
+        both
     }
 
     /// The shader features that the scene needs; all others are off.

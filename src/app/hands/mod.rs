@@ -283,7 +283,7 @@ impl World<'_> {
         if let Some(hands) = self.hands_mut() {
             hands.is_shown = shows;
         } else if shows {
-            let part = self.insert(scene(), None, "wearer's hands", DAffine3::IDENTITY)?;
+            let part = self.insert(scene(), "wearer's hands", DAffine3::IDENTITY)?;
             self.set_hands(Hands {
                 part,
                 is_shown: true,

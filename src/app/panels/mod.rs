@@ -232,7 +232,7 @@ impl World<'_> {
     pub fn add_panel(&mut self, spec: &PanelSpec) -> Result<Panel, WorldError> {
         spec.check()?;
         let at = spec.world_from_panel.affine();
-        let part = self.insert(spec.scene(), None, &spec.name, at)?;
+        let part = self.insert(spec.scene(), &spec.name, at)?;
         let egui = egui::Context::default();
         egui.set_theme(egui::Theme::Dark);
         egui.options_mut(|options| {

@@ -22,6 +22,8 @@ pub struct PartPreparation {
 
 /// What takes time of adding a scene: its hierarchies, packed vertices and textures, and what is known of its triangles.
 pub struct PreparedPart {
+    /// Whether it was prepared for shaders that read textures.
+    pub(in crate::renderer) has_textures: bool,
     hierarchies: MeshHierarchies,
     vertices: PackedVertices,
     textures: PackedTextures,
@@ -44,6 +46,7 @@ impl PartPreparation {
         let statistics = SceneStatistics::of(part);
         statistics.look_at_images(part);
         Ok(PreparedPart {
+            has_textures: self.has_textures,
             hierarchies: MeshHierarchies::build(&part.meshes, &marks)?,
             vertices: pack_vertices(part),
             textures,

@@ -12,9 +12,7 @@ use super::openxr_support::{
     PROGRAM, SERVICE_CRASHED, all_output, assert_status, frames_so_far, monado, output_on_monado,
     recorded_session, replayed_images, stats, stderr, stereolux_on_monado, wait_until,
 };
-use crate::suite::support::{
-    Folder, assert_begins, assert_says, json, printed, resident_kb, stereolux, words,
-};
+use crate::suite::support::{Folder, assert_begins, assert_says, json, printed, stereolux, words};
 
 /// Both validation layers, their words as text.
 pub const VALIDATION: [(&str, &str); 3] = [

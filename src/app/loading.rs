@@ -1,0 +1,138 @@
+//! glTF files that are loaded and prepared on threads while frames go on.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::JoinHandle;
+
+use super::AppError;
+use super::kept::Kept;
+use crate::gpu::ShaderLibrary;
+use crate::renderer::{PartPreparation, PreparedPart, Rebuild, Renderer};
+use crate::scene::{Needs, Scene};
+
+/// A glTF file that is being loaded ([`World::load_part`](super::World::load_part)).
+pub struct PartLoading(JoinHandle<Result<Loaded, AppError>>);
+
+/// What a thread made of a file.
+pub(super) struct Loaded {
+    pub(super) scene: Scene,
+    /// `None`: there was no renderer yet to prepare it for.
+    pub(super) prepared: Option<PreparedPart>,
+    pub(super) successor: Option<Box<Successor>>,
+}
+
+impl From<Scene> for Loaded {
+    fn from(scene: Scene) -> Self {
+        Self {
+            scene,
+            prepared: None,
+            successor: None,
+        }
+    }
+}
+
+/// A renderer for a part whose shaders the present one lacks.
+pub(super) struct Successor {
+    pub(super) renderer: Renderer,
+    /// [`Kept::surroundings`] of the scene that it was made from.
+    pub(super) surroundings: u32,
+}
+
+/// The scene as it is, for a renderer that is made on a thread. Only what lacks shaders asks for it: copying a large scene
+/// takes a frame's time.
+struct Shown {
+    scene: Scene,
+    surroundings: u32,
+}
+
+/// A thread's question for the scene that is shown.
+pub(super) struct Question {
+    asked: Receiver<()>,
+    answer: Sender<Shown>,
+}
+
+/// What a thread needs to prepare a part for a renderer.
+pub(super) struct Maker {
+    pub(super) preparation: PartPreparation,
+    pub(super) rebuild: Rebuild,
+    pub(super) library: Arc<ShaderLibrary>,
+}
+
+impl PartLoading {
+    /// Whether [`World::add_part`](super::World::add_part) would wait. A replay may find another answer: do not decide by it
+    /// what is shown when.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.0.is_finished()
+    }
+
+    pub(super) fn begin(kept: &mut Kept, path: &Path, maker: Option<Maker>) -> Self {
+        let (ask, asked) = channel();
+        let (answer, answered) = channel();
+        if maker.is_some() {
+            kept.questions.push(Question { asked, answer });
+        }
+        let path = path.to_owned();
+        Self(std::thread::spawn(move || {
+            let scene = Scene::load(&path)?;
+            let Some(maker) = maker else {
+                return Ok(scene.into());
+            };
+            let needs = Needs::of(&scene);
+            let mut successor = None;
+            // Nobody answers once the run is over.
+            if !maker.rebuild.can_show(&needs)
+                && ask.send(()).is_ok()
+                && let Ok(Shown {
+                    scene,
+                    surroundings,
+                }) = answered.recv()
+            {
+                let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
+                successor = Some(Box::new(Successor {
+                    renderer,
+                    surroundings,
+                }));
+            }
+            let own = successor
+                .as_ref()
+                .map(|own| own.renderer.part_preparation());
+            let prepared = own.unwrap_or(maker.preparation).prepare(&scene)?;
+            Ok(Loaded {
+                scene,
+                prepared: Some(prepared),
+                successor,
+            })
+        }))
+    }
+
+    /// Waits for the thread; `None` if it fell over.
+    pub(super) fn end(self, kept: &mut Kept) -> Option<Result<Loaded, AppError>> {
+        while !self.0.is_finished() {
+            kept.answer_questions();
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        self.0.join().ok()
+    }
+}
+
+impl Kept {
+    /// Gives the scene to threads that ask for it.
+    pub(super) fn answer_questions(&mut self) {
+        let shown = || Shown {
+            scene: self.scene.clone(),
+            surroundings: self.surroundings,
+        };
+        self.questions
+            .retain(|question| match question.asked.try_recv() {
+                Ok(()) => {
+                    // A thread that has fallen over wants no answer.
+                    let _ = question.answer.send(shown());
+                    false
+                }
+                Err(TryRecvError::Empty) => true,
+                Err(TryRecvError::Disconnected) => false,
+            });
+    }
+}
