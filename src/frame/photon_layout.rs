@@ -13,7 +13,7 @@ pub const PHOTON_BYTES: u64 = 32;
 pub const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
 pub const SCAN_BLOCK: u64 = 2048;
-/// Photons that one thread of the radix sort handles; `shared/photon.wesl` holds the same number.
+/// Photons of a block of the radix sort, and threads of a workgroup that sorts one; `shared/photon.wesl` holds the same number.
 pub const RADIX_BLOCK: u32 = 256;
 /// Digits of the sort by cell. Odd: the sort ends in the buffer that it did not begin in.
 const RADIX_DIGITS: u32 = 3;
@@ -79,6 +79,8 @@ pub struct MapConfig {
     pub loads: Loads,
     /// Whether gathers read a texture copy: the feature `record_texels`.
     pub texels: bool,
+    /// Whether a workgroup or a single thread sorts a block of photons: the feature `wide_machine`.
+    pub wide_machine: bool,
 }
 
 /// Limits of an adapter.

@@ -30,6 +30,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         ShaderFeatures {
             // Photons are read by others too.
             record_texels: features.record_texels,
+            wide_machine: features.wide_machine,
             ..ShaderFeatures::default()
         }
     };

@@ -92,14 +92,18 @@ pub fn samples_per_dispatch(
     1 << paths_within_turns(per_segment, settings.path.max_depth).ilog2()
 }
 
-/// Photon paths that one thread traces, one after the other, for the same reason. On a GPU one: fewer threads than paths
-/// would leave it idle.
+/// Photon paths that one thread traces, one after the other, for the same reason. On a wide machine one: fewer threads than
+/// paths would leave it idle.
 #[must_use]
-pub fn photon_paths_per_thread(is_software: bool, max_depth: u32, hierarchy_depth: u32) -> u32 {
-    if is_software {
-        paths_within_turns(turns_per_ray(hierarchy_depth), max_depth)
-    } else {
+pub fn photon_paths_per_thread(
+    features: &ShaderFeatures,
+    max_depth: u32,
+    hierarchy_depth: u32,
+) -> u32 {
+    if features.wide_machine {
         1
+    } else {
+        paths_within_turns(turns_per_ray(hierarchy_depth), max_depth)
     }
 }
 
@@ -194,11 +198,14 @@ mod tests {
                     assert!(run == 1 || run * max_depth * per_segment <= LOOP_TURNS / 2);
                     assert!(run.is_power_of_two());
                 }
-                let paths = photon_paths_per_thread(true, max_depth, depth);
+                let paths = photon_paths_per_thread(&lamps, max_depth, depth);
                 assert!(paths == 1 || paths * max_depth * (32 + 8 * depth) <= LOOP_TURNS / 2);
             }
         }
-        assert_eq!(photon_paths_per_thread(true, 12, 6), MOST_PATHS_PER_THREAD);
-        assert_eq!(photon_paths_per_thread(false, 12, 6), 1);
+        assert_eq!(
+            photon_paths_per_thread(&lamps, 12, 6),
+            MOST_PATHS_PER_THREAD
+        );
+        assert_eq!(photon_paths_per_thread(&ShaderFeatures::ALL, 12, 6), 1);
     }
 }

@@ -384,8 +384,8 @@ impl Renderer {
     pub(super) fn shorten_dispatches(&mut self) {
         let depth = self.scene.hierarchy_depth();
         let settings = &self.settings;
-        let is_software = self.context.adapter.is_software();
-        let paths = photon_paths_per_thread(is_software, settings.photon.max_depth, depth);
+        let paths =
+            photon_paths_per_thread(self.frame.features(), settings.photon.max_depth, depth);
         for map in &mut self.maps {
             let run = &mut map.layout.config.paths_per_thread;
             self.is_bound &= *run <= paths;

@@ -58,6 +58,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
         environment: force.environment,
         caustics: force.caustics,
         record_texels: force.record_texels,
+        wide_machine: force.wide_machine,
         ..WORDS.zip(WORDS, |_, _| Force::Auto)
     }
 }

@@ -43,7 +43,7 @@ pub fn plan_of_scene(
         .any(|placed| scene.deforms(placed.node));
     let layout = |config| MapLayout::new(config, &AdapterLimits::NONE);
     let has_lights = shines(&needs);
-    let maps = map_configs(settings, &features, has_lights, (is_software, 0));
+    let maps = map_configs(settings, &features, has_lights, 0);
     let reconstruct = &settings.reconstruct;
     let maps: Vec<MapLayout> = maps.into_iter().map(layout).collect::<Result<_, _>>()?;
     let planned = |settings: &RenderSettings, reuse| {
@@ -80,10 +80,8 @@ pub(super) fn frame_features(
     let features = shader_features(needs, settings);
     let reuse_glossy = both && reuses_glossy(settings, &features);
     ShaderFeatures {
-        record_texels: match settings.force.record_texels {
-            Force::Auto => is_software,
-            forced => forced == Force::On,
-        },
+        record_texels: by_adapter(settings.force.record_texels, is_software),
+        wide_machine: by_adapter(settings.force.wide_machine, !is_software),
         scatters: both && settings.reuse == Reuse::Scatter,
         reuse_glossy,
         reuse_paths: reuse_glossy && settings.method == Method::Path,
@@ -95,6 +93,14 @@ pub(super) fn frame_features(
     }
 }
 
+fn by_adapter(force: Force, auto: bool) -> bool {
+    match force {
+        Force::Auto => auto,
+        Force::On => true,
+        Force::Off => false,
+    }
+}
+
 /// The photon map, and that of caustics where `features` say so; none with the path method.
 pub(super) fn photon_maps(
     context: &GpuContext,
@@ -103,7 +109,7 @@ pub(super) fn photon_maps(
     scene: &SceneBuffers,
 ) -> Result<Vec<PhotonMap>, GpuError> {
     let limits = adapter_limits(context);
-    map_configs_of(context, settings, features, scene)
+    map_configs_of(settings, features, scene)
         .into_iter()
         .map(|config| MapLayout::new(config, &limits).map(PhotonMap::new))
         .collect()
@@ -111,13 +117,12 @@ pub(super) fn photon_maps(
 
 /// What the maps of [`photon_maps`] are made for.
 pub(super) fn map_configs_of(
-    context: &GpuContext,
     settings: &RenderSettings,
     features: &ShaderFeatures,
     scene: &SceneBuffers,
 ) -> Vec<MapConfig> {
-    let driver = (context.adapter.is_software(), scene.hierarchy_depth());
-    map_configs(settings, features, scene.light_count() > 0, driver)
+    let has_lights = scene.light_count() > 0;
+    map_configs(settings, features, has_lights, scene.hierarchy_depth())
 }
 
 pub(super) fn adapter_limits(context: &GpuContext) -> AdapterLimits {
@@ -132,7 +137,7 @@ fn map_configs(
     settings: &RenderSettings,
     features: &ShaderFeatures,
     has_lights: bool,
-    (is_software, hierarchy_depth): (bool, u32),
+    hierarchy_depth: u32,
 ) -> Vec<MapConfig> {
     if settings.method != Method::Photon {
         return Vec::new();
@@ -143,10 +148,11 @@ fn map_configs(
         paths: if has_lights { paths } else { 0 },
         shares: photon.shares,
         max_depth: photon.max_depth,
-        paths_per_thread: photon_paths_per_thread(is_software, photon.max_depth, hierarchy_depth),
+        paths_per_thread: photon_paths_per_thread(features, photon.max_depth, hierarchy_depth),
         capacity: photon.capacity,
         cells: photon.grid_cells_max,
         texels: features.record_texels,
+        wide_machine: features.wide_machine,
         search,
         loads,
     };

@@ -138,7 +138,7 @@ impl Renderer {
         [self.radius_m, self.caustic_radius_m] = radii_m(&self.settings, self.area_m2);
         let limits = adapter_limits(&self.context);
         let features = *self.frame.features();
-        let configs = map_configs_of(&self.context, &self.settings, &features, &self.scene);
+        let configs = map_configs_of(&self.settings, &features, &self.scene);
         for (map, config) in self.maps.iter_mut().zip(configs) {
             map.remake(config, &limits, self.frames_begun)?;
         }

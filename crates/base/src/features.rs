@@ -100,6 +100,7 @@ features! {
         keeps_ends: "path ends of the fused pass, for later passes",
         counts_work: "counts of rays, nodes, triangles and photons",
         record_texels: "texture copies of records and photons",
+        wide_machine: "one photon path per thread, sorts and scans by whole workgroups",
     }
     Renderer {
         visibility_mask: "pixels that the lens hides",

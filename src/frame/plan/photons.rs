@@ -142,13 +142,18 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
 fn radix_sort(steps: &mut Steps, map: &MapLayout) {
     let (digits, bits) = map.digits();
     let blocks = map.blocks();
+    let size = if map.config.wide_machine {
+        Size::Groups(blocks)
+    } else {
+        Size::Threads(blocks)
+    };
     for digit in 0..digits {
         let names = match digit % 2 {
             0 => [("radix_from", "radix_even"), ("radix_to", "radix_odd")],
             _ => [("radix_from", "radix_odd"), ("radix_to", "radix_even")],
         };
         let over_blocks = |steps: &mut Steps, pass| {
-            let step = steps.run(pass, Size::Threads(blocks)).names(&names);
+            let step = steps.run(pass, size).names(&names);
             step.words(digit * bits, blocks, (1 << bits) - 1);
         };
         steps.clear(Moment::Digit);

@@ -70,6 +70,7 @@ const WAYS: &[(&str, Change)] = &[
     }),
     ("plain buffers", |s| s.force.record_texels = Force::Off),
     ("texels", |s| s.force.record_texels = Force::On),
+    ("wide groups", |s| s.force.wide_machine = Force::On),
 ];
 
 fn settings(change: Change) -> RenderSettings {

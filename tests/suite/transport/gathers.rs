@@ -386,17 +386,19 @@ fn one_kernel_gives_the_images_of_two_bit_for_bit() {
     }
 }
 
-/// Where photons and tree lie must not show.
+/// Where photons and tree lie must not show, nor how many threads trace and sort them.
 #[test]
-fn copies_in_textures_give_the_same_images_by_every_way() {
+fn copies_in_textures_and_wide_groups_give_the_same_images_by_every_way() {
     let scene = builtin("cornell");
     let views = views(&scene, 25.0);
     let default: Change = |_| {};
     for (name, way) in WAYS.into_iter().chain([("photon_gather", default)]) {
         // The fused kernel fits without copies where the scene needs little.
-        let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
+        let (on, off) = (Force::On, Force::Off);
+        let [plain, copied, wide] = [(off, off), (on, off), (off, on)].map(|(texels, groups)| {
             let mut settings = map_only(4000, way);
-            settings.force.record_texels = record_texels;
+            settings.force.record_texels = texels;
+            settings.force.wide_machine = groups;
             let mut renderer = renderer(&scene, &settings, [32, 32]);
             // Once more with other photons: the copy follows.
             play(&mut renderer, &views, 0..2);
@@ -404,7 +406,7 @@ fn copies_in_textures_give_the_same_images_by_every_way() {
         });
         let is_lit = plain.iter().flatten().any(|pixel| pixel[0] != 0);
         assert!(is_lit, "{name}: black");
-        assert!(plain == copied, "{name}");
+        assert!(plain == copied && plain == wide, "{name}");
     }
 }
 
