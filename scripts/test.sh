@@ -26,7 +26,8 @@ cargo clippy --release --locked --bin stereolux -- -D warnings
 # What scripts/demo.sh builds.
 cargo clippy --release --locked --bin stereolux --no-default-features -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps "${documented[@]}"
-cargo build --release --locked -p stereolux -p stereolux-isa --bins --examples
+# Of the same packages as the tests: others' dependencies have other features, and half of all would be compiled twice.
+cargo build --release --locked "${packages[@]}" --bins --examples
 # What the passes become on a GPU.
 "${CARGO_TARGET_DIR:-target}/release/stereolux-isa" --check >/dev/null
 
