@@ -71,6 +71,7 @@ fn on_headset(settings: &RenderSettings, start: Pose) -> Result<ImageRgb8, Box<d
         start,
         frame_limit: None,
         settings: OpenXrSettings::default(),
+        passthrough: false,
         actions: Actions::default(),
     };
     let session = OpenXrSession::create(runtime, &gpu, options)?;

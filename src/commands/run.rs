@@ -41,6 +41,8 @@ struct Source {
     name: String,
     /// Said on stderr when the run begins.
     announcement: Option<String>,
+    /// The wearer's room was asked for, and the headset does not show it.
+    lacks_room: bool,
     size: [u32; 2],
 }
 
@@ -168,6 +170,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             context: None,
             name: "one pose".to_owned(),
             announcement,
+            lacks_room: false,
             size,
         },
         loaded,
@@ -265,6 +268,7 @@ fn source(
         session,
         context: None,
         announcement: unavailable.map(|reason| format!("session: {name}; {reason}")),
+        lacks_room: false,
         name,
         size,
     })
@@ -299,6 +303,7 @@ fn desktop_source(
         session: Box::new(session),
         context: None,
         announcement: None,
+        lacks_room: false,
         size,
     })
 }
@@ -326,6 +331,14 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
     let size = runtime.size(settings.size)?;
     let wanted = Some(settings.adapter.as_str()).filter(|name| !name.is_empty());
     let context = runtime.open_device(wanted)?;
+    let wants_room = settings.render.surroundings.passthrough;
+    let lacks_room = wants_room && runtime.passthrough().is_none();
+    if lacks_room {
+        log::warn!(
+            "environment.passthrough: {} does not show the room; surroundings are shown as they are",
+            runtime.name()
+        );
+    }
     let session = OpenXrSession::create(
         runtime,
         &context,
@@ -334,6 +347,7 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
             start,
             frame_limit: options.session.frames.map(u64::from),
             settings: settings.openxr.clone(),
+            passthrough: wants_room,
             actions: actions.clone(),
         },
     )?;
@@ -349,6 +363,7 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
         context: Some(context),
         name,
         announcement: None,
+        lacks_room,
         size,
     })
 }
@@ -427,17 +442,19 @@ fn render_session(
 ) -> Result<(), Failure> {
     let Loaded {
         scene,
-        settings,
+        mut settings,
         light,
     } = loaded;
-    let settings = &settings;
     let Source {
         session,
         context,
         name,
         announcement,
+        lacks_room,
         size,
     } = source;
+    settings.render.surroundings.passthrough &= !lacks_room;
+    let settings = &settings;
     OutputFolder::check(job.out)?;
     let context = match context {
         Some(context) => context,

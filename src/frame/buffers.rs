@@ -165,6 +165,9 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "sample_radiance", 16),
     per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),
+    // Share of the pixel that surfaces cover, where the rest lets the room through: `shaders/shared/coverage.wesl`.
+    per_pixel!(Eye, "coverage", 4).holds(Holds::After).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),
     // Sums over a frame's samples.
     per_pixel!(Eye, "radiance_sum", 16).holds(Holds::After).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "parts_sum", PARTS_BYTES).holds(Holds::After).cleared(&[Moment::Frame]),

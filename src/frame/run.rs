@@ -31,6 +31,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
             // Photons are read by others too.
             record_texels: features.record_texels,
             wide_machine: features.wide_machine,
+            passthrough: features.passthrough,
             ..ShaderFeatures::default()
         }
     };

@@ -20,6 +20,7 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         parts: splits_light(settings),
         svgf: settings.reconstruct.svgf.is_on(),
         counts_work: settings.output.work,
+        passthrough: settings.surroundings.passthrough,
         still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),

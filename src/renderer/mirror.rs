@@ -1,6 +1,6 @@
 //! Shows both eyes' images side by side in a window, from the renderer's buffers straight into the window's texture.
 
-use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderFeatures, ShaderLibrary, uniform_buffer};
 use crate::renderer::records::mirror::Mirror;
 
 use super::submit::ShownLight;
@@ -72,7 +72,7 @@ impl MirrorPass {
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
         let name = &passes::mirror.name;
-        let raster = Raster::new(context, library, name, format)?;
+        let raster = Raster::new(context, library, name, &ShaderFeatures::default(), format)?;
         let steps = present(settings, &[&passes::mirror]).steps;
         let mut bound = |step: &Step| {
             let uniform = uniform_buffer(context, name, size_of::<Mirror>() as u64);

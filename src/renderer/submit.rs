@@ -6,6 +6,7 @@ use crate::renderer::records::submit::Submit;
 use crate::xr::RuntimeTargets;
 
 use crate::frame::plan::present;
+use crate::frame::run::specialised;
 use crate::frame::{FrameRun, Step, passes};
 use crate::gpu::raster::Raster;
 use crate::settings::RenderSettings;
@@ -61,10 +62,11 @@ impl Submitter {
     ) -> Result<Self, GpuError> {
         let formats = formats_of(targets);
         let [name, depth_name] = [&passes::xr_submit.name, &passes::xr_submit_depth.name];
-        let color = Raster::new(context, library, name, formats.0)?;
+        let features = specialised(&passes::xr_submit, frame.features(), false);
+        let color = Raster::new(context, library, name, &features, formats.0)?;
         let depth = formats
             .1
-            .map(|format| Raster::new(context, library, depth_name, format))
+            .map(|format| Raster::new(context, library, depth_name, &features, format))
             .transpose()?;
         let steps = present(settings, &[&passes::xr_submit, &passes::xr_submit_depth]).steps;
         let mut bound = |[shows, deepens]: [&Step; 2]| {

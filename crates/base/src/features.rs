@@ -98,6 +98,7 @@ features! {
         svgf: "the filter's guides beside the light",
         still_mean: "the mean of still frames",
         keeps_ends: "path ends of the fused pass, for later passes",
+        passthrough: "surroundings that let the room through",
         counts_work: "counts of rays, nodes, triangles and photons",
         record_texels: "texture copies of records and photons",
         wide_machine: "one photon path per thread, sorts and scans by whole workgroups",

@@ -27,6 +27,8 @@
 //! | `no_rates` | no refresh rate that makes sense |
 //! | `wild_mask` | a visibility mask of 100,000 triangles, with indices and corners that make no sense |
 //! | `one_view` | locates one view |
+//! | `room_blended`, `room_layered`, `room_added` | shows the room: by ALPHA_BLEND, by `XR_FB_passthrough`, by ADDITIVE alone; loses its session once; says on standard error how each frame with a layer lies over it |
+//! | `no_room` | knows `XR_FB_passthrough`, its headset does not |
 //!
 //! | value | once [`SHOWN_BEFORE`] frames were shown |
 //! |---|---|
@@ -231,7 +233,8 @@ unsafe extern "system" fn get_instance_proc_addr(
                 // The other functions of the core do nothing, with success: the ABI lets a C function ignore what it
                 // is passed.
                 "xrDestroyInstance" | "xrDestroySpace" | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
-                | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrResultToString" | "xrStructureTypeToString" => {
+                | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrDestroyPassthroughFB"
+                | "xrDestroyPassthroughLayerFB" | "xrResultToString" | "xrStructureTypeToString" => {
                     Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
                 }
                 // Bindings want every function of the core to be there.
@@ -286,6 +289,8 @@ unsafe extern "system" fn get_instance_proc_addr(
         GetDisplayRefreshRateFB = refresh_rate,
         RequestDisplayRefreshRateFB = request_refresh_rate,
         GetVisibilityMaskKHR = visibility_mask,
+        CreatePassthroughFB = create_passthrough,
+        CreatePassthroughLayerFB = create_passthrough_layer,
         CreateHandTrackerEXT = create_hand_tracker,
         LocateHandJointsEXT = locate_hand_joints,
     );
@@ -329,6 +334,8 @@ unsafe extern "system" fn enumerate_extensions(
             "XR_EXT_hand_tracking",
             "XR_EXT_eye_gaze_interaction",
         ]
+    } else if asked_for("room_layered") || asked_for("no_room") {
+        &["XR_KHR_vulkan_enable2", "XR_FB_passthrough"]
     } else if asked_for("wild_mask") {
         &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
     } else {
@@ -409,6 +416,9 @@ unsafe extern "system" fn system_properties(
         } else if structure.ty == xr::SystemEyeGazeInteractionPropertiesEXT::TYPE {
             let of_gaze = chained.cast::<xr::SystemEyeGazeInteractionPropertiesEXT>();
             (*of_gaze).supports_eye_gaze_interaction = has_trackers;
+        } else if structure.ty == xr::SystemPassthroughPropertiesFB::TYPE {
+            let of_room = chained.cast::<xr::SystemPassthroughPropertiesFB>();
+            (*of_room).supports_passthrough = asked_for("room_layered").into();
         }
         chained = structure.next;
     }
@@ -467,12 +477,17 @@ unsafe extern "system" fn blend_modes(
     count: *mut u32,
     out: *mut xr::EnvironmentBlendMode,
 ) -> R {
-    fill(
-        &[xr::EnvironmentBlendMode::OPAQUE],
-        capacity,
-        count,
-        |_, mode| out.write(*mode),
-    )
+    use xr::EnvironmentBlendMode as Mode;
+    let modes: &[Mode] = if asked_for("room_blended") {
+        &[Mode::ADDITIVE, Mode::OPAQUE, Mode::ALPHA_BLEND]
+    } else if asked_for("room_added") {
+        &[Mode::ADDITIVE]
+    } else {
+        &[Mode::OPAQUE]
+    };
+    fill(modes, capacity, count, |index, mode| {
+        out.add(index).write(*mode);
+    })
 }
 
 unsafe extern "system" fn poll_event(_: xr::Instance, out: *mut xr::EventDataBuffer) -> R {
@@ -879,7 +894,13 @@ unsafe extern "system" fn wait_frame(
     if !state.session.is_running {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
-    let behaviours = ["session_lost", "lost_for_good", "lost_and_changed"];
+    let behaviours = [
+        "session_lost",
+        "lost_for_good",
+        "lost_and_changed",
+        "room_blended",
+        "room_layered",
+    ];
     state.session.is_lost |= behaviours.into_iter().any(|lost| state.fails_now(lost))
         || asked_for("lost_again") && state.shown >= SHOWN_BEFORE;
     if let Err(error) = state.check(session) {
@@ -901,6 +922,43 @@ unsafe extern "system" fn begin_frame(session: xr::Session, _: *const xr::FrameB
     state().check(session).err().unwrap_or(R::SUCCESS)
 }
 
+/// What asks for how frames lie over the room.
+const OVER_ROOMS: [&str; 4] = ["room_blended", "room_layered", "room_added", "no_room"];
+
+unsafe extern "system" fn create_passthrough(
+    session: xr::Session,
+    info: *const xr::PassthroughCreateInfoFB,
+    out: *mut xr::PassthroughFB,
+) -> R {
+    let mut state = state();
+    if let Err(error) = state.check(session) {
+        return error;
+    }
+    if (*info).flags != xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION {
+        return R::ERROR_VALIDATION_FAILURE;
+    }
+    out.write(xr::PassthroughFB::from_raw(state.handle()));
+    R::SUCCESS
+}
+
+unsafe extern "system" fn create_passthrough_layer(
+    session: xr::Session,
+    info: *const xr::PassthroughLayerCreateInfoFB,
+    out: *mut xr::PassthroughLayerFB,
+) -> R {
+    let mut state = state();
+    if let Err(error) = state.check(session) {
+        return error;
+    }
+    if (*info).flags != xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION
+        || (*info).purpose != xr::PassthroughLayerPurposeFB::RECONSTRUCTION
+    {
+        return R::ERROR_VALIDATION_FAILURE;
+    }
+    out.write(xr::PassthroughLayerFB::from_raw(state.handle()));
+    R::SUCCESS
+}
+
 unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::FrameEndInfo) -> R {
     let mut state = state();
     let waited = state.session.waited as i64;
@@ -914,6 +972,16 @@ unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::Frame
         state.session.is_lost |= state.fails_now("end_frame_lost");
         if let Err(error) = state.check(session) {
             return error;
+        }
+        if OVER_ROOMS.into_iter().any(asked_for) {
+            let layers = std::slice::from_raw_parts((*info).layers, (*info).layer_count as usize);
+            let kinds: Vec<_> = layers.iter().map(|layer| (**layer).ty).collect();
+            let flags = layers.iter().map(|layer| (**layer).layer_flags);
+            let has_alpha: Vec<_> = flags
+                .map(|flags| flags.contains(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA))
+                .collect();
+            let mode = (*info).environment_blend_mode;
+            eprintln!("over the room: {mode:?}, layers {kinds:?}, alpha {has_alpha:?}");
         }
         state.shown += 1;
     }

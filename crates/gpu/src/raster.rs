@@ -14,7 +14,7 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Compiles pass `name` for images of `format`.
+    /// Compiles pass `name` with `features` for images of `format`.
     ///
     /// # Errors
     /// [`GpuError`], naming the pass.
@@ -22,9 +22,10 @@ impl Raster {
         context: &GpuContext,
         library: &ShaderLibrary,
         name: &str,
+        features: &ShaderFeatures,
         format: wgpu::TextureFormat,
     ) -> Result<Self, GpuError> {
-        let shader = library.compile(&format!("passes/{name}"), &ShaderFeatures::default())?;
+        let shader = library.compile(&format!("passes/{name}"), features)?;
         let bindings = reflect_bindings(&shader)?;
         context.count_made();
         context.guarded(name, || {

@@ -23,6 +23,6 @@ pub use table::{
     AnimationSettings, EnvironmentSettings, ForceSettings, GpuSettings, InputSettings,
     LimitsSettings, OpenXrSettings, OutputSettings, PathSettings, PhotonSettings, PictureSettings,
     ReconstructSettings, RenderSettings, Settings, SimulatedSettings, StereoSettings,
-    TextureSettings, TimingSettings,
+    SurroundingsSettings, TextureSettings, TimingSettings,
 };
 pub use user_pass::{UserDomain, UserPass};

@@ -138,7 +138,7 @@ pub(super) const SECTIONS: &[RowSection<Settings>] = &[
     RowSection::new("Stereo reuse", &[STEREO]),
     RowSection::new("Textures", &[TEXTURES]),
     RowSection::new("Reconstruction (denoising)", &[RECONSTRUCT]),
-    RowSection::new("Environment", &[ENVIRONMENT]),
+    RowSection::new("Environment", &[ENVIRONMENT, SURROUNDINGS]),
     RowSection::new("Animation", &[ANIMATION]),
     RowSection::new("Output", &[EXPOSURE, IMAGES, PARTS]),
     RowSection::new("Compiled features", &[FORCE]),
@@ -220,6 +220,8 @@ settings! {
             force: ForceSettings;
             /// What is timed.
             gpu: TimingSettings;
+            /// What the eyes see beyond the scene.
+            surroundings: SurroundingsSettings;
             /// The user's own passes.
             user_passes: UserPasses;
         }
@@ -357,6 +359,14 @@ settings! {
             path: String = String::new(), TEXT;
             /// factor on the environment's radiance
             strength: f64 = 1.0, NOT_NEGATIVE;
+        }
+    }
+
+    /// What the eyes see beyond the scene (`environment.*`).
+    struct SurroundingsSettings at (render surroundings) "environment." {
+        rows SURROUNDINGS {
+            /// show the wearer's room where a view leaves the scene, if the headset can; black in files and without a headset
+            passthrough: bool = false;
         }
     }
 

@@ -26,7 +26,15 @@ pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
         steps.turn_to(Stage::Present.name(), eye);
         for pass in passes {
             let step = steps.run(pass, Size::Fragments);
-            step.names(&[("shown_light", shown_light(settings))]);
+            let coverage = if settings.reconstruct.taa.is_on() {
+                "steady_coverage"
+            } else {
+                "coverage"
+            };
+            step.names(&[
+                ("shown_light", shown_light(settings)),
+                ("shown_coverage", coverage),
+            ]);
         }
     }
     PlannedStage {

@@ -155,12 +155,16 @@ fn info_says_why_a_runtime_cannot_be_used() {
 #[test]
 fn info_says_what_a_runtime_does_not_offer() {
     let folder = Folder::new("openxr-not-offered");
-    let missing = ["bare_hands", "hand_joints", "gaze", "controller_models"];
+    let missing = words("bare_hands hand_joints gaze controller_models passthrough");
     for (behaviour, expected) in [
         ("no_extensions", &missing[..]),
         ("profiles", &missing[1..]),
-        ("trackers", &[missing[0], missing[3]]),
+        ("trackers", &[missing[0], missing[3], missing[4]]),
         ("no_trackers", &missing),
+        ("room_blended", &missing[..4]),
+        ("room_layered", &missing[..4]),
+        ("room_added", &missing[..4]),
+        ("no_room", &missing),
     ] {
         let said = info(&folder, behaviour);
         assert_eq!(said["not_offered"], json!(expected), "{behaviour}");
@@ -548,4 +552,47 @@ fn joints_and_gaze_arrive_in_the_world() {
     assert!(frames.iter().all(|frame| frame.input == Input::default()));
     let refused = |what: &str| format!("offers {what} and refuses to give it");
     assert_says(&said, &[&refused("joints of hands"), &refused("gaze")]);
+}
+
+/// The room behind the scene: by whatever the runtime has, also after a lost session, and not at all unless asked for.
+#[test]
+fn the_room_is_shown_as_the_runtime_can() {
+    let folder = Folder::new("openxr-room");
+    let opaque = "OPAQUE, layers [COMPOSITION_LAYER_PROJECTION], alpha [false]";
+    let layered = "OPAQUE, layers [COMPOSITION_LAYER_PASSTHROUGH_FB, COMPOSITION_LAYER_PROJECTION], alpha [true, true]";
+    for (behaviour, unasked, asked) in [
+        (
+            "room_blended",
+            opaque,
+            "ALPHA_BLEND, layers [COMPOSITION_LAYER_PROJECTION], alpha [true]",
+        ),
+        ("room_layered", opaque, layered),
+        (
+            "room_added",
+            "ADDITIVE, layers [COMPOSITION_LAYER_PROJECTION], alpha [false]",
+            "ADDITIVE, layers [COMPOSITION_LAYER_PROJECTION], alpha [false]",
+        ),
+        ("no_room", opaque, opaque),
+    ] {
+        for (wish, expected) in [("false", unasked), ("true", asked)] {
+            let setting = format!("--set environment.passthrough={wish}");
+            let args = small_run(&folder.join("out"), &folder.join("views.jsonl"), 8);
+            let said = stderr(&run_with(&folder, behaviour, &args, &[&setting]));
+            let frames = said
+                .lines()
+                .filter_map(|line| line.strip_prefix("over the room: "));
+            let frames: Vec<&str> = frames.collect();
+            assert!(frames.len() >= 8, "{said}");
+            assert!(
+                frames.iter().all(|frame| *frame == expected),
+                "{behaviour}: {frames:?}"
+            );
+            let is_refused = said.contains("does not show the room");
+            assert_eq!(
+                is_refused,
+                wish == "true" && behaviour == "no_room",
+                "{said}"
+            );
+        }
+    }
 }

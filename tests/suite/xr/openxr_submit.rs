@@ -3,14 +3,15 @@
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::settings::{Method, Reuse};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{HiddenArea, RuntimeTargets, View};
 
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, context, frame, hit_rays, method, parallel_views,
-    pixel_ray, radiance, renderer, start_pose,
+    pixel_ray, play, radiance, renderer, start_pose,
 };
+use crate::suite::transport::hard_support::constant_environment;
 
 const SIZE: [u32; 2] = [64, 48];
 
@@ -388,4 +389,92 @@ fn reuse_can_be_switched_and_back() {
     frame(&mut switched, &views());
     assert_eq!(right(&switched), with_reuse);
     assert!(!off.switch_reuse(), "nothing was compiled to switch to");
+}
+
+/// A headset's images where the room may show: opaque where surfaces are, of the same colours, and nothing elsewhere.
+#[test]
+fn surroundings_let_the_room_through_and_surfaces_do_not() {
+    let mut scene = builtin("cornell");
+    scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
+    let texels = |frames: u32, change: &dyn Fn(&mut RenderSettings)| {
+        let mut settings = method(Method::Photon, Reuse::Off);
+        change(&mut settings);
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        play(&mut renderer, &views(), 0..frames);
+        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba8Unorm, false);
+        renderer
+            .submit_to(&ShaderLibrary::embedded(), &targets)
+            .unwrap();
+        let both = targets.color.each_ref().map(|eye| {
+            let found = bytes(renderer.context(), eye, 4);
+            found
+                .chunks_exact(4)
+                .map(|t| [t[0], t[1], t[2], t[3]])
+                .collect::<Vec<_>>()
+        });
+        (both, renderer)
+    };
+    let ways = [
+        (Method::Photon, Reuse::Off),
+        (Method::Photon, Reuse::Scatter),
+        (Method::Path, Reuse::Off),
+        (Method::Path, Reuse::Lookup),
+    ];
+    for (way, reuse) in ways {
+        let seen = |passthrough: bool| {
+            texels(1, &|s| {
+                (s.method, s.reuse) = (way, reuse);
+                s.surroundings.passthrough = passthrough;
+            })
+        };
+        let ((plain, renderer), (through, _)) = (seen(false), seen(true));
+        for (eye, (plain, through)) in [Eye::Left, Eye::Right]
+            .into_iter()
+            .zip(plain.iter().zip(&through))
+        {
+            let hits = hit_rays(&renderer, eye);
+            let [mut covered, mut open] = [0; 2];
+            for ((hit, plain), through) in hits.iter().zip(plain).zip(through) {
+                assert_eq!(plain[3], 255);
+                if hit[3] > 0.0 {
+                    covered += 1;
+                    assert_eq!(through, plain, "{reuse:?} {eye:?}");
+                } else {
+                    open += 1;
+                    assert_eq!(*through, [0; 4], "{reuse:?} {eye:?}");
+                    assert!(plain[2] > plain[0], "the surroundings are blue: {plain:?}");
+                }
+            }
+            assert!(covered > 500 && open > 100, "{covered} {open}");
+        }
+    }
+    // Over frames a pixel's share is that of its area: 0 and 1 where 64 samples of one frame say so, but for offsets that find
+    // what those miss, and between along edges.
+    let room = |s: &mut RenderSettings| s.surroundings.passthrough = true;
+    let (area, _) = texels(1, &|s| {
+        room(s);
+        s.spp = 64;
+    });
+    let (still, _) = texels(24, &|s| {
+        room(s);
+        s.reconstruct.taa = true.into();
+    });
+    let alphas = |both: [Vec<[u8; 4]>; 2]| both.concat().into_iter().map(|texel| texel[3]);
+    let pairs: Vec<(u8, u8)> = alphas(area).zip(alphas(still)).collect();
+    let of = |whole: fn(&u8) -> bool| {
+        let among = pairs.iter().filter(|(area, _)| whole(area));
+        (
+            among.clone().filter(|(_, still)| whole(still)).count(),
+            among.count(),
+        )
+    };
+    for whole in [|alpha: &u8| *alpha == 0, |alpha: &u8| *alpha == 255] {
+        let (agree, all) = of(whole);
+        assert!(all > 200 && agree * 100 >= all * 99, "{agree} of {all}");
+    }
+    let (between, edges) = of(|alpha| (1..=254).contains(alpha));
+    assert!(
+        edges > 50 && between * 10 >= edges * 8,
+        "{between} of {edges}"
+    );
 }

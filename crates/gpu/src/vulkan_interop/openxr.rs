@@ -325,6 +325,16 @@ pub struct LayerView<'a> {
     pub depth: Option<&'a xr::Swapchain<xr::Vulkan>>,
 }
 
+/// How the projection layer lies over what is behind it.
+pub struct Over<'a> {
+    /// How frames are blended with the room.
+    pub blend_mode: xr::EnvironmentBlendMode,
+    /// Whether the images' alpha counts; their colours are premultiplied.
+    pub with_alpha: bool,
+    /// The room, as a layer of its own below.
+    pub room: Option<&'a xr::PassthroughLayerFB>,
+}
+
 /// Ends a frame with one projection layer, its depth with it if both eyes have one.
 ///
 /// # Errors
@@ -332,7 +342,7 @@ pub struct LayerView<'a> {
 pub fn end_frame_with_layer(
     stream: &mut xr::FrameStream<xr::Vulkan>,
     time: xr::Time,
-    blend_mode: xr::EnvironmentBlendMode,
+    over: &Over<'_>,
     space: &xr::Space,
     [width, height]: [u32; 2],
     near_m: f32,
@@ -376,10 +386,29 @@ pub fn end_frame_with_layer(
         unsafe { xr::CompositionLayerProjectionView::from_raw(raw) }
     };
     let views = [view(0), view(1)];
+    let flags = if over.with_alpha {
+        xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
+    } else {
+        xr::CompositionLayerFlags::EMPTY
+    };
     let layer = xr::CompositionLayerProjection::new()
+        .layer_flags(flags)
         .space(space)
         .views(&views);
-    stream.end(time, blend_mode, &[&layer])
+    let Some(room) = over.room else {
+        return stream.end(time, over.blend_mode, &[&layer]);
+    };
+    let room = xr::sys::CompositionLayerPassthroughFB {
+        ty: xr::sys::CompositionLayerPassthroughFB::TYPE,
+        next: std::ptr::null(),
+        flags: xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
+        space: <xr::sys::Space as xr::sys::Handle>::NULL,
+        layer_handle: room.as_raw(),
+    };
+    // SAFETY: a layer's base is a view of the members that every layer begins with, and the runtime tells layers apart by
+    // their type; `room` outlives the call below.
+    let room = unsafe { &*(&raw const room).cast::<xr::CompositionLayerBase<'_, xr::Vulkan>>() };
+    stream.end(time, over.blend_mode, &[room, &layer])
 }
 
 /// Where `space` is in `base` at `time`, and how it moves. The bindings' own call leaves the flags that the runtime fills in
@@ -419,14 +448,22 @@ pub fn relate(
     Ok((location, velocity))
 }
 
-/// Whether the headset tracks joints of hands and gaze, by the extensions that the instance was made with.
+/// What the headset can do, by the extensions that the instance was made with.
+#[derive(Clone, Copy, Debug)]
+pub struct Supports {
+    /// It tracks joints of hands.
+    pub hand_joints: bool,
+    /// It tracks the gaze.
+    pub gaze: bool,
+    /// It shows the room.
+    pub passthrough: bool,
+}
+
+/// Asks what the headset can do.
 ///
 /// # Errors
 /// The runtime's.
-pub fn tracks_joints_and_gaze(
-    runtime: &xr::Instance,
-    system: xr::SystemId,
-) -> xr::Result<[bool; 2]> {
+pub fn supports(runtime: &xr::Instance, system: xr::SystemId) -> xr::Result<Supports> {
     let mut joints = xr::sys::SystemHandTrackingPropertiesEXT {
         ty: xr::sys::SystemHandTrackingPropertiesEXT::TYPE,
         next: std::ptr::null_mut(),
@@ -437,6 +474,11 @@ pub fn tracks_joints_and_gaze(
         next: std::ptr::null_mut(),
         supports_eye_gaze_interaction: xr::sys::FALSE,
     };
+    let mut room = xr::sys::SystemPassthroughPropertiesFB {
+        ty: xr::sys::SystemPassthroughPropertiesFB::TYPE,
+        next: std::ptr::null(),
+        supports_passthrough: xr::sys::FALSE,
+    };
     let extensions = runtime.exts();
     let mut chain: *mut c_void = std::ptr::null_mut();
     if extensions.ext_hand_tracking.is_some() {
@@ -445,6 +487,10 @@ pub fn tracks_joints_and_gaze(
     if extensions.ext_eye_gaze_interaction.is_some() {
         gaze.next = chain;
         chain = (&raw mut gaze).cast();
+    }
+    if extensions.fb_passthrough.is_some() {
+        room.next = chain;
+        chain = (&raw mut room).cast();
     }
     let mut properties = xr::sys::SystemProperties::out(chain.cast());
     // SAFETY: the chain holds structures of extensions in use alone, each whole and typed; all outlive the call, and what
@@ -456,10 +502,11 @@ pub fn tracks_joints_and_gaze(
     if result.into_raw() < 0 {
         return Err(result);
     }
-    Ok([
-        joints.supports_hand_tracking.into(),
-        gaze.supports_eye_gaze_interaction.into(),
-    ])
+    Ok(Supports {
+        hand_joints: joints.supports_hand_tracking.into(),
+        gaze: gaze.supports_eye_gaze_interaction.into(),
+        passthrough: room.supports_passthrough.into(),
+    })
 }
 
 /// Where a hand's joints are in `base` at `time`; `None` while the hand is not tracked. Flags begin as none, as in

@@ -5,6 +5,7 @@ use openxr as xr;
 
 use super::controls::Controls;
 use super::lifecycle::Lifecycle;
+use super::passthrough::Behind;
 use super::runtime::{Runtime, RuntimeError, failed};
 use super::swapchain::EyeSwapchains;
 use super::{SessionOptions, Space};
@@ -22,6 +23,7 @@ pub(super) struct Live {
     pub(super) eyes: [EyeSwapchains; 2],
     pub(super) controls: Controls,
     pub(super) space: xr::Space,
+    pub(super) behind: Behind,
     pub(super) stream: xr::FrameStream<xr::Vulkan>,
     pub(super) waiter: xr::FrameWaiter,
     pub(super) session: xr::Session<xr::Vulkan>,
@@ -50,6 +52,7 @@ impl Live {
             .create_reference_space(kind, xr::Posef::IDENTITY)
             .map_err(failed("xrCreateReferenceSpace"))?;
         let controls = Controls::new(runtime, &session, settings.locomotion, &options.actions)?;
+        let behind = Behind::new(runtime, &session, options.passthrough)?;
         let with_depth = settings.depth_layer && runtime.offered.depth_layer;
         let eyes =
             EyeSwapchains::pair(&session, device, options.size, settings.format, with_depth)?;
@@ -60,6 +63,7 @@ impl Live {
             eyes,
             controls,
             space,
+            behind,
             stream,
             waiter,
             session,

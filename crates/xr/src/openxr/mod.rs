@@ -14,6 +14,7 @@ mod lifecycle;
 mod live;
 mod locomotion;
 mod own_actions;
+mod passthrough;
 mod recovery;
 mod runtime;
 mod states;
@@ -25,6 +26,7 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use openxr as xr;
 
+pub use passthrough::Passthrough;
 pub use runtime::{Runtime, RuntimeError};
 
 use self::controls::Wishes;
@@ -66,6 +68,8 @@ pub struct SessionOptions {
     pub frame_limit: Option<u64>,
     /// Space, format, layers, locomotion.
     pub settings: OpenXrSettings,
+    /// Whether the wearer's room is shown where images are transparent, if the runtime can ([`Runtime::passthrough`]).
+    pub passthrough: bool,
     /// The application's own actions.
     pub actions: Actions,
 }
@@ -289,12 +293,11 @@ impl OpenXrSession {
     }
 
     fn end_empty(&mut self, time: xr::Time) -> Result<(), XrError> {
-        let blend_mode = self.runtime.system.blend_mode;
         let Some(live) = self.usable() else {
             return Ok(());
         };
         live.in_frame = false;
-        match live.stream.end(time, blend_mode, &[]) {
+        match live.stream.end(time, live.behind.mode, &[]) {
             Ok(()) => {
                 self.losses = 0;
                 Ok(())
@@ -491,7 +494,6 @@ impl XrSession for OpenXrSession {
         let Some(rendered) = submission.rendered else {
             return self.end_empty(time);
         };
-        let blend_mode = self.runtime.system.blend_mode;
         let size = submission.size.unwrap_or(self.options.size);
         let space_from_world = inverse(&self.locomotion.world_from_space());
         // A frame in which the session was lost is not shown, and does not count.
@@ -522,7 +524,7 @@ impl XrSession for OpenXrSession {
         let ended = interop::end_frame_with_layer(
             &mut live.stream,
             time,
-            blend_mode,
+            &live.behind.over(),
             &live.space,
             size,
             NEAR_M,

@@ -141,10 +141,20 @@ pub(super) struct Offered {
     pub(super) depth_layer: bool,
     pub(super) visibility_mask: bool,
     pub(super) refresh_rate: bool,
+    pub(super) passthrough_layer: bool,
     pub(super) hand_joints: bool,
     pub(super) gaze: bool,
     touch_plus: bool,
     hand_interaction: bool,
+}
+
+impl Offered {
+    /// What the headset itself cannot do is not offered.
+    fn take_over(&mut self, supports: interop::Supports) {
+        self.hand_joints = supports.hand_joints;
+        self.gaze = supports.gaze;
+        self.passthrough_layer = supports.passthrough;
+    }
 }
 
 /// Either offers pictures of controllers; this program asks for neither.
@@ -153,10 +163,11 @@ const CONTROLLER_MODELS: [&str; 2] = ["XR_MSFT_controller_model", "XR_FB_render_
 /// A headset as the runtime describes it.
 pub(super) struct System {
     pub(super) id: xr::SystemId,
-    pub(super) blend_mode: xr::EnvironmentBlendMode,
+    /// Ways to blend with the room, the preferred first; one at least.
+    pub(super) modes: Vec<xr::EnvironmentBlendMode>,
     name: String,
     views: [xr::ViewConfigurationView; 2],
-    tracks_joints_and_gaze: [bool; 2],
+    supports: interop::Supports,
 }
 
 impl System {
@@ -175,8 +186,7 @@ impl System {
                 .system_name,
         );
         // A runtime that knows how may stand before a headset that cannot.
-        let tracks_joints_and_gaze = interop::tracks_joints_and_gaze(instance, id)
-            .map_err(failed("xrGetSystemProperties"))?;
+        let supports = interop::supports(instance, id).map_err(failed("xrGetSystemProperties"))?;
         let no_stereo = || RuntimeError::NoStereo {
             system: name.clone(),
         };
@@ -190,22 +200,18 @@ impl System {
             .enumerate_view_configuration_views(id, STEREO)
             .map_err(failed("xrEnumerateViewConfigurationViews"))?;
         let views = <[_; 2]>::try_from(views).map_err(|_| no_stereo())?;
-        // A scene that fills the view: the first mode that does not show the room, else what there is.
-        let modes = instance
+        let mut modes = instance
             .enumerate_environment_blend_modes(id, STEREO)
             .map_err(failed("xrEnumerateEnvironmentBlendModes"))?;
-        let blend_mode = modes
-            .iter()
-            .find(|mode| **mode == xr::EnvironmentBlendMode::OPAQUE)
-            .or(modes.first())
-            .copied()
-            .unwrap_or(xr::EnvironmentBlendMode::OPAQUE);
+        if modes.is_empty() {
+            modes.push(xr::EnvironmentBlendMode::OPAQUE);
+        }
         Ok(Self {
             id,
-            blend_mode,
+            modes,
             name,
             views,
-            tracks_joints_and_gaze,
+            supports,
         })
     }
 
@@ -260,6 +266,7 @@ impl Runtime {
             depth_layer: available.khr_composition_layer_depth,
             visibility_mask: available.khr_visibility_mask,
             refresh_rate: available.fb_display_refresh_rate,
+            passthrough_layer: available.fb_passthrough,
             hand_joints: available.ext_hand_tracking,
             gaze: available.ext_eye_gaze_interaction,
             touch_plus: available.meta_touch_controller_plus,
@@ -270,6 +277,7 @@ impl Runtime {
         enabled.khr_composition_layer_depth = offered.depth_layer;
         enabled.khr_visibility_mask = offered.visibility_mask;
         enabled.fb_display_refresh_rate = offered.refresh_rate;
+        enabled.fb_passthrough = offered.passthrough_layer;
         enabled.ext_hand_tracking = offered.hand_joints;
         enabled.ext_eye_gaze_interaction = offered.gaze;
         enabled.meta_touch_controller_plus = offered.touch_plus;
@@ -290,7 +298,7 @@ impl Runtime {
             .map_err(failed("xrGetInstanceProperties"))?;
         let name = one_line(&properties.runtime_name);
         let system = System::find(&instance, &name)?;
-        [offered.hand_joints, offered.gaze] = system.tracks_joints_and_gaze;
+        offered.take_over(system.supports);
         let extensions = available
             .names()
             .into_iter()
@@ -329,7 +337,7 @@ impl Runtime {
         if !is_same {
             return Err(RuntimeError::Changed("another adapter"));
         }
-        [self.offered.hand_joints, self.offered.gaze] = again.tracks_joints_and_gaze;
+        self.offered.take_over(again.supports);
         self.system = again;
         Ok(())
     }
@@ -438,6 +446,7 @@ impl Runtime {
             ("hand_joints", self.offered.hand_joints),
             ("gaze", self.offered.gaze),
             ("controller_models", CONTROLLER_MODELS.iter().any(knows)),
+            ("passthrough", self.passthrough().is_some()),
         ];
         let missing = may_lack.into_iter().filter(|(_, is_there)| !is_there);
         missing.map(|(what, _)| what).collect()
@@ -449,6 +458,7 @@ impl Runtime {
             (self.offered.depth_layer, "XR_KHR_composition_layer_depth"),
             (self.offered.visibility_mask, "XR_KHR_visibility_mask"),
             (self.offered.refresh_rate, "XR_FB_display_refresh_rate"),
+            (self.offered.passthrough_layer, "XR_FB_passthrough"),
             (self.offered.hand_joints, "XR_EXT_hand_tracking"),
             (self.offered.gaze, "XR_EXT_eye_gaze_interaction"),
             (self.offered.touch_plus, "XR_META_touch_controller_plus"),

@@ -1,0 +1,113 @@
+//! What lies behind the scene: nothing, or the room around the wearer.
+
+use openxr as xr;
+use openxr::EnvironmentBlendMode as Mode;
+
+use super::runtime::{Runtime, RuntimeError, failed};
+use stereolux_gpu::vulkan_interop::openxr as interop;
+
+/// Ways to show the wearer's room where the scene is transparent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Passthrough {
+    /// The environment blend mode ALPHA_BLEND.
+    Blended,
+    /// A layer of XR_FB_passthrough below the scene's.
+    Layered,
+    /// The display adds its light to the room's, so that black is transparent.
+    Added,
+}
+
+impl Runtime {
+    /// How the wearer's room can be shown; `None`: not at all.
+    #[must_use]
+    pub fn passthrough(&self) -> Option<Passthrough> {
+        let modes = &self.system.modes;
+        if modes.contains(&Mode::ALPHA_BLEND) {
+            Some(Passthrough::Blended)
+        } else if self.offered.passthrough_layer && modes.contains(&Mode::OPAQUE) {
+            Some(Passthrough::Layered)
+        } else if modes.contains(&Mode::ADDITIVE) {
+            Some(Passthrough::Added)
+        } else {
+            None
+        }
+    }
+}
+
+/// The wearer's room as a layer. Fields are dropped in order: the layer before what it shows.
+struct Room {
+    layer: xr::PassthroughLayerFB,
+    _passthrough: xr::Passthrough,
+}
+
+impl Room {
+    /// Begins to show it.
+    fn open(session: &xr::Session<xr::Vulkan>) -> Result<Self, RuntimeError> {
+        let running = xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION;
+        // Not by `Passthrough::start`, which in the bindings (0.22) pauses it.
+        let passthrough = session
+            .create_passthrough(running)
+            .map_err(failed("xrCreatePassthroughFB"))?;
+        let purpose = xr::PassthroughLayerPurposeFB::RECONSTRUCTION;
+        let layer = session
+            .create_passthrough_layer(&passthrough, running, purpose)
+            .map_err(failed("xrCreatePassthroughLayerFB"))?;
+        Ok(Self {
+            layer,
+            _passthrough: passthrough,
+        })
+    }
+}
+
+/// What a session's frames lie over.
+pub(super) struct Behind {
+    /// How frames are blended with the room.
+    pub(super) mode: Mode,
+    with_alpha: bool,
+    room: Option<Room>,
+}
+
+impl Behind {
+    /// The room, if it is wanted and the runtime can; else nothing, by the mode that does not show the room or, where there is
+    /// none, what there is.
+    ///
+    /// # Errors
+    /// [`RuntimeError::Call`].
+    pub(super) fn new(
+        runtime: &Runtime,
+        session: &xr::Session<xr::Vulkan>,
+        is_wanted: bool,
+    ) -> Result<Self, RuntimeError> {
+        let modes = &runtime.system.modes;
+        let opaque = if modes.contains(&Mode::OPAQUE) {
+            Mode::OPAQUE
+        } else {
+            modes[0]
+        };
+        let passthrough = runtime.passthrough().filter(|_| is_wanted);
+        Ok(Self {
+            mode: match passthrough {
+                Some(Passthrough::Blended) => Mode::ALPHA_BLEND,
+                Some(Passthrough::Added) => Mode::ADDITIVE,
+                Some(Passthrough::Layered) | None => opaque,
+            },
+            with_alpha: matches!(
+                passthrough,
+                Some(Passthrough::Blended | Passthrough::Layered)
+            ),
+            room: match passthrough {
+                Some(Passthrough::Layered) => Some(Room::open(session)?),
+                _ => None,
+            },
+        })
+    }
+
+    /// How a projection layer lies over it.
+    pub(super) fn over(&self) -> interop::Over<'_> {
+        interop::Over {
+            blend_mode: self.mode,
+            with_alpha: self.with_alpha,
+            room: self.room.as_ref().map(|room| &room.layer),
+        }
+    }
+}
