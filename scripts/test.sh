@@ -46,4 +46,4 @@ echo "the ten slowest tests, seconds (tests run side by side):"
 sed -nE 's/^test (.*) \.\.\. .*<([0-9.]+)s>$/\2 \1/p' "$log" | sort -rn | awk 'NR <= 10 { printf "%9.1f  %s\n", $1, $2 }'
 echo "all tests and compiling them: $((SECONDS - began)) s"
 [ "$status" -eq 0 ] || exit "$status"
-cargo test --release --locked --doc
+cargo test --release --locked --doc "${documented[@]}"
