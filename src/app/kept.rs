@@ -1,7 +1,6 @@
 //! What of a world outlives a call of the application, and how it comes to be shown.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -40,7 +39,7 @@ pub(crate) struct Kept {
     /// A part that the renderer cannot show and its successor can.
     arrival: Option<Arrival>,
     /// Shaders of all renderers.
-    pub(super) library: Option<Arc<ShaderLibrary>>,
+    pub(super) library: Option<ShaderLibrary>,
     /// Of threads that load parts.
     pub(super) questions: Vec<Question>,
     /// How often the surroundings were replaced.
@@ -188,13 +187,12 @@ impl Kept {
         library: &ShaderLibrary,
     ) -> Result<(), RenderError> {
         if self.library.is_none() {
-            self.library = Some(Arc::new(library.clone()));
+            self.library = Some(library.clone());
         }
         if let Some(why) = self.needs_rebuild.take() {
             log::info!("the renderer is made anew: {why}");
             self.is_changed = false;
-            let arrival = self.arrival.take();
-            if let Some(arrival) = arrival
+            if let Some(arrival) = self.arrival.take()
                 && self.make_way(renderer, arrival)?
             {
                 return Ok(());

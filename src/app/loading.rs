@@ -1,7 +1,6 @@
 //! glTF files that are loaded and prepared on threads while frames go on.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
@@ -56,7 +55,7 @@ pub(super) struct Question {
 pub(super) struct Maker {
     pub(super) preparation: PartPreparation,
     pub(super) rebuild: Rebuild,
-    pub(super) library: Arc<ShaderLibrary>,
+    pub(super) library: ShaderLibrary,
 }
 
 impl PartLoading {

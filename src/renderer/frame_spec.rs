@@ -10,7 +10,7 @@ use crate::frame::{
 };
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures};
 use crate::scene::{Needs, Scene};
-use crate::settings::{Force, Loads, Method, Quality, RenderSettings, Reuse, Search};
+use crate::settings::{Loads, Method, Quality, RenderSettings, Reuse, Search};
 
 /// A scene's frames.
 pub struct PlannedScene {
@@ -80,8 +80,8 @@ pub(super) fn frame_features(
     let features = shader_features(needs, settings);
     let reuse_glossy = both && reuses_glossy(settings, &features);
     ShaderFeatures {
-        record_texels: by_adapter(settings.force.record_texels, is_software),
-        wide_machine: by_adapter(settings.force.wide_machine, !is_software),
+        record_texels: settings.force.record_texels.apply(is_software),
+        wide_machine: settings.force.wide_machine.apply(!is_software),
         scatters: both && settings.reuse == Reuse::Scatter,
         reuse_glossy,
         reuse_paths: reuse_glossy && settings.method == Method::Path,
@@ -90,14 +90,6 @@ pub(super) fn frame_features(
         // One sample is the sum of all.
         keeps_samples: both && settings.reuse != Reuse::Off && settings.spp > 1,
         ..features
-    }
-}
-
-fn by_adapter(force: Force, auto: bool) -> bool {
-    match force {
-        Force::Auto => auto,
-        Force::On => true,
-        Force::Off => false,
     }
 }
 

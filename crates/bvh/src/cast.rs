@@ -224,8 +224,7 @@ impl MeshHierarchies {
     }
 
     /// What a ray in world space meets first of the placed meshes that `admits` does not leave aside, and of several at one
-    /// distance the first of them. `shape` gives
-    /// the triangles of a mesh that is shaped otherwise than its hierarchy, in object space and by number; its
+    /// distance the first of them. `shape` gives the triangles of a mesh that is shaped otherwise than its hierarchy, in object space and by number; its
     /// [`MeshRange::bounds`](crate::MeshRange::bounds) are to hold them. Time in proportion to instances.
     ///
     /// Placements that [`TopLevel`](crate::TopLevel) leaves out for want of an inverse are met by nothing.

@@ -352,7 +352,7 @@ impl Timestamps {
 }
 
 impl Force {
-    /// Whether the feature is in, given what the scene needs.
+    /// Whether the feature is in, given what the scene or the adapter needs.
     #[must_use]
     pub fn apply(self, needed: bool) -> bool {
         match self {

@@ -18,6 +18,15 @@ pub fn shown_light(settings: &RenderSettings) -> &'static str {
     }
 }
 
+/// Which share of its pixels surfaces cover.
+fn shown_coverage(settings: &RenderSettings) -> &'static str {
+    if settings.reconstruct.taa.is_on() {
+        "steady_coverage"
+    } else {
+        "coverage"
+    }
+}
+
 /// Both eyes' pictures go to a runtime, with their depths where it takes them, or to a window.
 #[must_use]
 pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
@@ -26,14 +35,9 @@ pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
         steps.turn_to(Stage::Present.name(), eye);
         for pass in passes {
             let step = steps.run(pass, Size::Fragments);
-            let coverage = if settings.reconstruct.taa.is_on() {
-                "steady_coverage"
-            } else {
-                "coverage"
-            };
             step.names(&[
                 ("shown_light", shown_light(settings)),
-                ("shown_coverage", coverage),
+                ("shown_coverage", shown_coverage(settings)),
             ]);
         }
     }

@@ -142,7 +142,8 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
 fn radix_sort(steps: &mut Steps, map: &MapLayout) {
     let (digits, bits) = map.digits();
     let blocks = map.blocks();
-    let size = if map.config.wide_machine {
+    let wide = map.config.wide_machine;
+    let size = if wide {
         Size::Groups(blocks)
     } else {
         Size::Threads(blocks)
@@ -156,7 +157,10 @@ fn radix_sort(steps: &mut Steps, map: &MapLayout) {
             let step = steps.run(pass, size).names(&names);
             step.words(digit * bits, blocks, (1 << bits) - 1);
         };
-        steps.clear(Moment::Digit);
+        // Whole workgroups count in their own memory, and write every place of the table.
+        if !wide {
+            steps.clear(Moment::Digit);
+        }
         over_blocks(steps, &passes::radix_count);
         scan(steps, "radix_table", "radix_sums", map.radix_bytes());
         over_blocks(steps, &passes::radix_scatter);

@@ -1,8 +1,9 @@
 //! A session on an OpenXR runtime.
 //!
 //! [`Runtime`] finds the loader, the runtime and its headset and opens the device that the runtime dictates;
-//! [`OpenXrSession`] runs the session on it, and another one where `recovery` puts one in the place of a lost one. The runtime's poses are in its LOCAL or STAGE space; `locomotion` holds where
-//! that space lies in the world, and everything that leaves this module is in the world.
+//! [`OpenXrSession`] runs the session on it, and another one where `recovery` puts one in the place of a lost one. The
+//! runtime's poses are in its LOCAL or STAGE space; `locomotion` holds where that space lies in the world, and everything
+//! that leaves this module is in the world.
 //!
 //! Calls into Vulkan and whatever else cannot be checked by the compiler are in
 //! [`stereolux_gpu::vulkan_interop::openxr`].
