@@ -494,10 +494,8 @@ impl<S: XrSession> FrameLoop<S> {
         settings: &RenderSettings,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
-        let hidden = session.info().hidden.as_ref();
-        let both = Eyes::Both;
-        let renderer =
-            Renderer::with_hidden_area(context, &library, scene, settings, both, size, hidden)?;
+        let (both, info) = (Eyes::Both, session.info());
+        let renderer = Renderer::for_session(context, &library, scene, settings, both, size, info)?;
         Ok(Self {
             session,
             renderer,

@@ -22,7 +22,7 @@ use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Eyes, RenderSettings, Settings, registry};
+use crate::settings::{Eyes, Kept, RenderSettings, Settings, registry};
 use crate::xr::{
     Headset, Motion, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession, View, XrError,
     all_frames,
@@ -583,10 +583,11 @@ impl Contender {
         library: &ShaderLibrary,
         adapter: &str,
     ) -> Result<Self, BenchError> {
-        let settings = &candidate.settings;
+        let mut settings = candidate.settings.clone();
+        settings.output.kept = Kept::Depth;
         let context = GpuContext::open(Some(adapter))?;
         Ok(Self {
-            renderer: Renderer::new(context, library, scene, settings, plan.eyes, plan.size)?,
+            renderer: Renderer::new(context, library, scene, &settings, plan.eyes, plan.size)?,
             mover: InstanceMover::new(scene, candidate.motion),
         })
     }

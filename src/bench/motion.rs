@@ -24,7 +24,7 @@ use crate::images::{Image, ImageRgb, write_atomically};
 use crate::options::BenchOptions;
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Choice as _, Eyes, Method, RenderSettings, Settings, Tone};
+use crate::settings::{Choice as _, Eyes, Kept, Method, RenderSettings, Settings, Tone};
 use crate::tone::shown;
 use crate::xr::{Headset, Motion, SimulatedSession, View, all_frames};
 
@@ -262,6 +262,7 @@ fn settings_of(settings: &Settings, method: Method, change: &Change) -> RenderSe
     render.method = method;
     render.spp = 1;
     render.gpu.timestamps = true.into();
+    render.output.kept = Kept::Depth;
     change(&mut render);
     render.decide_reconstruction(true);
     render

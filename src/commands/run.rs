@@ -482,15 +482,14 @@ fn render_session(
     }
     let mut bar = Bar::new(settings.render.spp, job.frames);
     bar.say("compiling");
-    let hidden = session.info().hidden.clone();
-    let mut renderer = Renderer::with_hidden_area(
+    let mut renderer = Renderer::for_session(
         context,
         &library,
         scene,
         &render,
         job.eyes,
         size,
-        hidden.as_ref(),
+        session.info(),
     )?;
     // Everything that can be refused has been; only now do files appear.
     let mut session: Box<dyn XrSession> = match job.record {

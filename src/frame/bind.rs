@@ -86,6 +86,8 @@ pub struct Use {
     pub is_copied: bool,
     /// The first pass that is bound to it only reads it: it holds something from before.
     pub is_read_first: bool,
+    /// It is read after the frame.
+    pub is_kept: bool,
     /// Moments of the first and the last step that use this frame's, and the previous frame's ([`super::homes::moments`]).
     pub now: Option<[u32; 2]>,
     /// The same of the previous frame's.
@@ -107,8 +109,8 @@ impl Use {
         *span = Some(span.map_or([at, at], |[first, last]| [first.min(at), last.max(at)]));
     }
 
-    /// Adds a clear at moment `at`.
-    pub fn clear(&mut self, at: u32) {
+    /// Adds a step without a pass at moment `at`, such as a clear.
+    pub fn touch(&mut self, at: u32) {
         if let Some([first, last]) = &mut self.now {
             self.is_read_first &= *first <= at;
             (*first, *last) = ((*first).min(at), (*last).max(at));
@@ -141,6 +143,8 @@ pub fn label((whose, name): Place) -> String {
 struct Held {
     /// Whether it is declared but never written.
     is_token: bool,
+    /// Whether something else may lie there after a frame.
+    is_spent: bool,
     /// Bytes that the plan in use needs of it; it may have more.
     bytes: u64,
     /// One, or one for frames of either parity.
@@ -198,6 +202,7 @@ impl Buffers {
         let guests = guests.into_iter().map(|(place, home, _, bytes)| {
             let held = Held {
                 is_token: false,
+                is_spent: uses.get(&place).is_some_and(|usage| !usage.is_kept),
                 bytes: allocated_bytes(bytes.unwrap_or(TOKEN_BYTES)),
                 turns: self.memory(home),
             };
@@ -205,7 +210,7 @@ impl Buffers {
         });
         self.guests = guests.collect();
         for (&place, _) in uses.iter().filter(|(_, usage)| usage.is_copied) {
-            let bytes = self.find(&place).map_or(0, |held| held.turns[0].size());
+            let bytes = self.find(&place).map_or(0, |held| held.bytes);
             let copy = self.texels.entry(place).or_insert(TexelCopy::new(place.1));
             copy.fit(context, bytes)?;
         }
@@ -277,6 +282,7 @@ impl Buffers {
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
         let held = Held {
             is_token,
+            is_spent: false,
             bytes: allocated_bytes(bytes),
             turns,
         };
@@ -368,6 +374,11 @@ impl Buffers {
             .flat_map(|held| held.turns.iter().map(|turn| (turn.clone(), held.bytes)))
     }
 
+    /// Whether a pass writes a buffer that holds nothing after the frame.
+    pub fn is_spent(&self, place: &Place) -> bool {
+        self.find(place).is_some_and(|held| held.is_spent)
+    }
+
     /// Reads the first `count` elements of a buffer back; `None` if no pass writes it, or if it holds nothing after the frame.
     /// Waits for the device.
     ///
@@ -381,8 +392,8 @@ impl Buffers {
         count: usize,
     ) -> Result<Option<Vec<T>>, GpuError> {
         let place = (whose, name);
-        let held = self.held.get(&place).filter(|held| !held.is_token);
-        let Some(held) = held.filter(|_| !self.guests.contains_key(&place)) else {
+        let held = self.find(&place);
+        let Some(held) = held.filter(|held| !held.is_token && !held.is_spent) else {
             return Ok(None);
         };
         let buffer = &held.turns[parity % held.turns.len()];

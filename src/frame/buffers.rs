@@ -66,10 +66,9 @@ impl ImageLayout {
 /// How long a buffer holds its data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holds {
-    /// From its first write in a frame to its last use in it; then its memory may hold something else ([`super::homes`]).
+    /// From its first write in a frame to its last use in it, or until the next frame begins where the plan keeps it; then its
+    /// memory may hold something else ([`super::homes`]).
     Within,
-    /// From its first write in a frame until the next frame begins: the host reads it, or passes outside the plan do.
-    After,
     /// At all times.
     Always,
     /// Double-buffered: shaders call the previous frame's `NAME_before`.
@@ -117,6 +116,13 @@ impl BufferRow {
         self
     }
 
+    /// Whether only the making of a photon map needs it.
+    #[must_use]
+    pub fn is_scratch(&self) -> bool {
+        let is_of_map = matches!(self.scope, Scope::Map(_) | Scope::Batch(_));
+        is_of_map && self.holds == Holds::Within
+    }
+
     /// Buffers that it has: two if they take turns.
     #[must_use]
     pub fn turns(&self) -> u64 {
@@ -140,6 +146,11 @@ const fn map(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
     BufferRow::new(name, Scope::Map(bytes))
 }
 
+/// What only the making of a photon map needs.
+const fn scratch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
+    map(name, bytes).holds(Holds::Within)
+}
+
 const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
     BufferRow::new(name, Scope::Batch(bytes))
 }
@@ -149,7 +160,7 @@ const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
 #[rustfmt::skip]
 pub const BUFFERS: &[BufferRow] = &[
     // A sample of an eye: `shaders/shared/eye_hit.wesl`, `shaders/shared/parts.wesl`.
-    per_pixel!(Eye, "hit_rays", 16).holds(Holds::After),
+    per_pixel!(Eye, "hit_rays", 16),
     per_pixel!(Eye, "first_surfaces", 16),
     per_pixel!(Eye, "hit_list", 4),
     fixed!(Eye, "hit_count", 16).cleared(&[Moment::Sample]),
@@ -166,11 +177,11 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),
     // Share of the pixel that surfaces cover, where the rest lets the room through: `shaders/shared/coverage.wesl`.
-    per_pixel!(Eye, "coverage", 4).holds(Holds::After).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "coverage", 4).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),
     // Sums over a frame's samples.
-    per_pixel!(Eye, "radiance_sum", 16).holds(Holds::After).cleared(&[Moment::Frame]),
-    per_pixel!(Eye, "parts_sum", PARTS_BYTES).holds(Holds::After).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Frame]),
     // One bit per pixel: hidden by the headset's lens.
     BufferRow::new("hidden_pixels", Scope::Eye(|image| image.pixels().div_ceil(32) * 4)).host_writes(),
 
@@ -191,17 +202,17 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "light_places", 16),
     per_pixel!(Frame, "scatter_targets", 8),
     per_pixel!(Frame, "scatter_nearest", 4).cleared(&[Moment::Reuse]),
-    per_pixel!(Frame, "scatter_winners", 4).holds(Holds::After).cleared(&[Moment::Reuse]),
+    per_pixel!(Frame, "scatter_winners", 4).cleared(&[Moment::Reuse]),
     per_pixel!(Frame, "fill_list", 4),
     fixed!(Frame, "fill_count", 16).cleared(&[Moment::Reuse]),
     fixed!(Frame, "fill_groups", 16),
-    per_pixel!(Frame, "provenance", 4).holds(Holds::After),
+    per_pixel!(Frame, "provenance", 4),
     fixed!(Frame, "stereo_counters", size_of::<StereoCounters>() as u64).cleared(&[Moment::Frame]),
 
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 12),
-    per_pixel!(Eye, "motion", 16).holds(Holds::After),
+    per_pixel!(Eye, "motion", 16),
     per_pixel!(Eye, "moments", 16).holds(Holds::Turns),
     per_pixel!(Eye, "history_length", 4).holds(Holds::Turns),
     // Moments and lengths before the eyes share.
@@ -210,12 +221,12 @@ pub const BUFFERS: &[BufferRow] = &[
     // Light on its way through the filter, and as the next frame reads it.
     per_pixel!(Eye, "direct_ping", 16),
     per_pixel!(Eye, "indirect_ping", 16),
-    per_pixel!(Eye, "direct_pong", 16),
-    per_pixel!(Eye, "indirect_pong", 16),
+    per_pixel!(Frame, "direct_pong", 16),
+    per_pixel!(Frame, "indirect_pong", 16),
     per_pixel!(Eye, "direct_history", 16).holds(Holds::Always),
     per_pixel!(Eye, "indirect_history", 16).holds(Holds::Always),
     per_pixel!(Eye, "still_sum", 16).holds(Holds::Always),
-    per_pixel!(Eye, "reconstructed", 16).holds(Holds::After),
+    per_pixel!(Eye, "reconstructed", 16),
     per_pixel!(Eye, "anti_aliased", 16).holds(Holds::Turns),
     per_pixel!(Eye, "anti_aliased_moments", 8).holds(Holds::Turns),
 
@@ -231,31 +242,31 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Frame, "inspection", 16).holds(Holds::Always).cleared(&[Moment::View]),
 
     // Photon paths of a batch, in slots of their own.
-    batch("path_photons", |map| map.slot_bytes()),
-    batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
-    map("path_starts", |map| map.path_count_bytes()),
-    map("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
+    batch("path_photons", |map| map.slot_bytes()).holds(Holds::Within),
+    batch("path_counts", |map| map.path_count_bytes()).holds(Holds::Within).cleared(&[Moment::Batch]),
+    scratch("path_starts", |map| map.path_count_bytes()),
+    scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
     // The list, the grid over it and the sort by cell.
-    map("photons", |map| map.photon_bytes()),
+    scratch("photons", |map| map.photon_bytes()),
     map("photon_kept", |_| 8).cleared(&[Moment::Map]),
     map("photon_counters", |_| size_of::<PhotonCounters>() as u64).cleared(&[Moment::Map]),
     map("photon_bounds", |_| 24).cleared(&[Moment::Map]),
     map("photon_grid", |_| size_of::<PhotonGrid>() as u64),
     map("cell_starts", |map| map.cell_bytes()).cleared(&[Moment::Map]),
-    map("cell_sums", |map| MapLayout::sum_bytes(map.cell_bytes())),
+    scratch("cell_sums", |map| MapLayout::sum_bytes(map.cell_bytes())),
     map("longest_cell", |_| 16).cleared(&[Moment::Map]),
-    map("radix_even", |map| u64::from(map.capacity) * 8),
-    map("radix_odd", |map| u64::from(map.capacity) * 8),
-    map("radix_table", |map| map.radix_bytes()).cleared(&[Moment::Digit]),
-    map("radix_sums", |map| MapLayout::sum_bytes(map.radix_bytes())),
+    scratch("radix_even", |map| u64::from(map.capacity) * 8),
+    scratch("radix_odd", |map| u64::from(map.capacity) * 8),
+    scratch("radix_table", |map| map.radix_bytes()).cleared(&[Moment::Digit]),
+    scratch("radix_sums", |map| MapLayout::sum_bytes(map.radix_bytes())),
     map("sorted_photons", |map| map.photon_bytes()),
     // The kd-tree: photon numbers in the orders of x, y and z; levels read one and write the other.
-    map("kd_orders_even", |map| map.kd_places() * 4),
-    map("kd_orders_odd", |map| map.kd_places() * 4),
-    map("kd_axes", |map| u64::from(map.capacity) * 4),
+    scratch("kd_orders_even", |map| map.kd_places() * 4),
+    scratch("kd_orders_odd", |map| map.kd_places() * 4),
+    scratch("kd_axes", |map| u64::from(map.capacity) * 4),
     // One more entry marks the end of the last order.
-    map("kd_marks", |map| (map.kd_places() + 1) * 4),
-    map("kd_mark_sums", |map| MapLayout::sum_bytes((map.kd_places() + 1) * 4)),
+    scratch("kd_marks", |map| (map.kd_places() + 1) * 4),
+    scratch("kd_mark_sums", |map| MapLayout::sum_bytes((map.kd_places() + 1) * 4)),
     // Workgroups: see `kd_setup`.
     map("kd_groups", |_| 48),
     map("kd_nodes", |map| u64::from(map.capacity) * 16),

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::bind::{Place, Use};
+use super::bind::{Place, Use, Whose};
 use super::buffers::{self, Holds, ImageLayout};
 use super::photon_layout::MapLayout;
 use super::step::{Action, PlannedStage, Stage, Step};
@@ -72,18 +72,20 @@ pub fn moments(stages: &[PlannedStage]) -> impl Iterator<Item = (u32, Stage, &St
     })
 }
 
-/// Notes when buffers that are used are cleared.
-pub fn note_clears(stages: &[PlannedStage], uses: &mut BTreeMap<Place, Use>) {
+/// Notes what steps without a pass do with the buffers that passes use: clears, copies, and until when they are kept.
+pub fn note_the_rest(stages: &[PlannedStage], uses: &mut BTreeMap<Place, Use>) {
     for (at, _, step) in moments(stages) {
-        let Action::Clear(moment) = step.action else {
-            continue;
-        };
-        for row in buffers::BUFFERS
-            .iter()
-            .filter(|row| row.cleared.contains(&moment))
-        {
-            if let Some(usage) = uses.get_mut(&(super::bind::whose(row, step.owner), row.name)) {
-                usage.clear(at);
+        for row in buffers::BUFFERS {
+            let (is_named, is_kept) = match step.action {
+                Action::Clear(moment) => (row.cleared.contains(&moment), false),
+                Action::Copy { from, to } => (row.name == from || row.name == to, false),
+                Action::Keep(name) => (row.name == name, true),
+                Action::Run { .. } | Action::CopyTexels(_) => continue,
+            };
+            let place = (super::bind::whose(row, step.owner), row.name);
+            if let Some(usage) = uses.get_mut(&place).filter(|_| is_named) {
+                usage.touch(at);
+                usage.is_kept |= is_kept;
             }
         }
     }
@@ -118,9 +120,11 @@ pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayou
     let mut rooms = Vec::new();
     let mut guests = Vec::new();
     for (&place, usage) in uses {
-        let Some(row) = buffers::row(place.1).filter(|row| row.holds != Holds::Always) else {
-            continue;
-        };
+        // Shares of the paths are kept from frame to frame.
+        let is_kept = matches!(place.0, Whose::Batch(kind, _)
+            if maps.iter().any(|map| map.config.kind == kind && map.keeps_batches()));
+        let row = buffers::row(place.1).filter(|row| row.holds != Holds::Always && !is_kept);
+        let Some(row) = row else { continue };
         let Some(bytes) = usage.bytes(row, place.0, image, maps) else {
             continue;
         };
@@ -139,7 +143,6 @@ pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayou
                 room(false, [now[0], u32::MAX]);
                 room(true, [0, usage.before.map_or(u32::MAX, |before| before[1])]);
             }
-            Holds::After => room(false, [now[0], u32::MAX]),
             Holds::Within if now == ALWAYS => {}
             Holds::Always => {}
             Holds::Within => guests.push((place, row, bytes, now)),

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use super::bind::{BytesHeld, Place, Use, Whose, label, label_in_turn, meaning};
 use super::buffers::ImageLayout;
-use super::homes::{moments, note_clears};
+use super::homes::{moments, note_the_rest};
 use super::photon_layout::MapLayout;
 use super::run::{named, note_uses, specialised};
 use super::step::{PlannedStage, Step};
@@ -134,7 +134,7 @@ pub fn uses(
         let given = Resources::default();
         note_uses(step, at, &reflect_bindings(&shader)?, &given, &mut uses);
     }
-    note_clears(stages, &mut uses);
+    note_the_rest(stages, &mut uses);
     Ok(uses)
 }
 

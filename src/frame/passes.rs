@@ -179,14 +179,12 @@ passes! {
         "SVGF: accumulates light over frames by reprojection.";
     stereo_share: Pixels,
         "SVGF: mixes in the other eye's accumulated light where both see a surface.";
-    stereo_agree: Pixels,
-        "SVGF: mixes in the other eye's filtered light where both see a surface.";
     svgf_variance: Pixels,
         "SVGF: estimates the variance of the accumulated light.";
     svgf_atrous: Pixels,
         "SVGF: one pass of the a-trous wavelet filter.";
     remodulate: Pixels scene,
-        "Remodulates the filtered light by albedo and blends in the mean of still frames.";
+        "Mixes in the other eye's filtered light, remodulates it by albedo and blends in the mean of still frames.";
     taa: Pixels,
         "Temporal anti-aliasing of what is shown, after the filmic curve.";
     xr_submit: Fragments,

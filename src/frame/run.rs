@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
-use super::homes::{moments, note_clears};
+use super::homes::{moments, note_the_rest};
 use super::passes::{Domain, Pass, inspect_surfaces, stereo_share};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
@@ -64,7 +64,8 @@ enum BoundAction {
     },
     /// Buffers and how many bytes of each.
     Clear(Vec<(wgpu::Buffer, u64)>),
-    Copy(wgpu::Buffer, wgpu::Buffer),
+    /// From, to in frames of either parity, and how many bytes.
+    Copy([[wgpu::Buffer; 2]; 2], u64),
     CopyTexels(Meaning),
 }
 
@@ -237,7 +238,7 @@ impl FrameRun {
                 note_uses(step, at, &kernel.bindings, given, &mut uses);
             }
         }
-        note_clears(stages, &mut uses);
+        note_the_rest(stages, &mut uses);
         self.buffers.allocate(context, &uses, image, maps)
     }
 
@@ -259,7 +260,10 @@ impl FrameRun {
             self.work = Some(WorkLog::new(context)?);
         }
         let mut bound = BTreeMap::new();
-        for planned in stages {
+        for planned in stages
+            .iter()
+            .filter(|planned| planned.stage != Stage::After)
+        {
             let stage = self.bind_stage(context, planned, given, image)?;
             bound.insert(planned.stage, stage);
         }
@@ -337,13 +341,23 @@ impl FrameRun {
         image: &ImageLayout,
         patterns: &[Words],
     ) -> Result<BoundAction, GpuError> {
-        let buffer = |name: &str| self.buffer(name, step, given);
+        let buffer = |name: &str| self.buffer(name, step, given, 0);
         Ok(match &step.action {
             Action::Clear(moment) => {
                 let cleared = self.buffers.cleared(*moment, step.owner);
                 BoundAction::Clear(cleared.collect())
             }
-            Action::Copy { from, to } => BoundAction::Copy(buffer(from)?, buffer(to)?),
+            // Nothing runs.
+            Action::Keep(_) => BoundAction::Clear(Vec::new()),
+            Action::Copy { from, to } => {
+                let bytes = match meaning(from, step.owner) {
+                    Some(found) => self.buffers.bytes_of(&found.place),
+                    None => buffer(from)?.size(),
+                };
+                let of = |name, parity| self.buffer(name, step, given, parity);
+                let [even, odd] = [0, 1].map(|parity| Ok([of(from, parity)?, of(to, parity)?]));
+                BoundAction::Copy([even?, odd?], bytes)
+            }
             Action::CopyTexels(name) => {
                 let found = meaning(name, step.owner).ok_or_else(|| unbound(step, name))?;
                 BoundAction::CopyTexels(found)
@@ -381,12 +395,13 @@ impl FrameRun {
         name: &str,
         step: &Step,
         given: &Resources<'_>,
+        parity: usize,
     ) -> Result<wgpu::Buffer, GpuError> {
         if let Some(wgpu::BindingResource::Buffer(binding)) = given.get(name) {
             return Ok(binding.buffer.clone());
         }
         let found = meaning(name, step.owner);
-        let buffer = found.and_then(|found| self.buffers.get(&found, 0));
+        let buffer = found.and_then(|found| self.buffers.get(&found, parity));
         buffer.cloned().ok_or_else(|| unbound(step, name))
     }
 
@@ -469,11 +484,15 @@ impl FrameRun {
                         recorder.clear(buffer, *bytes);
                     }
                 }
-                BoundAction::Copy(from, to) => recorder.copy(from, to, from.size()),
+                BoundAction::Copy(turns, bytes) => {
+                    let [from, to] = &turns[how.parity];
+                    recorder.copy(from, to, *bytes);
+                }
                 BoundAction::CopyTexels(found) => {
                     let parts = self.buffers.get(found, 0).zip(self.buffers.texels(found));
                     if let Some((buffer, texels)) = parts {
-                        recorder.copy_to_texels(&step.label, buffer, texels);
+                        let bytes = self.buffers.bytes_of(&found.place);
+                        recorder.copy_to_texels(&step.label, buffer, bytes, texels);
                     }
                 }
                 BoundAction::Dispatch {

@@ -62,6 +62,8 @@ pub enum Stage {
     RightEqual,
     /// Denoises both eyes.
     Reconstruct,
+    /// Runs nothing: the host, and passes outside the plan, read what is kept.
+    After,
     /// Hands pictures to a runtime or a window.
     Present,
     /// A view of intermediate results.
@@ -79,6 +81,7 @@ impl Stage {
             Self::Left => "left",
             Self::Right | Self::RightEqual => "right",
             Self::Reconstruct => "reconstruction",
+            Self::After => "after",
             Self::Present => "present",
             Self::Inspect => "inspection",
         }
@@ -179,6 +182,8 @@ pub enum Action {
     },
     /// Updates a buffer's texture copy, if it has one.
     CopyTexels(&'static str),
+    /// Keeps a buffer's data until here.
+    Keep(&'static str),
 }
 
 /// When a step of its stage runs.
@@ -396,6 +401,11 @@ impl Steps {
     pub(super) fn copy_texels(&mut self, name: &'static str) {
         let label = self.steps.last().map(|step| step.label.clone());
         self.push(label.unwrap_or_default(), Action::CopyTexels(name));
+    }
+
+    /// Keeps a buffer's data until here.
+    pub(super) fn keep(&mut self, name: &'static str) {
+        self.push(String::new(), Action::Keep(name));
     }
 
     pub(super) fn done(self) -> Vec<Step> {

@@ -89,6 +89,7 @@ pub(super) fn frame_features(
         one_sample: settings.spp == 1,
         // One sample is the sum of all.
         keeps_samples: both && settings.reuse != Reuse::Off && settings.spp > 1,
+        shares_light: both && settings.reconstruct.svgf.is_on() && settings.reconstruct.stereo,
         ..features
     }
 }

@@ -1,7 +1,7 @@
 //! Views of intermediate results: which there are, what they ask of the settings, and what they hold. No device is needed to
 //! know; [`crate::false_color`] makes pictures of them.
 
-use crate::settings::{Force, Method, RenderSettings, Reuse, Search};
+use crate::settings::{Force, Kept, Method, RenderSettings, Reuse, Search};
 
 use super::{Eye, InstanceId};
 
@@ -127,7 +127,8 @@ impl Inspection {
         let lacks = |has: bool, setting| (!has).then_some(setting);
         match self {
             Self::Direct | Self::Indirect => lacks(
-                settings.output.parts || reconstruct.svgf.is_on(),
+                settings.output.parts
+                    || reconstruct.svgf.is_on() && settings.output.kept == Kept::All,
                 "output.parts=true",
             ),
             Self::Caustic => lacks(photon, "method=photon")

@@ -54,10 +54,10 @@ use crate::renderer::records::frame::{
 };
 use crate::scene::{Needs, Player, Scene};
 use crate::settings::{
-    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
+    DirectLight, Eyes as EyeChoice, Kept, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
     Quality, RenderSettings, Reuse, Search, Timestamps,
 };
-use crate::xr::{HiddenArea, View};
+use crate::xr::{HiddenArea, SessionInfo, View};
 
 pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{WorkLimits, photon_paths_per_thread, samples_per_dispatch};
@@ -173,6 +173,27 @@ impl Renderer {
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
         Self::with_hidden_area(context, library, scene, settings, eye_choice, size, None)
+    }
+
+    /// As [`Renderer::new`], for a session: without rays for pixels that lenses hide, and with depth where it takes that.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn for_session(
+        context: GpuContext,
+        library: &ShaderLibrary,
+        scene: &Scene,
+        settings: &RenderSettings,
+        eye_choice: EyeChoice,
+        size: [u32; 2],
+        session: &SessionInfo,
+    ) -> Result<Self, RenderError> {
+        let mut settings = settings.clone();
+        if session.takes_depth && settings.output.kept == Kept::Picture {
+            settings.output.kept = Kept::Depth;
+        }
+        let hidden = session.hidden.as_ref();
+        Self::with_hidden_area(context, library, scene, &settings, eye_choice, size, hidden)
     }
 
     /// As [`Renderer::new`], without rays for the pixels in `hidden`, left and right.
@@ -505,6 +526,10 @@ impl Renderer {
         let began = Instant::now();
         self.take_quality_over()?;
         self.settle();
+        if let Some(reconstruction) = &mut self.reconstruction {
+            // Images of all samples, and what photons are traced with, may lie there.
+            reconstruction.take_turns();
+        }
         self.origin_in_world = View::midpoint_in_world(views);
         let replaced = self
             .scene

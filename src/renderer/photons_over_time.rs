@@ -110,6 +110,7 @@ impl Renderer {
                 Only::BatchDue(batch) => map.is_due(batch, due),
                 _ => true,
             },
+            parity: self.parity(),
             ..Play::default()
         };
         self.frame

@@ -3,7 +3,7 @@
 use super::records::photon::{Photon, PhotonGrid};
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
-use crate::frame::bind::{Place, Whose};
+use crate::frame::bind::{Place, Whose, label};
 use crate::frame::plan::shown_light;
 use crate::settings::Eyes as EyeChoice;
 
@@ -34,6 +34,12 @@ impl Renderer {
         count: usize,
     ) -> Result<Option<Vec<T>>, RenderError> {
         let buffers = &self.frame.buffers;
+        if buffers.is_spent(&place) {
+            return Err(RenderError::Settings(format!(
+                "{} holds nothing after a frame of these settings; output.kept=all keeps it",
+                label(place)
+            )));
+        }
         Ok(buffers.read(&self.context, place, self.parity(), count)?)
     }
 
@@ -72,7 +78,7 @@ impl Renderer {
     /// eye lies in the left ones.
     ///
     /// # Errors
-    /// [`RenderError::Gpu`].
+    /// [`RenderError::Gpu`]; [`RenderError::Settings`] where a reconstructed frame does not keep it (`output.kept`).
     pub fn read_samples(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
         let scale = 1.0 / self.settings.spp.max(1) as f32;
         let sums = self.read_colors(eye, "radiance_sum")?;

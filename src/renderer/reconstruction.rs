@@ -110,7 +110,12 @@ impl Reconstruction {
         }
     }
 
-    /// Which of two buffers the last frame wrote, where two take turns.
+    /// From here on the buffers that take turns are those of the next frame.
+    pub(super) fn take_turns(&mut self) {
+        self.parity = 1 - self.parity;
+    }
+
+    /// Which of two buffers the frame writes, where two take turns.
     pub(super) fn parity(&self) -> usize {
         self.parity
     }
@@ -132,7 +137,6 @@ impl Reconstruction {
         moved: bool,
         power_w: [f64; 3],
     ) {
-        self.parity = 1 - self.parity;
         let now = Before::of(frame, origin_in_world);
         let before = self.before.unwrap_or(now);
         self.still_frames = if self.before == Some(now) && !moved {

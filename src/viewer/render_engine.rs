@@ -147,7 +147,7 @@ impl RenderEngine {
     }
 
     /// Whether [`RenderEngine::prepare`] has work to do.
-    pub fn needs_renderer(&self, settings: &Arc<Settings>, rendered: Eyes) -> bool {
+    pub fn needs_renderer(&self, settings: &Settings, rendered: Eyes) -> bool {
         let fits = self.compiled.as_ref().is_some_and(|compiled| {
             same_renderer(&compiled.settings, settings)
                 && compiled.rendered == rendered

@@ -27,7 +27,7 @@ use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
-use crate::settings::Settings;
+use crate::settings::{Kept, Settings};
 use crate::xr::{Headset, View};
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -503,7 +503,7 @@ impl Inner {
         let is_at_hand = latest.is_of_frames_of(wanted)
             && !self
                 .engine
-                .needs_renderer(&Arc::new(self.effective(&latest)), latest.rendered);
+                .needs_renderer(&self.effective(&latest), latest.rendered);
         let wanted = if is_at_hand { &latest } else { wanted };
         let other = match &mut self.other {
             None => None,
@@ -665,26 +665,21 @@ impl Inner {
 
     /// The settings under which what is wanted has something to show: nearly those that were asked for.
     fn effective(&self, wanted: &Wanted) -> Settings {
-        let settings = &*wanted.settings;
+        let mut settings = Settings::clone(&wanted.settings);
+        // People look into frames.
+        settings.render.output.kept = Kept::All;
         match wanted.view_mode {
             // The averaged frames have a variance of their own.
-            ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {
-                settings.clone()
-            }
+            ViewMode::Picture | ViewMode::Error | ViewMode::Inspection(Inspection::Variance) => {}
             // What has the map already needs none made.
             ViewMode::Inspection(Inspection::Caustic)
                 if self.engine.forms_caustics()
-                    && !self
-                        .engine
-                        .needs_renderer(&wanted.settings, wanted.rendered) =>
-            {
-                settings.clone()
+                    && !self.engine.needs_renderer(&settings, wanted.rendered) => {}
+            ViewMode::Inspection(inspection) => {
+                settings.render = inspection.settings_for(&settings.render);
             }
-            ViewMode::Inspection(inspection) => Settings {
-                render: inspection.settings_for(&settings.render),
-                ..settings.clone()
-            },
         }
+        settings
     }
 
     fn is_finished(&self, wanted: &Wanted) -> bool {

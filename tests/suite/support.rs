@@ -10,17 +10,18 @@ use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, FrameResult, RenderError, Renderer};
 use stereolux::scene::Scene;
-use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
+use stereolux::settings::{Eyes, Kept, Method, RenderSettings, Reuse};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Fov, Pose, View};
 
 pub use super::adapter::{adapter_name, context};
 pub use super::folders::{Folder, TemporaryFile};
 
-/// Default settings with a small photon map, changed by `change`.
+/// Default settings with a small photon map, all of a frame kept, changed by `change`.
 pub fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.photon.count = 4096;
+    settings.output.kept = Kept::All;
     settings.gpu.timestamps = false.into();
     change(&mut settings);
     settings

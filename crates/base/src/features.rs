@@ -111,6 +111,7 @@ features! {
         reuse_shadow_rays: "shadow rays of the right eye for light that is carried to it",
         one_sample: "one sample per pixel",
         keeps_samples: "left samples for the right eye",
+        shares_light: "filtered light, shared between the eyes",
     }
     Pass {
         from_list: "a pass over a list of pixels",

@@ -242,7 +242,7 @@ impl<'a> FrameRecorder<'a> {
     }
 
     /// Copies a buffer into the texture that holds its copy; timed as `label` where the adapter can time copies.
-    pub fn copy_to_texels(&mut self, label: &str, from: &wgpu::Buffer, to: &TexelCopy) {
+    pub fn copy_to_texels(&mut self, label: &str, from: &wgpu::Buffer, bytes: u64, to: &TexelCopy) {
         let slot = if self.context.times_copies && !self.times_stages() {
             self.next_slot(label)
         } else {
@@ -251,7 +251,7 @@ impl<'a> FrameRecorder<'a> {
         if let Some((timer, slot)) = slot {
             self.encoder.write_timestamp(&timer.queries, slot);
         }
-        to.record(&mut self.encoder, from, 0..from.size());
+        to.record(&mut self.encoder, from, 0..bytes);
         if let Some((timer, slot)) = slot {
             self.encoder.write_timestamp(&timer.queries, slot + 1);
         }

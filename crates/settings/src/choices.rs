@@ -196,6 +196,16 @@ choices! {
         Off = "off",
     }
 
+    /// What of a frame may be read after it (`output.kept`).
+    pub enum Kept {
+        /// What is shown, and where the right eye's pixels came from
+        Picture = "picture",
+        /// Hit rays too, from which a runtime gets its depth
+        Depth = "depth",
+        /// Samples and motion too, for tests and programs that look into frames
+        All = "all",
+    }
+
     /// What the device's timestamps enclose (`gpu.timestamps`).
     pub enum Timestamps {
         /// Each pass; in an OpenXR session each stage

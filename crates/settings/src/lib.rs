@@ -14,8 +14,8 @@ pub mod user_pass;
 
 pub use choices::{
     Aov, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, FramesInFlight, ImageFormat,
-    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
-    Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
+    Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
+    Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
 pub use quality::Quality;
 pub use registry::{Kind, Setting};

@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::choices::{
     Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight, ImageFormat,
-    Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule, Search,
-    Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
+    Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
+    Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
 use super::user_pass::UserPass;
@@ -393,6 +393,8 @@ settings! {
             parts: bool = false;
             /// keep the previous frame's positions, for views of motion; images do not change
             motion: bool = false;
+            /// what may be read after a frame: the picture, depth for a runtime, or all; the less, the less memory
+            kept: Kept = Kept::Picture;
             /// count each pass's rays, BVH nodes, triangle tests and photons, as `bench work` does; much slower, images do not
             /// change
             work: bool = false;

@@ -229,6 +229,8 @@ pub struct SessionInfo {
     pub recommended_size: Option<[u32; 2]>,
     /// Area hidden by each eye's lens, left and right, nothing as yet included; `None`: none, ever.
     pub hidden: Option<[HiddenArea; 2]>,
+    /// Whether [`RenderTargets`] may ask for depth.
+    pub takes_depth: bool,
 }
 
 impl SessionInfo {
@@ -241,6 +243,7 @@ impl SessionInfo {
             refresh_hz: headset.refresh_hz,
             recommended_size: Some(headset.size),
             hidden: None,
+            takes_depth: false,
         }
     }
 }

@@ -120,6 +120,7 @@ impl ReplaySession {
                 let changes = trace.frames.iter().any(|frame| frame.hidden.is_some());
                 changes.then(Default::default)
             }),
+            takes_depth: false,
         };
         let frames = trace.frames.len() as u64;
         let warnings = trace.warnings.clone();

@@ -16,6 +16,7 @@ use crate::gpu::features::ShaderFeatures;
 use crate::settings::{Method, RenderSettings, Reuse};
 
 pub use eyes::GATHERS;
+use on_demand::after;
 pub use on_demand::{View, inspect, inspection, on_demand, present, shown_light};
 pub use photons::PATH_PASSES;
 
@@ -122,6 +123,7 @@ pub fn plan(frame: &FrameSpec<'_>) -> Vec<PlannedStage> {
     let once = "once, after all samples";
     add(Stage::Reconstruct, once, reconstruct(frame));
     user_passes::insert(&mut stages, &frame.settings.user_passes);
+    stages.push(after(frame));
     stages
 }
 

@@ -1,10 +1,11 @@
-//! Steps on demand, after a frame: presenting pictures, and views of intermediate results.
+//! What follows a frame: images that are kept, and steps on demand, which present pictures or views of intermediate results.
 
-use crate::frame::buffers::Moment;
+use super::FrameSpec;
+use crate::frame::buffers::{BUFFERS, Moment};
 use crate::frame::passes::{self, Pass};
 use crate::frame::photon_layout::MapKind;
 use crate::frame::step::{Eye, PlannedStage, Size, Stage, Step, Steps};
-use crate::settings::RenderSettings;
+use crate::settings::{Kept, RenderSettings};
 
 /// The picture of an eye that is shown: a buffer's name.
 #[must_use]
@@ -24,6 +25,45 @@ fn shown_coverage(settings: &RenderSettings) -> &'static str {
         "steady_coverage"
     } else {
         "coverage"
+    }
+}
+
+/// Keeps the images that are read after a frame. What no pass writes needs no keeping.
+pub(super) fn after(frame: &FrameSpec<'_>) -> PlannedStage {
+    let settings = frame.settings;
+    let output = &settings.output;
+    let mut names = vec![
+        shown_light(settings),
+        shown_coverage(settings),
+        "provenance",
+    ];
+    if output.kept != Kept::Picture {
+        names.push("hit_rays");
+    }
+    if output.parts || output.kept == Kept::All {
+        names.extend(["radiance_sum", "parts_sum"]);
+    }
+    if output.kept == Kept::All {
+        names.extend(["motion", "scatter_winners"]);
+    }
+    let mut steps = Steps::of_eye(Stage::After.name(), Eye::Left);
+    for &eye in frame.eyes() {
+        steps.owner.eye = eye;
+        names.iter().for_each(|name| steps.keep(name));
+    }
+    if settings.photon.progressive {
+        // Photons are traced between samples, whose sums must not lie there.
+        for map in &frame.maps {
+            steps.owner.map = map.config.kind;
+            let rows = BUFFERS.iter().filter(|row| row.is_scratch());
+            rows.for_each(|row| steps.keep(row.name));
+        }
+    }
+    PlannedStage {
+        stage: Stage::After,
+        when: "until the next frame",
+        longest_run: 1,
+        steps: steps.done(),
     }
 }
 

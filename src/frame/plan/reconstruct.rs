@@ -6,18 +6,26 @@ use crate::frame::step::{Eye, Size, Stage, Step, Steps};
 
 /// Buffers of the light that is filtered: direct, indirect.
 type Light = [&'static str; 2];
+/// An eye's own.
 const PING: Light = ["direct_ping", "indirect_ping"];
+/// Both eyes use it in turn.
 const PONG: Light = ["direct_pong", "indirect_pong"];
-/// Buffers that the next frame reads.
+/// What the next frame reads.
 const HISTORY: Light = ["direct_history", "indirect_history"];
-
-/// Light to write while `light` is read.
-fn other(light: Light) -> Light {
-    if light == PING { PONG } else { PING }
-}
+/// What passes that read an eye's light call it.
+const MEAN: Light = ["direct_mean", "indirect_mean"];
 
 fn named(names: Light, light: Light) -> [(&'static str, &'static str); 2] {
     [(names[0], light[0]), (names[1], light[1])]
+}
+
+/// Names of the other eye's light.
+fn theirs(light: Light) -> [(&'static str, &'static str); 2] {
+    let lies = match light {
+        HISTORY => ["other_direct_history", "other_indirect_history"],
+        _ => ["other_direct_ping", "other_indirect_ping"],
+    };
+    named(["other_direct", "other_indirect"], lies)
 }
 
 /// Filters both eyes' light (SVGF: Schied et al. 2017), shares it between them, and shows the mean of still frames and
@@ -39,7 +47,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         let step = steps.run(&passes::remodulate, Size::Tiles);
-        step.names(&named(["direct_filtered", "indirect_filtered"], filtered));
+        step.names(&named(MEAN, filtered)).names(&theirs(filtered));
         if settings.taa.is_on() {
             steps.run(&passes::taa, Size::Tiles);
         }
@@ -57,91 +65,66 @@ fn for_eyes(steps: &mut Steps, frame: &FrameSpec<'_>, pass: &Pass, set: impl Fn(
 
 /// Accumulates light over frames, shares it between the eyes, and filters it by its variance. Returns its buffers.
 fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
-    let settings = &frame.settings.reconstruct;
-    let shares = settings.stereo && frame.both;
-    let mut light = PING;
+    let shares = frame.features.shares_light;
+    let passes = frame.settings.reconstruct.atrous_passes;
+    let own = [
+        ("moments", "own_moments"),
+        ("history_length", "own_history_length"),
+    ];
     for_eyes(steps, frame, &passes::svgf_temporal, |step| {
-        step.names(&named(["direct_mean", "indirect_mean"], light));
+        step.names(&named(MEAN, PING));
         if shares {
-            step.names(&[
-                ("moments", "own_moments"),
-                ("history_length", "own_history_length"),
-            ]);
+            step.names(&own);
         }
     });
-    if shares {
-        let own = [
-            ("moments", "own_moments"),
-            ("history_length", "own_history_length"),
-        ];
-        let theirs = [
-            ("other_moments", "other_own_moments"),
-            ("other_history_length", "other_own_history_length"),
-            ("shared_moments", "moments"),
-            ("shared_length", "history_length"),
-        ];
-        // History has been read and is written only by the wavelet's first pass: light may pass through it.
-        let to = match settings.atrous_passes {
-            0 => PONG,
-            _ => HISTORY,
-        };
-        light = share(
-            steps,
-            frame,
-            &passes::stereo_share,
-            [light, to],
-            &[&own[..], &theirs].concat(),
-        );
-    }
-    // What the wavelet's first pass leaves is what the next frame reads; with no pass at all, the light as accumulated.
-    let to = match settings.atrous_passes {
-        0 => HISTORY,
-        _ => other(light),
-    };
-    for_eyes(steps, frame, &passes::svgf_variance, |step| {
-        step.names(&named(["direct_mean", "indirect_mean"], light));
-        step.names(&named(["direct_filtered", "indirect_filtered"], to));
-    });
-    light = to;
-    for index in 0..settings.atrous_passes {
-        let to = if index == 0 { HISTORY } else { other(light) };
-        for_eyes(steps, frame, &passes::svgf_atrous, |step| {
-            step.words(index, 0, 0);
-            step.names(&named(["direct_from", "indirect_from"], light));
-            step.names(&named(["direct_to", "indirect_to"], to));
+    // History has been read by now and is written by the wavelet's first pass: light may pass through it.
+    let (shared, estimated) = if shares {
+        for_eyes(steps, frame, &passes::stereo_share, |step| {
+            step.names(&named(MEAN, PING)).names(&theirs(PING));
+            step.names(&named(["shared_direct", "shared_indirect"], HISTORY));
+            step.names(&own).names(&[
+                ("other_moments", "other_own_moments"),
+                ("other_history_length", "other_own_history_length"),
+                ("shared_moments", "moments"),
+                ("shared_length", "history_length"),
+            ]);
         });
-        light = to;
-    }
-    if shares {
-        light = share(
-            steps,
-            frame,
-            &passes::stereo_agree,
-            [light, other(light)],
-            &[],
-        );
-    }
-    light
-}
-
-/// Mixes each eye's light with the other's where both see a surface. Returns where that lies: `to`.
-fn share(
-    steps: &mut Steps,
-    frame: &FrameSpec<'_>,
-    pass: &Pass,
-    [light, to]: [Light; 2],
-    names: &[(&'static str, &'static str)],
-) -> Light {
-    let theirs = match light {
-        PING => ["other_direct_ping", "other_indirect_ping"],
-        PONG => ["other_direct_pong", "other_indirect_pong"],
-        _ => ["other_direct_history", "other_indirect_history"],
+        (HISTORY, PING)
+    } else if passes == 0 {
+        (PING, HISTORY)
+    } else {
+        (PING, PONG)
     };
-    for_eyes(steps, frame, pass, |step| {
-        step.names(&named(["direct_mean", "indirect_mean"], light));
-        step.names(&named(["other_direct", "other_indirect"], theirs));
-        step.names(&named(["shared_direct", "shared_indirect"], to));
-        step.names(names);
-    });
-    to
+    // One eye after the other, for both pass through the same memory.
+    for &eye in frame.eyes() {
+        steps.turn_to(Stage::Reconstruct.name(), eye);
+        let step = steps.run(&passes::svgf_variance, Size::Tiles);
+        step.names(&named(MEAN, shared))
+            .names(&named(["direct_filtered", "indirect_filtered"], estimated));
+        let mut from = estimated;
+        for index in 0..passes {
+            // What the first pass leaves is what the next frame reads; the last one leaves light where it is the eye's own.
+            let to = match (index, (passes - 1 - index) % 2) {
+                (0, _) => HISTORY,
+                (_, 0) => PING,
+                _ => PONG,
+            };
+            let step = steps.run(&passes::svgf_atrous, Size::Tiles);
+            step.words(index, 0, 0);
+            step.names(&named(["direct_from", "indirect_from"], from));
+            step.names(&named(["direct_to", "indirect_to"], to));
+            from = to;
+        }
+        if passes == 0 && shares {
+            // With no pass at all the next frame reads the light as accumulated.
+            for (light, history) in PING.into_iter().zip(HISTORY) {
+                steps.copy(light, history);
+            }
+        }
+    }
+    match passes {
+        0 => estimated,
+        1 => HISTORY,
+        _ => PING,
+    }
 }

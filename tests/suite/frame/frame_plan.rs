@@ -9,7 +9,7 @@ use stereolux::frame::listing::{memory, uses};
 use stereolux::frame::plan::on_demand;
 use stereolux::frame::run::{named, specialised};
 use stereolux::frame::step::Action;
-use stereolux::frame::{ImageLayout, Only, PlannedStage, Stage, Step};
+use stereolux::frame::{ImageLayout, Only, PlannedStage, SAMPLES_PER_SUBMISSION, Stage, Step};
 use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::{PlannedScene, Renderer, plan_of_scene};
@@ -58,6 +58,8 @@ const WAYS: &[(&str, Change)] = &[
         s.reconstruct.stereo = false;
         s.reconstruct.atrous_passes = 0;
     }),
+    ("no filter passes", |s| s.reconstruct.atrous_passes = 0),
+    ("three filter passes", |s| s.reconstruct.atrous_passes = 3),
     ("everything shown", |s| {
         s.reconstruct.svgf = true.into();
         s.reconstruct.taa = true.into();
@@ -234,15 +236,21 @@ fn images_that_share_memory_are_read_before_another_one_is_written_there() {
 fn images_are_the_same_whether_they_share_memory_or_not() {
     let scene = builtin("cornell");
     let views = start_views(&scene, 60.0);
-    for way in [
-        "photons",
-        "paths",
-        "half rate",
-        "lookup",
-        "filtered, eyes apart",
+    // More samples than one submission takes, and photons between samples.
+    for (way, spp) in [
+        ("photons", 1),
+        ("paths", SAMPLES_PER_SUBMISSION + 1),
+        ("half rate", 1),
+        ("photons", 2),
+        ("lookup", 1),
+        ("filtered, eyes apart", 1),
+        ("no filter passes", 1),
+        ("three filter passes", 1),
     ] {
         let mut settings = settings(WAYS.iter().find(|(name, _)| *name == way).unwrap().1);
-        settings.spp = 1;
+        settings.spp = spp;
+        settings.photon.every_frame = way == "photons";
+        settings.photon.progressive = spp == 2;
         for part in [
             &mut settings.reconstruct.svgf,
             &mut settings.reconstruct.taa,

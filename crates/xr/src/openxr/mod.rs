@@ -119,6 +119,7 @@ impl OpenXrSession {
             refresh_hz: refresh_rate(&runtime, &live.session, settings.refresh_hz),
             recommended_size: Some(runtime.recommended_size()),
             hidden: hidden_areas(&runtime, &live.session, settings),
+            takes_depth: live.image_format().1,
         };
         let locomotion = Locomotion::new(
             Pose::new(

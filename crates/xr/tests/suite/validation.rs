@@ -124,6 +124,7 @@ impl Scripted {
                 refresh_hz: 90.0,
                 recommended_size: None,
                 hidden: None,
+                takes_depth: false,
             },
             answers,
             at: 0,
