@@ -1,17 +1,22 @@
 //! What a runtime's images hold: colour against the PNG path, depth against f64, pixels that the lens hides.
 
+use std::ops::Range;
+
+use glam::DVec3;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::scene::{Material, Scene};
+use stereolux::settings::{Eyes, Method, Reuse};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{HiddenArea, RuntimeTargets, View};
 
+use crate::suite::frame::layout::changed;
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, context, frame, hit_rays, method, parallel_views,
-    pixel_ray, play, radiance, renderer, start_pose,
+    pixel_ray, play, radiance, renderer, renderer_by, start_pose,
 };
-use crate::suite::transport::hard_support::constant_environment;
+use crate::suite::transport::hard_support::{add, constant_environment};
 
 const SIZE: [u32; 2] = [64, 48];
 
@@ -391,29 +396,31 @@ fn reuse_can_be_switched_and_back() {
     assert!(!off.switch_reuse(), "nothing was compiled to switch to");
 }
 
+/// Both eyes' texels where the room may show, after frames of these numbers.
+fn texels(renderer: &mut Renderer, views: &[View; 2], frames: Range<u32>) -> [Vec<[u8; 4]>; 2] {
+    play(renderer, views, frames);
+    let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba8Unorm, false);
+    renderer
+        .submit_to(&ShaderLibrary::embedded(), &targets)
+        .unwrap();
+    targets.color.each_ref().map(|eye| {
+        let found = bytes(renderer.context(), eye, 4);
+        let texels = found.chunks_exact(4);
+        texels.map(|t| [t[0], t[1], t[2], t[3]]).collect()
+    })
+}
+
+/// The box under a blue sky.
+fn under_the_sky() -> Scene {
+    let mut scene = builtin("cornell");
+    scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
+    scene
+}
+
 /// A headset's images where the room may show: opaque where surfaces are, of the same colours, and nothing elsewhere.
 #[test]
 fn surroundings_let_the_room_through_and_surfaces_do_not() {
-    let mut scene = builtin("cornell");
-    scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
-    let texels = |frames: u32, change: &dyn Fn(&mut RenderSettings)| {
-        let mut settings = method(Method::Photon, Reuse::Off);
-        change(&mut settings);
-        let mut renderer = renderer(&scene, &settings, SIZE);
-        play(&mut renderer, &views(), 0..frames);
-        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba8Unorm, false);
-        renderer
-            .submit_to(&ShaderLibrary::embedded(), &targets)
-            .unwrap();
-        let both = targets.color.each_ref().map(|eye| {
-            let found = bytes(renderer.context(), eye, 4);
-            found
-                .chunks_exact(4)
-                .map(|t| [t[0], t[1], t[2], t[3]])
-                .collect::<Vec<_>>()
-        });
-        (both, renderer)
-    };
+    let scene = under_the_sky();
     let ways = [
         (Method::Photon, Reuse::Off),
         (Method::Photon, Reuse::Scatter),
@@ -422,10 +429,10 @@ fn surroundings_let_the_room_through_and_surfaces_do_not() {
     ];
     for (way, reuse) in ways {
         let seen = |passthrough: bool| {
-            texels(1, &|s| {
-                (s.method, s.reuse) = (way, reuse);
-                s.surroundings.passthrough = passthrough;
-            })
+            let mut settings = method(way, reuse);
+            settings.surroundings.passthrough = passthrough;
+            let mut renderer = renderer(&scene, &settings, SIZE);
+            (texels(&mut renderer, &views(), 0..1), renderer)
         };
         let ((plain, renderer), (through, _)) = (seen(false), seen(true));
         for (eye, (plain, through)) in [Eye::Left, Eye::Right]
@@ -448,33 +455,101 @@ fn surroundings_let_the_room_through_and_surfaces_do_not() {
             assert!(covered > 500 && open > 100, "{covered} {open}");
         }
     }
-    // Over frames a pixel's share is that of its area: 0 and 1 where 64 samples of one frame say so, but for offsets that find
-    // what those miss, and between along edges.
-    let room = |s: &mut RenderSettings| s.surroundings.passthrough = true;
-    let (area, _) = texels(1, &|s| {
-        room(s);
-        s.spp = 64;
-    });
-    let (still, _) = texels(24, &|s| {
-        room(s);
-        s.reconstruct.taa = true.into();
-    });
-    let alphas = |both: [Vec<[u8; 4]>; 2]| both.concat().into_iter().map(|texel| texel[3]);
-    let pairs: Vec<(u8, u8)> = alphas(area).zip(alphas(still)).collect();
-    let of = |whole: fn(&u8) -> bool| {
-        let among = pairs.iter().filter(|(area, _)| whole(area));
-        (
-            among.clone().filter(|(_, still)| whole(still)).count(),
-            among.count(),
-        )
-    };
-    for whole in [|alpha: &u8| *alpha == 0, |alpha: &u8| *alpha == 255] {
-        let (agree, all) = of(whole);
-        assert!(all > 200 && agree * 100 >= all * 99, "{agree} of {all}");
+}
+
+/// At rest alpha is the mean over all still frames, none of which forgets another; without that mean it is not.
+#[test]
+fn a_still_heads_alpha_is_the_mean_of_what_its_frames_cover() {
+    const FRAMES: u32 = 24;
+    let scene = under_the_sky();
+    for still in [true, false] {
+        let mut settings = method(Method::Photon, Reuse::Off);
+        settings.surroundings.passthrough = true;
+        (settings.reconstruct.taa, settings.reconstruct.still) = (true.into(), still.into());
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        let mut covered = vec![0_u32; 2 * (SIZE[0] * SIZE[1]) as usize];
+        let mut shown = [vec![], vec![]];
+        for frame in 0..FRAMES {
+            shown = texels(&mut renderer, &views(), frame..frame + 1);
+            let hits = Eye::BOTH.map(|eye| hit_rays(&renderer, eye)).concat();
+            let all = covered.iter_mut().zip(&hits);
+            all.for_each(|(covered, hit)| *covered += u32::from(hit[3] > 0.0));
+        }
+        // Half of a byte's step, and a rounding of 2^-24 with each of the frames' sums.
+        let reach = 0.5 + f64::from(FRAMES) * 255.0 * 2_f64.powi(-24);
+        let differ = |(covered, texel): &(&u32, [u8; 4])| {
+            let mean = 255.0 * f64::from(**covered) / f64::from(FRAMES);
+            (mean - f64::from(texel[3])).abs() > reach
+        };
+        let differ = covered.iter().zip(shown.concat()).filter(differ).count();
+        let edges = covered.iter().filter(|of| (1..FRAMES).contains(of)).count();
+        assert!(edges > 50, "{edges}");
+        let is_mean = if still {
+            differ == 0
+        } else {
+            2 * differ > edges
+        };
+        assert!(is_mean, "still {still}: {differ} of {edges} edges differ");
     }
-    let (between, edges) = of(|alpha| (1..=254).contains(alpha));
-    assert!(
-        edges > 50 && between * 10 >= edges * 8,
-        "{between} of {edges}"
+}
+
+/// Where the other eye's hits are reused, alpha is that of the eye's own: also where a scattered hit that its own ray misses
+/// is traced again. Equal eyes are equal.
+#[test]
+fn reuse_covers_what_the_right_eye_meets_by_itself() {
+    let mut scene = under_the_sky();
+    let head = start_pose(&scene);
+    // Splinters at places of the R2 sequence, between the eyes and the box.
+    let splinters = (0..300).map(|k| {
+        let [x, y, z] = [0.7549, 0.5698, 0.8192].map(|step| f64::from(k) * step % 1.0 - 0.5);
+        let at = DVec3::new(x, y, 0.5 * z - 0.9);
+        let corners = [
+            DVec3::ZERO,
+            0.05 * DVec3::new(1.0, y, z),
+            0.05 * DVec3::new(x, 1.0, x),
+        ];
+        corners.map(|corner| head.position + head.orientation * (at + corner))
+    });
+    add(
+        &mut scene,
+        &splinters.collect::<Vec<_>>(),
+        Material::default(),
     );
+    for material in &mut scene.materials {
+        (material.metallic, material.roughness) = (1.0, 0.5);
+    }
+    // A rash cache believes in every winner; where nothing is taken over, all of its hits are traced again.
+    let [none, winner] = [
+        "none",
+        "Hit(left_hit_rays[own].w, record.instance, record.triangle, record.weights, 0.0)",
+    ]
+    .map(|hit| format!("hit.instance == INVALID {{\n        return {hit}"));
+    let [sound, rash] = [
+        ShaderLibrary::embedded(),
+        changed("shared/cached_hit", &none, &winner),
+    ];
+    let alphas = |library, takes_over: bool, way, reuse, views: &[View; 2]| {
+        let mut settings = method(way, reuse);
+        settings.surroundings.passthrough = true;
+        settings.stereo.max_lobe_shift = f64::from(u8::from(takes_over));
+        let mut renderer = renderer_by(library, &scene, &settings, Eyes::Both, SIZE).unwrap();
+        let both = texels(&mut renderer, views, 0..1);
+        both.map(|eye| eye.iter().map(|texel| texel[3]).collect::<Vec<_>>())
+    };
+    let equal = [views()[0].clone(), views()[0].clone()];
+    for way in [Method::Photon, Method::Path] {
+        let alone = alphas(&sound, true, way, Reuse::Off, &views());
+        let is_rim = |pair: &&[u8]| pair[0] != pair[1];
+        assert!(alone[1].windows(2).filter(is_rim).count() > 300);
+        for (library, takes_over, reuse) in [
+            (&sound, true, Reuse::Scatter),
+            (&sound, true, Reuse::Lookup),
+            (&rash, false, Reuse::Scatter),
+        ] {
+            let seen = alphas(library, takes_over, way, reuse, &views());
+            assert!(seen == alone, "{way:?} {reuse:?} {takes_over}");
+        }
+        let [left, right] = alphas(&sound, true, way, Reuse::Scatter, &equal);
+        assert!(left == alone[0] && right == left, "{way:?}");
+    }
 }
