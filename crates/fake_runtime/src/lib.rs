@@ -50,8 +50,8 @@
 //! Anything else: frames without end. One session at a time; each has a handle and display times of its own, and an event of
 //! the one before it comes first. Action sets that are there have different names.
 //!
-//! Only what stereolux calls is there, and calls are trusted to be valid: that they are is checked against Monado under the
-//! validation layers.
+//! Only what stereolux calls is there, and calls are trusted to be valid, but that a session lives and that a layer of the room
+//! is its own: that they are is checked against Monado under the validation layers.
 //!
 //! `unsafe`: everything here is a C interface that is handed pointers by a loader; each is valid for the call by
 //! OpenXR's and Vulkan's rules of valid usage.
