@@ -332,13 +332,6 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
     let wanted = Some(settings.adapter.as_str()).filter(|name| !name.is_empty());
     let context = runtime.open_device(wanted)?;
     let wants_room = settings.render.surroundings.passthrough;
-    let lacks_room = wants_room && runtime.passthrough().is_none();
-    if lacks_room {
-        log::warn!(
-            "environment.passthrough: {} does not show the room; surroundings are shown as they are",
-            runtime.name()
-        );
-    }
     let session = OpenXrSession::create(
         runtime,
         &context,
@@ -359,11 +352,11 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
     }
     let name = session.info().source.clone();
     Ok(Source {
+        lacks_room: wants_room && !session.shows_room(),
         session: Box::new(Validated::new(session)),
         context: Some(context),
         name,
         announcement: None,
-        lacks_room,
         size,
     })
 }

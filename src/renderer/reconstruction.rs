@@ -174,7 +174,12 @@ impl Reconstruction {
             } else {
                 0.0
             },
-            padding: [0; 3],
+            rest_share: if own.still.is_on() {
+                1.0 / self.still_frames as f32
+            } else {
+                1.0
+            },
+            padding: [0; 2],
         };
         context
             .queue

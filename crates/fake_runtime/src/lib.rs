@@ -29,6 +29,8 @@
 //! | `one_view` | locates one view |
 //! | `room_blended`, `room_layered`, `room_added` | shows the room: by ALPHA_BLEND, by `XR_FB_passthrough`, by ADDITIVE alone; loses its session once; says on standard error how each frame with a layer lies over it |
 //! | `no_room` | knows `XR_FB_passthrough`, its headset does not |
+//! | `refused_room` | its headset has `XR_FB_passthrough`; making it fails |
+//! | `room_taken` | as `room_layered`; the session that follows the lost one fails to make the layer |
 //!
 //! | value | once [`SHOWN_BEFORE`] frames were shown |
 //! |---|---|
@@ -48,8 +50,8 @@
 //! Anything else: frames without end. One session at a time; each has a handle and display times of its own, and an event of
 //! the one before it comes first. Action sets that are there have different names.
 //!
-//! Only what stereolux calls is there, and calls are trusted to be valid: that they are is checked against Monado under the
-//! validation layers.
+//! Only what stereolux calls is there, and calls are trusted to be valid, but that a session lives and that a layer of the room
+//! is its own: that they are is checked against Monado under the validation layers.
 //!
 //! `unsafe`: everything here is a C interface that is handed pointers by a loader; each is valid for the call by
 //! OpenXR's and Vulkan's rules of valid usage.
@@ -98,6 +100,9 @@ struct Session {
     waited: u64,
     is_running: bool,
     is_lost: bool,
+    /// Of `XR_FB_passthrough`: the room and its layer; 0: there is none.
+    room: u64,
+    room_layer: u64,
 }
 
 impl Session {
@@ -107,6 +112,8 @@ impl Session {
             waited: 0,
             is_running: false,
             is_lost: false,
+            room: 0,
+            room_layer: 0,
         }
     }
 }
@@ -233,8 +240,7 @@ unsafe extern "system" fn get_instance_proc_addr(
                 // The other functions of the core do nothing, with success: the ABI lets a C function ignore what it
                 // is passed.
                 "xrDestroyInstance" | "xrDestroySpace" | "xrDestroyAction" | "xrAttachSessionActionSets" | "xrSyncActions" | "xrWaitSwapchainImage"
-                | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrDestroyPassthroughFB"
-                | "xrDestroyPassthroughLayerFB" | "xrResultToString" | "xrStructureTypeToString" => {
+                | "xrReleaseSwapchainImage" | "xrDestroyHandTrackerEXT" | "xrResultToString" | "xrStructureTypeToString" => {
                     Some(std::mem::transmute::<unsafe extern "system" fn() -> R, pfn::VoidFunction>(succeed))
                 }
                 // Bindings want every function of the core to be there.
@@ -291,6 +297,8 @@ unsafe extern "system" fn get_instance_proc_addr(
         GetVisibilityMaskKHR = visibility_mask,
         CreatePassthroughFB = create_passthrough,
         CreatePassthroughLayerFB = create_passthrough_layer,
+        DestroyPassthroughFB = destroy_passthrough,
+        DestroyPassthroughLayerFB = destroy_passthrough_layer,
         CreateHandTrackerEXT = create_hand_tracker,
         LocateHandJointsEXT = locate_hand_joints,
     );
@@ -334,7 +342,7 @@ unsafe extern "system" fn enumerate_extensions(
             "XR_EXT_hand_tracking",
             "XR_EXT_eye_gaze_interaction",
         ]
-    } else if asked_for("room_layered") || asked_for("no_room") {
+    } else if has_layered_room() || asked_for("no_room") {
         &["XR_KHR_vulkan_enable2", "XR_FB_passthrough"]
     } else if asked_for("wild_mask") {
         &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
@@ -418,7 +426,7 @@ unsafe extern "system" fn system_properties(
             (*of_gaze).supports_eye_gaze_interaction = has_trackers;
         } else if structure.ty == xr::SystemPassthroughPropertiesFB::TYPE {
             let of_room = chained.cast::<xr::SystemPassthroughPropertiesFB>();
-            (*of_room).supports_passthrough = asked_for("room_layered").into();
+            (*of_room).supports_passthrough = has_layered_room().into();
         }
         chained = structure.next;
     }
@@ -900,6 +908,7 @@ unsafe extern "system" fn wait_frame(
         "lost_and_changed",
         "room_blended",
         "room_layered",
+        "room_taken",
     ];
     state.session.is_lost |= behaviours.into_iter().any(|lost| state.fails_now(lost))
         || asked_for("lost_again") && state.shown >= SHOWN_BEFORE;
@@ -923,7 +932,20 @@ unsafe extern "system" fn begin_frame(session: xr::Session, _: *const xr::FrameB
 }
 
 /// What asks for how frames lie over the room.
-const OVER_ROOMS: [&str; 4] = ["room_blended", "room_layered", "room_added", "no_room"];
+const OVER_ROOMS: [&str; 6] = [
+    "room_blended",
+    "room_layered",
+    "room_added",
+    "no_room",
+    "refused_room",
+    "room_taken",
+];
+
+/// Whether the headset shows the room by `XR_FB_passthrough`, as far as it says.
+fn has_layered_room() -> bool {
+    let behaviours = ["room_layered", "refused_room", "room_taken"];
+    behaviours.into_iter().any(asked_for)
+}
 
 unsafe extern "system" fn create_passthrough(
     session: xr::Session,
@@ -937,7 +959,11 @@ unsafe extern "system" fn create_passthrough(
     if (*info).flags != xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION {
         return R::ERROR_VALIDATION_FAILURE;
     }
-    out.write(xr::PassthroughFB::from_raw(state.handle()));
+    if asked_for("refused_room") {
+        return R::ERROR_FEATURE_UNSUPPORTED;
+    }
+    state.session.room = state.handle();
+    out.write(xr::PassthroughFB::from_raw(state.session.room));
     R::SUCCESS
 }
 
@@ -955,8 +981,40 @@ unsafe extern "system" fn create_passthrough_layer(
     {
         return R::ERROR_VALIDATION_FAILURE;
     }
-    out.write(xr::PassthroughLayerFB::from_raw(state.handle()));
+    if (*info).passthrough.into_raw() != state.session.room {
+        return R::ERROR_HANDLE_INVALID;
+    }
+    if asked_for("room_taken") && state.has_failed {
+        return R::ERROR_FEATURE_UNSUPPORTED;
+    }
+    state.session.room_layer = state.handle();
+    out.write(xr::PassthroughLayerFB::from_raw(state.session.room_layer));
     R::SUCCESS
+}
+
+unsafe extern "system" fn destroy_passthrough(room: xr::PassthroughFB) -> R {
+    forget(&mut state().session.room, room.into_raw())
+}
+
+unsafe extern "system" fn destroy_passthrough_layer(layer: xr::PassthroughLayerFB) -> R {
+    forget(&mut state().session.room_layer, layer.into_raw())
+}
+
+fn forget(known: &mut u64, handle: u64) -> R {
+    if handle == 0 || handle != *known {
+        return R::ERROR_HANDLE_INVALID;
+    }
+    *known = 0;
+    R::SUCCESS
+}
+
+/// Whether a layer is of the room that the session shows, if it is of a room at all.
+unsafe fn is_of_session(layer: *const xr::CompositionLayerBaseHeader, session: &Session) -> bool {
+    if (*layer).ty != xr::CompositionLayerPassthroughFB::TYPE {
+        return true;
+    }
+    let room = layer.cast::<xr::CompositionLayerPassthroughFB>();
+    session.room_layer != 0 && (*room).layer_handle.into_raw() == session.room_layer
 }
 
 unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::FrameEndInfo) -> R {
@@ -973,8 +1031,11 @@ unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::Frame
         if let Err(error) = state.check(session) {
             return error;
         }
+        let layers = std::slice::from_raw_parts((*info).layers, (*info).layer_count as usize);
+        if !(layers.iter()).all(|layer| is_of_session(*layer, &state.session)) {
+            return R::ERROR_HANDLE_INVALID;
+        }
         if OVER_ROOMS.into_iter().any(asked_for) {
-            let layers = std::slice::from_raw_parts((*info).layers, (*info).layer_count as usize);
             let kinds: Vec<_> = layers.iter().map(|layer| (**layer).ty).collect();
             let flags = layers.iter().map(|layer| (**layer).layer_flags);
             let has_alpha: Vec<_> = flags

@@ -42,7 +42,9 @@ shared_record! {
         pub firefly_frames: f32,
         /// 1 while lights have come or gone a few frames ago.
         pub light_switched: f32,
+        /// Greatest share of a new frame in a mean over still frames; 1 where there is none.
+        pub rest_share: f32,
         /// Unused.
-        pub padding: [u32; 3],
+        pub padding: [u32; 2],
     }
 }

@@ -195,7 +195,7 @@ fn a_wrong_layout_is_noticed() {
 }
 
 /// The shaders with something in a module exchanged.
-fn changed(module: &str, from: &str, to: &str) -> ShaderLibrary {
+pub fn changed(module: &str, from: &str, to: &str) -> ShaderLibrary {
     let mut library = ShaderLibrary::embedded();
     let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
     let changed = source.replacen(from, to, 1);

@@ -1,17 +1,20 @@
 //! What a runtime's images hold: colour against the PNG path, depth against f64, pixels that the lens hides.
 
+use glam::DVec3;
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::scene::{Material, Scene};
+use stereolux::settings::{Eyes, Method, Reuse};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{HiddenArea, RuntimeTargets, View};
 
+use crate::suite::frame::layout::changed;
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, context, frame, hit_rays, method, parallel_views,
-    pixel_ray, play, radiance, renderer, start_pose,
+    pixel_ray, radiance, renderer, renderer_by, start_pose,
 };
-use crate::suite::transport::hard_support::constant_environment;
+use crate::suite::transport::hard_support::{add, constant_environment};
 
 const SIZE: [u32; 2] = [64, 48];
 
@@ -335,7 +338,7 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
             &ShaderLibrary::embedded(),
             &scene,
             &settings,
-            stereolux::settings::Eyes::Both,
+            Eyes::Both,
             SIZE,
             Some(&hidden),
         )
@@ -391,47 +394,54 @@ fn reuse_can_be_switched_and_back() {
     assert!(!off.switch_reuse(), "nothing was compiled to switch to");
 }
 
+/// Both eyes' texels in a frame, where the room may show.
+fn texels(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> [Vec<[u8; 4]>; 2] {
+    renderer.render_frame(views, frame, |_| {}).unwrap();
+    let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba8Unorm, false);
+    let library = ShaderLibrary::embedded();
+    renderer.submit_to(&library, &targets).unwrap();
+    targets.color.each_ref().map(|eye| {
+        let found = bytes(renderer.context(), eye, 4);
+        let texels = found.chunks_exact(4);
+        texels.map(|t| [t[0], t[1], t[2], t[3]]).collect()
+    })
+}
+
+/// The box under a blue sky, and what has many edges.
+fn under_the_sky() -> Scene {
+    let mut scene = builtin("cornell");
+    scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
+    let head = start_pose(&scene);
+    // Splinters at places of the R3 sequence, between the eyes and the box.
+    let splinters = (0..800).map(|k| {
+        let place = DVec3::new(0.8192, 0.6711, 0.5497) * f64::from(k);
+        let at = place.fract() - DVec3::new(0.5, 0.5, 1.4);
+        let corners = [at, at + 0.05 * place.fract(), at + 0.05 * DVec3::X];
+        corners.map(|corner| head.position + head.orientation * corner)
+    });
+    let splinters: Vec<_> = splinters.collect();
+    add(&mut scene, &splinters, Material::default());
+    scene
+}
+
 /// A headset's images where the room may show: opaque where surfaces are, of the same colours, and nothing elsewhere.
 #[test]
 fn surroundings_let_the_room_through_and_surfaces_do_not() {
-    let mut scene = builtin("cornell");
-    scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
-    let texels = |frames: u32, change: &dyn Fn(&mut RenderSettings)| {
-        let mut settings = method(Method::Photon, Reuse::Off);
-        change(&mut settings);
-        let mut renderer = renderer(&scene, &settings, SIZE);
-        play(&mut renderer, &views(), 0..frames);
-        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba8Unorm, false);
-        renderer
-            .submit_to(&ShaderLibrary::embedded(), &targets)
-            .unwrap();
-        let both = targets.color.each_ref().map(|eye| {
-            let found = bytes(renderer.context(), eye, 4);
-            found
-                .chunks_exact(4)
-                .map(|t| [t[0], t[1], t[2], t[3]])
-                .collect::<Vec<_>>()
-        });
-        (both, renderer)
-    };
-    let ways = [
+    let scene = under_the_sky();
+    for (way, reuse) in [
         (Method::Photon, Reuse::Off),
         (Method::Photon, Reuse::Scatter),
         (Method::Path, Reuse::Off),
         (Method::Path, Reuse::Lookup),
-    ];
-    for (way, reuse) in ways {
+    ] {
         let seen = |passthrough: bool| {
-            texels(1, &|s| {
-                (s.method, s.reuse) = (way, reuse);
-                s.surroundings.passthrough = passthrough;
-            })
+            let mut settings = method(way, reuse);
+            settings.surroundings.passthrough = passthrough;
+            let mut renderer = renderer(&scene, &settings, SIZE);
+            (texels(&mut renderer, &views(), 0), renderer)
         };
         let ((plain, renderer), (through, _)) = (seen(false), seen(true));
-        for (eye, (plain, through)) in [Eye::Left, Eye::Right]
-            .into_iter()
-            .zip(plain.iter().zip(&through))
-        {
+        for (eye, (plain, through)) in Eye::BOTH.into_iter().zip(plain.iter().zip(&through)) {
             let hits = hit_rays(&renderer, eye);
             let [mut covered, mut open] = [0; 2];
             for ((hit, plain), through) in hits.iter().zip(plain).zip(through) {
@@ -448,33 +458,78 @@ fn surroundings_let_the_room_through_and_surfaces_do_not() {
             assert!(covered > 500 && open > 100, "{covered} {open}");
         }
     }
-    // Over frames a pixel's share is that of its area: 0 and 1 where 64 samples of one frame say so, but for offsets that find
-    // what those miss, and between along edges.
-    let room = |s: &mut RenderSettings| s.surroundings.passthrough = true;
-    let (area, _) = texels(1, &|s| {
-        room(s);
-        s.spp = 64;
-    });
-    let (still, _) = texels(24, &|s| {
-        room(s);
-        s.reconstruct.taa = true.into();
-    });
-    let alphas = |both: [Vec<[u8; 4]>; 2]| both.concat().into_iter().map(|texel| texel[3]);
-    let pairs: Vec<(u8, u8)> = alphas(area).zip(alphas(still)).collect();
-    let of = |whole: fn(&u8) -> bool| {
-        let among = pairs.iter().filter(|(area, _)| whole(area));
-        (
-            among.clone().filter(|(_, still)| whole(still)).count(),
-            among.count(),
-        )
-    };
-    for whole in [|alpha: &u8| *alpha == 0, |alpha: &u8| *alpha == 255] {
-        let (agree, all) = of(whole);
-        assert!(all > 200 && agree * 100 >= all * 99, "{agree} of {all}");
+}
+
+/// At rest alpha is the mean over all still frames, none of which forgets another; without that mean it is not.
+#[test]
+fn a_still_heads_alpha_is_the_mean_of_what_its_frames_cover() {
+    const FRAMES: u32 = 24;
+    let scene = under_the_sky();
+    for still in [true, false] {
+        let mut settings = method(Method::Photon, Reuse::Off);
+        settings.surroundings.passthrough = true;
+        (settings.reconstruct.taa, settings.reconstruct.still) = (true.into(), still.into());
+        let mut renderer = renderer(&scene, &settings, SIZE);
+        let mut means = vec![0.0; 2 * (SIZE[0] * SIZE[1]) as usize];
+        let mut shown = [vec![], vec![]];
+        for frame in 0..FRAMES {
+            shown = texels(&mut renderer, &views(), frame);
+            let hits = Eye::BOTH.map(|eye| hit_rays(&renderer, eye)).concat();
+            let met = means.iter_mut().zip(hits).filter(|(_, hit)| hit[3] > 0.0);
+            met.for_each(|(mean, _)| *mean += 255.0 / f64::from(FRAMES));
+        }
+        // Half of a byte's step, and a rounding of 2^-24 with each of the frames' sums.
+        let reach = 0.5 + f64::from(FRAMES) * 255.0 * 2_f64.powi(-24);
+        let pairs = means.iter().zip(shown.concat());
+        let differ = pairs.filter(|(mean, texel)| (**mean - f64::from(texel[3])).abs() > reach);
+        let differ = differ.count();
+        let is_edge = |mean: &&f64| 0.0 < **mean && **mean < 255.0;
+        let edges = means.iter().filter(is_edge).count();
+        assert!(edges > 50, "{edges}");
+        let expected = if still { 0..1 } else { edges / 2..edges + 1 };
+        assert!(expected.contains(&differ), "{still}: {differ} of {edges}");
     }
-    let (between, edges) = of(|alpha| (1..=254).contains(alpha));
-    assert!(
-        edges > 50 && between * 10 >= edges * 8,
-        "{between} of {edges}"
-    );
+}
+
+/// Where the other eye's hits are reused, alpha is that of the eye's own: also where a scattered hit that its own ray misses
+/// is traced again. Equal eyes are equal.
+#[test]
+fn reuse_covers_what_the_right_eye_meets_by_itself() {
+    let mut scene = under_the_sky();
+    for material in &mut scene.materials {
+        (material.metallic, material.roughness) = (1.0, 0.5);
+    }
+    // A rash cache believes in every winner; where nothing is taken over, all of its hits are traced again.
+    let found = |hit: &str| format!("hit.instance == INVALID {{\n        return {hit};");
+    let winner =
+        found("Hit(left_hit_rays[own].w, record.instance, record.triangle, record.weights, 0.0)");
+    let rash = changed("shared/cached_hit", &found("none"), &winner);
+    let sound = ShaderLibrary::embedded();
+    let alphas = |library: &ShaderLibrary, way, reuse, views: &[View; 2]| {
+        let mut settings = method(way, reuse);
+        settings.surroundings.passthrough = true;
+        settings.stereo.max_lobe_shift *= f64::from(u8::from(!std::ptr::eq(library, &rash)));
+        let mut renderer = renderer_by(library, &scene, &settings, Eyes::Both, SIZE).unwrap();
+        let shown = texels(&mut renderer, views, 0);
+        for (light, texel) in both(&renderer).concat().iter().zip(shown.concat()) {
+            assert!(texel[3] > 0 || *light == [0.0; 3], "files are black there");
+        }
+        shown.map(|eye| eye.iter().map(|texel| texel[3]).collect::<Vec<_>>())
+    };
+    for way in [Method::Photon, Method::Path] {
+        let alone = alphas(&sound, way, Reuse::Off, &views());
+        let is_rim = |pair: &&[u8]| pair[0] != pair[1];
+        assert!(alone[1].windows(2).filter(is_rim).count() > 300);
+        let others = [
+            (&sound, Reuse::Scatter),
+            (&sound, Reuse::Lookup),
+            (&rash, Reuse::Scatter),
+        ];
+        for (library, reuse) in others {
+            let seen = alphas(library, way, reuse, &views());
+            assert!(seen == alone, "{way:?} {reuse:?}");
+        }
+        let [left, right] = alphas(&sound, way, Reuse::Scatter, &[views()[0]; 2]);
+        assert!(left == alone[0] && right == left, "{way:?}");
+    }
 }

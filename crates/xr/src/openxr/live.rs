@@ -52,7 +52,7 @@ impl Live {
             .create_reference_space(kind, xr::Posef::IDENTITY)
             .map_err(failed("xrCreateReferenceSpace"))?;
         let controls = Controls::new(runtime, &session, settings.locomotion, &options.actions)?;
-        let behind = Behind::new(runtime, &session, options.passthrough)?;
+        let behind = Behind::new(runtime, &session, options.passthrough);
         let with_depth = settings.depth_layer && runtime.offered.depth_layer;
         let eyes =
             EyeSwapchains::pair(&session, device, options.size, settings.format, with_depth)?;

@@ -69,7 +69,7 @@ pub struct SessionOptions {
     pub frame_limit: Option<u64>,
     /// Space, format, layers, locomotion.
     pub settings: OpenXrSettings,
-    /// Whether the wearer's room is shown where images are transparent, if the runtime can ([`Runtime::passthrough`]).
+    /// Whether the wearer's room is shown where images are transparent, if the runtime can ([`OpenXrSession::shows_room`]).
     pub passthrough: bool,
     /// The application's own actions.
     pub actions: Actions,
@@ -105,9 +105,16 @@ impl OpenXrSession {
     pub fn create(
         runtime: Runtime,
         context: &GpuContext,
-        options: SessionOptions,
+        mut options: SessionOptions,
     ) -> Result<Self, RuntimeError> {
         let live = Live::new(&runtime, &context.device, &options)?;
+        if let Some(reason) = &live.behind.lacks {
+            log::warn!(
+                "environment.passthrough: {} does not show the room ({reason}); surroundings are shown as they are",
+                runtime.name()
+            );
+            options.passthrough = false;
+        }
         let settings = &options.settings;
         let world_from_space = match settings.space {
             Space::Local => options.start.position,
@@ -149,6 +156,12 @@ impl OpenXrSession {
     #[must_use]
     pub fn image_format(&self) -> Option<(wgpu::TextureFormat, bool)> {
         self.live.as_ref().map(Live::image_format)
+    }
+
+    /// Whether images are to be transparent where the wearer's room is seen: it was asked for, and the runtime shows it.
+    #[must_use]
+    pub fn shows_room(&self) -> bool {
+        self.options.passthrough
     }
 
     /// The runtime's session, unless it is lost.

@@ -63,6 +63,8 @@ impl Room {
 pub(super) struct Behind {
     /// How frames are blended with the room.
     pub(super) mode: Mode,
+    /// Why the room is not shown, where it is wanted.
+    pub(super) lacks: Option<String>,
     with_alpha: bool,
     room: Option<Room>,
 }
@@ -70,36 +72,38 @@ pub(super) struct Behind {
 impl Behind {
     /// The room, if it is wanted and the runtime can; else nothing, by the mode that does not show the room or, where there is
     /// none, what there is.
-    ///
-    /// # Errors
-    /// [`RuntimeError::Call`].
     pub(super) fn new(
         runtime: &Runtime,
         session: &xr::Session<xr::Vulkan>,
         is_wanted: bool,
-    ) -> Result<Self, RuntimeError> {
+    ) -> Self {
         let modes = &runtime.system.modes;
         let opaque = if modes.contains(&Mode::OPAQUE) {
             Mode::OPAQUE
         } else {
             modes[0]
         };
-        let passthrough = runtime.passthrough().filter(|_| is_wanted);
-        Ok(Self {
-            mode: match passthrough {
-                Some(Passthrough::Blended) => Mode::ALPHA_BLEND,
-                Some(Passthrough::Added) => Mode::ADDITIVE,
-                Some(Passthrough::Layered) | None => opaque,
+        let mut behind = Self {
+            mode: opaque,
+            lacks: None,
+            with_alpha: false,
+            room: None,
+        };
+        if !is_wanted {
+            return behind;
+        }
+        match runtime.passthrough() {
+            Some(Passthrough::Blended) => {
+                (behind.mode, behind.with_alpha) = (Mode::ALPHA_BLEND, true);
+            }
+            Some(Passthrough::Layered) => match Room::open(session) {
+                Ok(room) => (behind.room, behind.with_alpha) = (Some(room), true),
+                Err(error) => behind.lacks = Some(error.to_string()),
             },
-            with_alpha: matches!(
-                passthrough,
-                Some(Passthrough::Blended | Passthrough::Layered)
-            ),
-            room: match passthrough {
-                Some(Passthrough::Layered) => Some(Room::open(session)?),
-                _ => None,
-            },
-        })
+            Some(Passthrough::Added) => behind.mode = Mode::ADDITIVE,
+            None => behind.lacks = Some("it offers no way to".to_owned()),
+        }
+        behind
     }
 
     /// How a projection layer lies over it.

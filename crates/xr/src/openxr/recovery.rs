@@ -50,6 +50,13 @@ impl OpenXrSession {
                 }
             }
         };
+        if let Some(reason) = &live.behind.lacks {
+            // Images go on leaving the surroundings out: what shades them was not compiled.
+            log::warn!(
+                "environment.passthrough: {} no longer shows the room ({reason}); it is black from here on",
+                self.runtime.name()
+            );
+        }
         let wanted_hz = self.options.settings.refresh_hz;
         self.info.refresh_hz = refresh_rate(&self.runtime, &live.session, wanted_hz);
         self.follow_hidden(&live.session);
