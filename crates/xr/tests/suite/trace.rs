@@ -292,6 +292,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
             refresh_hz: None,
             hidden: None,
             quality: None,
+            controller_model: [None, None],
             input,
         });
     }
@@ -613,6 +614,7 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
         refresh_hz: None,
         hidden: None,
         quality: None,
+        controller_model: [None, None],
         input,
     };
     let gaze = Input {
@@ -756,9 +758,13 @@ proptest! {
             refresh_hz: (k % 5 == 3).then_some(72.5),
             hidden: changed.clone().filter(|_| k % 5 == 4),
             quality: qualities[k % qualities.len()],
+            controller_model: [None, (k % 7 == 5).then(|| "a.right.glb".to_owned())],
             input: inputs[k % inputs.len()].clone(),
         });
-        let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
+        let frames: Vec<TraceFrame> = frames.collect();
+        let model_lines = (0..frames.len()).filter(|k| k % 7 == 5).map(|k| k + 2).collect();
+        let header = TraceHeader { headset, refresh_hz, hidden };
+        let trace = Trace { header, frames, model_lines, warnings: vec![] };
         let text = write(&trace);
         let back = read(&text).unwrap();
         prop_assert_eq!(&back, &trace);
