@@ -8,13 +8,14 @@ use std::process::{Command, Output};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use openxr::Posef;
 use serde_json::{Value, json};
+use stereolux::images::read_image;
 use stereolux::xr::trace::{Trace, TraceFrame};
 use stereolux::xr::{Input, Pose};
 use stereolux_fake_runtime as fake;
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
 use crate::suite::support::{
-    Folder, assert_begins, assert_says, exrs, json as json_of, printed, words,
+    Folder, RAW_FRAMES, assert_begins, assert_says, exrs, json as json_of, meet, printed, words,
 };
 
 /// Fails unless the run went on without a headset, for this reason.
@@ -161,6 +162,7 @@ fn info_says_what_a_runtime_does_not_offer() {
         ("profiles", &missing[1..]),
         ("trackers", &[missing[0], missing[3], missing[4]]),
         ("no_trackers", &missing),
+        ("controller_model", &[&missing[..3], &missing[4..]].concat()),
         ("room_blended", &missing[..4]),
         ("room_layered", &missing[..4]),
         ("room_added", &missing[..4]),
@@ -594,5 +596,100 @@ fn the_room_is_shown_as_the_runtime_can() {
                 "{said}"
             );
         }
+    }
+}
+
+/// A wedge in place of the plain controller, each face of its colour where closed form says; what is no model leaves the
+/// plain one.
+#[test]
+fn a_runtime_s_model_is_shown_at_the_grip_recorded_and_replayed() {
+    let folder = Folder::new("openxr-model");
+    let more = "--reuse=off --set=output.images=true --set=input.show_hands=true";
+    let more = [&words(more)[..], &RAW_FRAMES].concat();
+    let large = |args: String| args.replace("16x16", "48x48");
+    let run = |behaviour: &str| {
+        let [out, trace] = ["", ".jsonl"].map(|end| folder.join(&format!("{behaviour}{end}")));
+        let args = large(small_run(&out, &trace, 66));
+        let said = stderr(&run_with(&folder, behaviour, &args, &more));
+        (exrs(&out), trace, said)
+    };
+    let (images, trace, said) = run("controller_model");
+    assert!(!said.contains("model of the"), "{said}");
+    let frames = Trace::read(&trace).unwrap().frames;
+    let is_named = |frame: &TraceFrame| frame.controller_model[1].is_some();
+    assert_eq!(frames.iter().position(is_named), Some(2));
+    let file = folder.join("controller_model.right.glb");
+    assert_eq!(std::fs::read(&file).unwrap(), fake::controller_model::glb());
+    let (plain, ..) = run("plain_controller");
+    // It is there 60 frames later, or one more for shaders, and at once in a replay of that.
+    let differs =
+        |(name, image): (&String, &Vec<u8>)| (plain[name] != *image).then(|| name.clone());
+    let first = images.iter().find_map(differs).unwrap();
+    assert!(
+        ["frame_0062_left.exr", "frame_0063_left.exr"].contains(&&*first),
+        "{first}"
+    );
+    let frame = &frames[65];
+    let world_from_grip = frame.input.hands[1].grip.unwrap().pose.affine();
+    let in_world =
+        |corner: [f32; 3]| world_from_grip.transform_point3(Vec3::from(corner).as_dvec3());
+    let mut counts = BTreeSet::new();
+    for (view, eye) in frame.views.views.iter().zip(["left", "right"]) {
+        let [seen, without] = ["controller_model", "plain_controller"].map(|run| {
+            read_image(&folder.join(run).join(format!("frame_0065_{eye}.exr"))).unwrap()
+        });
+        for (pixel, radiance) in seen.pixels.iter().enumerate() {
+            let at = |[dx, dy]: [f64; 2]| {
+                let (x, y) = ((pixel % 48) as f64 + dx, (pixel / 48) as f64 + dy);
+                let ray = view.ray_through_pixel(x, y, 48, 48);
+                let faces = fake::controller_model::triangles().filter_map(|(corners, color)| {
+                    Some((
+                        meet(ray.origin, ray.direction, corners.map(in_world))?.0,
+                        color,
+                    ))
+                });
+                faces
+                    .min_by(|a, b| a.0.total_cmp(&b.0))
+                    .map(|(_, color)| color)
+            };
+            let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(at);
+            let Some(color) = a.filter(|_| a == b && a == c && a == d) else {
+                continue;
+            };
+            // Its light alone, in f32 or half floats of 11 bits.
+            let is_near = |(a, b): (&f32, f32)| (a - b).abs() <= b * 2_f32.powi(-11);
+            assert!(
+                radiance.iter().zip(color).all(is_near),
+                "{radiance:?} for {color:?}"
+            );
+            assert_ne!(without.pixels[pixel], *radiance);
+            counts.insert((eye, color.map(f32::to_bits), pixel));
+        }
+    }
+    let faces: BTreeSet<_> = counts.iter().map(|(_, color, _)| color).collect();
+    assert!(
+        faces.len() >= 2 && counts.len() > 60,
+        "{faces:?} {}",
+        counts.len()
+    );
+    let again = folder.join("again");
+    let replay = large(small_replay(&again, &trace, 66));
+    run_with(&folder, "none", &replay, &more);
+    assert!(exrs(&again) == images);
+    std::fs::remove_file(&file).unwrap();
+    let refused = on_fake(&folder, "none", &[], &[&*replay]);
+    assert_status(&refused, 2);
+    assert_says(
+        &one_error(&refused),
+        &["controller_model.jsonl, line 4, field", "right.glb"],
+    );
+    for (behaviour, says) in [
+        ("bad_controller_model", "cannot be shown, a plain one is: "),
+        ("huge_controller_model", "cannot be had ("),
+    ] {
+        let (images, _, said) = run(behaviour);
+        let says = format!("the runtime's model of the right controller {says}");
+        assert_eq!(said.matches(&says).count(), 1, "{said}");
+        assert!(images == plain, "{behaviour}");
     }
 }

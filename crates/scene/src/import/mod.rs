@@ -147,7 +147,8 @@ pub(super) fn self_contained(
     budget: &LoadBudget,
 ) -> Result<Scene, SceneError> {
     let file = container::split(path, bytes, &mut Notes::default())?;
-    let document = Document::parse(path, file.json, &LoadBudget::default())?;
+    let own_budget = LoadBudget::default();
+    let document = Document::parse(path, file.json, &own_budget)?;
     let root = &document.root;
     let buffers = root.buffers.iter().map(|buffer| &buffer.uri);
     let mut uris = buffers.chain(root.images.iter().map(|image| &image.uri));

@@ -10,10 +10,10 @@ use stereolux_settings::{Quality, RenderSettings};
 use stereolux_xr::input::JOINTS;
 use stereolux_xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux_xr::{
-    ActionValue, ActionValues, Button, Buttons, ControllerModel, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset,
-    HiddenArea, Input, InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions,
-    RenderTargets, ReplaySession, SessionInfo, Side, SimulatedSession, Tracked, View, XrError,
-    XrSession,
+    ActionValue, ActionValues, Button, Buttons, ControllerModel, Fov, FrameState, FrameSubmission,
+    Hand, HandScript, Headset, HiddenArea, Input, InputError, Joint, LocatedViews, Motion, Pose,
+    Recorder, RenderTargets, ReplayOptions, ReplaySession, SessionInfo, Side, SimulatedSession,
+    Tracked, View, XrError, XrSession,
 };
 
 use crate::folders::TemporaryFile;
@@ -768,10 +768,7 @@ fn controllers_models_are_recorded_beside_the_trace_and_replayed() {
     assert_eq!(recorded.iter().flatten().count(), 2);
     let read = Trace::read(&first).unwrap();
     let name = |name: &str| Some(name.to_owned());
-    assert_eq!(
-        read.frames[2].controller_model,
-        [None, name("a.right.glb")]
-    );
+    assert_eq!(read.frames[2].controller_model, [None, name("a.right.glb")]);
     assert_eq!(read.frames[3].controller_model, [name("a.left.glb"), None]);
     assert_eq!(read.model_lines, [4, 5]);
     // A replay is recorded likewise.
