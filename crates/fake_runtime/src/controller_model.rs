@@ -52,17 +52,6 @@ const FACES: [(&[[usize; 3]], [f32; 3]); 5] = [
     (&[[1, 2, 5], [1, 5, 4]], [0.1, 0.9, 0.9]),
 ];
 
-/// Triangles of the wedge in the grip, metres, each with the radiance that leaves it.
-pub fn triangles() -> impl Iterator<Item = ([[f32; 3]; 3], [f32; 3])> {
-    let of_face = |(triangles, radiance): (&'static [[usize; 3]], _)| {
-        let corners = |triangle: &[usize; 3]| triangle.map(|corner| CORNERS[corner]);
-        triangles
-            .iter()
-            .map(move |triangle| (corners(triangle), radiance))
-    };
-    FACES.into_iter().flat_map(of_face)
-}
-
 /// The wedge as binary glTF.
 #[must_use]
 pub fn glb() -> Vec<u8> {
