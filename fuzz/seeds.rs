@@ -199,6 +199,7 @@ pub fn traces() -> Vec<Vec<u8>> {
                     refresh_hz: (time > 0).then_some(72.0),
                     hidden: (time > 0).then(Default::default),
                     quality: (time > 0).then(|| Quality::of(&RenderSettings::default())),
+                    controller_model: [None, None],
                     input: session.locate_input(time).unwrap_or_default(),
                 };
                 native.push_str(&trace::frame_line(&frame).unwrap_or_default());

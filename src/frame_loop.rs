@@ -225,7 +225,8 @@ fn skip(
     if let Some(located) = session.locate_views(time_ns)? {
         let input = session.locate_input(time_ns)?;
         // Also where nothing is shown: rays are cast at what stands there.
-        application.update(renderer, FrameInput::new(index, &state, &located, input))?;
+        let frame = FrameInput::new(index, &state, &located, input);
+        application.update(session, renderer, frame)?;
     }
     let quality = settle_quality(renderer, &state, before)?;
     session.end_frame(FrameSubmission::new(time_ns, None).with_quality(quality))?;
@@ -396,7 +397,7 @@ pub fn step(
     library: &ShaderLibrary,
     index: u32,
     in_flight: usize,
-    update: impl FnOnce(&mut Renderer, FrameInput) -> Result<(), LoopError>,
+    update: impl FnOnce(&mut dyn XrSession, &mut Renderer, FrameInput) -> Result<(), LoopError>,
     sample: impl FnMut(u32),
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
@@ -423,7 +424,8 @@ pub fn step(
     let input = session.locate_input(state.predicted_display_time_ns)?;
     stages.push(HostSpan::since("session", called));
     let before = renderer.quality();
-    update(renderer, FrameInput::new(index, &state, &located, input))?;
+    let frame = FrameInput::new(index, &state, &located, input);
+    update(session, renderer, frame)?;
     let quality = settle_quality(renderer, &state, before)?;
     let eyes = render(session, renderer, index, in_flight, &state, located, sample)?;
     let Eyed {
@@ -526,7 +528,7 @@ impl<S: XrSession> FrameLoop<S> {
                 &self.library,
                 index,
                 1,
-                |renderer, frame| {
+                |_, renderer, frame| {
                     renderer.animate(frame.display_time_ns);
                     if let Some(update) = update.take() {
                         update(renderer, &frame.after(held));
@@ -711,7 +713,9 @@ fn run_frames(
         way.retire(renderer, options.in_flight - 1, progress)?;
         let told = |done| progress.sample(index, done);
         let in_flight = options.in_flight;
-        let update = |renderer: &mut Renderer, frame| application.update(renderer, frame);
+        let update = |session: &mut dyn XrSession, renderer: &mut Renderer, frame| {
+            application.update(session, renderer, frame)
+        };
         let turn = step(session, renderer, library, index, in_flight, update, told)?;
         for pulse in application.take_pulses() {
             session.vibrate(&pulse)?;

@@ -212,11 +212,11 @@ pub use xr::openxr::{
 pub use xr::validation::Fault;
 pub use xr::{
     Action, ActionError, ActionKind, ActionValue, ActionValues, Actions, ArgumentError, Button,
-    Buttons, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset, HiddenArea, Input,
-    InputError, Joint, LocatedViews, Pacing, Pose, Pulse, PulseOf, QualityFrom, RayInWorld,
-    Recorder, RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo, Side,
-    SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags, XrError,
-    XrSession,
+    Buttons, ControllerModel, Fov, FrameState, FrameSubmission, Hand, HandScript, Headset,
+    HiddenArea, Input, InputError, Joint, LocatedViews, Pacing, Pose, Pulse, PulseOf, QualityFrom,
+    RayInWorld, Recorder, RenderTargets, ReplayOptions, ReplaySession, RuntimeTargets, SessionInfo,
+    Side, SimulatedSession, Tangents, TraceBody, TraceUp, Tracked, Validated, View, ViewFlags,
+    XrError, XrSession,
 };
 
 #[doc(hidden)]

@@ -1,6 +1,5 @@
-//! glTF files that are loaded and prepared on threads while frames go on.
+//! glTF scenes that are loaded and prepared on threads while frames go on.
 
-use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
@@ -66,15 +65,18 @@ impl PartLoading {
         self.0.is_finished()
     }
 
-    pub(super) fn begin(kept: &mut Kept, path: &Path, maker: Option<Maker>) -> Self {
+    pub(super) fn begin(
+        kept: &mut Kept,
+        load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
+        maker: Option<Maker>,
+    ) -> Self {
         let (ask, asked) = channel();
         let (answer, answered) = channel();
         if maker.is_some() {
             kept.questions.push(Question { asked, answer });
         }
-        let path = path.to_owned();
         Self(std::thread::spawn(move || {
-            let scene = Scene::load(&path)?;
+            let scene = load()?;
             let Some(maker) = maker else {
                 return Ok(scene.into());
             };

@@ -21,7 +21,9 @@ use crate::pose::Pose;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side};
-use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, Pulse, View};
+use crate::xr::{
+    ActionError, ActionValues, Actions, FrameState, LocatedViews, Pulse, View, XrSession,
+};
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use kept::Kept;
@@ -215,12 +217,14 @@ impl<'a> Application<'a> {
         &mut self.kept
     }
 
-    /// Lets it change the world for a frame, with the scene's animation where it then stands.
+    /// Lets it change the world for a frame, with the scene's animation where it then stands, and shows the wearer's hands
+    /// as far as `session` knows them.
     ///
     /// # Errors
     /// [`LoopError`].
     pub(crate) fn update(
         &mut self,
+        session: &mut dyn XrSession,
         renderer: &mut Renderer,
         mut frame: FrameInput,
     ) -> Result<(), LoopError> {
@@ -233,6 +237,11 @@ impl<'a> Application<'a> {
         updated.map_err(LoopError::App)?;
         let moved = world.move_hands(&frame.input);
         moved.map_err(|error| LoopError::App(error.into()))?;
+        if world.takes_model()
+            && let Some(model) = session.controller_model()?
+        {
+            world.take_model(model);
+        }
         self.kept.answer_questions();
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }
@@ -249,5 +258,6 @@ impl<'a> Application<'a> {
 
     pub(crate) fn end(&mut self) {
         self.app.end(&mut World::new(&mut self.kept, None, None));
+        hands::forget_coming(&mut self.kept);
     }
 }

@@ -98,9 +98,9 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn node(&self, name: &str) -> Result<usize, WorldError> {
-        let hands = self.kept.hands.as_ref().map(Hands::nodes);
+        let hands = self.of_hands(|part| part.nodes.clone());
         let nodes = self.kept.scene.nodes.iter().map(|node| &*node.name);
-        numbered("node", name, nodes, hands)
+        numbered("node", name, nodes, &hands)
     }
 
     /// The first material of that name.
@@ -108,10 +108,10 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn material(&self, name: &str) -> Result<usize, WorldError> {
-        let hands = self.kept.hands.as_ref().map(Hands::materials);
+        let hands = self.of_hands(|part| part.materials.clone());
         let materials = self.kept.scene.materials.iter();
         let names = materials.map(|material| &*material.name);
-        numbered("material", name, names, hands)
+        numbered("material", name, names, &hands)
     }
 
     /// The first punctual light of that name.
@@ -125,7 +125,7 @@ impl<'a> World<'a> {
             .lights
             .iter()
             .map(|light| light.name.as_str());
-        numbered("light", name, names, None)
+        numbered("light", name, names, &[])
     }
 
     /// Where a node stands, the scene's own animation left aside.
@@ -254,7 +254,7 @@ impl<'a> World<'a> {
     /// [`WorldError::Unknown`]; [`WorldError::Clip`]: a speed or time that is not finite.
     pub fn play_clip(&mut self, name: &str, speed: f64, time_s: f64) -> Result<(), WorldError> {
         let clips = &self.kept.scene.animations;
-        numbered("clip", name, clips.iter().map(|clip| &*clip.name), None)?;
+        numbered("clip", name, clips.iter().map(|clip| &*clip.name), &[])?;
         if !(speed.is_finite() && time_s.is_finite()) {
             let fault = format!("speed {speed} and time {time_s} s are not both finite");
             return Err(WorldError::Clip(fault));
@@ -321,13 +321,22 @@ impl<'a> World<'a> {
     /// take memory, and after it reconstruction begins anew.
     #[must_use]
     pub fn load_part(&mut self, path: impl AsRef<Path>) -> PartLoading {
+        let path = path.as_ref().to_owned();
+        self.load(move || Ok(Scene::load(&path)?))
+    }
+
+    /// Begins to load a scene and to prepare it.
+    pub(super) fn load(
+        &mut self,
+        scene: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
+    ) -> PartLoading {
         let maker = self.renderer.zip(self.kept.library.as_ref());
         let maker = maker.map(|(renderer, library)| Maker {
             preparation: renderer.part_preparation(),
             rebuild: renderer.rebuild(),
             library: library.clone(),
         });
-        PartLoading::begin(self.kept, path.as_ref(), maker)
+        PartLoading::begin(self.kept, scene, maker)
     }
 
     /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
@@ -399,6 +408,12 @@ impl<'a> World<'a> {
         }
     }
 
+    /// Where the wearer's hands and controllers lie in one of the scene's lists.
+    fn of_hands(&self, list: impl Fn(&ScenePart) -> Range<usize>) -> Vec<Range<usize>> {
+        let hands = self.kept.hands.iter();
+        hands.flat_map(Hands::parts).map(list).collect()
+    }
+
     pub(super) fn hands_mut(&mut self) -> Option<&mut Hands> {
         self.kept.hands.as_mut()
     }
@@ -427,8 +442,7 @@ impl<'a> World<'a> {
         direction: DVec3,
         max_distance_m: f64,
     ) -> Option<RayHit> {
-        let hands = self.kept.hands.as_ref().map(Hands::nodes);
-        let hands = hands.unwrap_or_default();
+        let hands = self.of_hands(|part| part.nodes.clone());
         self.renderer?
             .cast_ray_past(&hands, origin_in_world, direction, max_distance_m)
     }
@@ -551,10 +565,10 @@ fn numbered<'a>(
     what: &'static str,
     name: &str,
     names: impl Iterator<Item = &'a str> + Clone,
-    past: Option<Range<usize>>,
+    past: &[Range<usize>],
 ) -> Result<usize, WorldError> {
-    let past = past.unwrap_or_default();
-    let names = names.enumerate().filter(|(at, _)| !past.contains(at));
+    let is_past = |at: &usize| past.iter().any(|numbers| numbers.contains(at));
+    let names = names.enumerate().filter(|(at, _)| !is_past(at));
     let found = names.clone().find(|(_, known)| *known == name);
     found.map(|(at, _)| at).ok_or_else(|| WorldError::Unknown {
         what,

@@ -43,13 +43,13 @@ impl Renderer {
         direction: DVec3,
         max_distance_m: f64,
     ) -> Option<RayHit> {
-        self.cast_ray_past(&(0..0), origin_in_world, direction, max_distance_m)
+        self.cast_ray_past(&[], origin_in_world, direction, max_distance_m)
     }
 
     /// As [`Renderer::cast_ray`], without meeting what these nodes of the scene place.
     pub(crate) fn cast_ray_past(
         &self,
-        nodes: &Range<usize>,
+        nodes: &[Range<usize>],
         origin_in_world: DVec3,
         direction: DVec3,
         max_distance_m: f64,

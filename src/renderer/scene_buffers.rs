@@ -361,8 +361,11 @@ impl SceneBuffers {
     }
 
     /// What a ray meets first of the instances where they stand by now, those of the nodes `past` left aside.
-    pub(super) fn cast_ray(&self, ray: &Ray, past: &Range<usize>) -> Option<InstanceHit> {
-        let admits = |source: &InstanceSource| !past.contains(&(source.node as usize));
+    pub(super) fn cast_ray(&self, ray: &Ray, past: &[Range<usize>]) -> Option<InstanceHit> {
+        let admits = |source: &InstanceSource| {
+            let node = source.node as usize;
+            !past.iter().any(|nodes| nodes.contains(&node))
+        };
         let shape = |mesh| self.deformer.as_ref()?.triangles_now(mesh);
         let sources = self.table.sources();
         self.hierarchies.cast_at(sources, ray, admits, shape)

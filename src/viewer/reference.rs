@@ -75,7 +75,7 @@ impl Reference {
             &self.library,
             index,
             1,
-            |renderer, _| {
+            |_, renderer, _| {
                 if let Some(time_ns) = scene_time_ns {
                     renderer.animate(time_ns);
                 }

@@ -23,7 +23,7 @@ use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
 use crate::tone::tone_map_by;
-use crate::xr::View;
+use crate::xr::{View, XrSession};
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -297,7 +297,7 @@ impl RenderEngine {
     ) -> Result<Option<FrameStats>, EngineError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
-        let update = |renderer: &mut Renderer, _: FrameInput| {
+        let update = |_: &mut dyn XrSession, renderer: &mut Renderer, _: FrameInput| {
             if let Some(time_ns) = scene_time_ns {
                 renderer.animate(time_ns);
             }

@@ -27,6 +27,7 @@
 //! | `no_rates` | no refresh rate that makes sense |
 //! | `wild_mask` | a visibility mask of 100,000 triangles, with indices and corners that make no sense |
 //! | `one_view` | locates one view |
+//! | `controller_model`, `bad_controller_model`, `huge_controller_model`, `plain_controller` | a controller in the right hand ([`controller_model`]) with a model, with one that is none, with one of 4 GiB, or without |
 //! | `room_blended`, `room_layered`, `room_added` | shows the room: by ALPHA_BLEND, by `XR_FB_passthrough`, by ADDITIVE alone; loses its session once; says on standard error how each frame with a layer lies over it |
 //! | `no_room` | knows `XR_FB_passthrough`, its headset does not |
 //! | `refused_room` | its headset has `XR_FB_passthrough`; making it fails |
@@ -57,6 +58,7 @@
 //! OpenXR's and Vulkan's rules of valid usage.
 #![allow(unsafe_op_in_unsafe_fn, clippy::missing_safety_doc)]
 
+pub mod controller_model;
 pub mod device_lost_layer;
 mod vulkan;
 
@@ -299,6 +301,8 @@ unsafe extern "system" fn get_instance_proc_addr(
         CreatePassthroughLayerFB = create_passthrough_layer,
         DestroyPassthroughFB = destroy_passthrough,
         DestroyPassthroughLayerFB = destroy_passthrough_layer,
+        GetControllerModelKeyMSFT = controller_model::key,
+        LoadControllerModelMSFT = controller_model::load,
         CreateHandTrackerEXT = create_hand_tracker,
         LocateHandJointsEXT = locate_hand_joints,
     );
@@ -342,6 +346,8 @@ unsafe extern "system" fn enumerate_extensions(
             "XR_EXT_hand_tracking",
             "XR_EXT_eye_gaze_interaction",
         ]
+    } else if controller_model::is_offered() {
+        &["XR_KHR_vulkan_enable2", "XR_MSFT_controller_model"]
     } else if has_layered_room() || asked_for("no_room") {
         &["XR_KHR_vulkan_enable2", "XR_FB_passthrough"]
     } else if asked_for("wild_mask") {
@@ -727,9 +733,11 @@ unsafe extern "system" fn create_action_space(
 ) -> R {
     let mut state = state();
     let space = state.handle();
-    // A space is called as its action.
-    if let Some(name) = state.names.get(&(*info).action.into_raw()).cloned() {
-        state.names.insert(space, name);
+    // A space is called as its action and the hand.
+    let name = |handle: u64| state.names.get(&handle).cloned();
+    if let Some(action) = name((*info).action.into_raw()) {
+        let hand = name((*info).subaction_path.into_raw()).unwrap_or_default();
+        state.names.insert(space, action + &hand);
     }
     out.write(xr::Space::from_raw(space));
     R::SUCCESS
@@ -754,6 +762,15 @@ unsafe extern "system" fn locate_space(
         };
         return R::SUCCESS;
     }
+    if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
+        velocity.velocity_flags = xr::SpaceVelocityFlags::EMPTY;
+    }
+    let name = state.names.get(&space.into_raw());
+    if name.is_some_and(|name| controller_model::is_at_grip(name)) {
+        (*out).pose = controller_model::GRIP;
+        (*out).location_flags = valid() | tracked();
+        return R::SUCCESS;
+    }
     let is_wild = asked_for("wild_hands");
     (*out).location_flags = if is_wild {
         valid()
@@ -771,9 +788,6 @@ unsafe extern "system" fn locate_space(
         z: 0.0,
         w: 0.0,
     };
-    if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
-        velocity.velocity_flags = xr::SpaceVelocityFlags::EMPTY;
-    }
     R::SUCCESS
 }
 

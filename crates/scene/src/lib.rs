@@ -279,6 +279,14 @@ impl Scene {
         import::from_bytes(Path::new(name), bytes, &LoadBudget::default())
     }
 
+    /// As [`Scene::from_bytes`], of what names no files at all.
+    ///
+    /// # Errors
+    /// As [`Scene::from_bytes`]; a file that it names.
+    pub fn self_contained(name: &str, bytes: &[u8]) -> Result<Self, SceneError> {
+        import::self_contained(Path::new(name), bytes, &LoadBudget::default())
+    }
+
     /// Makes an embedded scene, by name with or without the prefix `builtin:`.
     ///
     /// # Errors

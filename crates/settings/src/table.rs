@@ -432,7 +432,7 @@ settings! {
     /// What becomes of the wearer's input (`input.*`).
     struct InputSettings at (input) "input." {
         rows INPUT {
-            /// show the hands along their tracked joints, else a plain controller where one is held; view has none
+            /// show the hands along their tracked joints, else a controller where one is held; view has none
             show_hands: bool = false;
         }
     }

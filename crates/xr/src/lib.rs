@@ -10,6 +10,7 @@
 //!     session.begin_frame()?;
 //!     let mut views = if frame.should_render { session.locate_views(frame.predicted_display_time_ns)? } else { None };
 //!     let input = session.locate_input(frame.predicted_display_time_ns)?; // hands, buttons, gaze
+//!     let model = session.controller_model()?;             // if hands are shown
 //!     match &views {
 //!         Some(_) => {
 //!             // Move things, trace photons; then where the eyes are by now.
@@ -34,6 +35,7 @@
 mod action_values;
 mod actions;
 mod all_frames;
+mod controller_model;
 mod error;
 mod frame_clock;
 pub mod headset;
@@ -61,6 +63,7 @@ pub mod view;
 pub use action_values::{ActionValue, ActionValues};
 pub use actions::{Action, ActionError, ActionKind, Actions};
 pub use all_frames::all_frames;
+pub use controller_model::ControllerModel;
 pub use error::{ArgumentError, InputError, XrError};
 pub use frame_clock::Pacing;
 pub use headset::Headset;
@@ -122,6 +125,15 @@ pub trait XrSession {
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         let _ = display_time_ns;
         Ok(Input::default())
+    }
+
+    /// What one of the controllers looks like, once and as soon as that is known. Called at most once a frame, after
+    /// [`XrSession::locate_input`], by who shows it.
+    ///
+    /// # Errors
+    /// The runtime is lost, or a recording cannot be written.
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        Ok(None)
     }
 
     /// Where to render this frame. Called after begin and before end, only for a frame that will carry a
@@ -197,6 +209,10 @@ impl<S: XrSession + ?Sized> XrSession for Box<S> {
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         (**self).locate_input(display_time_ns)
+    }
+
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        (**self).controller_model()
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

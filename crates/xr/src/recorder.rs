@@ -1,22 +1,24 @@
 //! Records the views that were really used, around any session.
 
+use super::controller_model::{self, ModelNames};
 use super::hidden_area::HiddenArea;
 use super::trace::{self, TraceFrame, TraceHeader};
 use super::validation::{self, Fault};
 use super::view::View;
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, Quality, RenderTargets, SessionInfo,
-    XrError, XrSession,
+    ControllerModel, FrameState, FrameSubmission, Input, LocatedViews, Pulse, Quality,
+    RenderTargets, SessionInfo, XrError, XrSession,
 };
 use std::fs::File;
 use std::io::{Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use stereolux_base::files;
 
 /// Any session, with each frame's views written to a native trace (`trace`) as the frame ends. A
 /// frame that rendered nothing leaves no line. Each line is handed to the system in one write before the
-/// frame ends, so a killed run loses at most the line that it was writing.
+/// frame ends, so a killed run loses at most the line that it was writing. Controllers' models lie beside the trace.
 #[derive(Debug)]
 pub struct Recorder<S> {
     inner: S,
@@ -29,6 +31,8 @@ pub struct Recorder<S> {
     input: Input,
     /// What was located first in it.
     located: Option<[View; 2]>,
+    /// Files of controllers' models that became known since the last line.
+    models: ModelNames,
     /// The quality that was set since the last line, and the last one written.
     quality: [Option<Quality>; 2],
     /// The refresh rate and the hidden areas that were written last.
@@ -69,6 +73,7 @@ impl<S: XrSession> Recorder<S> {
                 switch_reuse: false,
                 input: Input::default(),
                 located: None,
+                models: ModelNames::default(),
                 quality: [None; 2],
                 refresh_hz: header.refresh_hz,
                 hidden: header.hidden.unwrap_or_default(),
@@ -101,6 +106,14 @@ impl<S: XrSession> Recorder<S> {
         Ok(())
     }
 
+    fn broken_off(&self, cause: Error) -> XrError {
+        XrError::RecordWrite {
+            path: self.path.clone(),
+            frames: self.frames,
+            cause,
+        }
+    }
+
     /// Writes only what [`trace::Trace::read`] will take back.
     fn write(&mut self, t_ns: i64, views: &LocatedViews) -> std::io::Result<()> {
         let invalid = |fault: Fault| Error::new(ErrorKind::InvalidData, fault.to_string());
@@ -125,6 +138,7 @@ impl<S: XrSession> Recorder<S> {
             located,
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
+            controller_model: std::mem::take(&mut self.models),
             input: std::mem::take(&mut self.input),
         };
         if frame.version() > self.version {
@@ -178,6 +192,17 @@ impl<S: XrSession> XrSession for Recorder<S> {
         Ok(self.input.clone())
     }
 
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        let model = self.inner.controller_model()?;
+        if let Some(ControllerModel { side, glb }) = &model {
+            let name = controller_model::file_name(&self.path, *side);
+            files::write_beside(&self.path.with_file_name(&name), |out| out.write_all(glb))
+                .map_err(|cause| self.broken_off(cause))?;
+            self.models[*side as usize] = Some(name);
+        }
+        Ok(model)
+    }
+
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
         self.inner.vibrate(pulse)
     }
@@ -197,11 +222,7 @@ impl<S: XrSession> XrSession for Recorder<S> {
         self.quality[0] = submission.quality.or(self.quality[0]);
         if let Some(views) = submission.rendered {
             self.write(submission.display_time_ns, views)
-                .map_err(|cause| XrError::RecordWrite {
-                    path: self.path.clone(),
-                    frames: self.frames,
-                    cause,
-                })?;
+                .map_err(|cause| self.broken_off(cause))?;
         }
         Ok(())
     }

@@ -1,14 +1,16 @@
 //! Plays a recording back as if it were a headset.
 
+use super::controller_model;
 use super::frame_clock::{FrameOrder, Pacer, Pacing, display_time_ns, period_ns};
 use super::text_lines;
 use super::trace::{Trace, TraceFrame};
 use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
 use super::view::Pose;
 use super::{
-    ArgumentError, FrameState, FrameSubmission, Headset, Input, LocatedViews, QualityFrom,
-    RenderTargets, SessionInfo, XrError, XrSession,
+    ArgumentError, ControllerModel, FrameState, FrameSubmission, Headset, Input, InputError,
+    LocatedViews, QualityFrom, RenderTargets, SessionInfo, Side, XrError, XrSession,
 };
+use std::collections::VecDeque;
 use std::path::Path;
 
 /// How to play a recording back.
@@ -56,6 +58,8 @@ impl ReplayOptions {
 pub struct ReplaySession {
     info: SessionInfo,
     recording: Recording,
+    /// Controllers' models that were not asked for yet, and the frames in which they became known.
+    models: VecDeque<(u64, ControllerModel)>,
     warnings: Vec<String>,
     frame_limit: u64,
     next_frame: u64,
@@ -73,8 +77,8 @@ impl ReplaySession {
     /// Opens a recording. Warnings about the file go to the log and to [`ReplaySession::warnings`].
     ///
     /// # Errors
-    /// An unreadable or unknown file, the first fault in it (with file, line and field), or options that
-    /// a native trace has no use for.
+    /// An unreadable or unknown file, the first fault in it (with file, line and field; a controller's model that it names is
+    /// a field), or options that a native trace has no use for.
     pub fn open(path: &Path, options: ReplayOptions) -> Result<Self, XrError> {
         let mut lines = text_lines::open(path)?;
         let native = match lines.next_uncommented()? {
@@ -110,6 +114,7 @@ impl ReplaySession {
         for warning in &trace.warnings {
             log::warn!("{warning}");
         }
+        let models = load_models(path, &trace)?;
         let info = SessionInfo {
             source: format!("replay of {}", path.display()),
             headset: trace.header.headset.clone(),
@@ -124,13 +129,11 @@ impl ReplaySession {
         };
         let frames = trace.frames.len() as u64;
         let warnings = trace.warnings.clone();
-        Ok(Self::new(
-            info,
-            Recording::Native(trace),
-            warnings,
-            frames,
-            &options,
-        ))
+        let recording = Recording::Native(trace);
+        Ok(Self {
+            models,
+            ..Self::new(info, recording, warnings, frames, &options)
+        })
     }
 
     fn head(path: &Path, recorded: &RecordedTrajectory, options: ReplayOptions) -> Self {
@@ -159,6 +162,7 @@ impl ReplaySession {
         Self {
             info,
             recording,
+            models: VecDeque::new(),
             warnings,
             frame_limit: options
                 .frame_limit
@@ -234,6 +238,28 @@ impl ReplaySession {
     }
 }
 
+/// Reads the controllers' models that a trace names.
+fn load_models(path: &Path, trace: &Trace) -> Result<VecDeque<(u64, ControllerModel)>, InputError> {
+    let mut lines = trace.model_lines.iter();
+    let mut models = VecDeque::new();
+    for (number, frame) in (0..).zip(&trace.frames) {
+        let names = Side::BOTH.into_iter().zip(&frame.controller_model);
+        let mut names = names
+            .filter_map(|(side, name)| Some((side, name.as_ref()?)))
+            .peekable();
+        let line = names.peek().and_then(|_| lines.next()).copied();
+        for (side, name) in names {
+            let glb = controller_model::load(path, name).map_err(|what| InputError {
+                line,
+                field: Some(format!("controller_model.{}", side.word())),
+                ..InputError::file(&path.display().to_string(), what)
+            })?;
+            models.push_back((number, ControllerModel { side, glb }));
+        }
+    }
+    Ok(models)
+}
+
 /// How many refresh times lie within [0, `duration_ns`].
 fn frames_within(duration_ns: i64, refresh_hz: f64) -> u64 {
     let mut frames = (duration_ns as f64 * refresh_hz * 1e-9) as u64 + 2;
@@ -306,6 +332,11 @@ impl XrSession for ReplaySession {
             |_| Input::default(),
             |index| trace.frames[index].input.clone(),
         ))
+    }
+
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        let is_known = |(frame, _): &mut (u64, _)| *frame < self.next_frame;
+        Ok(self.models.pop_front_if(is_known).map(|(_, model)| model))
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

@@ -10,10 +10,11 @@
 //! same bytes. Version 2 adds what else a frame depended on: `hidden` in the header, the area that each eye's lens hides
 //! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched,
 //! `located` in a frame whose eyes were located once more before they were rendered: the views that all but the eyes went by,
-//! `quality` in a frame from which on another one was set, and `input`, what the wearer did (`docs/recordings.md` has the keys
-//! of both). Unknown keys are errors. A last line that was cut short (the
+//! `quality` in a frame from which on another one was set, `controller_model` in one from which on a controller's model is known, and `input`, what the wearer did (`docs/recordings.md` has the
+//! keys of all three). Unknown keys are errors. A last line that was cut short (the
 //! run that wrote it was killed) is dropped with a warning.
 
+use super::controller_model::{self, ModelNames};
 use super::hidden_area::HiddenArea;
 use super::input::{Input, InputJson};
 use super::text_lines::{self, Line, TextLines};
@@ -28,7 +29,7 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located` and changes of headset, and is what a file with `hidden` or
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located`, `controller_model` and changes of headset, and is what a file with `hidden` or
 /// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
@@ -62,6 +63,8 @@ pub struct TraceFrame {
     pub hidden: Option<[HiddenArea; 2]>,
     /// The quality that was set, for this frame and those after it.
     pub quality: Option<Quality>,
+    /// Files beside the trace with the controllers' models, left and right, in the frame in which they became known.
+    pub controller_model: [Option<String>; 2],
     /// What the wearer did.
     pub input: Input,
 }
@@ -83,6 +86,7 @@ impl TraceFrame {
             && self.hidden.is_none()
             && self.located.is_none()
             && self.quality.is_none()
+            && self.controller_model == ModelNames::default()
             && self.input == Input::default();
         VERSIONS[usize::from(!is_plain)]
     }
@@ -95,6 +99,8 @@ pub struct Trace {
     pub header: TraceHeader,
     /// The frames in order.
     pub frames: Vec<TraceFrame>,
+    /// Lines, from 1, of the frames that name controllers' models.
+    pub model_lines: Vec<usize>,
     /// What the user should know about the file (a last line that was cut short).
     pub warnings: Vec<String>,
 }
@@ -128,7 +134,7 @@ impl Trace {
             .map_err(|broken| broken.error)
             .and_then(|header| at(&file, first.number, read_header(&header)))?;
         let mut frames: Vec<TraceFrame> = Vec::new();
-        let mut warnings = Vec::new();
+        let (mut model_lines, mut warnings) = (Vec::new(), Vec::new());
         while let Some(line) = lines.next_line()? {
             let value = match object(&file, &line) {
                 Ok(value) => value,
@@ -153,6 +159,9 @@ impl Trace {
                 );
                 return Err(InputError::field(&file, line.number, "t_ns", what));
             }
+            if frame.controller_model != ModelNames::default() {
+                model_lines.push(line.number);
+            }
             frames.push(frame);
         }
         if frames.is_empty() {
@@ -164,6 +173,7 @@ impl Trace {
         Ok(Self {
             header,
             frames,
+            model_lines,
             warnings,
         })
     }
@@ -400,6 +410,7 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
         "located",
         "refresh_hz",
         "hidden",
+        "controller_model",
     ];
     // Those from `input` on came with version 2.
     let known = if version == 1 { &known[..4] } else { &known };
@@ -438,6 +449,9 @@ fn read_frame(map: &Map<String, Value>, version: u64) -> Result<TraceFrame, Faul
         quality: fields.optional("quality", read_quality)?,
         refresh_hz: fields.optional("refresh_hz", read_rate)?,
         hidden: fields.optional("hidden", read_both_hidden)?,
+        controller_model: fields
+            .optional("controller_model", controller_model::read_names)?
+            .unwrap_or_default(),
         input: fields
             .optional("input", |_, value| Input::read(value))?
             .unwrap_or_default(),
@@ -539,6 +553,8 @@ struct FrameJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     hidden: Option<HiddenJson<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    controller_model: Option<Map<String, Value>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     input: Option<InputJson<'a>>,
 }
 
@@ -609,6 +625,7 @@ pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
         quality: frame.quality,
         refresh_hz: frame.refresh_hz,
         hidden: hidden_json(&frame.hidden),
+        controller_model: controller_model::names_json(&frame.controller_model),
         input: frame.input.json(),
     })?;
     Ok(line + "\n")

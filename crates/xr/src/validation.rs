@@ -7,8 +7,8 @@
 
 use super::view::{Fov, View};
 use super::{
-    FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets, SessionInfo, XrError,
-    XrSession,
+    ControllerModel, FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets,
+    SessionInfo, XrError, XrSession,
 };
 use glam::{DQuat, DVec3};
 use std::fmt;
@@ -264,6 +264,10 @@ impl<S: XrSession> XrSession for Validated<S> {
                 Ok(Input::default())
             }
         }
+    }
+
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        self.inner.controller_model()
     }
 
     fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {

@@ -1,18 +1,20 @@
 //! Hands and controllers in the picture.
 //!
-//! A tracked hand is a ball at every joint, a tube along every bone and skin over the palm; what only has a grip is a plain
-//! controller. All are instances of a few meshes in one part of the scene, moved by the frame's recorded input: a replay
+//! A tracked hand is a ball at every joint, a tube along every bone and skin over the palm; what only has a grip is the
+//! runtime's model of its controller, or else a plain one. All but models are instances of a few meshes in one part of the scene, moved by the frame's recorded input: a replay
 //! has the same pictures. They are lit, mirrored and cast shadows, and no ray of the application meets them.
 
+mod models;
 mod shapes;
 #[cfg(test)]
 mod tests;
 
 use std::iter::once;
-use std::ops::Range;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
+use self::models::Models;
+pub(super) use self::models::forget_coming;
 use super::world::{World, WorldError};
 use crate::pose::Pose;
 use crate::scene::edit::{Edit, Placement};
@@ -81,18 +83,14 @@ enum Shape {
 /// The part of the scene that shows them.
 pub(super) struct Hands {
     part: ScenePart,
+    models: Models,
     is_shown: bool,
 }
 
 impl Hands {
-    /// Their nodes, which nobody else finds by name or meets by a ray.
-    pub(super) fn nodes(&self) -> Range<usize> {
-        self.part.nodes.clone()
-    }
-
-    /// Their materials, likewise.
-    pub(super) fn materials(&self) -> Range<usize> {
-        self.part.materials.clone()
+    /// Parts of the scene that nobody else finds by name or meets by a ray.
+    pub(super) fn parts(&self) -> impl Iterator<Item = &ScenePart> {
+        once(&self.part).chain(self.models.shown.iter().flatten())
     }
 }
 
@@ -271,8 +269,8 @@ fn controller(grip: &Tracked, aim: Option<&Tracked>) -> [DAffine3; 2] {
 }
 
 impl World<'_> {
-    /// Shows the wearer's hands, or does so no longer: along the joints where they are tracked, else a plain controller where
-    /// a grip is. They are where the frame's input has them, in that very frame. [`World::node`] does not find them,
+    /// Shows the wearer's hands, or does so no longer: along the joints where they are tracked, else a controller where
+    /// a grip is, the runtime's model of it if there is one. They are where the frame's input has them, in that very frame. [`World::node`] does not find them,
     /// and [`World::cast_ray`] goes through them.
     ///
     /// In [`super::App::start`] the renderer is made for them; later the first call may compile.
@@ -286,6 +284,7 @@ impl World<'_> {
             let part = self.insert(scene(), "wearer's hands", DAffine3::IDENTITY)?;
             self.set_hands(Hands {
                 part,
+                models: Models::default(),
                 is_shown: true,
             });
         }
@@ -294,10 +293,13 @@ impl World<'_> {
 
     /// Puts them where a frame's input has them; what is not tracked is hidden.
     pub(super) fn move_hands(&mut self, input: &Input) -> Result<(), WorldError> {
+        self.bring_model();
         let Some(hands) = self.hands_mut() else {
             return Ok(());
         };
         let (is_shown, root) = (hands.is_shown, hands.part.root());
+        let models = hands.models.shown.each_ref();
+        let models = models.map(|model| model.as_ref().map(ScenePart::root));
         for side in Side::BOTH {
             let nodes = root + 1 + side as usize * NODES;
             let Hand {
@@ -306,23 +308,44 @@ impl World<'_> {
             let joints = joints.as_ref().filter(|_| is_shown);
             let grip = grip.as_ref().filter(|_| is_shown && joints.is_none());
             self.place_all(nodes, joints.map(|joints| solids(joints)))?;
+            let model = models[side as usize];
+            if let Some(root) = model {
+                self.show(root, grip.is_some())?;
+                let world_from_model = grip.map(|grip| grip.pose.affine());
+                self.put(root, world_from_model.into_iter())?;
+            }
+            let grip = grip.filter(|_| model.is_none());
             let controller = grip.map(|grip| controller(grip, aim.as_ref()).into_iter());
             self.place_all(nodes + 1 + SOLIDS, controller)?;
         }
         Ok(())
     }
 
-    /// Places what is below a group and shows it, or hides it. What stays as it was costs no edit.
+    /// Places what is below a group and shows it, or hides it.
     fn place_all(
         &mut self,
         group: usize,
         world_from_nodes: Option<impl Iterator<Item = DAffine3>>,
     ) -> Result<(), WorldError> {
-        let is_hidden = world_from_nodes.is_none();
-        if self.scene().nodes[group].is_hidden != is_hidden {
-            self.set_visible(group, !is_hidden)?;
+        self.show(group, world_from_nodes.is_some())?;
+        self.put(group + 1, world_from_nodes.into_iter().flatten())
+    }
+
+    /// What stays as it was costs no edit; likewise below.
+    fn show(&mut self, node: usize, is_visible: bool) -> Result<(), WorldError> {
+        if self.scene().nodes[node].is_hidden == is_visible {
+            self.set_visible(node, is_visible)?;
         }
-        for (node, world_from_node) in (group + 1..).zip(world_from_nodes.into_iter().flatten()) {
+        Ok(())
+    }
+
+    /// Places nodes, from the first on.
+    fn put(
+        &mut self,
+        first: usize,
+        world_from_nodes: impl Iterator<Item = DAffine3>,
+    ) -> Result<(), WorldError> {
+        for (node, world_from_node) in (first..).zip(world_from_nodes) {
             if self.scene().nodes[node].parent_from_node != world_from_node {
                 let to = Placement::Matrix(world_from_node);
                 self.edit(Edit::Transform { node, to })?;

@@ -8,13 +8,16 @@ use std::process::{Command, Output};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use openxr::Posef;
 use serde_json::{Value, json};
+use stereolux::images::read_image;
+use stereolux::scene::Scene;
 use stereolux::xr::trace::{Trace, TraceFrame};
 use stereolux::xr::{Input, Pose};
 use stereolux_fake_runtime as fake;
 
 use super::openxr_support::{PROGRAM, assert_status, monado, stats, stderr};
 use crate::suite::support::{
-    Folder, assert_begins, assert_says, exrs, json as json_of, printed, words,
+    Folder, RAW_FRAMES, Triangles, assert_begins, assert_says, exrs, json as json_of, placed,
+    printed, words,
 };
 
 /// Fails unless the run went on without a headset, for this reason.
@@ -161,6 +164,7 @@ fn info_says_what_a_runtime_does_not_offer() {
         ("profiles", &missing[1..]),
         ("trackers", &[missing[0], missing[3], missing[4]]),
         ("no_trackers", &missing),
+        ("controller_model", &[&missing[..3], &missing[4..]].concat()),
         ("room_blended", &missing[..4]),
         ("room_layered", &missing[..4]),
         ("room_added", &missing[..4]),
@@ -600,4 +604,60 @@ fn the_room_is_shown_as_the_runtime_can() {
             assert_eq!(run["settings"]["environment"]["passthrough"], is_shown);
         }
     }
+}
+
+/// A wedge in place of the plain controller, each face in its place and colour; what is no model leaves that.
+#[test]
+fn a_runtime_s_model_is_shown_at_the_grip_recorded_and_replayed() {
+    let folder = Folder::new("openxr-model");
+    let more = "--reuse=off --set=output.images=true --set=input.show_hands=true";
+    let more = [&words(more)[..], &RAW_FRAMES].concat();
+    let trace = |name: &str| folder.join(&format!("{name}.jsonl"));
+    let run = |name: &str| {
+        let args = small_run(&folder.join(name), &trace(name), 65).replace("16x16", "48x48");
+        let said = stderr(&run_with(&folder, name, &args, &more));
+        (exrs(&folder.join(name)), said)
+    };
+    let [(plain, _), (images, _)] = ["plain_controller", "controller_model"].map(run);
+    let again = folder.join("again");
+    let replay = small_replay(&again, &trace("controller_model"), 65).replace("16x16", "48x48");
+    run_with(&folder, "none", &replay, &more);
+    assert!(exrs(&again) == images);
+    // Known in the third frame, shown 60 frames later.
+    assert!(images["frame_0061_left.exr"] == plain["frame_0061_left.exr"]);
+    let frame = &Trace::read(&trace("controller_model")).unwrap().frames[64];
+    let wedge = Scene::from_bytes("wedge", &fake::controller_model::glb()).unwrap();
+    let colors: Vec<_> = wedge.materials.iter().map(|m| m.emission).collect();
+    let world_from_grip = frame.input.hands[1].grip.unwrap().pose.affine();
+    let wedge = Triangles::of(&placed(wedge, world_from_grip));
+    let mut seen = BTreeSet::new();
+    for (view, eye) in frame.views.views.iter().zip(["left", "right"]) {
+        let [with, without] = ["controller_model", "plain_controller"].map(|run| {
+            let path = folder.join(&format!("{run}/frame_0064_{eye}.exr"));
+            read_image(&path).unwrap().pixels
+        });
+        for (pixel, radiance) in with.iter().enumerate() {
+            let face_at = |corner: usize| {
+                let (x, y) = (pixel % 48 + corner % 2, pixel / 48 + corner / 2);
+                let ray = view.ray_through_pixel(x as f64, y as f64, 48, 48);
+                Some(wedge.closest(ray.origin, ray.direction, 0.0)?.2)
+            };
+            // Its own light alone, by which nothing else is multiplied.
+            if let Some(face) = face_at(0).filter(|_| (1..4).all(|k| face_at(k) == face_at(0))) {
+                assert_eq!(*radiance, colors[face as usize]);
+                assert_ne!(*radiance, without[pixel]);
+                seen.insert((face, pixel));
+            }
+        }
+    }
+    let faces: BTreeSet<_> = seen.iter().map(|(face, _)| face).collect();
+    assert!(faces.len() >= 2 && seen.len() > 30, "{seen:?}");
+    for (name, says) in [("bad", "cannot be shown"), ("huge", "cannot be had (")] {
+        let (images, said) = run(&format!("{name}_controller_model"));
+        assert!(said.matches(says).count() == 1 && images == plain, "{said}");
+    }
+    std::fs::remove_file(folder.join("controller_model.right.glb")).unwrap();
+    let refused = on_fake(&folder, "none", &[], &[&*replay]);
+    assert_status(&refused, 2);
+    assert_says(&one_error(&refused), &["model.jsonl, line 4, field"]);
 }

@@ -509,6 +509,68 @@ pub fn supports(runtime: &xr::Instance, system: xr::SystemId) -> xr::Result<Supp
     })
 }
 
+/// Binary glTF of the controller at `hand`, a top-level user path (`XR_MSFT_controller_model`), no more than `most_bytes`;
+/// `None` while the runtime has none.
+///
+/// # Errors
+/// The runtime's; `ERROR_SIZE_INSUFFICIENT` for a larger one.
+pub fn controller_model(
+    session: &xr::Session<xr::Vulkan>,
+    hand: xr::Path,
+    most_bytes: u32,
+) -> xr::Result<Option<Vec<u8>>> {
+    let Some(extension) = &session.instance().exts().msft_controller_model else {
+        return Err(xr::sys::Result::ERROR_EXTENSION_NOT_PRESENT);
+    };
+    let check = |result: xr::sys::Result| match result.into_raw() {
+        ..0 => Err(result),
+        _ => Ok(()),
+    };
+    let mut state = xr::sys::ControllerModelKeyStateMSFT {
+        ty: xr::sys::ControllerModelKeyStateMSFT::TYPE,
+        next: std::ptr::null_mut(),
+        model_key: xr::sys::ControllerModelKeyMSFT::NULL,
+    };
+    // SAFETY: the session is alive, and the structure is whole, typed and outlives the call.
+    check(unsafe {
+        let get_key = extension.get_controller_model_key;
+        get_key(session.as_raw(), hand, &raw mut state)
+    })?;
+    if state.model_key == xr::sys::ControllerModelKeyMSFT::NULL {
+        return Ok(None);
+    }
+    let load = extension.load_controller_model;
+    let mut count = 0;
+    // SAFETY: a capacity of 0 asks how much there is; nothing but `count` is written.
+    check(unsafe {
+        let no_buffer = std::ptr::null_mut();
+        load(
+            session.as_raw(),
+            state.model_key,
+            0,
+            &raw mut count,
+            no_buffer,
+        )
+    })?;
+    if count > most_bytes {
+        return Err(xr::sys::Result::ERROR_SIZE_INSUFFICIENT);
+    }
+    let mut glb = vec![0; count as usize];
+    // SAFETY: `glb` has as many bytes as the capacity says and, as `count`, outlives the call.
+    check(unsafe {
+        let (capacity, buffer) = (count, glb.as_mut_ptr());
+        load(
+            session.as_raw(),
+            state.model_key,
+            capacity,
+            &raw mut count,
+            buffer,
+        )
+    })?;
+    glb.truncate(count as usize);
+    Ok(Some(glb))
+}
+
 /// Where a hand's joints are in `base` at `time`; `None` while the hand is not tracked. Flags begin as none, as in
 /// [`relate`]. Callers owe that both are of one session.
 ///

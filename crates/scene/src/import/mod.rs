@@ -140,6 +140,26 @@ pub(super) fn from_bytes(
     Ok(scene)
 }
 
+/// See [`Scene::self_contained`].
+pub(super) fn self_contained(
+    path: &Path,
+    bytes: &[u8],
+    budget: &LoadBudget,
+) -> Result<Scene, SceneError> {
+    let file = container::split(path, bytes, &mut Notes::default())?;
+    let own_budget = LoadBudget::default();
+    let document = Document::parse(path, file.json, &own_budget)?;
+    let root = &document.root;
+    let buffers = root.buffers.iter().map(|buffer| &buffer.uri);
+    let mut uris = buffers.chain(root.images.iter().map(|image| &image.uri));
+    match uris.find_map(|uri| uri.as_ref().filter(|uri| !uri.starts_with("data:"))) {
+        Some(uri) => {
+            Err(document.fault(format!("names the file '{uri}' and must hold all itself")))
+        }
+        None => from_bytes(path, bytes, budget),
+    }
+}
+
 /// A file taken apart for writing it again.
 pub(super) struct RawParts<'a> {
     /// All of its JSON, `extras` and all.

@@ -494,3 +494,20 @@ fn external_files_resolve_beside_the_document() {
     let scene = Scene::load(folder.join("square.gltf")).unwrap();
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("square", 2));
 }
+
+#[test]
+fn what_must_hold_all_itself_names_no_file() {
+    let mut doc = Doc::square();
+    let text = |doc: &Doc| doc.json.to_string().into_bytes();
+    let load = |doc: &Doc| Scene::self_contained("model", &text(doc));
+    doc.json["buffers"] = json!([{ "byteLength": doc.bin.len(), "uri": format!("data:;base64,{}", base64(&doc.bin)) }]);
+    assert_eq!(load(&doc).unwrap().triangle_count(), 2);
+    // A file that is there.
+    doc.json["images"] = json!([{ "uri": "Cargo.toml" }]);
+    let refused = load(&doc).unwrap_err().to_string();
+    assert!(refused.contains("names the file 'Cargo.toml'"), "{refused}");
+    doc.json["images"] = json!([]);
+    doc.json["buffers"][0]["uri"] = json!("Cargo.toml");
+    assert!(load(&doc).is_err());
+    assert!(Scene::self_contained("model", b"not a model").is_err());
+}

@@ -8,6 +8,7 @@
 //! Calls into Vulkan and whatever else cannot be checked by the compiler are in
 //! [`stereolux_gpu::vulkan_interop::openxr`].
 
+mod controller_models;
 mod controls;
 mod display_clock;
 mod hands;
@@ -30,6 +31,7 @@ use openxr as xr;
 pub use passthrough::Passthrough;
 pub use runtime::{Runtime, RuntimeError};
 
+use self::controller_models::ControllerModels;
 use self::controls::Wishes;
 use self::display_clock::DisplayClock;
 use self::lifecycle::Step;
@@ -40,8 +42,8 @@ use super::frame_clock::FrameOrder;
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
 use super::{
-    Actions, FrameState, FrameSubmission, Input, LocatedViews, Pulse, QualityFrom, RenderTargets,
-    RuntimeTargets, SessionInfo, ViewFlags, XrError, XrSession,
+    Actions, ControllerModel, FrameState, FrameSubmission, Input, LocatedViews, Pulse, QualityFrom,
+    RenderTargets, RuntimeTargets, SessionInfo, ViewFlags, XrError, XrSession,
 };
 use stereolux_gpu::GpuContext;
 use stereolux_gpu::vulkan_interop::openxr::{self as interop, LayerView};
@@ -93,6 +95,7 @@ pub struct OpenXrSession {
     frames: u64,
     /// Sessions that were lost since the last frame.
     losses: u32,
+    models: ControllerModels,
     clock: DisplayClock,
     last_head: Option<Pose>,
 }
@@ -141,6 +144,7 @@ impl OpenXrSession {
             locomotion,
             options,
             live: Some(live),
+            models: ControllerModels::new(runtime.offered.controller_models),
             device: context.device.clone(),
             runtime,
             is_over: false,
@@ -456,10 +460,20 @@ impl XrSession for OpenXrSession {
         let read = live
             .controls
             .locate(&live.session, &live.space, &world_from_space, time);
-        read.or_else(|error| {
+        let input = read.or_else(|error| {
             self.fail("reading the hands", error)
                 .map(|()| Input::default())
-        })
+        })?;
+        self.models.note(&input);
+        Ok(input)
+    }
+
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        let Some(live) = self.live.as_ref().filter(|live| live.loss.is_none()) else {
+            return Ok(None);
+        };
+        let next = self.models.next(&live.session);
+        next.or_else(|error| self.fail("the controllers' models", error).map(|()| None))
     }
 
     fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {

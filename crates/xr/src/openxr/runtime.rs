@@ -144,6 +144,7 @@ pub(super) struct Offered {
     pub(super) passthrough_layer: bool,
     pub(super) hand_joints: bool,
     pub(super) gaze: bool,
+    pub(super) controller_models: bool,
     touch_plus: bool,
     hand_interaction: bool,
 }
@@ -156,9 +157,6 @@ impl Offered {
         self.passthrough_layer = supports.passthrough;
     }
 }
-
-/// Either offers pictures of controllers; this program asks for neither.
-const CONTROLLER_MODELS: [&str; 2] = ["XR_MSFT_controller_model", "XR_FB_render_model"];
 
 /// A headset as the runtime describes it.
 pub(super) struct System {
@@ -269,6 +267,7 @@ impl Runtime {
             passthrough_layer: available.fb_passthrough,
             hand_joints: available.ext_hand_tracking,
             gaze: available.ext_eye_gaze_interaction,
+            controller_models: available.msft_controller_model,
             touch_plus: available.meta_touch_controller_plus,
             hand_interaction: available.ext_hand_interaction,
         };
@@ -280,6 +279,7 @@ impl Runtime {
         enabled.fb_passthrough = offered.passthrough_layer;
         enabled.ext_hand_tracking = offered.hand_joints;
         enabled.ext_eye_gaze_interaction = offered.gaze;
+        enabled.msft_controller_model = offered.controller_models;
         enabled.meta_touch_controller_plus = offered.touch_plus;
         enabled.ext_hand_interaction = offered.hand_interaction;
         let application = xr::ApplicationInfo {
@@ -440,12 +440,11 @@ impl Runtime {
 
     /// What runtime and headset may lack without harm, and do.
     fn not_offered(&self) -> Vec<&'static str> {
-        let knows = |name: &&str| self.extensions.iter().any(|known| known == name);
         let may_lack = [
             ("bare_hands", self.offered.hand_interaction),
             ("hand_joints", self.offered.hand_joints),
             ("gaze", self.offered.gaze),
-            ("controller_models", CONTROLLER_MODELS.iter().any(knows)),
+            ("controller_models", self.offered.controller_models),
             ("passthrough", self.passthrough().is_some()),
         ];
         let missing = may_lack.into_iter().filter(|(_, is_there)| !is_there);
@@ -461,6 +460,7 @@ impl Runtime {
             (self.offered.passthrough_layer, "XR_FB_passthrough"),
             (self.offered.hand_joints, "XR_EXT_hand_tracking"),
             (self.offered.gaze, "XR_EXT_eye_gaze_interaction"),
+            (self.offered.controller_models, "XR_MSFT_controller_model"),
             (self.offered.touch_plus, "XR_META_touch_controller_plus"),
             (self.offered.hand_interaction, "XR_EXT_hand_interaction"),
         ];

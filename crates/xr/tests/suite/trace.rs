@@ -10,9 +10,10 @@ use stereolux_settings::{Quality, RenderSettings};
 use stereolux_xr::input::JOINTS;
 use stereolux_xr::trace::{Trace, TraceFrame, TraceHeader, frame_line, header_line};
 use stereolux_xr::{
-    ActionValue, ActionValues, Button, Buttons, Fov, FrameSubmission, Hand, HandScript, Headset,
-    HiddenArea, Input, InputError, Joint, LocatedViews, Motion, Pose, Recorder, ReplayOptions,
-    ReplaySession, Side, SimulatedSession, Tracked, View, XrError, XrSession,
+    ActionValue, ActionValues, Button, Buttons, ControllerModel, Fov, FrameState, FrameSubmission,
+    Hand, HandScript, Headset, HiddenArea, Input, InputError, Joint, LocatedViews, Motion, Pose,
+    Recorder, RenderTargets, ReplayOptions, ReplaySession, SessionInfo, Side, SimulatedSession,
+    Tracked, View, XrError, XrSession,
 };
 
 use crate::folders::TemporaryFile;
@@ -292,6 +293,7 @@ fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
             refresh_hz: None,
             hidden: None,
             quality: None,
+            controller_model: [None, None],
             input,
         });
     }
@@ -613,6 +615,7 @@ fn a_file_states_the_lowest_version_that_can_hold_it() {
         refresh_hz: None,
         hidden: None,
         quality: None,
+        controller_model: [None, None],
         input,
     };
     let gaze = Input {
@@ -696,6 +699,132 @@ fn malformed_input_is_named_by_file_line_and_field() {
     );
 }
 
+/// A simulated headset whose runtime knows a controller of each hand in turn, from the third frame on.
+struct WithModels {
+    inner: SimulatedSession,
+    waited: u64,
+}
+
+fn model(side: Side) -> ControllerModel {
+    let glb = format!("the {} one", side.word()).into_bytes();
+    ControllerModel { side, glb }
+}
+
+impl XrSession for WithModels {
+    fn info(&self) -> &SessionInfo {
+        self.inner.info()
+    }
+    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
+        self.waited += 1;
+        self.inner.wait_frame()
+    }
+    fn begin_frame(&mut self) -> Result<(), XrError> {
+        self.inner.begin_frame()
+    }
+    fn locate_views(&mut self, time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
+        self.inner.locate_views(time_ns)
+    }
+    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
+        Ok(match self.waited {
+            3 => Some(model(Side::Right)),
+            4 => Some(model(Side::Left)),
+            _ => None,
+        })
+    }
+    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
+        self.inner.acquire_targets()
+    }
+    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
+        self.inner.end_frame(submission)
+    }
+}
+
+/// What a session gives in each frame.
+fn models(session: &mut dyn XrSession) -> Vec<Option<ControllerModel>> {
+    let mut models = Vec::new();
+    while let Some(frame) = session.wait_frame().unwrap() {
+        let t_ns = frame.predicted_display_time_ns;
+        session.begin_frame().unwrap();
+        let views = session.locate_views(t_ns).unwrap();
+        models.push(session.controller_model().unwrap());
+        let submission = FrameSubmission::new(t_ns, views.as_ref());
+        session.end_frame(submission).unwrap();
+    }
+    models
+}
+
+#[test]
+fn controllers_models_are_recorded_beside_the_trace_and_replayed() {
+    let folder = crate::folders::Folder::new("trace-models");
+    let (first, second) = (folder.join("a.jsonl"), folder.join("b.jsonl"));
+    let options = || ReplayOptions::new(Headset::load("quest3").unwrap(), Pose::IDENTITY);
+    let live = WithModels {
+        inner: simulated(6),
+        waited: 0,
+    };
+    let recorded = models(&mut Recorder::create(&first, live).unwrap());
+    let expected = [Side::Right, Side::Left].map(|side| Some(model(side)));
+    assert_eq!(recorded[2..4], expected);
+    assert_eq!(recorded.iter().flatten().count(), 2);
+    let read = Trace::read(&first).unwrap();
+    let name = |name: &str| Some(name.to_owned());
+    assert_eq!(read.frames[2].controller_model, [None, name("a.right.glb")]);
+    assert_eq!(read.frames[3].controller_model, [name("a.left.glb"), None]);
+    assert_eq!(read.model_lines, [4, 5]);
+    // A replay is recorded likewise.
+    let replay = ReplaySession::open(&first, options()).unwrap();
+    assert_eq!(
+        models(&mut Recorder::create(&second, replay).unwrap()),
+        recorded
+    );
+    let again = Trace::read(&second).unwrap();
+    assert_eq!(
+        again.frames[2].controller_model,
+        [None, name("b.right.glb")]
+    );
+    for name in ["a.right.glb", "b.right.glb"] {
+        assert_eq!(std::fs::read(folder.join(name)).unwrap(), b"the right one");
+    }
+    // Gone, or a folder: the first is named with its line.
+    std::fs::remove_file(folder.join("a.left.glb")).unwrap();
+    let refused = ReplaySession::open(&first, options()).unwrap_err();
+    assert!(refused.is_unusable_input());
+    let says = refused.to_string();
+    let place = ", line 5, field controller_model.left: 'a.left.glb' cannot be read: ";
+    assert!(says.contains(&format!("a.jsonl{place}")), "{says}");
+    std::fs::create_dir(folder.join("a.left.glb")).unwrap();
+    assert!(ReplaySession::open(&first, options()).is_err());
+}
+
+#[test]
+fn a_model_s_file_lies_beside_the_trace() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let with = |header: &str, models: &str| {
+        let key = format!("{{\"controller_model\":{models},");
+        read(&format!("{header}\n{}\n", FRAME.replacen('{', &key, 1)))
+    };
+    assert!(with(&header, r#"{"left":"a b.glb","right":"..glb"}"#).is_ok());
+    for (models, field) in [
+        ("3", ""),
+        (r#"{"middle":"a.glb"}"#, ".middle"),
+        (r#"{"left":7}"#, ".left"),
+        (r#"{"left":""}"#, ".left"),
+        (r#"{"left":"."}"#, ".left"),
+        (r#"{"right":".."}"#, ".right"),
+        (r#"{"right":"a/b.glb"}"#, ".right"),
+        (r#"{"right":"a.glb/"}"#, ".right"),
+        (r#"{"right":"/a.glb"}"#, ".right"),
+        (r#"{"right":"..\\a.glb"}"#, ".right"),
+        (r#"{"right":"C:a.glb"}"#, ".right"),
+    ] {
+        let error = with(&header, models).unwrap_err();
+        let expected = format!("controller_model{field}");
+        assert_eq!((error.line, error.field), (Some(2), Some(expected)));
+    }
+    let early = with(HEADER, r#"{"left":"a.glb"}"#).unwrap_err();
+    assert_eq!(early.field.as_deref(), Some("controller_model"));
+}
+
 #[test]
 fn what_simulated_hands_do_is_recorded_and_replayed() {
     let script = "joints = true\n[[left]]\nat_s = 0.01\nposition_m = [1, 2, 3]\n[[left]]\nat_s = 0.03\npress = ['menu']\n\
@@ -756,9 +885,13 @@ proptest! {
             refresh_hz: (k % 5 == 3).then_some(72.5),
             hidden: changed.clone().filter(|_| k % 5 == 4),
             quality: qualities[k % qualities.len()],
+            controller_model: [None, (k % 7 == 5).then(|| "a.right.glb".to_owned())],
             input: inputs[k % inputs.len()].clone(),
         });
-        let trace = Trace { header: TraceHeader { headset, refresh_hz, hidden }, frames: frames.collect(), warnings: vec![] };
+        let frames: Vec<TraceFrame> = frames.collect();
+        let model_lines = (0..frames.len()).filter(|k| k % 7 == 5).map(|k| k + 2).collect();
+        let header = TraceHeader { headset, refresh_hz, hidden };
+        let trace = Trace { header, frames, model_lines, warnings: vec![] };
         let text = write(&trace);
         let back = read(&text).unwrap();
         prop_assert_eq!(&back, &trace);
