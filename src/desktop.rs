@@ -36,6 +36,9 @@ const PIXELS_PER_NOTCH: f64 = 50.0;
 #[derive(Default)]
 pub struct Desk {
     keys: HashSet<KeyCode>,
+    /// Went down since the session last looked, also if they are up again.
+    tapped: HashSet<KeyCode>,
+    was_clicked: bool,
     mouse: Option<DVec2>,
     window: [u32; 2],
     clicks: bool,
@@ -67,7 +70,10 @@ impl Desk {
             WindowEvent::MouseInput { state, button, .. } => {
                 let is_down = *state == ElementState::Pressed;
                 match button {
-                    MouseButton::Left => self.clicks = is_down,
+                    MouseButton::Left => {
+                        self.clicks = is_down;
+                        self.was_clicked |= is_down;
+                    }
                     MouseButton::Right => self.looks = is_down,
                     _ => {}
                 }
@@ -88,6 +94,7 @@ impl Desk {
     fn key(&mut self, key: KeyCode, is_down: bool) {
         if is_down {
             self.keys.insert(key);
+            self.tapped.insert(key);
         } else {
             self.keys.remove(&key);
         }
@@ -114,10 +121,15 @@ impl Desk {
         }
     }
 
-    fn buttons(&self) -> Buttons {
-        let held = BUTTONS.iter().filter(|(key, _)| self.keys.contains(key));
+    /// What is held in a frame. A tap that is shorter than a frame is held for one.
+    fn take_buttons(&mut self) -> Buttons {
+        let is_down = |key| self.keys.contains(key) || self.tapped.contains(key);
+        let held = BUTTONS.iter().filter(|(key, _)| is_down(key));
         let held: Buttons = held.map(|(_, button)| *button).collect();
-        held.with(Button::Trigger, self.clicks)
+        let held = held.with(Button::Trigger, self.clicks || self.was_clicked);
+        self.tapped.clear();
+        self.was_clicked = false;
+        held
     }
 }
 
@@ -255,7 +267,7 @@ impl XrSession for DesktopSession {
     }
 
     fn locate_input(&mut self, _: i64) -> Result<Input, XrError> {
-        let desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
         let head = self.head.pose();
         let rest = |side: Side| {
             let mirror = DVec3::new(if side == Side::Left { -1.0 } else { 1.0 }, 1.0, 1.0);
@@ -276,7 +288,7 @@ impl XrSession for DesktopSession {
             input.hands[side as usize] = hand;
             if is_active {
                 let hand = &mut input.hands[side as usize];
-                hand.pressed = desk.buttons();
+                hand.pressed = desk.take_buttons();
                 hand.trigger = f64::from(u8::from(hand.pressed.has(Button::Trigger)));
                 hand.squeeze = f64::from(u8::from(hand.pressed.has(Button::Squeeze)));
                 hand.stick = DVec2::new(
@@ -354,10 +366,17 @@ mod tests {
         let desk = session.desk();
         desk.lock().unwrap().clicks = true;
         desk.lock().unwrap().key(KeyCode::KeyZ, true);
+        // Tapped between two frames.
+        desk.lock().unwrap().key(KeyCode::KeyX, true);
+        desk.lock().unwrap().key(KeyCode::KeyX, false);
         let input = session.locate_input(0).unwrap();
         assert!(input.hand(Side::Right).pressed.has(Button::Trigger));
         assert!(input.hand(Side::Right).pressed.has(Button::Primary));
+        assert!(input.hand(Side::Right).pressed.has(Button::Secondary));
         assert_eq!(input.hand(Side::Right).trigger, 1.0);
+        let next = session.locate_input(0).unwrap();
+        assert!(next.hand(Side::Right).pressed.has(Button::Primary));
+        assert!(!next.hand(Side::Right).pressed.has(Button::Secondary));
         assert_eq!(input.hand(Side::Left).pressed, Buttons::default());
         desk.lock().unwrap().key(KeyCode::ShiftLeft, true);
         let input = session.locate_input(0).unwrap();

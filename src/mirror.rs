@@ -16,6 +16,8 @@ use winit::window::{Window, WindowId};
 
 use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+#[cfg(feature = "viewer")]
+use crate::renderer::mirror::rectangles;
 use crate::renderer::{RenderError, Renderer};
 use crate::windowing::{WindowSurface, event_loop, plain, present};
 
@@ -105,7 +107,7 @@ pub struct MirrorWindow {
 }
 
 impl MirrorWindow {
-    /// Opens the window. Call on the main thread, at most once in a program.
+    /// Opens the window. Call as [`event_loop`], at most once in a program.
     ///
     /// # Errors
     /// [`MirrorError::NoWindow`].
@@ -126,6 +128,13 @@ impl MirrorWindow {
             event_loop,
             window,
         })
+    }
+
+    /// Pixels of an eye's picture in the window, for images of these proportions.
+    #[cfg(feature = "viewer")]
+    pub fn eye_size(&self, image: [u32; 2]) -> [u32; 2] {
+        let shown = rectangles(self.window.inner_size().into(), image);
+        shown.map_or(image, |[eye, _]| [eye.width, eye.height])
     }
 
     /// Tells a session of the desktop what happens in the window.

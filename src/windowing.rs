@@ -8,7 +8,7 @@ use winit::window::Window;
 use crate::foreign_errors::caught;
 use crate::gpu::{GpuContext, GpuError};
 
-/// An event loop on the display. Call on the main thread, at most once in a program.
+/// An event loop on the display. Call at most once in a program, on Apple's and Microsoft's systems on the main thread.
 ///
 /// # Errors
 /// The reason, without a full stop: there is no display, or winit cannot use it.
@@ -23,9 +23,16 @@ pub(crate) fn event_loop<T: 'static>() -> Result<EventLoop<T>, String> {
     }
     // winit panics where the display lacks an extension or the machine a library.
     caught(|| {
-        EventLoop::<T>::with_user_event()
-            .build()
-            .map_err(|error| error.to_string())
+        let mut builder = EventLoop::<T>::with_user_event();
+        #[cfg(all(unix, not(target_vendor = "apple")))]
+        {
+            use winit::platform::wayland::EventLoopBuilderExtWayland;
+            use winit::platform::x11::EventLoopBuilderExtX11;
+            // The system does not mind; an application may have its main thread for itself.
+            EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+            EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+        }
+        builder.build().map_err(|error| error.to_string())
     })
     .and_then(|opened| opened)
     .map_err(|reason| plain(&reason))

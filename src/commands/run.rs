@@ -67,7 +67,7 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     };
     interrupt::catch();
     let in_headset = source.context.is_some();
-    decide_output(&mut loaded.settings, in_headset);
+    decide_output(&mut loaded.settings, in_headset || is_desktop);
     if in_headset && !options.names_reuse {
         loaded.settings.render.reuse = Reuse::Lookup;
     }
@@ -94,14 +94,14 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     )
 }
 
-/// Decides what is written and timed where settings leave it to `auto`: a headset waits for neither.
-fn decide_output(settings: &mut Settings, in_headset: bool) {
+/// Decides what is written and timed where settings leave it to `auto`: a wearer, or a person before a window, waits for neither.
+fn decide_output(settings: &mut Settings, is_watched: bool) {
     if settings.output.images == WriteImages::Auto {
-        settings.output.images = (!in_headset).into();
+        settings.output.images = (!is_watched).into();
     }
     let timestamps = &mut settings.render.gpu.timestamps;
     if *timestamps == Timestamps::Auto {
-        *timestamps = if in_headset {
+        *timestamps = if is_watched {
             Timestamps::Stages
         } else {
             Timestamps::On
@@ -284,7 +284,8 @@ fn desktop_source(
     actions: &Actions,
     window: &mut MirrorWindow,
 ) -> Result<Source, Failure> {
-    let size = options.settings.size.unwrap_or(headset.size);
+    let size = options.settings.size;
+    let size = size.unwrap_or_else(|| window.eye_size(headset.size));
     let scene_size_m = scene
         .bounds_in_world()
         .map_or(0.0, |bounds| bounds.size().max_element());

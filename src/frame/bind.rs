@@ -86,8 +86,10 @@ pub struct Use {
     pub is_copied: bool,
     /// The first pass that is bound to it only reads it: it holds something from before.
     pub is_read_first: bool,
-    /// It is read after the frame.
+    /// It is read after the frame, and keeps its place whatever else there is.
     pub is_kept: bool,
+    /// Bytes that it had to have some time: its place is chosen as if it still had, so that it stays where it is.
+    pub most_bytes: u64,
     /// Moments of the first and the last step that use this frame's, and the previous frame's ([`super::homes::moments`]).
     pub now: Option<[u32; 2]>,
     /// The same of the previous frame's.
@@ -143,8 +145,6 @@ pub fn label((whose, name): Place) -> String {
 struct Held {
     /// Whether it is declared but never written.
     is_token: bool,
-    /// Whether something else may lie there after a frame.
-    is_spent: bool,
     /// Bytes that the plan in use needs of it; it may have more.
     bytes: u64,
     /// One, or one for frames of either parity.
@@ -159,6 +159,8 @@ pub struct Buffers {
     guests: BTreeMap<Place, Held>,
     /// Memory that images use in turn.
     in_turn: Vec<wgpu::Buffer>,
+    /// Most bytes that plans needed of each buffer.
+    most_bytes: BTreeMap<Place, u64>,
     texels: BTreeMap<Place, TexelCopy>,
     /// Whether all have memory of their own.
     apart: bool,
@@ -177,9 +179,22 @@ impl Buffers {
         image: &ImageLayout,
         maps: &[MapLayout],
     ) -> Result<(), GpuError> {
+        let mut uses = uses.clone();
+        for (place, usage) in &mut uses {
+            let row = buffers::row(place.1).filter(|row| row.holds != Holds::Always);
+            if row.is_some_and(BufferRow::is_scratch) && self.most_bytes.contains_key(place) {
+                // Without photons nothing writes it, and nothing is read of it; its place will do.
+                (usage.is_written, usage.is_read_first) = (true, false);
+            }
+            if let Some(bytes) = row.and_then(|row| usage.bytes(row, place.0, image, maps)) {
+                let most = self.most_bytes.entry(*place).or_default();
+                *most = bytes.max(*most);
+                usage.most_bytes = *most;
+            }
+        }
         let homes = match self.apart {
             true => Homes::default(),
-            false => settle(uses, image, maps),
+            false => settle(&uses, image, maps),
         };
         for (index, &bytes) in homes.turn_bytes.iter().enumerate() {
             let make = || storage_buffer(context, &label_in_turn(index), bytes);
@@ -202,7 +217,6 @@ impl Buffers {
         let guests = guests.into_iter().map(|(place, home, _, bytes)| {
             let held = Held {
                 is_token: false,
-                is_spent: uses.get(&place).is_some_and(|usage| !usage.is_kept),
                 bytes: allocated_bytes(bytes.unwrap_or(TOKEN_BYTES)),
                 turns: self.memory(home),
             };
@@ -210,7 +224,9 @@ impl Buffers {
         });
         self.guests = guests.collect();
         for (&place, _) in uses.iter().filter(|(_, usage)| usage.is_copied) {
-            let bytes = self.find(&place).map_or(0, |held| held.bytes);
+            let most = self.most_bytes.get(&place).copied();
+            let own = self.held.get(&place).map_or(0, |held| held.turns[0].size());
+            let bytes = most.map_or(own, allocated_bytes);
             let copy = self.texels.entry(place).or_insert(TexelCopy::new(place.1));
             copy.fit(context, bytes)?;
         }
@@ -282,7 +298,6 @@ impl Buffers {
         let turns = turns.collect::<Result<Vec<_>, GpuError>>()?;
         let held = Held {
             is_token,
-            is_spent: false,
             bytes: allocated_bytes(bytes),
             turns,
         };
@@ -308,6 +323,7 @@ impl Buffers {
         let is_of_map = |whose: &Whose| matches!(whose, Whose::Map(_) | Whose::Batch(..));
         self.held.retain(|(whose, _), _| is_of_map(whose));
         self.texels.retain(|(whose, _), _| is_of_map(whose));
+        self.most_bytes.retain(|(whose, _), _| is_of_map(whose));
         self.guests.clear();
         self.in_turn.clear();
     }
@@ -376,7 +392,7 @@ impl Buffers {
 
     /// Whether a pass writes a buffer that holds nothing after the frame.
     pub fn is_spent(&self, place: &Place) -> bool {
-        self.find(place).is_some_and(|held| held.is_spent)
+        self.guests.contains_key(place)
     }
 
     /// Reads the first `count` elements of a buffer back; `None` if no pass writes it, or if it holds nothing after the frame.
@@ -392,8 +408,8 @@ impl Buffers {
         count: usize,
     ) -> Result<Option<Vec<T>>, GpuError> {
         let place = (whose, name);
-        let held = self.find(&place);
-        let Some(held) = held.filter(|held| !held.is_token && !held.is_spent) else {
+        let held = self.held.get(&place).filter(|held| !held.is_token);
+        let Some(held) = held.filter(|_| !self.is_spent(&place)) else {
             return Ok(None);
         };
         let buffer = &held.turns[parity % held.turns.len()];

@@ -2,7 +2,8 @@
 //!
 //! An image that holds data only within a frame ([`Holds::Within`]) needs memory from the first step that touches it to the
 //! last. It lies where another image holds nothing meanwhile, or in memory that such images use in turn. This is linear-scan
-//! register allocation (Poletto and Sarkar 1999, section 4) with images for registers, the largest placed first.
+//! register allocation (Poletto and Sarkar 1999, section 4) with images for registers, the largest placed first. What only the making of
+//! a photon map needs lies there too.
 
 use std::collections::BTreeMap;
 
@@ -128,7 +129,7 @@ pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayou
         let Some(bytes) = usage.bytes(row, place.0, image, maps) else {
             continue;
         };
-        let bytes = allocated_bytes(bytes);
+        let bytes = allocated_bytes(bytes.max(usage.most_bytes));
         let now = usage.now.filter(|_| !usage.is_read_first).unwrap_or(ALWAYS);
         let mut room = |is_before, taken| {
             let home = Home::In {
@@ -144,12 +145,16 @@ pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayou
                 room(true, [0, usage.before.map_or(u32::MAX, |before| before[1])]);
             }
             Holds::Within if now == ALWAYS => {}
+            Holds::Within if usage.is_kept => room(false, [now[0], u32::MAX]),
             Holds::Always => {}
             Holds::Within => guests.push((place, row, bytes, now)),
         }
     }
-    // The largest first: a smaller one finds room in what they leave.
-    guests.sort_by_key(|&(place, _, bytes, [first, _])| (std::cmp::Reverse(bytes), first, place));
+    // The largest first: a smaller one finds room in what they leave. Images before photons' scratch, so that where they lie does
+    // not depend on the number of photons.
+    guests.sort_by_key(|&(place, row, bytes, [first, _])| {
+        (row.is_scratch(), std::cmp::Reverse(bytes), first, place)
+    });
     let mut homes = Homes::default();
     for (place, row, bytes, span) in guests {
         let has_room = |room: &&mut Room| {

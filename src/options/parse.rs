@@ -73,7 +73,8 @@ fn parse_with(command: clap::Command, args: Vec<OsString>) -> Result<Options, Ea
     Ok(options)
 }
 
-/// The options of `stereolux run` for an application: `defaults`, and over them `args`, the program's name first.
+/// The options of `stereolux run` for an application: `defaults`, and over them `args`, the program's name first. If its first
+/// argument is `view`, the session is the desktop.
 ///
 /// # Errors
 /// As [`parse`].
@@ -81,10 +82,13 @@ pub fn parse_run(
     defaults: &[&str],
     args: impl IntoIterator<Item = OsString>,
 ) -> Result<RunOptions, EarlyExit> {
-    let mut given = args.into_iter();
+    let mut given = args.into_iter().peekable();
     let program = given.next().unwrap_or_else(|| "stereolux".into());
     let mut all = vec![program, "run".into()];
     all.extend(defaults.iter().map(OsString::from));
+    if given.next_if(|word| word == "view").is_some() {
+        all.push("--session=desktop".into());
+    }
     all.extend(given);
     // The last one counts.
     let command = command().mut_subcommand("run", |run| run.args_override_self(true));

@@ -27,5 +27,6 @@ mod suite {
     mod hostile_values;
     mod import;
     mod motion;
+    mod outside;
     mod saving;
 }

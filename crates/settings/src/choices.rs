@@ -188,7 +188,7 @@ choices! {
 
     /// Whether images are written (`output.images`).
     pub enum WriteImages {
-        /// Except in an OpenXR session, which writing would slow down
+        /// Except in an OpenXR session and on the desktop, which writing would slow down
         Auto = "auto",
         /// Always; true says the same
         On = "on",

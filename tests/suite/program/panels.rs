@@ -89,10 +89,10 @@ fn a_panel_shines_with_its_picture_in_the_frame_that_drew_it() {
 
 /// A button that counts its clicks.
 #[derive(Default)]
-struct Counter {
+pub struct Counter {
     panel: Option<Panel>,
     clicks: u32,
-    clicked_in: Vec<u32>,
+    pub clicked_in: Vec<u32>,
 }
 
 impl App for Counter {

@@ -1,11 +1,13 @@
 //! The viewer's window on a virtual screen, driven by real X events.
 
+use std::ffi::OsString;
 use std::io::{IoSlice, Read as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
 use stereolux::images::{ImageRgb, read_image, write_exr};
+use stereolux::run_app_with;
 use x11rb::connection::{Connection as _, RequestConnection as _};
 use x11rb::protocol::xproto::{
     BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ConnectionExt as _, InputFocus, KEY_PRESS_EVENT,
@@ -19,6 +21,10 @@ use super::openxr_picture::Screen;
 use super::openxr_runtime::{VALIDATION, complaints};
 use super::openxr_support::PROGRAM;
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
+use crate::suite::program::{
+    application::{run_well, with_trace},
+    panels::Counter,
+};
 use crate::suite::support::{
     Folder, adapter_name, assert_says, resident_kb, stderr, stereolux, words,
 };
@@ -41,13 +47,16 @@ struct Desk {
 impl Desk {
     /// The program with [`SCENE`], once its picture is seen.
     fn open(folder: &Folder, xvfb: &Xvfb) -> Self {
+        let mut command = Command::new(PROGRAM);
+        command.arg("view").args(words(SCENE));
+        command.args(["--adapter", adapter_name()]);
+        Self::of(command.arg("--out").arg(folder.join("out")), folder, xvfb)
+    }
+
+    /// What `command` starts, once its picture is seen.
+    fn of(command: &mut Command, folder: &Folder, xvfb: &Xvfb) -> Self {
         let log = folder.join("log");
-        let mut child = Command::new(PROGRAM)
-            .arg("view")
-            .args(words(SCENE))
-            .args(["--adapter", adapter_name()])
-            .arg("--out")
-            .arg(folder.join("out"))
+        let mut child = command
             .env("DISPLAY", &xvfb.display)
             .env("WINIT_X11_SCALE_FACTOR", "1")
             .env("XDG_CONFIG_HOME", folder.join("config"))
@@ -464,4 +473,52 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
     };
     assert_eq!(complaints(&said), Vec::<&str>::new());
     assert!(!said.contains("panicked"), "{said}");
+}
+
+/// An application in a window. `DESK_OUT` has the folder of its recording.
+#[test]
+#[ignore = "run by the test below on a virtual screen"]
+fn an_application_in_its_window() {
+    let out = PathBuf::from(std::env::var("DESK_OUT").unwrap());
+    let mut app = Counter::default();
+    let mut args = words("application view --size 64x64 --photons 2048 --headset symmetric");
+    let trace = with_trace("record", &out.join("trace.jsonl"));
+    let out = out.join("out");
+    args.extend(["--adapter", adapter_name(), &trace]);
+    args.extend(["--out", out.to_str().unwrap()]);
+    let args = args.into_iter().map(OsString::from);
+    let ended = run_app_with(&mut app, &["--scene=builtin:gallery"], args);
+    assert_eq!((ended, app.clicked_in.len()), (ExitCode::SUCCESS, 1));
+}
+
+#[test]
+fn a_panel_is_clicked_by_the_mouse_and_the_recording_clicks_it_again() {
+    let folder = Folder::new("desktop");
+    let xvfb = Xvfb::start(&folder);
+    let test = "suite::viewer::viewer_window::an_application_in_its_window";
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", test, "--ignored"]);
+    command.env("DESK_OUT", folder.path());
+    let mut desk = Desk::of(&mut command, &folder, &xvfb);
+    let trace = folder.join("trace.jsonl");
+    // Beside the panel, then on it, where the left eye sees it; the left picture is the window's left half.
+    for (clicks, [x, y]) in [(1, [30, 60]), (2, [320, 360])] {
+        desk.click(x, y);
+        desk.until("a click", |_| {
+            let text = read(&trace);
+            let mut held: Vec<bool> = text.lines().map(|line| line.contains("pressed")).collect();
+            held.dedup();
+            held.iter().filter(|held| **held).count() == clicks && held.last() == Some(&false)
+        });
+    }
+    desk.close();
+    let mut app = Counter::default();
+    let replay = with_trace("trace", &trace);
+    run_well(
+        &mut app,
+        &["--scene=builtin:gallery"],
+        &folder.join("again"),
+        &[&replay],
+    );
+    assert_eq!(app.clicked_in.len(), 1);
 }
