@@ -1,7 +1,7 @@
 //! Values that are wrong in a quiet way, and text that steers a terminal: each is said.
 
 use serde_json::{Value, json};
-use stereolux::scene::{Scene, load_environment};
+use stereolux::scene::load_environment;
 use stereolux::xr::Headset;
 
 use super::hostile::{data_uri, document, run};
@@ -30,39 +30,6 @@ fn a_scene_of_huge_scale_has_a_finite_area() {
     let report = run(&["info", "--scene", path.to_str().unwrap()]);
     let report: Value = serde_json::from_str(&report.stdout).unwrap();
     assert!(report["scene"]["surface_area_m2"].is_number(), "{report}");
-}
-
-fn bright_scene(intensity: f64, lights: usize) -> String {
-    document(json!({
-        "extensionsUsed": ["KHR_lights_punctual"],
-        "extensions": { "KHR_lights_punctual": {
-            "lights": [{ "type": "point", "intensity": intensity }]
-        } },
-        "scenes": [{ "nodes": (0..lights).collect::<Vec<_>>() }],
-        "nodes": vec![json!({
-            "extensions": { "KHR_lights_punctual": { "light": 0 } }
-        }); lights],
-    }))
-}
-
-#[test]
-fn light_beyond_f32_is_counted_and_said() {
-    let load = |intensity, lights| {
-        Scene::from_bytes("bright.gltf", bright_scene(intensity, lights).as_bytes()).unwrap()
-    };
-    let too_bright = |scene: &Scene| {
-        let mut lines = scene.warnings.iter();
-        let found = lines.find(|line| line.contains("more than can be rendered"));
-        found.cloned().unwrap_or_default()
-    };
-    let scene = load(3e38, 20);
-    assert_eq!(scene.source.too_bright_lights, 20);
-    assert_says(&too_bright(&scene), &["20 of them"]);
-    // The sum counts, too.
-    let scene = load(5e28, 2000);
-    assert_eq!(scene.source.too_bright_lights, 0);
-    assert_ne!(too_bright(&scene), "");
-    assert!(load(1e6, 20).warnings.is_empty());
 }
 
 #[test]

@@ -484,8 +484,8 @@ fn an_application_in_its_window() {
     let mut args = words("application view --size 64x64 --photons 2048 --headset symmetric");
     let trace = with_trace("record", &out.join("trace.jsonl"));
     let out = out.join("out");
-    args.extend(["--adapter", adapter_name(), &trace]);
-    args.extend(["--out", out.to_str().unwrap()]);
+    let out = out.to_str().unwrap();
+    args.extend(["--adapter", adapter_name(), &trace, "--out", out]);
     let args = args.into_iter().map(OsString::from);
     let ended = run_app_with(&mut app, &["--scene=builtin:gallery"], args);
     assert_eq!((ended, app.clicked_in.len()), (ExitCode::SUCCESS, 1));
@@ -501,7 +501,7 @@ fn a_panel_is_clicked_by_the_mouse_and_the_recording_clicks_it_again() {
     command.env("DESK_OUT", folder.path());
     let mut desk = Desk::of(&mut command, &folder, &xvfb);
     let trace = folder.join("trace.jsonl");
-    // Beside the panel, then on it, where the left eye sees it; the left picture is the window's left half.
+    // Beside the panel, then on it, as the left eye sees it.
     for (clicks, [x, y]) in [(1, [30, 60]), (2, [320, 360])] {
         desk.click(x, y);
         desk.until("a click", |_| {
@@ -513,12 +513,7 @@ fn a_panel_is_clicked_by_the_mouse_and_the_recording_clicks_it_again() {
     }
     desk.close();
     let mut app = Counter::default();
-    let replay = with_trace("trace", &trace);
-    run_well(
-        &mut app,
-        &["--scene=builtin:gallery"],
-        &folder.join("again"),
-        &[&replay],
-    );
+    let (replay, out) = (with_trace("trace", &trace), folder.join("again"));
+    run_well(&mut app, &["--scene=builtin:gallery"], &out, &[&replay]);
     assert_eq!(app.clicked_in.len(), 1);
 }

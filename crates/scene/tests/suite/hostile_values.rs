@@ -130,3 +130,38 @@ fn nested_transforms_stay_within_what_is_counted_in() {
         );
     }
 }
+
+fn bright_scene(intensity: f64, lights: usize) -> String {
+    let document = json!({
+        "asset": { "version": "2.0" },
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": { "KHR_lights_punctual": {
+            "lights": [{ "type": "point", "intensity": intensity }]
+        } },
+        "scenes": [{ "nodes": (0..lights).collect::<Vec<_>>() }],
+        "nodes": vec![json!({
+            "extensions": { "KHR_lights_punctual": { "light": 0 } }
+        }); lights],
+    });
+    document.to_string()
+}
+
+#[test]
+fn light_beyond_f32_is_counted_and_said() {
+    let load = |intensity, lights| {
+        Scene::from_bytes("bright.gltf", bright_scene(intensity, lights).as_bytes()).unwrap()
+    };
+    let too_bright = |scene: &Scene| {
+        let mut lines = scene.warnings.iter();
+        let found = lines.find(|line| line.contains("more than can be rendered"));
+        found.cloned().unwrap_or_default()
+    };
+    let scene = load(3e38, 20);
+    assert_eq!(scene.source.too_bright_lights, 20);
+    assert!(too_bright(&scene).contains("20 of them"));
+    // The sum counts, too.
+    let scene = load(5e28, 2000);
+    assert_eq!(scene.source.too_bright_lights, 0);
+    assert_ne!(too_bright(&scene), "");
+    assert!(load(1e6, 20).warnings.is_empty());
+}
