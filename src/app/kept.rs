@@ -147,7 +147,14 @@ impl Kept {
             let applied = match part {
                 None => renderer.apply_scene(scene)?,
                 Some(PartChange::Added(arrival)) => {
-                    let applied = renderer.add_part(scene, &arrival.part, &arrival.prepared)?;
+                    let successor = arrival.successor.as_ref();
+                    let applied = if successor.is_some_and(|own| own.is_needed(renderer)) {
+                        // Uploaded once, by the renderer that shows it.
+                        let why = "the part needs other shaders".to_owned();
+                        Applied::NeedsRebuild { why }
+                    } else {
+                        renderer.add_part(scene, &arrival.part, &arrival.prepared)?
+                    };
                     if matches!(applied, Applied::NeedsRebuild { .. }) {
                         self.arrival = Some(arrival);
                     }

@@ -1,7 +1,10 @@
 //! glTF scenes that are loaded and prepared on threads while frames go on.
 
+use std::num::NonZero;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
+
+use rayon::ThreadPoolBuilder;
 
 use super::AppError;
 use super::kept::Kept;
@@ -35,6 +38,15 @@ pub(super) struct Successor {
     pub(super) renderer: Renderer,
     /// [`Kept::surroundings`] of the scene that it was made from.
     pub(super) surroundings: u32,
+    /// Of the part.
+    needs: Needs,
+}
+
+impl Successor {
+    /// Whether the part cannot come into the scene without it.
+    pub(super) fn is_needed(&self, renderer: &Renderer) -> bool {
+        !renderer.rebuild().can_show(&self.needs)
+    }
 }
 
 /// The scene as it is, for a renderer that is made on a thread. Only what lacks shaders asks for it: copying a large scene
@@ -75,7 +87,7 @@ impl PartLoading {
         if maker.is_some() {
             kept.questions.push(Question { asked, answer });
         }
-        Self(std::thread::spawn(move || {
+        let make = move || {
             let scene = load()?;
             let Some(maker) = maker else {
                 return Ok(scene.into());
@@ -94,6 +106,7 @@ impl PartLoading {
                 successor = Some(Box::new(Successor {
                     renderer,
                     surroundings,
+                    needs,
                 }));
             }
             let own = successor
@@ -105,6 +118,12 @@ impl PartLoading {
                 prepared: Some(prepared),
                 successor,
             })
+        };
+        Self(std::thread::spawn(move || {
+            // Of its own: frames that ask rayon's for a moment's work would wait there until all shaders are compiled.
+            let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+            let threads = ThreadPoolBuilder::new().num_threads((cores - 1).max(1));
+            threads.build()?.install(make)
         }))
     }
 

@@ -5,8 +5,9 @@ use crate::gpu::buffers::allocated_bytes;
 use crate::gpu::texels::{ROW_TEXELS, TEXEL_BYTES};
 use crate::settings::{Loads, Search};
 
-/// Scratch for the paths of one batch, bytes. Smaller batches fit a GPU's cache better but sync more often.
-const BATCH_SCRATCH_BYTES: u64 = 32 << 20;
+/// Scratch for the paths of one batch, bytes: what a software adapter's caches hold, or, for wide machines, the default number of
+/// photons in one batch. That lies where images of a headset's size do, and each batch costs seven dispatches.
+const BATCH_SCRATCH_BYTES: [u64; 2] = [32 << 20, 128 << 20];
 /// Bytes of one photon.
 pub const PHOTON_BYTES: u64 = 32;
 /// Values that three scan passes cover: 2,048 blocks of 2,048.
@@ -122,7 +123,9 @@ impl MapLayout {
     /// As [`MapLayout::with_capacity`].
     pub fn new(config: MapConfig, limits: &AdapterLimits) -> Result<Self, GpuError> {
         let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
-        let batch_limit = BATCH_SCRATCH_BYTES / (PHOTON_BYTES * u64::from(slots_per_path));
+        let scratch =
+            BATCH_SCRATCH_BYTES[usize::from(config.wide_machine)].min(limits.binding_bytes);
+        let batch_limit = (scratch / (PHOTON_BYTES * u64::from(slots_per_path))).max(1);
         let share = config.paths.div_ceil(config.shares.max(1));
         // Bright interiors store about two photons per path, and few paths meet glass; a map that overflows is grown
         // after the frame.

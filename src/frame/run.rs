@@ -16,7 +16,9 @@ use crate::gpu::kernel::{
     Binding, BindingKind, Bound, DISPATCH_BINDING, DispatchTable, linear_groups,
 };
 use crate::gpu::raster::Raster;
-use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, ShaderLibrary};
+use crate::gpu::{
+    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary,
+};
 
 /// Samples per submission; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
@@ -542,11 +544,12 @@ impl FrameRun {
     }
 
     /// Runs every compiled pass once over nothing: some drivers compile a shader only when it is first dispatched. The frame
-    /// uniform must say that images have no pixels.
+    /// uniform must say that images have no pixels. Waits for each, so that another renderer's frames on this device wait for
+    /// one shader at most.
     ///
     /// # Errors
     /// As [`FrameRun::play`].
-    pub fn warm_up(&self, recorder: &mut FrameRecorder<'_>) -> Result<(), GpuError> {
+    pub fn warm_up(&self, context: &GpuContext) -> Result<(), GpuError> {
         let mut warm: Vec<&KernelKey> = Vec::new();
         for stage in self.stages.values() {
             for step in &stage.steps {
@@ -556,7 +559,9 @@ impl FrameRun {
                 if !warm.contains(&kernel) {
                     warm.push(kernel);
                     let one = [1, 1, 1];
+                    let mut recorder = FrameRecorder::new(context, None, "warm-up");
                     recorder.dispatch(&kernel.0, self.kernel(kernel)?, &bound[0], stage.empty, one);
+                    recorder.submit("warm-up", &mut PassTimes::default())?;
                 }
             }
         }

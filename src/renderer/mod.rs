@@ -330,9 +330,7 @@ impl Renderer {
         self.pose(&mut flight)?;
         flight.land(&self.context)?;
         self.scene.forget_previous();
-        let mut recorder = FrameRecorder::new(&self.context, None, "warm-up");
-        self.frame.warm_up(&mut recorder)?;
-        Ok(recorder.submit("warm-up", &mut PassTimes::default())?)
+        Ok(self.frame.warm_up(&self.context)?)
     }
 
     /// The current plan: the frame's stages in order.
