@@ -258,9 +258,11 @@ mod tests {
                 view.missing(&poor)
             );
         }
-        // Whoever filters has parts and motion already.
+        // Whoever filters has parts and motion already, as long as the parts are kept.
         let mut filtered = RenderSettings::default();
         filtered.reconstruct.svgf = true.into();
+        assert!(Inspection::Direct.missing(&filtered).is_some());
+        filtered.output.kept = Kept::All;
         for view in [Inspection::Direct, Inspection::Motion, Inspection::Variance] {
             assert_eq!(view.settings_for(&filtered), filtered);
         }
