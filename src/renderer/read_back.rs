@@ -33,14 +33,20 @@ impl Renderer {
         place: Place,
         count: usize,
     ) -> Result<Option<Vec<T>>, RenderError> {
+        self.check_kept(place)?;
         let buffers = &self.frame.buffers;
-        if buffers.is_spent(&place) {
-            return Err(RenderError::Settings(format!(
-                "{} holds nothing after a frame of these settings; output.kept=all keeps it",
-                label(place)
-            )));
-        }
         Ok(buffers.read(&self.context, place, self.parity(), count)?)
+    }
+
+    /// Refuses what holds nothing after a frame.
+    pub(super) fn check_kept(&self, place: Place) -> Result<(), RenderError> {
+        if !self.frame.buffers.is_spent(&place) {
+            return Ok(());
+        }
+        Err(RenderError::Settings(format!(
+            "{} holds nothing after a frame of these settings; output.kept=all keeps it",
+            label(place)
+        )))
     }
 
     /// One element per pixel.

@@ -148,12 +148,16 @@ impl Renderer {
     /// Writes the last frame's images into a runtime's textures, on the device; does not wait for it.
     ///
     /// # Errors
-    /// [`RenderError::Gpu`], also if only one eye is rendered.
+    /// [`RenderError::Gpu`], also if only one eye is rendered; [`RenderError::Settings`] if depth is asked for and was not kept
+    /// ([`Renderer::for_session`]).
     pub fn submit_to(
         &mut self,
         library: &ShaderLibrary,
         targets: &RuntimeTargets,
     ) -> Result<(), RenderError> {
+        if targets.depth.is_some() {
+            self.check_kept((Whose::Eye(Eye::Left), "hit_rays"))?;
+        }
         let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {
             Some(submitter) => submitter,
             None => self.with_frame(|renderer, frame| {
