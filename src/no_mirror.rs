@@ -8,7 +8,7 @@ use crate::renderer::{RenderError, Renderer};
 pub enum MirrorError {
     /// The feature is off.
     #[error(
-        "--mirror: this build has no windows; build with `cargo build --release --features mirror`, or leave --mirror out: the run works without it"
+        "--mirror, --session desktop: this build has no windows; build stereolux with its feature `viewer` (`mirror` will do for --mirror), or leave the flag out"
     )]
     NotBuilt,
 }
