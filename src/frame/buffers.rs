@@ -152,7 +152,7 @@ const fn scratch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow 
 }
 
 const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
-    BufferRow::new(name, Scope::Batch(bytes))
+    BufferRow::new(name, Scope::Batch(bytes)).holds(Holds::Within)
 }
 
 /// All buffers. A pixel list `NAME` is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over it in
@@ -242,8 +242,8 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Frame, "inspection", 16).holds(Holds::Always).cleared(&[Moment::View]),
 
     // Photon paths of a batch, in slots of their own.
-    batch("path_photons", |map| map.slot_bytes()).holds(Holds::Within),
-    batch("path_counts", |map| map.path_count_bytes()).holds(Holds::Within).cleared(&[Moment::Batch]),
+    batch("path_photons", |map| map.slot_bytes()),
+    batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
     scratch("path_starts", |map| map.path_count_bytes()),
     scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
     // The list, the grid over it and the sort by cell.

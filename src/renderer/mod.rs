@@ -57,7 +57,7 @@ use crate::settings::{
     DirectLight, Eyes as EyeChoice, Kept, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
     Quality, RenderSettings, Reuse, Search, Timestamps,
 };
-use crate::xr::{HiddenArea, SessionInfo, View};
+use crate::xr::{SessionInfo, View};
 
 pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{WorkLimits, photon_paths_per_thread, samples_per_dispatch};
@@ -172,7 +172,14 @@ impl Renderer {
         eye_choice: EyeChoice,
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
-        Self::with_hidden_area(context, library, scene, settings, eye_choice, size, None)
+        let made_with = MadeWith {
+            context,
+            settings: settings.clone(),
+            eyes: eye_choice,
+            size,
+            hidden: None,
+        };
+        Self::made(made_with, library, scene, None)
     }
 
     /// As [`Renderer::new`], for a session: without rays for pixels that lenses hide, and with depth where it takes that.
@@ -192,29 +199,12 @@ impl Renderer {
         if session.takes_depth && settings.output.kept == Kept::Picture {
             settings.output.kept = Kept::Depth;
         }
-        let hidden = session.hidden.as_ref();
-        Self::with_hidden_area(context, library, scene, &settings, eye_choice, size, hidden)
-    }
-
-    /// As [`Renderer::new`], without rays for the pixels in `hidden`, left and right.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
-    pub fn with_hidden_area(
-        context: GpuContext,
-        library: &ShaderLibrary,
-        scene: &Scene,
-        settings: &RenderSettings,
-        eye_choice: EyeChoice,
-        size: [u32; 2],
-        hidden: Option<&[HiddenArea; 2]>,
-    ) -> Result<Self, RenderError> {
         let made_with = MadeWith {
             context,
-            settings: settings.clone(),
+            settings,
             eyes: eye_choice,
             size,
-            hidden: hidden.cloned(),
+            hidden: session.hidden.clone(),
         };
         Self::made(made_with, library, scene, None)
     }

@@ -180,7 +180,7 @@ pub(super) fn plans_of_qualities(
     plan: impl Fn(&RenderSettings, Reuse) -> Vec<PlannedStage>,
 ) -> Vec<Vec<PlannedStage>> {
     let mut plans = Vec::new();
-    // The filter goes back and forth between the same buffers with two passes or more.
+    // The filter with fewer passes, but for one or none, needs no buffer that it lacks with the most.
     for filter_passes in [most.filter_passes, most.filter_passes.min(1), 0] {
         for half_rate in [most.half_rate, false] {
             let mut settings = settings.clone();

@@ -7,7 +7,7 @@ use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Eyes, Kept, Method, Reuse};
 use stereolux::xr::view::Fov;
-use stereolux::xr::{HiddenArea, RuntimeTargets, View};
+use stereolux::xr::{Headset, HiddenArea, RuntimeTargets, SessionInfo, View};
 
 use crate::suite::frame::layout::changed;
 use crate::suite::support::{
@@ -332,14 +332,17 @@ fn hidden_pixels_are_black_and_the_others_as_without_a_mask() {
     ] {
         let settings = method(light, reuse);
         let whole = super::support::rendered(&scene, &settings, SIZE, &views());
-        let mut masked = Renderer::with_hidden_area(
+        let headset = Headset::load("symmetric").unwrap();
+        let mut session = SessionInfo::of_profile("masked".to_owned(), &headset);
+        session.hidden = Some(hidden.clone());
+        let mut masked = Renderer::for_session(
             context(),
             &ShaderLibrary::embedded(),
             &scene,
             &settings,
             Eyes::Both,
             SIZE,
-            Some(&hidden),
+            &session,
         )
         .unwrap();
         let result = frame(&mut masked, &views());
