@@ -5,6 +5,7 @@ Every figure is of the device's timestamps unless it says wall. Frames in which 
 buffers grow and histories are short, are told apart from the others.
 """
 import argparse
+import itertools
 import json
 import pathlib
 import re
@@ -24,12 +25,12 @@ RUNS = [
     ("gallery", ["--scene", "builtin:gallery"]),
     ("gallery, no filters", ["--scene", "builtin:gallery", *RAW]),
     ("gallery, photons every frame", ["--scene", "builtin:gallery", *EVERY]),
-    ("gallery, photons every frame, lookup", ["--scene", "builtin:gallery", "--set", "reuse=lookup", *EVERY]),
-    ("gallery, photons every frame, two separate eyes", ["--scene", "builtin:gallery", "--set", "reuse=off", *EVERY]),
     ("gallery, paths", ["--scene", "builtin:gallery", "--set", "method=path"]),
     ("parade, everything moves", ["--scene", "builtin:parade", *EVERY]),
     ("terrain, 1.7 million triangles, paths", ["--scene", "builtin:terrain", "--set", "method=path"]),
 ]
+REUSE = ("off", "scatter", "lookup")
+METHODS = {"photons": EVERY, "paths": ["--set", "method=path"]}
 SORT = ("photon_bounds", "grid_setup", "cell_count", "radix_count", "radix_scatter", "scan_blocks", "scan_sums", "scan_add",
         "photon_reorder")
 
@@ -39,11 +40,15 @@ def fail(text):
     sys.exit(1)
 
 
+class Failed(Exception):
+    """A command that did not end well; the others are measured all the same."""
+
+
 def call(arguments):
     done = subprocess.run([str(word) for word in arguments], capture_output=True, text=True)
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()
-        fail(f"{' '.join(str(word) for word in arguments)}: {said[-1] if said else 'no word'}")
+        raise Failed(f"{' '.join(str(word) for word in arguments)}: {said[-1] if said else f'exit status {done.returncode}'}")
     return done.stdout
 
 
@@ -100,6 +105,18 @@ def frames_table(runs):
         rows.append([run.name, f"{run.median('total'):.2f}", f"{p99:.2f}{'' if p99 <= BUDGET_MS else ' *'}", f"{left:.2f}",
                      f"{right:.2f}", f"{run.median('photons'):.2f}", f"{run.median('reconstruction'):.2f}",
                      f"{right / left:.2f}" if left else "", reused, f"{run.about['frames_per_second']:.1f}"])
+    return table(head, rows)
+
+
+def reuse_table(runs):
+    """Both eyes beside two by themselves: `runs` by scene, method and reuse."""
+    head = ["scene", "method", "two separate eyes, ms", "scatter", "lookup", "scatter, times as fast", "lookup"]
+    rows = []
+    for (scene, method), of in runs.items():
+        ms = [of[reuse].median("total") if reuse in of else None for reuse in REUSE]
+        said = lambda value: "failed" if value is None else f"{value:.2f}"
+        ratios = [None if ms[0] is None or other is None else ms[0] / other for other in ms[1:]]
+        rows.append([scene, method, *(said(value) for value in [*ms, *ratios])])
     return table(head, rows)
 
 
@@ -167,13 +184,34 @@ def main():
     parser.add_argument("--size", default="2064x2208")
     parser.add_argument("--frames", type=int, default=120)
     parser.add_argument("--tests", default="")
+    parser.add_argument("--scene", action="append", default=[], metavar="NAME=SCENE[+SKY]")
     options = parser.parse_args()
+    if wrong := [scene for scene in options.scene if "=" not in scene]:
+        fail(f"--scene {wrong[0]}: NAME=SCENE or NAME=SCENE+SKY is wanted")
     if options.frames < 1:
         fail("--frames: at least 1")
-    runs = []
-    for at, (name, arguments) in enumerate(RUNS):
-        print(f"{at + 1} of {len(RUNS)}: {name}", file=sys.stderr, flush=True)
-        runs.append(Run(options, name, arguments))
+    failures = []
+
+    def measured(name, arguments):
+        print(name, file=sys.stderr, flush=True)
+        try:
+            return Run(options, name, arguments)
+        except Failed as failed:
+            print(f"failed: {failed}", file=sys.stderr, flush=True)
+            failures.append((name, failed))
+            return None
+
+    runs = [run for run in (measured(name, arguments) for name, arguments in RUNS) if run]
+    of_scenes = {}
+    for scene, method in itertools.product(["gallery=builtin:gallery", *options.scene], METHODS):
+        name, place = scene.split("=", 1)
+        path, _, sky = place.partition("+")
+        arguments = ["--scene", path, *METHODS[method], *(["--set", f"environment.path={sky}"] if sky else [])]
+        found = {reuse: measured(f"{name}, {method}, reuse {reuse}", [*arguments, "--set", f"reuse={reuse}"]) for reuse in REUSE}
+        of_scenes[name, method] = {reuse: run for reuse, run in found.items() if run}
+    if not any("every frame" in run.name for run in runs):
+        fail(f"nothing to report: {failures[0][1]}")
+    every = runs + [run for of in of_scenes.values() for run in of.values()]
     about = runs[0].about
     adapter = about["adapter"]
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
@@ -192,7 +230,10 @@ def main():
         f"Both eyes with photons traced in every frame, 99 of 100 frames within: {p99:.2f} ms ({best.name}); the goal of "
         f"{BUDGET_MS:.1f} ms is {verdict}.", "",
         "## Tests on this adapter", "", *tests_said(options.tests), "",
-        "## Frames", "", "Device milliseconds, medians over frames; * is over the budget of 90 Hz.", "", *frames_table(runs), "",
+        "## Frames", "",
+              *[f"Failed: {name}: `{failed}`" for name, failed in failures], *([""] if failures else []),
+              "Device milliseconds, medians over frames; * is over the budget of 90 Hz.", "", *frames_table(runs), "",
+        "## The second eye", "", "Default settings, photons traced in every frame, or paths.", "", *reuse_table(of_scenes), "",
         "## Throughput", "", "Millions per second of device time of the passes that do it.", "", *throughput_table(runs), "",
         "## Passes", "",
     ]
@@ -200,10 +241,15 @@ def main():
         if run.name in ("gallery, photons every frame", "gallery, paths"):
             lines += [f"### {run.name}", "", *passes_table(run), ""]
     lines += ["## Memory of the frame's buffers", "", "By count (`stereolux info`).", "", *memory_table(options), "",
-              "## Commands", "", "```sh", *(" ".join(str(word) for word in run.command) for run in runs), "```", ""]
+              "## Commands", "", "```sh", *(" ".join(str(word) for word in run.command) for run in every), "```", ""]
     (options.out / "report.md").write_text("\n".join(lines))
     print(options.out / "report.md")
+    if failures:
+        sys.exit(1)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except Failed as failed:
+        fail(failed)

@@ -71,6 +71,14 @@ impl Family {
 pub struct Card {
     /// Which.
     pub family: Family,
+    /// What compiles for it.
+    pub compiler: Compiler,
+}
+
+/// A device that compiles.
+pub struct Compiler {
+    /// Its name.
+    pub device_name: String,
     /// Driver and version.
     pub driver: String,
     device: ash::Device,
@@ -114,7 +122,8 @@ impl Card {
                 // environment meanwhile.
                 unsafe { std::env::set_var(variable, value) };
             }
-            return Self::open_forced(family);
+            let compiler = Compiler::open()?;
+            return Ok(Self { family, compiler });
         }
         bail!(
             "no {} device: install Mesa's RADV (Debian: mesa-vulkan-drivers), or name its manifest in VK_DRIVER_FILES",
@@ -124,10 +133,13 @@ impl Card {
 
     /// Opens what the environment names; aborts where the driver does not know the name.
     pub fn probe() -> Result<()> {
-        Self::open_forced(Family::Rdna2).map(drop)
+        Compiler::open().map(drop)
     }
+}
 
-    fn open_forced(family: Family) -> Result<Self> {
+impl Compiler {
+    /// Opens the loader's first device.
+    pub fn open() -> Result<Self> {
         // SAFETY: the module's comment. The loader is the system's own; handles stay within what is returned.
         unsafe {
             let entry = ash::Entry::load()
@@ -147,15 +159,18 @@ impl Card {
             let mut driver = vk::PhysicalDeviceDriverProperties::default();
             let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
             instance.get_physical_device_properties2(physical, &mut properties);
+            let device_name = text(&properties.properties.device_name);
             let driver = format!(
                 "{} {}",
                 text(&driver.driver_name),
                 text(&driver.driver_info)
             );
-            let device = open_device(&instance, physical).context("vkCreateDevice")?;
+            let device = open_device(&instance, physical).context(
+                "vkCreateDevice: the driver has to tell what kernels become (VK_KHR_pipeline_executable_properties) and to check bounds (VK_EXT_robustness2)",
+            )?;
             let executables = khr::pipeline_executable_properties::Device::new(&instance, &device);
             Ok(Self {
-                family,
+                device_name,
                 driver,
                 device,
                 executables,

@@ -274,7 +274,7 @@ fn table_file() -> PathBuf {
 fn as_stored(cards: &[Card], rows: &[Row]) -> Vec<Stored> {
     let of_card = |card: &Card| {
         let of = rows.iter().filter(|row| row.card == card.family);
-        of.map(|row| Stored::of(&card.driver, row))
+        of.map(|row| Stored::of(&card.compiler.driver, row))
             .collect::<Vec<_>>()
     };
     cards.iter().flat_map(of_card).collect()

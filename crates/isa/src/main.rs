@@ -16,7 +16,7 @@ use clap::{Parser, ValueEnum};
 use rayon::prelude::*;
 use stereolux::gpu::ShaderLibrary;
 
-use card::{Card, Family};
+use card::{Card, Compiler, Family};
 use kernels::{Kernel, kernels_of, load_scene};
 use table::Row;
 
@@ -31,6 +31,9 @@ struct Arguments {
     #[arg(long = "scene", value_name = "NAME=SCENE[+SKY]",
         default_values = ["cornell=builtin:cornell", "gallery=builtin:gallery", "helmet=like:helmet"])]
     scenes: Vec<String>,
+    /// Asks this machine's own driver instead, and writes what it says by its own names as CSV
+    #[arg(long, conflicts_with_all = ["cards", "check", "store", "format"])]
+    own: bool,
     /// Only these passes
     #[arg(long, value_delimiter = ',')]
     passes: Vec<String>,
@@ -76,8 +79,12 @@ fn run() -> Result<()> {
     }
     let arguments = Arguments::parse();
     // First of all: see `Card::open`.
-    let cards = arguments
-        .cards
+    let families = if arguments.own {
+        &[][..]
+    } else {
+        &arguments.cards
+    };
+    let cards = families
         .iter()
         .map(|&family| Card::open(family))
         .collect::<Result<Vec<_>>>()?;
@@ -92,6 +99,9 @@ fn run() -> Result<()> {
     }
     if !arguments.passes.is_empty() {
         kernels.retain(|kernel| arguments.passes.contains(&kernel.pass));
+    }
+    if arguments.own {
+        return table::write_own(std::io::stdout().lock(), &Compiler::open()?, &kernels);
     }
     let jobs: Vec<(&Card, &Kernel)> = cards
         .iter()

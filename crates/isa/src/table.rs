@@ -1,9 +1,12 @@
 //! The figures of a kernel, and how they are written.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use anyhow::{Context as _, Result};
+use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::card::{Card, Family, Statistics};
+use crate::card::{Card, Compiler, Family, Statistics};
 use crate::kernels::Kernel;
 
 /// What a kernel became on a card.
@@ -40,6 +43,7 @@ impl Row {
     pub fn measure(card: &Card, kernel: &Kernel) -> Result<Self> {
         let (words, bindings) = kernel.spirv()?;
         let found = card
+            .compiler
             .compile(&words, &bindings)
             .with_context(|| kernel.name())?;
         Self::of(card, kernel, &found).with_context(|| kernel.name())
@@ -92,7 +96,7 @@ impl Row {
 /// A Markdown table per card.
 pub fn print(cards: &[Card], rows: &[Row]) {
     for card in cards {
-        println!("\n{}, {}\n", card.family.name(), card.driver);
+        println!("\n{}, {}\n", card.family.name(), card.compiler.driver);
         println!(
             "| scene | frame | pass | code, KiB | instructions | VGPRs | SGPRs | spilled V/S | scratch, B/lane | LDS, B | waves | latency | inverse throughput |"
         );
@@ -123,6 +127,30 @@ pub fn write_csv(to: impl std::io::Write, rows: &[Row]) -> Result<()> {
     let mut csv = csv::Writer::from_writer(to);
     for row in rows {
         csv.serialize(row)?;
+    }
+    Ok(csv.flush()?)
+}
+
+/// What the machine's own driver says of each kernel, by its own names.
+pub fn write_own(to: impl std::io::Write, compiler: &Compiler, kernels: &[Kernel]) -> Result<()> {
+    let found = kernels
+        .par_iter()
+        .map(|kernel| {
+            let (words, bindings) = kernel.spirv()?;
+            compiler
+                .compile(&words, &bindings)
+                .with_context(|| kernel.name())
+        })
+        .collect::<Result<Vec<Statistics>>>()?;
+    let names: BTreeSet<&String> = found.iter().flat_map(BTreeMap::keys).collect();
+    let mut csv = csv::Writer::from_writer(to);
+    let head = ["device", "scene", "frame", "pass"].into_iter();
+    csv.write_record(head.chain(names.iter().map(|name| name.as_str())))?;
+    for (kernel, statistics) in kernels.iter().zip(&found) {
+        let of = |name: &&String| statistics.get(*name).map_or_else(String::new, f64::to_string);
+        let cells = [compiler.device_name.as_str(), &kernel.scene, kernel.frame.name(), &kernel.pass];
+        let cells = cells.map(str::to_owned).into_iter();
+        csv.write_record(cells.chain(names.iter().map(of)))?;
     }
     Ok(csv.flush()?)
 }
