@@ -259,7 +259,7 @@ pub const BUFFERS: &[BufferRow] = &[
     scratch("radix_odd", |map| u64::from(map.capacity) * 8),
     scratch("radix_table", |map| map.radix_bytes()).cleared(&[Moment::Digit]),
     scratch("radix_sums", |map| MapLayout::sum_bytes(map.radix_bytes())),
-    map("sorted_photons", |map| map.photon_bytes()),
+    map("sorted_photons", |map| map.sorted_bytes()),
     // The kd-tree: photon numbers in the orders of x, y and z; levels read one and write the other.
     scratch("kd_orders_even", |map| map.kd_places() * 4),
     scratch("kd_orders_odd", |map| map.kd_places() * 4),

@@ -10,6 +10,8 @@ use crate::settings::{Loads, Search};
 const BATCH_SCRATCH_BYTES: [u64; 2] = [32 << 20, 128 << 20];
 /// Bytes of one photon.
 pub const PHOTON_BYTES: u64 = 32;
+/// Bytes of one in the order of gathers, unpacked.
+pub const SORTED_PHOTON_BYTES: u64 = 64;
 /// Values that three scan passes cover: 2,048 blocks of 2,048.
 pub const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
@@ -259,6 +261,12 @@ impl MapLayout {
         u64::from(self.capacity) * PHOTON_BYTES
     }
 
+    /// Bytes of all photons in the order of gathers.
+    #[must_use]
+    pub fn sorted_bytes(&self) -> u64 {
+        u64::from(self.capacity) * SORTED_PHOTON_BYTES
+    }
+
     /// Bytes of the slots of a batch's paths.
     #[must_use]
     pub fn slot_bytes(&self) -> u64 {
@@ -322,7 +330,7 @@ impl MapConfig {
     /// Largest capacity of a growing list: bounded by the adapter's bindings, a texture copy, the sort's table and the kd-tree.
     #[must_use]
     pub fn largest_capacity(&self, limits: &AdapterLimits) -> u32 {
-        let bound = limits.binding_bytes / PHOTON_BYTES;
+        let bound = limits.binding_bytes / SORTED_PHOTON_BYTES;
         let sorted = (SCAN_LIMIT >> self.digits().1) * u64::from(RADIX_BLOCK);
         let treed = match self.search {
             Search::Grid => u64::MAX,
@@ -331,7 +339,7 @@ impl MapConfig {
         let copied = if self.texels {
             limits
                 .texture_rows
-                .saturating_mul(u64::from(ROW_TEXELS) * TEXEL_BYTES / PHOTON_BYTES)
+                .saturating_mul(u64::from(ROW_TEXELS) * TEXEL_BYTES / SORTED_PHOTON_BYTES)
         } else {
             u64::MAX
         };

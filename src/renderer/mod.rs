@@ -68,7 +68,7 @@ pub use features::{
 pub use frame_spec::{PlannedScene, plan_of_scene};
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
-pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap};
+pub use photon_map::{Photon, PhotonCounters, PhotonGrid, PhotonMap, SortedPhoton};
 pub use radii::{automatic_radius_m, caustic_paths, progressive_radius_m};
 pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};

@@ -6,7 +6,7 @@ use crate::frame::{AdapterLimits, MapConfig, MapKind, MapLayout};
 use crate::gpu::GpuError;
 use crate::settings::Loads;
 
-pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid};
+pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid, SortedPhoton};
 
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;

@@ -1,6 +1,6 @@
 //! Images and lists read back from the device. Each waits for it.
 
-use super::records::photon::{Photon, PhotonGrid};
+use super::records::photon::{PhotonGrid, SortedPhoton};
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose, label};
@@ -198,7 +198,7 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Gpu`].
     #[cfg(feature = "internals")]
-    pub fn read_photons(&self, kind: MapKind) -> Result<Option<Vec<Photon>>, RenderError> {
+    pub fn read_photons(&self, kind: MapKind) -> Result<Option<Vec<SortedPhoton>>, RenderError> {
         let Some(map) = self.map(kind) else {
             return Ok(None);
         };

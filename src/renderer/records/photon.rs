@@ -38,6 +38,29 @@ shared_record! {
 }
 
 shared_record! {
+    /// Twin of `SortedPhoton` in `shaders/shared/photon.wesl`.
+    #[derive(Default)]
+    pub struct SortedPhoton {
+        /// Photon space, metres.
+        pub position: [f32; 3],
+        /// Path segments from the light.
+        pub depth: u32,
+        /// Unit, geometric, on the side that was hit.
+        pub normal: [f32; 3],
+        /// Unused.
+        pub padding0: u32,
+        /// Unit, to where it came from.
+        pub towards_light: [f32; 3],
+        /// Unused.
+        pub padding1: u32,
+        /// Power, W, before division by the number of paths.
+        pub flux: [f32; 3],
+        /// Unused.
+        pub padding2: u32,
+    }
+}
+
+shared_record! {
     /// Twin of `PhotonGrid` in `shaders/shared/grid.wesl`.
     #[derive(Default)]
     pub struct PhotonGrid {

@@ -56,6 +56,7 @@ fn host() -> BTreeMap<String, Layout> {
         material::TextureInfo::LAYOUT,
         material::Vertex::LAYOUT,
         photon_map::Photon::LAYOUT,
+        photon_map::SortedPhoton::LAYOUT,
         photon_map::PhotonCounters::LAYOUT,
         photon_map::PhotonGrid::LAYOUT,
     ];

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use stereolux::renderer::{Eye, Photon, PhotonMap, Renderer, forms_caustics};
+use stereolux::renderer::{Eye, PhotonMap, Renderer, forms_caustics};
 use stereolux::scene::Scene;
 use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
@@ -86,7 +86,7 @@ fn scenes_with_glass_or_polished_metal_list_the_passes() {
 
 fn flux_per_path(map: Option<&PhotonMap>, renderer: &Renderer) -> DVec3 {
     let Some(map) = map else { return DVec3::ZERO };
-    let photons: Vec<Photon> = renderer.read_photons(map.kind()).unwrap().unwrap();
+    let photons = renderer.read_photons(map.kind()).unwrap().unwrap();
     let flux = photons.iter().map(|photon| photon.flux.map(f64::from));
     let sum: DVec3 = flux.map(DVec3::from_array).sum();
     sum / f64::from(map.counters().paths_kept)

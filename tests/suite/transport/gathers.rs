@@ -10,7 +10,7 @@ use stereolux::settings::{
 };
 
 use super::photon_map::{
-    assert_sums, grid, map_only, on_one_surface, photons, unpack_photon, views,
+    assert_sums, directions, grid, map_only, on_one_surface, photons, views,
 };
 use super::support::{
     Triangles, assert_clean, bits, both_bits, builtin, frame, pixel_ray, play, radiance, rendered,
@@ -281,7 +281,7 @@ fn nearest_twin(
     let mut found: Vec<(f64, f64)> = photons
         .iter()
         .filter_map(|photon| {
-            let (direction, photon_normal) = unpack_photon(photon);
+            let (direction, photon_normal) = directions(photon);
             let squared = position(photon).distance_squared(point);
             let counts = squared <= radius_m * radius_m
                 && on_one_surface(position(photon) - point, photon_normal, normal)

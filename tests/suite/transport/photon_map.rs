@@ -1,7 +1,7 @@
 //! The photon map: power, grid, gather against brute force, extremes of radius and count, overflow.
 
 use glam::{DAffine3, DVec3};
-use stereolux::renderer::{Eye, MapKind, Photon, PhotonGrid, Renderer};
+use stereolux::renderer::{Eye, MapKind, PhotonGrid, Renderer, SortedPhoton};
 use stereolux::scene::Scene;
 use stereolux::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
@@ -24,7 +24,7 @@ pub fn map_only(count: u32, change: impl FnOnce(&mut RenderSettings)) -> RenderS
     })
 }
 
-pub fn photons(renderer: &Renderer) -> Vec<Photon> {
+pub fn photons(renderer: &Renderer) -> Vec<SortedPhoton> {
     renderer.read_photons(MapKind::Photons).unwrap().unwrap()
 }
 
@@ -33,7 +33,7 @@ pub fn grid(renderer: &Renderer) -> (PhotonGrid, Vec<u32>) {
     grid.unwrap().unwrap()
 }
 
-fn flux(photons: &[Photon]) -> f64 {
+fn flux(photons: &[SortedPhoton]) -> f64 {
     photons.iter().map(|photon| f64::from(photon.flux[0])).sum()
 }
 
@@ -58,7 +58,7 @@ fn table_cell(grid: &PhotonGrid, position: [f32; 3]) -> usize {
 }
 
 /// Photons that do not lie in the run of their own cell.
-fn astray(grid: &PhotonGrid, starts: &[u32], photons: &[Photon]) -> usize {
+fn astray(grid: &PhotonGrid, starts: &[u32], photons: &[SortedPhoton]) -> usize {
     photons
         .iter()
         .enumerate()
@@ -148,25 +148,10 @@ fn every_photon_lies_in_the_run_of_its_cell() {
     }
 }
 
-pub fn unpack_photon(photon: &Photon) -> (DVec3, DVec3) {
-    // Octahedral encoding, Cigolle et al. 2014.
-    let decode = |x: f64, y: f64| {
-        let z = 1.0 - x.abs() - y.abs();
-        let fold = (-z).max(0.0);
-        DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
-    };
-    let snorm = |bits: u32| (f64::from(bits as u16 as i16) / 32767.0).max(-1.0);
-    let step = |bits: u32| f64::from(bits & 8191) / 8191.0 * 2.0 - 1.0;
-    (
-        decode(
-            snorm(photon.direction & 0xffff),
-            snorm(photon.direction >> 16),
-        ),
-        decode(
-            step(photon.normal_depth >> 19),
-            step(photon.normal_depth >> 6),
-        ),
-    )
+/// Direction of flight and normal.
+pub fn directions(photon: &SortedPhoton) -> (DVec3, DVec3) {
+    let wide = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+    (-wide(photon.towards_light), wide(photon.normal))
 }
 
 /// By how much a photon `offset` from a point clears the limits of `shaders/shared/gather_limits.wesl`: as a cosine, and in
@@ -192,7 +177,7 @@ fn brute_force(
     renderer: &Renderer,
     scene: &Scene,
     triangles: &Triangles,
-    photons: &[Photon],
+    photons: &[SortedPhoton],
     view: &View,
     pixel: u32,
 ) -> Option<f64> {
@@ -212,7 +197,7 @@ fn brute_force(
     for photon in photons {
         let at = DVec3::from(photon.position.map(f64::from));
         let share = at.distance_squared(point) / (radius * radius);
-        let (direction, photon_normal) = unpack_photon(photon);
+        let (direction, photon_normal) = directions(photon);
         let is_near = share <= 1.0 && on_one_surface(at - point, photon_normal, normal);
         if is_near && direction.dot(normal) < 0.0 {
             sum += 2.0 * (1.0 - share) * f64::from(photon.flux[0]);
@@ -228,7 +213,7 @@ fn brute_force(
 pub fn assert_sums(
     renderer: &Renderer,
     scene: &Scene,
-    photons: &[Photon],
+    photons: &[SortedPhoton],
     view: &View,
     pixels: impl IntoIterator<Item = u32>,
     tolerance: f64,
@@ -427,7 +412,7 @@ fn a_moving_head_gathers_from_a_map_that_stays() {
     assert!(!result.photons.traced);
     // Brute force in the photons' own space: put the renderer's origin where they were traced.
     let shift = traced_at - renderer.origin_in_world();
-    let carried: Vec<Photon> = photons
+    let carried: Vec<SortedPhoton> = photons
         .iter()
         .map(|photon| {
             let mut photon = *photon;

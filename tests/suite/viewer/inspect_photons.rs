@@ -6,7 +6,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::luminance;
 use stereolux::renderer::{
-    Eye, InspectedValues, Inspection, InstanceId, Photon, PhotonMap, Renderer,
+    Eye, InspectedValues, Inspection, InstanceId, PhotonMap, Renderer, SortedPhoton,
 };
 use stereolux::scene::Scene;
 use stereolux::settings::{Kernel, Method, RenderSettings, Reuse, Search};
@@ -14,7 +14,7 @@ use stereolux::xr::View;
 
 use super::bsdf_probe::wide;
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
-use super::photon_map::{clearances, map_only, unpack_photon};
+use super::photon_map::{clearances, directions, map_only};
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
@@ -32,9 +32,9 @@ struct Placed {
 fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
     let (origin, _) = map.traced_at().unwrap();
     let (grid, _) = renderer.read_photon_grid(map.kind()).unwrap().unwrap();
-    let place = |photon: &Photon| Placed {
+    let place = |photon: &SortedPhoton| Placed {
         position: origin + wide(photon.position),
-        normal: unpack_photon(photon).1,
+        normal: directions(photon).1,
         flux: wide(photon.flux),
         cell: [0, 1, 2].map(|axis| {
             let at = (photon.position[axis] - grid.origin[axis]) * grid.inverse_edge;
