@@ -1,6 +1,7 @@
 //! `bench work`: counts what a frame's passes do, at a small size, and predicts the frame at the headset's size on named
 //! cards ([`stereolux_report::work`]).
 
+use std::mem::offset_of;
 use std::path::PathBuf;
 
 use stereolux_report::ReportError;
@@ -13,7 +14,7 @@ use crate::frame::work::Dispatched;
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
 use crate::images::write_atomically;
 use crate::options::BenchOptions;
-use crate::renderer::records::photon::Photon;
+use crate::renderer::records::photon::SortedPhoton;
 use crate::renderer::{FrameResult, Renderer};
 use crate::settings::{Choice as _, Eyes, Method, Settings};
 use crate::xr::Headset;
@@ -160,10 +161,13 @@ fn rows_of(
         row.bytes_read += bytes(0);
         row.bytes_written += bytes(1);
     }
+    // Only where it lies is read of a photon that is out of reach.
+    let place = offset_of!(SortedPhoton, normal);
     let records = [
         size_of::<BvhNode>(),
         size_of::<Triangle>(),
-        size_of::<Photon>(),
+        place,
+        size_of::<SortedPhoton>() - place,
     ];
     let records = records.map(|bytes| bytes as f64);
     rows.into_iter()

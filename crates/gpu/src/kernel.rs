@@ -8,6 +8,7 @@ use wgpu::util::DeviceExt as _;
 
 use super::context::{GpuContext, GpuError};
 use super::shaders::{CompiledShader, ShaderLibrary};
+use super::vulkan_interop::module_of_embedded;
 use stereolux_base::features::ShaderFeatures;
 
 /// Name of the uniform that is bound with a dynamic offset: it tells the dispatches of one pass apart.
@@ -304,10 +305,15 @@ impl Kernel {
                 bind_group_layouts: &[Some(&layout)],
                 immediate_size: 0,
             });
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            let descriptor = wgpu::ShaderModuleDescriptor {
                 label: Some(pass),
                 source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-            });
+            };
+            let module = if shader.is_embedded {
+                module_of_embedded(device, descriptor)
+            } else {
+                device.create_shader_module(descriptor)
+            };
             let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(pass),
                 layout: Some(&pipeline_layout),

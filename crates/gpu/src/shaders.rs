@@ -39,6 +39,8 @@ pub struct CompiledShader {
     pub wgsl: String,
     /// The parsed module, for reflection.
     pub module: naga::Module,
+    /// Whether every module that it is made of came with the program.
+    pub is_embedded: bool,
 }
 
 /// Compiled shaders by the name of their root module.
@@ -193,6 +195,9 @@ impl ShaderLibrary {
         let module = naga::front::wgsl::parse_str(&wgsl)
             .map_err(|error| fail(error.emit_to_string(&wgsl)))?;
         let modules: Vec<String> = lowered.modules.iter().map(module_name).collect();
+        let is_embedded = !modules
+            .iter()
+            .any(|module| self.changed.contains_key(module));
         let mut asked = ShaderFeatures::default();
         let sources = modules.iter().filter_map(|module| self.source(module));
         for word in sources.flat_map(words_asked) {
@@ -209,6 +214,7 @@ impl ShaderLibrary {
                 name: name.to_owned(),
                 wgsl,
                 module,
+                is_embedded,
             }),
         })
     }

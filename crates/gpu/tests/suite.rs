@@ -28,6 +28,7 @@ mod suite {
     mod bsdf_specialised;
     mod carried;
     mod library;
+    mod records;
     mod traversal;
     mod uniform_branches;
 }

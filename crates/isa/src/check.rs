@@ -54,7 +54,6 @@ const EXCEPTIONS: &[Exception] = &[
         limit: Limit::Spills,
         reason: CAPPED,
         kernels: &[
-            ["cornell", "path_trace+list"],
             ["gallery", "path_trace"],
             ["gallery", "path_trace+list"],
             ["helmet", "path_trace"],
@@ -68,7 +67,6 @@ const EXCEPTIONS: &[Exception] = &[
         limit: Limit::Waves,
         reason: WHOLE_PATHS,
         kernels: &[
-            ["cornell", "path_trace+list"],
             ["gallery", "path_trace"],
             ["gallery", "path_trace+list"],
             ["helmet", "path_trace"],
@@ -80,7 +78,6 @@ const EXCEPTIONS: &[Exception] = &[
         limit: Limit::Waves,
         reason: WHOLE_PATHS,
         kernels: &[
-            ["cornell", "path_trace"],
             ["cornell", "path_trace+list"],
             ["gallery", "path_trace"],
             ["gallery", "path_trace+list"],

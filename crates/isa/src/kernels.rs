@@ -228,7 +228,7 @@ impl Kernel {
             },
             // As gpu::Kernel asks.
             zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
-            force_loop_bounding: true,
+            force_loop_bounding: false,
             emit_int_div_checks: true,
             ..spv::Options::default()
         };

@@ -147,8 +147,17 @@ pub fn write_own(to: impl std::io::Write, compiler: &Compiler, kernels: &[Kernel
     let head = ["device", "scene", "frame", "pass"].into_iter();
     csv.write_record(head.chain(names.iter().map(|name| name.as_str())))?;
     for (kernel, statistics) in kernels.iter().zip(&found) {
-        let of = |name: &&String| statistics.get(*name).map_or_else(String::new, f64::to_string);
-        let cells = [compiler.device_name.as_str(), &kernel.scene, kernel.frame.name(), &kernel.pass];
+        let of = |name: &&String| {
+            statistics
+                .get(*name)
+                .map_or_else(String::new, f64::to_string)
+        };
+        let cells = [
+            compiler.device_name.as_str(),
+            &kernel.scene,
+            kernel.frame.name(),
+            &kernel.pass,
+        ];
         let cells = cells.map(str::to_owned).into_iter();
         csv.write_record(cells.chain(names.iter().map(of)))?;
     }

@@ -1,5 +1,5 @@
-//! `bench work`: what a frame's passes do, counted, and what named graphics cards would allow. Nothing of it was measured on
-//! a card.
+//! `bench work`: what a frame's passes do, counted, and what named graphics cards would allow. What it assumes was held against
+//! one card's times (docs/gpu.md).
 
 use std::fmt::Write as _;
 
@@ -21,8 +21,8 @@ pub struct Card {
     pub source: &'static str,
 }
 
-/// The cards that are predicted: two of a desktop, one of a laptop.
-pub const CARDS: [Card; 3] = [
+/// The cards that are predicted: two of a desktop, one of a laptop, and the one that was measured.
+pub const CARDS: [Card; 4] = [
     Card {
         name: "GeForce RTX 4070",
         gb_per_s: 504.0,
@@ -41,25 +41,37 @@ pub const CARDS: [Card; 3] = [
         tflops: 3.7,
         source: "12 units of 64 lanes at 2.4 GHz, 128 bit LPDDR5-6400 (AMD, Ryzen 9 6900HX)",
     },
+    Card {
+        name: "NVIDIA H200",
+        gb_per_s: 4800.0,
+        tflops: 67.0,
+        source: "NVIDIA, data sheet of the H200 (SXM)",
+    },
 ];
 
-/// What the predictions assume; none of it is measured.
+/// Passes whose threads' rays part at every surface that they meet.
+const PARTING: [&str; 2] = ["left.path_trace", "right.path_trace"];
+
+/// What the predictions assume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assumptions {
     /// Share of the published bandwidth that a pass gets.
     pub bandwidth_share: f64,
     /// Share of the published instruction rate, for lanes that part and for waiting.
     pub arithmetic_share: f64,
+    /// The same in passes whose threads part: [`PARTING`].
+    pub parted_share: f64,
     /// Share of what rays and gathers read that comes from memory, not from a cache.
     pub cache_misses: f64,
     /// Instructions per ray besides nodes and triangles; per node; per triangle test; per photon tested; per photon counted.
     pub instructions: [f64; 5],
 }
 
-/// Estimates, all of them: instructions by the operations that the shaders' loops spell out, shares by custom.
+/// Instructions by the operations that the shaders' loops spell out, shares by custom; that of parted threads is an H200's.
 pub const ASSUMED: Assumptions = Assumptions {
     bandwidth_share: 0.7,
     arithmetic_share: 0.25,
+    parted_share: 0.04,
     cache_misses: 0.1,
     instructions: [120.0, 60.0, 70.0, 15.0, 110.0],
 };
@@ -139,12 +151,15 @@ const COLUMNS: [(&str, &str); 15] = [
 ];
 
 impl WorkRow {
-    /// Fills in what follows from the counts.
+    /// Fills in what follows from the counts. `bytes`: of a node, of a triangle, of what is read of a photon that is tested, and
+    /// besides of one that counts.
     #[must_use]
-    pub fn predicted(mut self, bytes: [f64; 3], how: &Assumptions) -> Self {
-        let [node, triangle, photon] = bytes;
-        self.bytes_walked =
-            self.nodes * node + self.triangles * triangle + self.photons_tested * photon;
+    pub fn predicted(mut self, bytes: [f64; 4], how: &Assumptions) -> Self {
+        let [node, triangle, tested, counted] = bytes;
+        self.bytes_walked = self.nodes * node
+            + self.triangles * triangle
+            + self.photons_tested * tested
+            + self.photons_counted * counted;
         let counts = [
             self.rays,
             self.nodes,
@@ -152,17 +167,22 @@ impl WorkRow {
             self.photons_tested,
             self.photons_counted,
         ];
-        let counted: f64 = counts
+        let in_loops: f64 = counts
             .iter()
             .zip(how.instructions)
             .map(|(n, each)| n * each)
             .sum();
-        self.instructions = self.threads * self.code_instructions + counted;
+        self.instructions = self.threads * self.code_instructions + in_loops;
         let bytes = self.bytes_read + self.bytes_written + how.cache_misses * self.bytes_walked;
+        let share = if PARTING.contains(&self.pass.as_str()) {
+            how.parted_share
+        } else {
+            how.arithmetic_share
+        };
         self.ms = CARDS.map(|card| {
             // A fused multiply-add is one instruction and two operations.
             let moved_s = bytes / (card.gb_per_s * 1e9 * how.bandwidth_share);
-            let reckoned_s = self.instructions / (card.tflops * 1e12 / 2.0 * how.arithmetic_share);
+            let reckoned_s = self.instructions / (card.tflops * 1e12 / 2.0 * share);
             1e3 * moved_s.max(reckoned_s)
         });
         self
@@ -250,11 +270,13 @@ pub fn files(rows: &[WorkRow], what: &str) -> Result<Vec<ReportFile>, ReportErro
 fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
     let mut text = format!(
         "# stereolux bench work\n\n{what}\n\n**A model: no time here was measured.** A pass takes the longer of moving its \
-         bytes at {:.0} % of the card's published bandwidth and running its instructions at {:.0} % of its published rate. \
+         bytes at {:.0} % of the card's published bandwidth and running its instructions at {:.0} % of its published rate ({:.0} % \
+         where paths are traced). \
          {:.0} % of what rays and gathers look at comes from memory. A ray is taken for {:.0} instructions, a node {:.0}, a \
          triangle test {:.0}, a photon tested {:.0}, one counted {:.0}; the rest of the code runs once per thread.\n\n",
         100.0 * how.bandwidth_share,
         100.0 * how.arithmetic_share,
+        100.0 * how.parted_share,
         100.0 * how.cache_misses,
         how.instructions[0],
         how.instructions[1],
@@ -323,14 +345,14 @@ mod tests {
             bytes_written: 4e8,
             ..WorkRow::default()
         };
-        let moving = moving.predicted([64.0, 48.0, 32.0], &ASSUMED);
+        let moving = moving.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
         assert!((moving.ms[0] - 2.8345).abs() < 1e-3, "{:?}", moving.ms);
         let reckoning = WorkRow {
             bytes_read: 0.0,
             bytes_written: 0.0,
             ..moving.clone()
         };
-        let reckoning = reckoning.predicted([64.0, 48.0, 32.0], &ASSUMED);
+        let reckoning = reckoning.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
         assert!(
             (reckoning.ms[0] - 0.2749).abs() < 1e-3,
             "{:?}",
@@ -345,9 +367,16 @@ mod tests {
             photons_counted: 1.0,
             ..WorkRow::default()
         };
-        let walking = walking.predicted([64.0, 48.0, 32.0], &ASSUMED);
-        assert_eq!(walking.bytes_walked, 128.0 + 144.0 + 128.0);
+        let walking = walking.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        assert_eq!(walking.bytes_walked, 128.0 + 144.0 + 64.0 + 48.0);
         assert_eq!(walking.instructions, 120.0 + 120.0 + 210.0 + 60.0 + 110.0);
+        // Paths part: at 4 % instead of 25.
+        let parted = WorkRow {
+            pass: "left.path_trace".to_owned(),
+            ..reckoning.clone()
+        };
+        let parted = parted.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        assert!((parted.ms[0] / reckoning.ms[0] - 6.25).abs() < 1e-9);
         let both = WorkRow::all(&[moving.clone(), walking]);
         assert_eq!((both.rays, both.bytes_read), (1.0, 6e8));
         assert!(both.ms[0] > moving.ms[0]);

@@ -108,8 +108,10 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
     };
     let mut found = BTreeMap::new();
     let mut library = library.clone();
-    let probe = "tests/previous_probe";
-    library.insert(probe, include_str!("../bvh/previous_probe.wesl"));
+    // What records.wesl reads by words.
+    let probe = "tests/records_probe";
+    let source = include_str!("../../../crates/gpu/tests/shared/records_probe.wesl");
+    library.insert(probe, source);
     let compiled = passes::ALL
         .iter()
         .flat_map(|pass| {
@@ -215,7 +217,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
     let most_sums = photon_layout::SCAN_LIMIT / SCAN_BLOCK;
     let narrow_alpha = f64::from(CAUSTIC_ROUGHNESS).powi(2);
     // A texel is 16 bytes.
-    let material_texels = size_of::<material::Material>() as f64 / 16.0;
+    let material_words = size_of::<material::Material>() as f64 / 16.0;
     let mut numbers: Vec<(&str, &str, f64)> = vec![
         ("shared/bsdf_types", "NARROW_ALPHA", narrow_alpha),
         ("shared/traversal", "ROUNDING_UNIT", rounding_unit),
@@ -236,7 +238,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
             KD_TURNS_PER_SLICE as f64,
         ),
         ("shared/nearest", "HEAP", nearest as f64),
-        ("shared/records", "MATERIAL_TEXELS", material_texels),
+        ("shared/records", "MATERIAL_WORDS", material_words),
     ];
     let words: &[(&str, &[(&str, u32)])] = &[
         (

@@ -425,12 +425,19 @@ fn refraction_obeys_the_generalised_reciprocity() {
         let (a, b) = (there[0] * eta2, back[0]);
         let (wo, wi) = (wide(query.wo), wide(query.wi));
         let m = (wo + wi * 1.5).normalize();
-        if wo.dot(m).abs().min(wi.dot(m).abs()) < 1e-2 || a == 0.0 {
+        let cosine = wo.dot(m).abs().min(wi.dot(m).abs());
+        if cosine < 1e-2 || a == 0.0 {
             continue;
         }
         seen += 1;
+        // One side has its cosine from the other's by 1 - sin^2 eta^2, eight roundings of numbers about 1 (a quotient of 2.5
+        // units in the last place among them), and what Fresnel lets through goes with the cosine.
+        let rounding = 8.0 / f64::from(1 << 24) / (2.0 * cosine * cosine);
         let off = (a - b).abs();
-        assert!(off <= 1e-3 * a.max(b), "{query:?}: {a} there, {b} back");
+        assert!(
+            off <= (1e-4 + rounding) * a.max(b),
+            "{query:?}: {a} there, {b} back"
+        );
     }
     assert!(seen > 200);
 }

@@ -1,4 +1,4 @@
-//! Dealings with the Vulkan loader that wgpu does not cover; `unsafe` lives here and nowhere else.
+//! Dealings with Vulkan that wgpu does not cover, or calls unsafe; `unsafe` lives here and nowhere else.
 #![allow(unsafe_code)]
 
 #[cfg(not(target_vendor = "apple"))]
@@ -20,6 +20,25 @@ pub fn disable_device_select_layer() {
 /// Call first thing in `main`: once there is another thread, it does nothing.
 pub fn quiet_openxr_loader() {
     set_if_unset("XR_LOADER_DEBUG", "none");
+}
+
+/// A module of an embedded shader, its loops without the counters that wgpu has naga add, which ends them by force after 2^64
+/// turns. They cost an eighth of a gather's time on an H200, and drivers take loops with them for others than they are. Bounds
+/// of memory are checked as everywhere.
+///
+/// Not for what an application or a user wrote: nobody has proved that its loops end.
+pub(crate) fn module_of_embedded(
+    device: &wgpu::Device,
+    descriptor: wgpu::ShaderModuleDescriptor<'_>,
+) -> wgpu::ShaderModule {
+    let checks = wgpu::ShaderRuntimeChecks {
+        force_loop_bounding: false,
+        ..wgpu::ShaderRuntimeChecks::checked()
+    };
+    // SAFETY: what is asked for is that all loops end. Those of embedded shaders count up to a bound that does not change
+    // meanwhile, but for these: rays and refits follow hierarchies, whose builders make trees; the kd-tree's walk goes round
+    // a tree of numbers (Wald 2022); paths and batches of photons end at a depth or at the list's end.
+    unsafe { device.create_shader_module_trusted(descriptor, checks) }
 }
 
 /// Sets a variable of this process that has no value, if that is safe.
