@@ -26,6 +26,10 @@ RUNS = [
     ("gallery, no filters", ["--scene", "builtin:gallery", *RAW]),
     ("gallery, photons every frame", ["--scene", "builtin:gallery", *EVERY]),
     ("gallery, paths", ["--scene", "builtin:gallery", "--set", "method=path"]),
+    ("cornell, photons every frame, gathered at half rate",
+     ["--scene", "builtin:cornell", "--set", "photon.half_rate=true", *EVERY]),
+    ("gallery, photons every frame, gathered at half rate",
+     ["--scene", "builtin:gallery", "--set", "photon.half_rate=true", *EVERY]),
     ("parade, everything moves", ["--scene", "builtin:parade", *EVERY]),
     ("terrain, 1.7 million triangles, paths", ["--scene", "builtin:terrain", "--set", "method=path"]),
 ]

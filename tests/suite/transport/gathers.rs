@@ -55,8 +55,8 @@ fn fullest_ball(photons: &[SortedPhoton], radius_m: f64) -> usize {
     at.iter().map(within).max().unwrap_or(0)
 }
 
-fn sorted_bits(photons: &[SortedPhoton]) -> Vec<[u32; 8]> {
-    let mut all: Vec<[u32; 8]> = photons.iter().copied().map(bytemuck::cast).collect();
+fn sorted_bits(photons: &[SortedPhoton]) -> Vec<[u32; 16]> {
+    let mut all: Vec<[u32; 16]> = photons.iter().copied().map(bytemuck::cast).collect();
     all.sort_unstable();
     all
 }
