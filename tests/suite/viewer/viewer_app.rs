@@ -217,6 +217,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         // A click finds what that eye sees.
         let block = click_node(&mut viewer, "short block");
         assert_eq!(viewer.state().selected(), Some(block));
+        until(&mut viewer, "radiance", |app| shown(app).radiance.is_some());
 
         press(&mut viewer, Modifiers::NONE, Key::F12);
         let png = folder.join(&format!("view_000{eye}.png"));
