@@ -305,6 +305,25 @@ impl Buffers {
         Ok(())
     }
 
+    /// Gives images that no plan uses memory of their own; they are forgotten with the others ([`Buffers::forget_images`]).
+    ///
+    /// # Errors
+    /// As [`Buffers::allocate`].
+    pub fn hold_images(
+        &mut self,
+        context: &GpuContext,
+        places: &[Place],
+        image: &ImageLayout,
+    ) -> Result<(), GpuError> {
+        for &place in places {
+            if let Some(row) = buffers::row(place.1) {
+                let bytes = bytes_of(row, place.0, image, &[]);
+                self.hold(context, place, row, Some(bytes))?;
+            }
+        }
+        Ok(())
+    }
+
     /// Bytes that all buffers have on the device, copies in textures aside.
     #[must_use]
     pub fn bytes(&self) -> u64 {

@@ -230,6 +230,10 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "anti_aliased", 16).holds(Holds::Turns),
     per_pixel!(Eye, "anti_aliased_moments", 8).holds(Holds::Turns),
 
+    // A view that stands still, as a window shows it.
+    per_pixel!(Eye, "mean_light", 16).holds(Holds::Always),
+    per_pixel!(Eye, "shown_pixels", 4).holds(Holds::Always),
+
     // Of the dispatch that runs: `shaders/shared/work.wesl`.
     fixed!(Frame, "work_counts", size_of::<[u64; 5]>() as u64).cleared(&[Moment::Frame]),
 

@@ -193,6 +193,8 @@ passes! {
         "Writes an eye's depth into a runtime's texture.";
     mirror: Fragments,
         "Draws an eye's image into its rectangle of a desktop window.";
+    still_picture: Pixels,
+        "Averages frames of a still view and tone maps the mean, 8 bits a channel.";
     inspect_surfaces: Pixels scene,
         "Traces each pixel's centre: instance, triangle, material, distance, normals, base colour, BVH nodes visited.";
     inspect_photons: Pixels,

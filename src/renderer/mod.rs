@@ -28,6 +28,7 @@ pub mod records;
 pub mod scene_buffers;
 mod session;
 pub mod stats;
+pub mod still;
 pub mod submit;
 
 use std::collections::VecDeque;
@@ -80,6 +81,7 @@ pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
 };
+pub use still::{Display, DisplayPixels};
 pub use submit::Submitter;
 
 pub use frames_in_flight::Flight;
@@ -154,6 +156,7 @@ pub struct Renderer {
     hidden: Option<session::Hidden>,
     submitter: Option<Submitter>,
     mirror: Option<mirror::MirrorPass>,
+    still: still::StillView,
     inspector: inspect::Inspector,
     player: Option<Player>,
     edit_base: editing::EditBase,
@@ -288,6 +291,7 @@ impl Renderer {
             hidden: hidden.as_ref().map(session::Hidden::new),
             submitter: None,
             mirror: None,
+            still: still::StillView::default(),
             inspector: inspect::Inspector::default(),
             player,
             edit_base,

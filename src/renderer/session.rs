@@ -124,6 +124,7 @@ impl Renderer {
 
     /// The frames before have images of another size.
     pub(super) fn forget_frames(&mut self) {
+        self.forget_mean();
         if let Some(reconstruction) = &mut self.reconstruction {
             reconstruction.reset();
         }
@@ -133,14 +134,18 @@ impl Renderer {
         self.inspector.forget_frames();
     }
 
-    fn shown_light(&self) -> ShownLight {
-        let exposure = self.settings.output.exposure;
-        let samples = match self.reconstruction {
+    /// Samples whose sum is what is shown.
+    pub(super) fn shown_samples(&self) -> u32 {
+        match self.reconstruction {
             Some(_) => 1,
             None => self.settings.spp.max(1),
-        };
+        }
+    }
+
+    fn shown_light(&self) -> ShownLight {
+        let exposure = self.settings.output.exposure;
         ShownLight {
-            scale: (exposure / f64::from(samples)) as f32,
+            scale: (exposure / f64::from(self.shown_samples())) as f32,
             parity: self.parity(),
         }
     }

@@ -9,7 +9,7 @@ use egui::Context;
 
 use super::fields::Fields;
 use super::fly_camera::FlyCamera;
-use super::frames::{FrameReport, Seen, ViewMode, Wanted};
+use super::frames::{FrameReport, PicturePlace, Seen, ViewMode, Wanted};
 use super::gamepad::Gamepad;
 use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
@@ -143,6 +143,8 @@ pub struct App {
     pub(super) shown_at: Vec<(Part, egui::Rect)>,
     pub(super) gamepad: Gamepad,
     worker: Worker,
+    /// Where the worker was last asked for radiance.
+    pointed: Option<PicturePlace>,
     /// What the worker was last told to show.
     sent: Option<Wanted>,
     /// Counts requests and changes of what is wanted.
@@ -238,6 +240,7 @@ impl App {
             shown_at: Vec::new(),
             gamepad: Gamepad::open(),
             worker,
+            pointed: None,
             sent: None,
             asked: 0,
             changes: 0,
@@ -431,6 +434,11 @@ impl App {
                     }
                     self.frame = Some(frame);
                 }
+                Report::Radiance(radiance) => {
+                    if let Some(frame) = &mut self.frame {
+                        frame.radiance = Some(radiance);
+                    }
+                }
                 Report::View(view) => {
                     let (picture, mode, pictures) = *view;
                     self.stock.put(picture, mode, pictures);
@@ -469,12 +477,8 @@ impl App {
         if shown == wanted {
             return;
         }
-        let output = &self.settings;
         let kept = self.stock.get(frame.picture, wanted).cloned();
-        let made = || {
-            let exposure = output.render.output.exposure;
-            ViewPictures::of_frame(frame, wanted, exposure, output.output.tone)
-        };
+        let made = || ViewPictures::of_frame(frame, wanted);
         let Some(pictures) = kept.or_else(made) else {
             return;
         };
@@ -710,6 +714,14 @@ impl App {
             near_m: 1e-3 * self.camera.speed,
             selected: self.selected.covered(self.document.scene()),
         })
+    }
+
+    /// Asks for the radiance at a place of what is shown: [`FrameReport::radiance`] has it soon.
+    pub(super) fn point_at(&mut self, place: PicturePlace) {
+        if self.pointed != Some(place) {
+            self.pointed = Some(place);
+            self.worker.ask(Request::Radiance(place));
+        }
     }
 
     /// Stops refining what is shown; any change goes on with it.

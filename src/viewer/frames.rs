@@ -7,7 +7,6 @@ use egui::ColorImage;
 use super::view_pictures::ViewPictures;
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
-use crate::images::ImageRgb;
 use crate::renderer::{Inspection, InstanceId, SeenSurface};
 use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::View;
@@ -164,6 +163,28 @@ impl Seen {
     }
 }
 
+/// A place of an eye's picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PicturePlace {
+    /// 0 left, 1 right.
+    pub eye: usize,
+    /// From (0, 0) at the top left to (1, 1).
+    pub at: [f32; 2],
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelRadiance {
+    /// 0 left, 1 right.
+    pub eye: usize,
+    /// Its number, row by row from the top left.
+    pub pixel: usize,
+    /// Pixels of the eye, width and height.
+    pub size: [u32; 2],
+    /// Mean radiance over frames, W/(m² sr), linear RGB.
+    pub radiance: [f32; 3],
+}
+
 /// A frame.
 pub struct FrameReport {
     /// [`Wanted::number`] of what it shows.
@@ -182,8 +203,10 @@ pub struct FrameReport {
     pub rendered: Eyes,
     /// Left and right eye. One that was not rendered has the other's.
     pub eyes: [Arc<ColorImage>; 2],
-    /// Mean radiance of the rendered eyes, W/(m² sr), linear RGB.
-    pub radiance: [Option<Arc<ImageRgb>>; 2],
+    /// The rendered eyes as [`ViewMode::Picture`] shows them, whatever is shown.
+    pub pictures: [Option<Arc<ColorImage>>; 2],
+    /// At the place that was asked for last, if an eye that was rendered has it.
+    pub radiance: Option<PixelRadiance>,
     /// Radius of the gather and of the caustics' gather, metres, as the renderer took them.
     pub radii_m: [f64; 2],
     /// The left eye under the other settings.

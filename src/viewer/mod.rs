@@ -7,7 +7,6 @@
 //! object without asking the device; an edit travels as an [`Edit`](crate::scene::edit::Edit), which both ends carry out on
 //! their own copy of the scene.
 
-pub mod accumulate;
 mod aim;
 pub mod app;
 mod fields;

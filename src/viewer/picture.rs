@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec3};
 
 use super::aim;
 use super::app::App;
-use super::frames::FrameReport;
+use super::frames::{FrameReport, PicturePlace, PixelRadiance};
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, rectangles};
 use super::selection;
@@ -385,7 +385,7 @@ fn place_in(rect: Rect, at: Pos2) -> [f32; 2] {
 }
 
 fn name_under_pointer(
-    app: &App,
+    app: &mut App,
     painter: &Painter,
     frame: &FrameReport,
     part: Part,
@@ -395,19 +395,24 @@ fn name_under_pointer(
     let Some(at) = response.hover_pos() else {
         return;
     };
-    let seen = &frame.seen[part.eye()];
-    let Some(pixel) = seen.pixel_at(place_in(rect, at)) else {
+    let (eye, at) = (part.eye(), place_in(rect, at));
+    let seen = &frame.seen[eye];
+    let Some(pixel) = seen.pixel_at(at) else {
         return;
     };
+    app.point_at(PicturePlace { eye, at });
     let Some(node) = app.document.scene().nodes.get(seen.nodes[pixel] as usize) else {
         return;
     };
     let mut text = format!("{}, {:.3} m", node.name, seen.distances_m[pixel]);
-    if let Some(radiance) = &frame.radiance[part.eye()]
-        && let Some([r, g, b]) = radiance.pixels.get(pixel)
-    {
-        let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
-        text += &format!("\npixel {x} {y}: {r:.4} {g:.4} {b:.4} W/(m\u{b2} sr)");
+    let [x, y] = [pixel as u32 % seen.size[0], pixel as u32 / seen.size[0]];
+    text += &format!("\npixel {x} {y}");
+    let is_of =
+        |known: &&PixelRadiance| (known.eye, known.pixel, known.size) == (eye, pixel, seen.size);
+    // The device is asked, and soon answers.
+    if let Some(known) = frame.radiance.as_ref().filter(is_of) {
+        let [r, g, b] = known.radiance;
+        text += &format!(": {r:.4} {g:.4} {b:.4} W/(m\u{b2} sr)");
     }
     label(
         painter,

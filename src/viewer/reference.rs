@@ -1,11 +1,11 @@
 //! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
 
-use super::accumulate::Accumulator;
-use super::render_engine::{EngineError, library};
+use super::render_engine::{EngineError, library, mean_of};
 use super::session::DesktopSession;
 use crate::frame_loop;
 use crate::gpu::{Gate, GpuContext, ShaderLibrary};
-use crate::renderer::{Eye, Renderer};
+use crate::images::ImageRgb;
+use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::settings::{Eyes, Method, Mips, ReconstructSettings, RenderSettings, Reuse, Settings};
 
@@ -17,7 +17,6 @@ pub struct Reference {
     renderer: Renderer,
     library: ShaderLibrary,
     size: [u32; 2],
-    averaged: [Accumulator; 2],
 }
 
 impl Reference {
@@ -54,7 +53,6 @@ impl Reference {
             renderer,
             library,
             size,
-            averaged: Default::default(),
         })
     }
 
@@ -83,11 +81,7 @@ impl Reference {
             },
             |_| {},
         )?;
-        for (eye, averaged) in [Eye::Left, Eye::Right].into_iter().zip(&mut self.averaged) {
-            if let Some(pixels) = self.renderer.read_radiance(eye)? {
-                averaged.add(&pixels);
-            }
-        }
+        self.renderer.average(&self.library, None)?;
         Ok(())
     }
 
@@ -103,18 +97,19 @@ impl Reference {
 
     /// Forgets the frames: the view has changed.
     pub fn clear(&mut self) {
-        for averaged in &mut self.averaged {
-            averaged.clear();
-        }
+        self.renderer.forget_mean();
     }
 
     /// Frames so far.
     pub fn frames(&self) -> u32 {
-        self.averaged[0].frames()
+        self.renderer.mean_frames()
     }
 
-    /// The frames of the left and the right eye.
-    pub fn averaged(&self) -> &[Accumulator; 2] {
-        &self.averaged
+    /// Mean radiance of an eye, 0 left or 1 right; `None` before the first frame.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    pub fn mean(&self, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
+        mean_of(&self.renderer, eye)
     }
 }

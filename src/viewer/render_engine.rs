@@ -6,23 +6,22 @@ use std::time::Instant;
 
 use egui::ColorImage;
 
-use super::accumulate::Accumulator;
-use super::frames::{FrameReport, Seen, ViewMode, Wanted};
+use super::frames::{FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted};
+use super::reference::Reference;
 use super::session::DesktopSession;
-use super::view_pictures::{
-    Colored, EYES, NO_REFERENCE, ViewPictures, color, color_image, shared, with_legend,
-};
+use super::view_pictures::{Colored, EYES, NO_REFERENCE, ViewPictures, color, shared, with_legend};
 use crate::app::FrameInput;
 use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
 use crate::frame::user_passes::shader_library;
 use crate::frame_loop::{self, FrameStats, LoopError, Step};
 use crate::gpu::{Gate, GpuContext, GpuError, ShaderLibrary};
-use crate::images::{ImageError, ImageRgb, ImageRgb8};
-use crate::renderer::{Applied, Inspected, InspectedValues, Inspection, RenderError, Renderer};
+use crate::images::{ImageError, ImageRgb};
+use crate::renderer::{
+    Applied, Display, Inspected, InspectedValues, Inspection, RenderError, Renderer,
+};
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
-use crate::tone::tone_map_by;
 use crate::xr::{View, XrSession};
 
 /// What can go wrong on the rendering thread.
@@ -75,7 +74,8 @@ pub struct RenderEngine {
     compiled: Option<Compiled>,
     /// Settings that made no renderer; not tried again until something changes.
     refused: Option<Arc<Settings>>,
-    averaged: [Accumulator; 2],
+    /// Of the mean over frames, by eye; none of an eye that the last frame did not have.
+    pictures: [Option<Arc<ColorImage>>; 2],
     /// What the pixels see, of the view in hand.
     seen: Option<[Arc<Seen>; 2]>,
     /// Says whether the frame under way is still wanted.
@@ -99,7 +99,7 @@ impl RenderEngine {
             is_outgrown: false,
             compiled: None,
             refused: None,
-            averaged: Default::default(),
+            pictures: [None, None],
             seen: None,
             gate,
         }
@@ -118,20 +118,16 @@ impl RenderEngine {
 
     /// Frames averaged so far.
     pub fn frames(&self) -> u32 {
-        let [left, right] = &self.averaged;
-        left.frames().max(right.frames())
-    }
-
-    /// Whether the last frame had an eye, 0 left or 1 right.
-    fn is_rendered(&self, eye: usize) -> bool {
-        self.averaged[eye].frames() > 0
+        let compiled = self.compiled.as_ref();
+        compiled.map_or(0, |compiled| compiled.renderer.mean_frames())
     }
 
     /// Forgets the frames: the view, the scene or the size has changed.
     pub fn clear(&mut self) {
-        for averaged in &mut self.averaged {
-            averaged.clear();
+        if let Some(compiled) = &mut self.compiled {
+            compiled.renderer.forget_mean();
         }
+        self.pictures = [None, None];
         self.seen = None;
     }
 
@@ -284,7 +280,7 @@ impl RenderEngine {
         self.compiled.as_mut().ok_or(EngineError::NoRenderer)
     }
 
-    /// One frame through the frame loop, added to the mean; `None` if the session shows nothing.
+    /// One frame through the frame loop, added to the mean, which is shown as is `wanted`; `None` if the session shows nothing.
     ///
     /// # Errors
     /// [`EngineError`].
@@ -292,13 +288,13 @@ impl RenderEngine {
         &mut self,
         session: &mut DesktopSession,
         index: u32,
-        scene_time_ns: Option<i64>,
+        wanted: &Wanted,
         size: [u32; 2],
     ) -> Result<Option<FrameStats>, EngineError> {
         let began = Instant::now();
         let (renderer, library) = self.renderer_of(size)?;
         let update = |_: &mut dyn XrSession, renderer: &mut Renderer, _: FrameInput| {
-            if let Some(time_ns) = scene_time_ns {
+            if let Some(time_ns) = wanted.scene_time_ns {
                 renderer.animate(time_ns);
             }
             Ok(())
@@ -307,56 +303,62 @@ impl RenderEngine {
         let Step::Rendered(rendered) = step else {
             return Ok(None);
         };
-        let non_finite = self.accumulate()?;
+        let non_finite = self.average(wanted)?;
         let frame_ms = crate::gpu::timing::milliseconds_since(began);
         Ok(Some(rendered.into_stats(index, non_finite, frame_ms)))
     }
 
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.
-    ///
-    /// # Errors
-    /// [`EngineError::Render`].
-    fn accumulate(&mut self) -> Result<usize, EngineError> {
-        let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
-        let mut non_finite = 0;
-        // What is reconstructed is an average already.
-        let is_averaged = compiled.settings.render.reconstruct.is_on();
-        for (eye, averaged) in EYES.into_iter().zip(&mut self.averaged) {
-            let Some(mut pixels) = compiled.renderer.read_radiance(eye)? else {
-                averaged.clear();
-                continue;
-            };
-            for pixel in &mut pixels {
-                if !pixel.iter().all(|channel| channel.is_finite()) {
-                    *pixel = [0.0; 3];
-                    non_finite += 1;
-                }
-            }
-            if is_averaged {
-                averaged.clear();
-            }
-            averaged.add(&pixels);
-        }
+    fn average(&mut self, wanted: &Wanted) -> Result<usize, EngineError> {
+        let display = Display {
+            exposure: wanted.exposure,
+            tone: wanted.tone,
+        };
+        let compiled = self.compiled()?;
+        let shown = compiled
+            .renderer
+            .average(&compiled.library, Some(display))?;
+        let size = compiled.renderer.size().map(|edge| edge as usize);
+        let non_finite = shown.iter().flatten().map(|eye| eye.non_finite).sum();
+        self.pictures = shown.map(|eye| {
+            eye.map(|eye| Arc::new(ColorImage::from_rgba_premultiplied(size, &eye.rgba)))
+        });
         Ok(non_finite)
     }
 
-    /// Mean radiance of an eye, 0 left or 1 right.
-    pub fn mean(&self, eye: usize, size: [u32; 2]) -> Option<ImageRgb> {
-        self.averaged[eye].mean(size)
-    }
-
-    /// An eye's picture, tone mapped.
-    fn shown(&self, eye: usize, wanted: &Wanted, size: [u32; 2]) -> Result<ImageRgb8, EngineError> {
-        let mean = self.mean(eye, size).ok_or(EngineError::NoRenderer)?;
-        Ok(tone_map_by(&mean, wanted.exposure, wanted.tone))
-    }
-
-    /// The left eye's picture.
+    /// Mean radiance of an eye, 0 left or 1 right; `None` if the last frame did not have it.
     ///
     /// # Errors
     /// [`EngineError`].
-    pub fn picture(&self, wanted: &Wanted, size: [u32; 2]) -> Result<Arc<ColorImage>, EngineError> {
-        Ok(Arc::new(color_image(&self.shown(0, wanted, size)?)))
+    pub fn mean(&self, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
+        let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
+        mean_of(&compiled.renderer, eye)
+    }
+
+    /// Mean radiance at a place; `None` if the last frame did not have it.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    pub fn radiance_at(&self, place: PicturePlace) -> Result<Option<PixelRadiance>, EngineError> {
+        let PicturePlace { eye, at } = place;
+        let (Some(compiled), Some(seen)) = (&self.compiled, &self.seen) else {
+            return Ok(None);
+        };
+        let Some(pixel) = seen[eye].pixel_at(at) else {
+            return Ok(None);
+        };
+        let read = compiled.renderer.read_mean_at(EYES[eye], pixel)?;
+        Ok(read.map(|radiance| PixelRadiance {
+            eye,
+            pixel,
+            size: seen[eye].size,
+            radiance,
+        }))
+    }
+
+    /// The left eye's picture.
+    pub fn picture(&self) -> Option<Arc<ColorImage>> {
+        self.pictures[0].clone()
     }
 
     /// What pixels see, from the frame that was just rendered if the view is new.
@@ -366,7 +368,7 @@ impl RenderEngine {
         {
             return Ok(seen.clone());
         }
-        let rendered = [0, 1].map(|eye| self.is_rendered(eye));
+        let rendered = [0, 1].map(|eye| self.pictures[eye].is_some());
         let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
         for (eye, is_rendered) in EYES.into_iter().zip(rendered) {
@@ -382,8 +384,7 @@ impl RenderEngine {
         Ok(seen)
     }
 
-    /// Everything that the window shows of the frame that was just rendered. `reference`: the frames of both eyes' reference,
-    /// if there is one.
+    /// Everything that the window shows of the frame that was just rendered; `reference` if there is one.
     ///
     /// # Errors
     /// [`EngineError`].
@@ -393,10 +394,10 @@ impl RenderEngine {
         size: [u32; 2],
         views: [View; 2],
         stats: FrameStats,
-        reference: Option<&[Accumulator; 2]>,
+        reference: Option<&Reference>,
     ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
-        let pictures = self.pictures(wanted.view_mode, wanted, size, reference)?;
+        let pictures = self.pictures(wanted.view_mode, size, reference)?;
         let renderer = &self.compiled()?.renderer;
         let is_dark = renderer.scene().light_count() == 0;
         let radii_m = [renderer.radius_m(), renderer.caustic_radius_m()];
@@ -409,7 +410,8 @@ impl RenderEngine {
             index: stats.frame,
             rendered: wanted.rendered,
             eyes: pictures.eyes,
-            radiance: [0, 1].map(|eye| self.mean(eye, size).map(Arc::new)),
+            pictures: self.pictures.clone(),
+            radiance: None,
             radii_m,
             other: None,
             legend: pictures.legend,
@@ -424,27 +426,23 @@ impl RenderEngine {
         })
     }
 
-    /// Both eyes' pictures of a view of the frame that was just rendered, exposed as is `wanted`.
+    /// Both eyes' pictures of a view of the frame that was just rendered.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn pictures(
         &mut self,
         mode: ViewMode,
-        wanted: &Wanted,
         size: [u32; 2],
-        reference: Option<&[Accumulator; 2]>,
+        reference: Option<&Reference>,
     ) -> Result<ViewPictures, EngineError> {
         let made = ViewPictures::make(|eye, first| {
-            if !self.is_rendered(eye) {
+            let Some(picture) = self.pictures[eye].clone() else {
                 return Ok(None);
-            }
-            let reference = reference.map(|frames| &frames[eye]);
+            };
             let colored = self.colored(mode, eye, size, reference, first)?;
-            Ok::<_, EngineError>(Some(match colored {
-                Ok(colored) => colored,
-                Err(note) => (self.shown(eye, wanted, size)?, None, note),
-            }))
+            let colored = colored.unwrap_or_else(|note| (picture, None, note));
+            Ok::<_, EngineError>(Some(colored))
         })?;
         made.ok_or(EngineError::NoRenderer)
     }
@@ -456,7 +454,7 @@ impl RenderEngine {
         mode: ViewMode,
         eye: usize,
         size: [u32; 2],
-        reference: Option<&Accumulator>,
+        reference: Option<&Reference>,
         first: Option<&Legend>,
     ) -> Result<Result<Colored, Option<String>>, EngineError> {
         match mode {
@@ -468,14 +466,14 @@ impl RenderEngine {
                 Err(error) => Err(error),
             },
             ViewMode::Error => {
-                let (Some(reference), Some(mean)) = (reference, self.mean(eye, size)) else {
+                let (Some(reference), Some(mean)) = (reference, self.mean(eye)?) else {
                     return Ok(Err(Some(NO_REFERENCE.to_owned())));
                 };
                 let log = Coloring {
                     scale: Scale::Log,
                     range: None,
                 };
-                let Some(converged) = reference.mean(size) else {
+                let Some(converged) = reference.mean(eye)? else {
                     return Ok(Err(None));
                 };
                 let map = false_color::relative_error(&mean, &converged, shared(log, first))?;
@@ -510,7 +508,8 @@ impl RenderEngine {
             && let Some(compiled) = &self.compiled
             && inspection.missing(&compiled.settings.render).is_some()
         {
-            let values = self.averaged[eye].variance().ok_or_else(|| {
+            let variance = compiled.renderer.read_mean_variance(EYES[eye])?;
+            let values = variance.ok_or_else(|| {
                 RenderError::Settings(
                     "variance needs two frames of a view that stands still".to_owned(),
                 )
@@ -537,6 +536,17 @@ impl RenderEngine {
             .renderer
             .inspect(&compiled.library, inspection, EYES[eye])?)
     }
+}
+
+/// Mean radiance over a renderer's frames of an eye, 0 left or 1 right; `None` if there is none.
+///
+/// # Errors
+/// [`EngineError`].
+pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
+    let [width, height] = renderer.size();
+    let mean = renderer.read_mean(EYES[eye])?;
+    let image = mean.map(|pixels| ImageRgb::new(width, height, pixels));
+    Ok(image.transpose()?)
 }
 
 /// Whether two sets of settings make the same renderer.
@@ -579,5 +589,60 @@ mod tests {
         assert!(same_renderer(&base, &other));
         other.render.photon.count += 1;
         assert!(!same_renderer(&base, &other));
+    }
+
+    #[test]
+    fn a_place_of_the_picture_has_the_radiance_of_its_pixel() {
+        let scene = Scene::builtin("cornell").unwrap();
+        let mut settings = Settings::default();
+        settings.render.method = crate::settings::Method::Path;
+        let settings = Arc::new(settings);
+        let headset = crate::xr::Headset::load(&settings.headset).unwrap();
+        let views = headset.views_from_head(&scene.start_pose());
+        let size = [12, 8];
+        let wanted = Wanted {
+            number: 0,
+            settings: Arc::clone(&settings),
+            other: None,
+            views,
+            rendered: Eyes::Right,
+            scene_time_ns: None,
+            size,
+            exposure: 2.0,
+            tone: crate::settings::Tone::Neutral,
+            view_mode: ViewMode::Picture,
+            stands: false,
+        };
+        let shared = Arc::new(std::sync::Mutex::new(views));
+        let mut session = DesktopSession::new(&headset, shared);
+        let mut engine = RenderEngine::new(scene, Arc::new(|_: &str| true));
+        engine.prepare(&settings, Eyes::Right, size).unwrap();
+        let place = PicturePlace {
+            eye: 1,
+            at: [0.3, 0.7],
+        };
+        assert_eq!(engine.radiance_at(place).unwrap(), None, "no frame yet");
+        for index in 0..2 {
+            let stats = engine.frame(&mut session, index, &wanted, size).unwrap();
+            let report = engine.report(&wanted, size, views, stats.unwrap(), None);
+            assert_eq!(report.unwrap().frames, index + 1);
+        }
+        let mean = engine.mean(1).unwrap().unwrap();
+        // Row 5, column 3.
+        let found = engine.radiance_at(place).unwrap().unwrap();
+        assert_eq!((found.eye, found.pixel, found.size), (1, 63, size));
+        assert_eq!(found.radiance, mean.pixels[63]);
+        let left = PicturePlace { eye: 0, ..place };
+        assert_eq!(engine.radiance_at(left).unwrap(), None, "not rendered");
+        let host = crate::tone::tone_map_by(&mean, 2.0, crate::settings::Tone::Neutral);
+        let shown = engine.pictures[1].as_ref().unwrap();
+        for (device, host) in shown.pixels.iter().zip(&host.pixels) {
+            let [r, g, b, _] = device.to_array();
+            // A step: `renderer::still` has where.
+            let off = [0, 1, 2].map(|c| [r, g, b][c].abs_diff(host[c]));
+            assert!(off.iter().all(|off| *off <= 1), "{device:?} for {host:?}");
+        }
+        engine.clear();
+        assert_eq!(engine.radiance_at(place).unwrap(), None, "another view");
     }
 }

@@ -34,7 +34,7 @@ pub fn write(
         .map(|number| format!("view_{number:04}"))
         .find(|name| !folder.join(format!("{name}.png")).exists())
         .ok_or_else(|| cannot("there are 10000 screenshots already".to_owned()))?;
-    let means = [0, 1].map(|eye| engine.mean(eye, size));
+    let means = [engine.mean(0)?, engine.mean(1)?];
     for (mean, eye) in means.iter().zip(["left", "right"]) {
         if let Some(mean) = mean {
             write_exr(&folder.join(format!("{name}_{eye}.exr")), mean)?;

@@ -9,8 +9,6 @@ use super::frames::{FrameReport, Seen, ViewMode};
 use crate::false_color::{self, Coloring, Legend, Picture};
 use crate::images::{ImageError, ImageRgb8};
 use crate::renderer::{Eye, Inspected, InspectedValues, Inspection};
-use crate::settings::Tone;
-use crate::tone::tone_map_by;
 
 /// In the order of all pairs of eyes here.
 pub const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
@@ -32,11 +30,15 @@ pub struct ViewPictures {
 }
 
 /// An eye's picture, what its colours mean if they are false, and what is said of it.
-pub type Colored = (ImageRgb8, Option<Legend>, Option<String>);
+pub type Colored = (Arc<ColorImage>, Option<Legend>, Option<String>);
 
 /// With a legend.
 pub fn with_legend(picture: Picture) -> Colored {
-    (picture.image, Some(picture.legend), None)
+    (
+        Arc::new(color_image(&picture.image)),
+        Some(picture.legend),
+        None,
+    )
 }
 
 /// Colours of a view's values on the scale of `first`, if there is one: both eyes share one scale, or they could not be
@@ -74,7 +76,7 @@ impl ViewPictures {
         let mut legend = None;
         for eye in 0..2 {
             if let Some((image, own_legend, note)) = of(eye, legend.as_ref())? {
-                eyes[eye] = Some(Arc::new(color_image(&image)));
+                eyes[eye] = Some(image);
                 notes[eye] = note;
                 legend = legend.or(own_legend);
             }
@@ -87,20 +89,14 @@ impl ViewPictures {
         }))
     }
 
-    /// Of a frame that shows something else, where it brought what they are made of: the surfaces that its pixels see, and
-    /// their radiance.
-    pub fn of_frame(
-        frame: &FrameReport,
-        mode: ViewMode,
-        exposure: f64,
-        tone: Tone,
-    ) -> Option<Self> {
+    /// Of a frame that shows something else, where it brought what they are made of: the picture, and the surfaces that its
+    /// pixels see.
+    pub fn of_frame(frame: &FrameReport, mode: ViewMode) -> Option<Self> {
         let made = Self::make(|eye, first| {
             if frame.stands_for(eye) != eye {
                 return Ok(None);
             }
-            let mean = frame.radiance[eye].as_ref();
-            let shown = mean.map(|mean| tone_map_by(mean, exposure, tone));
+            let shown = frame.pictures[eye].clone();
             match mode {
                 ViewMode::Picture => Ok(shown.map(|picture| (picture, None, None))),
                 ViewMode::Inspection(inspection) => frame.seen[eye]
@@ -218,7 +214,7 @@ impl Seen {
 }
 
 /// For egui.
-pub fn color_image(image: &ImageRgb8) -> ColorImage {
+fn color_image(image: &ImageRgb8) -> ColorImage {
     let pixels = image
         .pixels
         .iter()

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::frames::{FrameReport, Seen, ViewMode, Wanted};
+use super::frames::{FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted};
 use super::pressure::{Asked, Pressure};
 use super::reference::Reference;
 use super::render_engine::{EngineError, RenderEngine, library};
@@ -54,6 +54,8 @@ pub enum Request {
     Edit(Box<Edit>),
     /// Write both eyes' images under this folder, once the frame has its full size.
     Screenshot(PathBuf),
+    /// Say the radiance at this place of what is shown, and of frames to come.
+    Radiance(PicturePlace),
     /// Read the shaders again.
     ReloadShaders,
     /// Stop refining what is shown, until something else is wanted.
@@ -68,6 +70,8 @@ pub enum Report {
     Frame(Box<FrameReport>),
     /// Another view of frames that were reported with this [`FrameReport::picture`].
     View(Box<(u64, ViewMode, ViewPictures)>),
+    /// What was asked for of the last frame.
+    Radiance(PixelRadiance),
     /// Something that takes a while has begun; empty when it is over.
     Busy(&'static str),
     /// Something did not work; the last picture and what made it stay.
@@ -127,6 +131,7 @@ impl Worker {
                     other: None,
                     reference: None,
                     screenshots: Vec::new(),
+                    pointed: None,
                     frame_index: 0,
                     divisor: FIRST_DIVISOR,
                     is_preview: false,
@@ -173,7 +178,7 @@ impl Worker {
     pub fn ask(&self, request: Request) {
         let asked = match &request {
             // Of the frame in hand.
-            Request::Screenshot(_) => Asked::Nothing,
+            Request::Screenshot(_) | Request::Radiance(_) => Asked::Nothing,
             Request::Wanted => Asked::View,
             Request::Edit(_) | Request::ReloadShaders => Asked::Scene,
             Request::Scene(_) | Request::Stop | Request::Quit => Asked::Stop,
@@ -262,6 +267,8 @@ struct Inner {
     other: Option<RenderEngine>,
     reference: Option<Reference>,
     screenshots: Vec<PathBuf>,
+    /// Where the radiance was asked for last.
+    pointed: Option<PicturePlace>,
     frame_index: u32,
     /// How many times smaller than wanted the next frame is, along each edge.
     divisor: u32,
@@ -317,15 +324,21 @@ impl Inner {
             self.pressure.serve();
             // Read before the other requests: whatever was asked for before it is then served before it is shown.
             let wanted = self.wanted();
+            // Who only looks changes nothing.
+            let mut is_at_rest = matches!(turn, Turn::Rest);
             while let Some(next) = request {
-                if matches!(next, Request::Quit) {
-                    return;
+                match &next {
+                    Request::Quit => return,
+                    Request::Radiance(_) => {}
+                    other => {
+                        is_at_rest = false;
+                        self.is_stopped = matches!(other, Request::Stop);
+                    }
                 }
-                self.is_stopped = matches!(next, Request::Stop);
                 self.serve(next);
                 request = self.requests.try_recv().ok();
             }
-            turn = if self.is_stopped {
+            turn = if self.is_stopped || is_at_rest {
                 Turn::Rest
             } else {
                 self.turn(&wanted)
@@ -354,6 +367,15 @@ impl Inner {
                 self.restart();
             }
             Request::Screenshot(folder) => self.screenshots.push(folder),
+            Request::Radiance(place) => {
+                self.pointed = Some(place);
+                match self.engine.radiance_at(place) {
+                    Ok(Some(radiance)) => self.report(Report::Radiance(radiance)),
+                    Ok(None) => {}
+                    // The next frame says what is wrong.
+                    Err(error) => log::debug!("radiance under the pointer: {error}"),
+                }
+            }
             Request::ReloadShaders => {
                 let settings = Arc::clone(&self.wanted().settings);
                 match library(&settings).and_then(|library| self.engine.reload(library)) {
@@ -485,8 +507,7 @@ impl Inner {
         let began = Instant::now();
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
-        let time = wanted.scene_time_ns;
-        let Some(stats) = self.engine.frame(&mut self.session, index, time, size)? else {
+        let Some(stats) = self.engine.frame(&mut self.session, index, wanted, size)? else {
             return Ok(Turn::Rest);
         };
         if self.pressure.gave_up().is_some() {
@@ -508,8 +529,8 @@ impl Inner {
         let other = match &mut self.other {
             None => None,
             Some(other) => {
-                other.frame(&mut self.session, index, time, size)?;
-                Some(other.picture(wanted, size)?)
+                other.frame(&mut self.session, index, wanted, size)?;
+                other.picture()
             }
         };
         if wanted.view_mode == ViewMode::Error && self.divisor == 1 {
@@ -525,9 +546,9 @@ impl Inner {
                     )?)
                 }
             };
-            reference.add(&mut self.session, index, time)?;
+            reference.add(&mut self.session, index, wanted.scene_time_ns)?;
         }
-        let reference = self.reference.as_ref().map(Reference::averaged);
+        let reference = self.reference.as_ref();
         let mut report = self
             .engine
             .report(wanted, size, wanted.views, stats, reference)?;
@@ -542,6 +563,9 @@ impl Inner {
         self.reported = wanted.view_mode;
         self.answered = wanted.number;
         report.picture = self.picture;
+        if let Some(place) = self.pointed {
+            report.radiance = self.engine.radiance_at(place)?;
+        }
         report.other = other;
         report.changes = self.changes;
         report.is_full = self.divisor == 1;
@@ -606,7 +630,7 @@ impl Inner {
             }
             self.pressure.begin();
             let began = Instant::now();
-            let made = self.engine.pictures(mode, wanted, size, None);
+            let made = self.engine.pictures(mode, size, None);
             if self.pressure.gave_up().is_some() {
                 return Ok(());
             }

@@ -2,7 +2,7 @@
 
 use super::FrameSpec;
 use crate::frame::buffers::{BUFFERS, Moment};
-use crate::frame::passes::{self, Pass};
+use crate::frame::passes::{self, Domain, Pass};
 use crate::frame::photon_layout::MapKind;
 use crate::frame::step::{Eye, PlannedStage, Size, Stage, Step, Steps};
 use crate::settings::{Kept, RenderSettings};
@@ -67,14 +67,18 @@ pub(super) fn after(frame: &FrameSpec<'_>) -> PlannedStage {
     }
 }
 
-/// Both eyes' pictures go to a runtime, with their depths where it takes them, or to a window.
+/// Both eyes' pictures go to a runtime, with their depths where it takes them, to a window, or into the mean of a still view.
 #[must_use]
 pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
     let mut steps = Steps::of_eye(Stage::Present.name(), Eye::Left);
     for eye in Eye::BOTH {
         steps.turn_to(Stage::Present.name(), eye);
         for pass in passes {
-            let step = steps.run(pass, Size::Fragments);
+            let size = match pass.over {
+                Domain::Fragments => Size::Fragments,
+                _ => Size::Tiles,
+            };
+            let step = steps.run(pass, size);
             step.names(&[
                 ("shown_light", shown_light(settings)),
                 ("shown_coverage", shown_coverage(settings)),
@@ -96,6 +100,7 @@ pub fn on_demand(settings: &RenderSettings) -> [PlannedStage; 2] {
         &passes::xr_submit,
         &passes::xr_submit_depth,
         &passes::mirror,
+        &passes::still_picture,
     ];
     let views = [
         View::Surfaces,

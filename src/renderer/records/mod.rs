@@ -10,4 +10,5 @@ pub mod mirror;
 pub mod photon;
 pub mod reconstruction;
 pub mod stereo;
+pub mod still;
 pub mod submit;

@@ -90,7 +90,7 @@ fn is_given(name: &str) -> bool {
         top_nodes mesh_nodes instances triangles triangle_vertices vertices materials texture_infos texels \
         lights light_alias environment_texels environment_cdf \
         rest_vertices deform_meshes morph_deltas morph_weights joint_rows deformed_positions deformed_triangles \
-        refit_nodes refit_costs submission mirror";
+        refit_nodes refit_costs submission mirror still";
     words(GIVEN).contains(&name) || name.ends_with("_texels")
 }
 

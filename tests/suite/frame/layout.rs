@@ -16,7 +16,7 @@ use stereolux::renderer::photon_map::{
 };
 use stereolux::renderer::records::stereo::{self, Provenance};
 use stereolux::renderer::records::{
-    deform, frame, light, material, mirror, reconstruction, submit,
+    deform, frame, light, material, mirror, reconstruction, still, submit,
 };
 use stereolux::scene::needs::CAUSTIC_ROUGHNESS;
 use stereolux::settings::registry::{self, Kind};
@@ -42,6 +42,7 @@ fn host() -> BTreeMap<String, Layout> {
         mirror::Mirror::LAYOUT,
         reconstruction::Reconstruction::LAYOUT,
         stereo::StereoCounters::LAYOUT,
+        still::Still::LAYOUT,
         submit::Submit::LAYOUT,
         records::BvhNode::LAYOUT,
         records::Instance::LAYOUT,

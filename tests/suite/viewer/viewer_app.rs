@@ -206,7 +206,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         layout = next;
         until(&mut viewer, "one eye", App::is_up_to_date);
         let frame = shown(viewer.state());
-        let rendered = [0, 1].map(|eye| frame.radiance[eye].is_some());
+        let rendered = [0, 1].map(|eye| frame.pictures[eye].is_some());
         assert_eq!(rendered, [eye == 0, eye == 1]);
         let mut passes = frame.stats.pass_ms.keys();
         // A single eye lies in the left one's buffers, whichever it is.
@@ -217,6 +217,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         // A click finds what that eye sees.
         let block = click_node(&mut viewer, "short block");
         assert_eq!(viewer.state().selected(), Some(block));
+        until(&mut viewer, "radiance", |app| shown(app).radiance.is_some());
 
         press(&mut viewer, Modifiers::NONE, Key::F12);
         let png = folder.join(&format!("view_000{eye}.png"));
@@ -229,7 +230,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
     choose(&mut viewer, layout.name(), Layout::SideBySide.name());
     until(&mut viewer, "both eyes", App::is_up_to_date);
     let frame = shown(viewer.state());
-    assert!(frame.radiance.iter().all(Option::is_some));
+    assert!(frame.pictures.iter().all(Option::is_some));
     assert_no_errors(&viewer);
 }
 

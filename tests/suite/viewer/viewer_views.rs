@@ -61,7 +61,7 @@ fn a_view_stands_with_the_next_pass_and_the_frame_of_it_is_no_other() {
     }
     let last = shown(viewer.state()).index;
     assert!(last > index, "frames of these views came");
-    // The picture too, from its radiance.
+    // The picture too: the frame has it.
     viewer.state_mut().set_view_mode(ViewMode::Picture);
     viewer.step();
     assert_eq!(shown(viewer.state()).view_mode, ViewMode::Picture);
