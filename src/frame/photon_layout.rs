@@ -129,17 +129,18 @@ impl MapLayout {
             BATCH_SCRATCH_BYTES[usize::from(config.wide_machine)].min(limits.binding_bytes);
         let batch_limit = (scratch / (PHOTON_BYTES * u64::from(slots_per_path))).max(1);
         let share = config.paths.div_ceil(config.shares.max(1));
-        // Bright interiors store about two photons per path, and few paths meet glass; a map that overflows is grown
-        // after the frame.
-        let per_path = match config.kind {
-            MapKind::Photons => 3,
+        // Bright interiors store about two photons per path, and of the paths towards what focuses one in thirty; a map that
+        // overflows is grown after the frame.
+        let per_four_paths = match config.kind {
+            MapKind::Photons => 10,
             MapKind::Caustics => 1,
         };
         let capacity = match config.capacity {
-            0 => config
-                .paths
-                .saturating_mul(per_path)
-                .clamp(1024, config.largest_capacity(limits).max(1024)),
+            0 => {
+                let stored = u64::from(config.paths) * per_four_paths / 4;
+                let largest = u64::from(config.largest_capacity(limits));
+                stored.clamp(1024, largest.max(1024)) as u32
+            }
             fixed => fixed,
         };
         Self {

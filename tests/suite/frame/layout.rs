@@ -109,7 +109,6 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
     };
     let mut found = BTreeMap::new();
     let mut library = library.clone();
-    // What records.wesl reads by words.
     let probe = "tests/records_probe";
     let source = include_str!("../../../crates/gpu/tests/shared/records_probe.wesl");
     library.insert(probe, source);

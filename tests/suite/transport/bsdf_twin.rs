@@ -434,10 +434,8 @@ fn refraction_obeys_the_generalised_reciprocity() {
         // units in the last place among them), and what Fresnel lets through goes with the cosine.
         let rounding = 8.0 / f64::from(1 << 24) / (2.0 * cosine * cosine);
         let off = (a - b).abs();
-        assert!(
-            off <= (1e-4 + rounding) * a.max(b),
-            "{query:?}: {a} there, {b} back"
-        );
+        let most = (1e-4 + rounding) * a.max(b);
+        assert!(off <= most, "{query:?}: {a} there, {b} back");
     }
     assert!(seen > 200);
 }

@@ -234,13 +234,12 @@ fn slices_go_on_where_they_stopped() {
         for pixel in [12, 27, 36, 60] {
             let (point, normal, albedo) = seen(&scene, &triangles, pixel, 8).unwrap();
             let point = point - renderer.origin_in_world();
-            let (expected, held, _) =
-                nearest_twin(&photons, point, normal, albedo, 10.0, 16, paths);
+            let twin = nearest_twin(&photons, point, normal, albedo, 10.0, 16, paths);
             let found = f64::from(found[pixel][0]);
             // As in the test of the nearest photons.
-            let off = (found / expected - 1.0).abs();
-            let what = format!("{name}, pixel {pixel}: {found} for {expected}");
-            assert!(held == 16 && off < 2e-3, "{what}");
+            let off = (found / twin.0 - 1.0).abs();
+            let what = format!("{name}, pixel {pixel}: {found} for {twin:?}");
+            assert!(twin.1 == 16 && off < 2e-3, "{what}");
         }
         images.push(found);
     }
@@ -267,8 +266,7 @@ fn seen(
     Some((point, normal, f64::from(material.base_color[0])))
 }
 
-/// Radiance of a Lambert pixel from its `nearest` photons, in f64; red channel; how many they are, and the square of the
-/// farthest one's distance, m^2.
+/// Radiance of a Lambert pixel from its `nearest` photons, in f64, red; how many they are, and their radius squared.
 fn nearest_twin(
     photons: &[SortedPhoton],
     point: DVec3,

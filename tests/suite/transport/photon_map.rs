@@ -6,6 +6,7 @@ use stereolux::scene::Scene;
 use stereolux::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
+use super::bsdf_probe::wide;
 use super::hard_support::is_black;
 use crate::suite::embedded_scenes::sphere;
 pub use crate::suite::support::start_views as views;
@@ -150,7 +151,6 @@ fn every_photon_lies_in_the_run_of_its_cell() {
 
 /// Direction of flight and normal.
 pub fn directions(photon: &SortedPhoton) -> (DVec3, DVec3) {
-    let wide = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
     (-wide(photon.towards_light), wide(photon.normal))
 }
 

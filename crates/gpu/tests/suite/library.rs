@@ -72,6 +72,24 @@ fn no_pass_reads_both_a_record_and_its_copy() {
 }
 
 #[test]
+fn shaders_of_others_are_known_whatever_module_of_theirs_they_import() {
+    let mut library = ShaderLibrary::embedded();
+    let is_embedded = |library: &ShaderLibrary, words: &[&str]| {
+        let shader = library.compile("passes/photon_gather", &features(words));
+        shader.unwrap().is_embedded
+    };
+    assert!(is_embedded(&library, &[]));
+    let (_, model) = library
+        .sources()
+        .find(|(name, _)| *name == "shared/bsdf_user")
+        .unwrap();
+    let model = format!("{model}\n// An application's.\n");
+    library.insert("shared/bsdf_user", model);
+    assert!(is_embedded(&library, &[]), "it is not imported");
+    assert!(!is_embedded(&library, &["user_bsdf"]));
+}
+
+#[test]
 fn broken_shaders_are_errors_that_name_the_module() {
     let mut library = ShaderLibrary::embedded();
     library.insert("passes/scan_sums", "fn main() { let x = ; }");
