@@ -199,7 +199,8 @@ impl Renderer {
         session: &SessionInfo,
     ) -> Result<Self, RenderError> {
         let mut settings = settings.clone();
-        if session.takes_depth && settings.output.kept == Kept::Picture {
+        let keeps_surfaces = settings.reconstruct.is_on();
+        if session.takes_depth && !keeps_surfaces && settings.output.kept == Kept::Picture {
             settings.output.kept = Kept::Depth;
         }
         let made_with = MadeWith {

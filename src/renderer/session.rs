@@ -160,7 +160,7 @@ impl Renderer {
         library: &ShaderLibrary,
         targets: &RuntimeTargets,
     ) -> Result<(), RenderError> {
-        if targets.depth.is_some() {
+        if targets.depth.is_some() && self.reconstruction.is_none() {
             self.check_kept((Whose::Eye(Eye::Left), "hit_rays"))?;
         }
         let submitter = match self.submitter.take().filter(|known| known.fits(targets)) {

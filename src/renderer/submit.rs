@@ -1,7 +1,7 @@
 //! Hands both eyes' images to a runtime: one triangle per image, from the renderer's buffers straight into the
 //! runtime's texture.
 
-use crate::gpu::{GpuContext, GpuError, Resources, ShaderLibrary, uniform_buffer};
+use crate::gpu::{GpuContext, GpuError, Resources, ShaderFeatures, ShaderLibrary, uniform_buffer};
 use crate::renderer::records::submit::Submit;
 use crate::xr::RuntimeTargets;
 
@@ -25,7 +25,7 @@ struct BoundEye {
     uniform: wgpu::Buffer,
     /// By parity of the frame.
     color: [wgpu::BindGroup; 2],
-    depth: Option<wgpu::BindGroup>,
+    depth: Option<[wgpu::BindGroup; 2]>,
 }
 
 /// The passes that hand images over, for one kind of texture.
@@ -64,9 +64,13 @@ impl Submitter {
         let [name, depth_name] = [&passes::xr_submit.name, &passes::xr_submit_depth.name];
         let features = specialised(&passes::xr_submit, frame.features(), false);
         let color = Raster::new(context, library, name, &features, formats.0)?;
+        let deepening = ShaderFeatures {
+            of_seen: settings.reconstruct.is_on(),
+            ..features
+        };
         let depth = formats
             .1
-            .map(|format| Raster::new(context, library, depth_name, &features, format))
+            .map(|format| Raster::new(context, library, depth_name, &deepening, format))
             .transpose()?;
         let steps = present(settings, &[&passes::xr_submit, &passes::xr_submit_depth]).steps;
         let mut bound = |[shows, deepens]: [&Step; 2]| {
@@ -79,7 +83,7 @@ impl Submitter {
                 .transpose()?;
             Ok::<_, GpuError>(BoundEye {
                 color,
-                depth: depth.map(|[even, _]| even),
+                depth,
                 uniform: uniform.clone(),
             })
         };
@@ -162,7 +166,7 @@ impl Submitter {
                     ..Default::default()
                 });
                 pass.set_scissor_rect(0, 0, width, height);
-                depth.draw(&mut pass, bound);
+                depth.draw(&mut pass, &bound[light.parity]);
             }
             context.queue.submit([encoder.finish()]);
             Ok(())

@@ -118,6 +118,7 @@ features! {
         inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
         shares_moments: "moments and lengths of history, shared between the eyes beside the light",
         encodes: "a target with hardware sRGB encoding",
+        of_seen: "depth from what the filters keep of surfaces",
     }
 }
 

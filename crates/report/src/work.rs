@@ -59,7 +59,7 @@ pub struct Assumptions {
     pub bandwidth_share: f64,
     /// Share of the published instruction rate, for lanes that part and for waiting.
     pub arithmetic_share: f64,
-    /// The same in passes whose threads part: [`PARTING`].
+    /// The same where paths are traced: their threads part at every surface.
     pub parted_share: f64,
     /// Share of what rays and gathers read that comes from memory, not from a cache.
     pub cache_misses: f64,

@@ -200,7 +200,7 @@ choices! {
     pub enum Kept {
         /// What is shown, and where the right eye's pixels came from
         Picture = "picture",
-        /// Hit rays too, from which a runtime gets its depth
+        /// Hit rays too, from which a runtime gets its depth where there are no filters
         Depth = "depth",
         /// Samples and motion too, for tests and programs that look into frames
         All = "all",

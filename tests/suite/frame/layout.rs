@@ -109,8 +109,8 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
     };
     let mut found = BTreeMap::new();
     let mut library = library.clone();
-    let probe = "tests/records_probe";
     let source = include_str!("../../../crates/gpu/tests/shared/records_probe.wesl");
+    let probe = "tests/records_probe";
     library.insert(probe, source);
     let compiled = passes::ALL
         .iter()

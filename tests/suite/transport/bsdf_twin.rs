@@ -430,12 +430,10 @@ fn refraction_obeys_the_generalised_reciprocity() {
             continue;
         }
         seen += 1;
-        // One side has its cosine from the other's by 1 - sin^2 eta^2, eight roundings of numbers about 1 (a quotient of 2.5
-        // units in the last place among them), and what Fresnel lets through goes with the cosine.
+        // One side has its cosine from 1 - sin^2 eta^2, eight roundings of about 1; what Fresnel lets through goes with it.
         let rounding = 8.0 / f64::from(1 << 24) / (2.0 * cosine * cosine);
-        let off = (a - b).abs();
         let most = (1e-4 + rounding) * a.max(b);
-        assert!(off <= most, "{query:?}: {a} there, {b} back");
+        assert!((a - b).abs() <= most, "{query:?}: {a} there, {b} back");
     }
     assert!(seen > 200);
 }

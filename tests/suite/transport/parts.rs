@@ -73,8 +73,8 @@ fn direct_and_indirect_add_up_and_direct_is_light_of_two_segments() {
                 let what = format!("{what} {eye:?}");
                 let worst = worst_sum(&split, &all);
                 assert!(worst <= ROUNDING, "{what}: {worst:e}");
-                // Asking for parts does not change the image, and direct light is that of two segments.
-                // Other kernels: a card's driver rounds them otherwise, and now and then a path ends by it.
+                // Asking for parts does not change the image, and direct light is that of two segments; but these are other
+                // kernels, which a card's driver may round otherwise, and now and then a path ends by it.
                 let strays = usize::from(!whole.context().adapter.is_software()) * all.len() / 100;
                 for (with, other) in [(&all, &plain), (&split.direct, &direct)] {
                     let without = radiance(other, eye);

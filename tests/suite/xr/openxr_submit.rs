@@ -5,7 +5,7 @@ use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
-use stereolux::settings::{Eyes, Kept, Method, Reuse};
+use stereolux::settings::{Eyes, Kept, Method, Reuse, Switch};
 use stereolux::xr::view::Fov;
 use stereolux::xr::{Headset, HiddenArea, RuntimeTargets, SessionInfo, View};
 
@@ -275,27 +275,31 @@ fn a_lower_resolution_fills_the_upper_left_part() {
 fn depth_is_the_distance_along_the_eye_s_axis_also_where_pixels_are_carried_over() {
     let scene = builtin("cornell");
     let triangles = Triangles::of(&scene);
-    for reuse in [Reuse::Off, Reuse::Scatter] {
+    let library = ShaderLibrary::embedded();
+    for case in 0..4 {
+        let reuse = [Reuse::Off, Reuse::Scatter][case % 2];
+        let filters = [Switch::Off, Switch::On][case / 2];
         let mut settings = method(Method::Photon, reuse);
+        (settings.reconstruct.svgf, settings.reconstruct.taa) = (filters, filters);
         settings.photon.count = 100;
         settings.output.kept = Kept::Picture;
         let mut without = renderer(&scene, &settings, SIZE);
         settings.output.kept = Kept::Depth;
         let mut renderer = renderer(&scene, &settings, SIZE);
-        let result = frame(&mut renderer, &views());
-        assert_eq!(result.stereo.reused > 0, reuse == Reuse::Scatter);
-        let library = ShaderLibrary::embedded();
-        let targets = targets(renderer.context(), wgpu::TextureFormat::Rgba16Float, true);
+        let stereo = frame(&mut renderer, &views()).stereo;
+        assert_eq!(stereo.reused > 0, reuse == Reuse::Scatter);
+        let format = wgpu::TextureFormat::Rgba16Float;
+        let [own, targets] = [&without, &renderer].map(|of| targets(of.context(), format, true));
         renderer.submit_to(&library, &targets).unwrap();
-        assert!(without.submit_to(&library, &targets).is_err());
+        frame(&mut without, &views());
+        assert_eq!(without.submit_to(&library, &own).is_ok(), case > 1);
         let depth = targets.depth.as_ref().unwrap();
         for (index, view) in views().iter().enumerate() {
             let found = bytes(renderer.context(), &depth[index], 4);
-            let (mut near, mut misses, mut total) = (0_usize, 0, 0_usize);
+            let (mut near, mut misses, total) = (0, 0, found.len() / 4);
             for (pixel, texel) in found.chunks_exact(4).enumerate() {
                 let ray = pixel_ray(view, pixel, SIZE);
                 let value = f64::from(f32::from_le_bytes(texel.try_into().unwrap()));
-                total += 1;
                 let Some((distance, ..)) = triangles.closest(ray.origin, ray.direction, 1e-4)
                 else {
                     near += usize::from(value == 0.0);
@@ -303,14 +307,12 @@ fn depth_is_the_distance_along_the_eye_s_axis_also_where_pixels_are_carried_over
                     continue;
                 };
                 let expected_m = -view.point_in_eye(ray.origin + ray.direction * distance).z;
-                let found_m = 0.05 / value;
-                // A carried-over sample lies anywhere in its pixel; without reuse it is the pixel's own ray in f32.
-                let tolerance = if reuse == Reuse::Off { 1e-5 } else { 0.06 };
-                near += usize::from((found_m - expected_m).abs() < tolerance * expected_m);
+                // A carried-over sample lies anywhere in its pixel, as do those of filters; else it is the pixel's own ray in f32.
+                let tolerance = if case == 0 { 1e-5 } else { 0.06 };
+                near += usize::from((0.05 / value - expected_m).abs() < tolerance * expected_m);
             }
-            // Rays along silhouettes fall to one side in f32 and to the other in f64; a carried-over sample next to one
-            // may lie beyond it.
-            let least = total * if reuse == Reuse::Off { 99 } else { 90 } / 100;
+            // Rays along silhouettes fall to one side in f32 and to the other in f64; a carried-over sample may lie beyond.
+            let least = total * if case == 0 { 99 } else { 90 } / 100;
             assert!(misses > 10 && misses < total / 2, "{misses} see nothing");
             assert!(near >= least, "{reuse:?}, eye {index}: {near} of {total}");
         }
