@@ -131,13 +131,13 @@ impl MapLayout {
         let share = config.paths.div_ceil(config.shares.max(1));
         // Bright interiors store about two photons per path, and of the paths towards what focuses one in thirty; a map that
         // overflows is grown after the frame.
-        let per_sixteen_paths = match config.kind {
-            MapKind::Photons => 48,
-            MapKind::Caustics => 1,
+        let paths = u64::from(config.paths);
+        let stored = match config.kind {
+            MapKind::Photons => 3 * paths,
+            MapKind::Caustics => paths / 16,
         };
         let capacity = match config.capacity {
             0 => {
-                let stored = u64::from(config.paths) * per_sixteen_paths / 16;
                 let largest = u64::from(config.largest_capacity(limits));
                 stored.clamp(1024, largest.max(1024)) as u32
             }

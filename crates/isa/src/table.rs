@@ -41,11 +41,7 @@ pub struct Row {
 
 impl Row {
     pub fn measure(card: &Card, kernel: &Kernel) -> Result<Self> {
-        let (words, bindings) = kernel.spirv()?;
-        let found = card
-            .compiler
-            .compile(&words, &bindings)
-            .with_context(|| kernel.name())?;
+        let found = compiled(&card.compiler, kernel)?;
         Self::of(card, kernel, &found).with_context(|| kernel.name())
     }
 
@@ -93,6 +89,13 @@ impl Row {
     }
 }
 
+fn compiled(compiler: &Compiler, kernel: &Kernel) -> Result<Statistics> {
+    let (words, bindings) = kernel.spirv()?;
+    compiler
+        .compile(&words, &bindings)
+        .with_context(|| kernel.name())
+}
+
 /// A Markdown table per card.
 pub fn print(cards: &[Card], rows: &[Row]) {
     for card in cards {
@@ -135,12 +138,7 @@ pub fn write_csv(to: impl std::io::Write, rows: &[Row]) -> Result<()> {
 pub fn write_own(to: impl std::io::Write, compiler: &Compiler, kernels: &[Kernel]) -> Result<()> {
     let found = kernels
         .par_iter()
-        .map(|kernel| {
-            let (words, bindings) = kernel.spirv()?;
-            compiler
-                .compile(&words, &bindings)
-                .with_context(|| kernel.name())
-        })
+        .map(|kernel| compiled(compiler, kernel))
         .collect::<Result<Vec<Statistics>>>()?;
     let names: BTreeSet<&String> = found.iter().flat_map(BTreeMap::keys).collect();
     let mut csv = csv::Writer::from_writer(to);
