@@ -211,20 +211,17 @@ pub const BUFFERS: &[BufferRow] = &[
 
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
-    per_pixel!(Eye, "seen_emission", 12),
-    per_pixel!(Eye, "motion", 16),
-    per_pixel!(Eye, "moments", 16).holds(Holds::Turns),
+    per_pixel!(Eye, "seen_emission", 4),
+    per_pixel!(Eye, "motion", 8),
+    per_pixel!(Eye, "moments", 8).holds(Holds::Turns),
     per_pixel!(Eye, "history_length", 4).holds(Holds::Turns),
     // Moments and lengths before the eyes share.
-    per_pixel!(Eye, "own_moments", 16),
+    per_pixel!(Eye, "own_moments", 8),
     per_pixel!(Eye, "own_history_length", 4),
-    // Light on its way through the filter, and as the next frame reads it.
-    per_pixel!(Eye, "direct_ping", 16),
-    per_pixel!(Eye, "indirect_ping", 16),
-    per_pixel!(Frame, "direct_pong", 16),
-    per_pixel!(Frame, "indirect_pong", 16),
-    per_pixel!(Eye, "direct_history", 16).holds(Holds::Always),
-    per_pixel!(Eye, "indirect_history", 16).holds(Holds::Always),
+    // Light on its way through the filter, and as the next frame reads it: `shaders/shared/filtered_light.wesl`.
+    per_pixel!(Eye, "light_ping", 16),
+    per_pixel!(Frame, "light_pong", 16),
+    per_pixel!(Eye, "light_history", 16).holds(Holds::Always),
     per_pixel!(Eye, "still_sum", 16).holds(Holds::Always),
     per_pixel!(Eye, "reconstructed", 16),
     per_pixel!(Eye, "anti_aliased", 16).holds(Holds::Turns),

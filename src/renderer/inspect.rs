@@ -14,7 +14,9 @@ use crate::frame::step::Owner;
 use crate::frame::{FrameRun, Play};
 use crate::gpu::{FrameRecorder, GpuError, PassTimes, ShaderLibrary, uniform_buffer};
 use crate::renderer::records::frame::Frame;
-use crate::renderer::records::reconstruction::Reconstruction as ReconstructionUniform;
+use crate::renderer::records::reconstruction::{
+    Reconstruction as ReconstructionUniform, unpack_motion,
+};
 use crate::settings::RenderSettings;
 
 /// What a pixel that sees nothing has for an instance.
@@ -336,15 +338,13 @@ impl Inspector {
         eye: Eye,
     ) -> Result<Values, RenderError> {
         self.run(renderer, library, View::Motion, eye)?;
-        // Displacement, distance before, whether it is known.
-        let motion: Vec<[f32; 4]> = self.image(renderer, "inspection")?;
-        let vector = |moved: &[f32; 4]| match moved[3] > 0.0 {
-            true => [moved[0], moved[1]],
-            false => [0.0; 2],
+        let words: Vec<[u32; 2]> = self.image(renderer, "inspection")?;
+        let vector = |words| match unpack_motion(words) {
+            [x, y, _, known] if known > 0.0 => ([x, y], true),
+            _ => ([0.0; 2], false),
         };
-        let has_value = motion.iter().map(|moved| moved[3] > 0.0).collect();
-        let values = InspectedValues::Vector2(motion.iter().map(vector).collect());
-        Ok((values, Some(has_value)))
+        let (vectors, has_value) = words.into_iter().map(vector).unzip();
+        Ok((InspectedValues::Vector2(vectors), Some(has_value)))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Images and lists read back from the device. Each waits for it.
 
 use super::records::photon::{PhotonGrid, SortedPhoton};
+use super::records::reconstruction::{unpack_motion, unpack_variances};
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose, label};
@@ -178,8 +179,9 @@ impl Renderer {
     /// [`RenderError::Gpu`].
     #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_variance(&self, eye: Eye) -> Result<Option<Vec<f32>>, RenderError> {
-        let moments = self.read_pixels::<[f32; 4]>((Whose::Eye(eye), "moments"))?;
-        Ok(moments.map(|moments| moments.iter().map(|m| m[1] + m[3]).collect()))
+        let moments = self.read_pixels((Whose::Eye(eye), "moments"))?;
+        let sum = |words| unpack_variances(words).iter().sum();
+        Ok(moments.map(|moments| moments.into_iter().map(sum).collect()))
     }
 
     /// What every pixel of an eye saw: distance in metres (bits), normal, instance and flags, place in the pixel; and its
@@ -190,7 +192,8 @@ impl Renderer {
     #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_motion(&self, eye: Eye) -> Result<Option<SeenAndMotion>, RenderError> {
         let seen = self.read_pixels((Whose::Eye(eye), "seen_surfaces"))?;
-        Ok(seen.zip(self.read_pixels((Whose::Eye(eye), "motion"))?))
+        let motion = self.read_pixels((Whose::Eye(eye), "motion"))?;
+        Ok(seen.zip(motion.map(|words| words.into_iter().map(unpack_motion).collect())))
     }
 
     /// The photons of a map in cell order, or in the kd-tree's; `None` if there is no such map. For tests and diagnostics.

@@ -124,6 +124,8 @@ pub struct FrameRecorder<'a> {
     context: &'a GpuContext,
     timer: Option<&'a Timer>,
     encoder: wgpu::CommandEncoder,
+    /// The compute pass that dispatches go to until something else is recorded: wgpu makes a command buffer or two of each.
+    open: Option<wgpu::ComputePass<'static>>,
     timed: Vec<String>,
     dispatched: Vec<String>,
     /// The stage that is being timed, and its first query.
@@ -140,6 +142,7 @@ impl<'a> FrameRecorder<'a> {
             encoder: context
                 .device
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
+            open: None,
             timed: Vec::new(),
             dispatched: Vec::new(),
             stage: None,
@@ -152,7 +155,8 @@ impl<'a> FrameRecorder<'a> {
         (QUERIES / 2) as usize - self.timed.len()
     }
 
-    fn begin(&mut self, label: &str) -> wgpu::ComputePass<'_> {
+    /// The pass that `label` is to be dispatched in: a timed one begins anew, any other goes on with the open one.
+    fn begin(&mut self, label: &str) -> &mut wgpu::ComputePass<'static> {
         self.dispatched.push(label.to_owned());
         let is_of_stage = self.times_stages();
         let slot = if is_of_stage {
@@ -160,16 +164,27 @@ impl<'a> FrameRecorder<'a> {
         } else {
             self.next_slot(label)
         };
+        let open = self.open.take().filter(|_| slot.is_none());
         let timestamp_writes = slot.map(|(timer, slot)| wgpu::ComputePassTimestampWrites {
             query_set: &timer.queries,
             beginning_of_pass_write_index: Some(slot),
             end_of_pass_write_index: (!is_of_stage).then_some(slot + 1),
         });
-        self.encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor {
+        self.open.insert(open.unwrap_or_else(|| {
+            let descriptor = wgpu::ComputePassDescriptor {
                 label: Some(label),
                 timestamp_writes,
-            })
+            };
+            self.encoder
+                .begin_compute_pass(&descriptor)
+                .forget_lifetime()
+        }))
+    }
+
+    /// What records, apart from dispatches.
+    fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        self.open = None;
+        &mut self.encoder
     }
 
     /// Dispatches `kernel` over `groups` workgroups under the name `label`.
@@ -184,10 +199,10 @@ impl<'a> FrameRecorder<'a> {
         if self.context.admits(label) == Some(false) {
             return;
         }
-        let mut pass = self.begin(label);
-        kernel.set(&mut pass, bound, dispatch_index);
+        let pass = self.begin(label);
+        kernel.set(pass, bound, dispatch_index);
+        pass.insert_debug_marker(label);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
-        drop(pass);
         self.cut();
     }
 
@@ -198,7 +213,7 @@ impl<'a> FrameRecorder<'a> {
         }
         let device = &self.context.device;
         let next = device.create_command_encoder(&Default::default());
-        let recorded = std::mem::replace(&mut self.encoder, next);
+        let recorded = std::mem::replace(self.encoder(), next);
         let index = self.context.queue.submit([recorded.finish()]);
         if let Err(error) = self.context.retire("pass", index) {
             log::debug!("between passes: {error}");
@@ -218,26 +233,26 @@ impl<'a> FrameRecorder<'a> {
         if self.context.admits(label) == Some(false) {
             return;
         }
-        let mut pass = self.begin(label);
-        kernel.set(&mut pass, bound, dispatch_index);
+        let pass = self.begin(label);
+        kernel.set(pass, bound, dispatch_index);
+        pass.insert_debug_marker(label);
         pass.dispatch_workgroups_indirect(arguments, offset);
-        drop(pass);
         self.cut();
     }
 
     /// Zeroes the first `bytes` bytes of a buffer.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
-        self.encoder.clear_buffer(buffer, 0, Some(bytes));
+        self.encoder().clear_buffer(buffer, 0, Some(bytes));
     }
 
     /// Copies the first `bytes` bytes from one buffer to another.
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
-        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+        self.encoder().copy_buffer_to_buffer(from, 0, to, 0, bytes);
     }
 
     /// Copies `bytes` bytes between places (a buffer and its first byte).
     pub fn copy_part(&mut self, from: (&wgpu::Buffer, u64), to: (&wgpu::Buffer, u64), bytes: u64) {
-        self.encoder
+        self.encoder()
             .copy_buffer_to_buffer(from.0, from.1, to.0, to.1, bytes);
     }
 
@@ -249,11 +264,11 @@ impl<'a> FrameRecorder<'a> {
             None
         };
         if let Some((timer, slot)) = slot {
-            self.encoder.write_timestamp(&timer.queries, slot);
+            self.encoder().write_timestamp(&timer.queries, slot);
         }
-        to.record(&mut self.encoder, from, 0..bytes);
+        to.record(self.encoder(), from, 0..bytes);
         if let Some((timer, slot)) = slot {
-            self.encoder.write_timestamp(&timer.queries, slot + 1);
+            self.encoder().write_timestamp(&timer.queries, slot + 1);
         }
     }
 
@@ -276,7 +291,7 @@ impl<'a> FrameRecorder<'a> {
     /// Ends the stage by an empty pass, since its last pass was not known to be the last.
     fn leave_stage(&mut self) {
         if let (Some((_, slot)), Some(timer)) = (self.stage.take(), self.timer) {
-            self.encoder
+            self.encoder()
                 .begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some("end of a stage"),
                     timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
@@ -322,10 +337,12 @@ impl<'a> FrameRecorder<'a> {
     /// [`GpuError::Validation`] or [`GpuError::Lost`], naming `stage` (wgpu's own words name the pass by its label).
     pub fn send(mut self, stage: &'static str) -> Result<Ticket, GpuError> {
         self.leave_stage();
+        self.open = None;
         let Self {
             context,
             timer,
             mut encoder,
+            open: _,
             timed,
             dispatched,
             stage: _,

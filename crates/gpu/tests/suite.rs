@@ -27,6 +27,7 @@ mod uniform_branches;
 mod suite {
     mod bsdf_specialised;
     mod carried;
+    mod filtered;
     mod library;
     mod records;
     mod traversal;

@@ -4,28 +4,24 @@ use super::FrameSpec;
 use crate::frame::passes::{self, Pass};
 use crate::frame::step::{Eye, Size, Stage, Step, Steps};
 
-/// Buffers of the light that is filtered: direct, indirect.
-type Light = [&'static str; 2];
+/// Where light is on its way through the filter: a buffer of direct and indirect light.
+type Light = &'static str;
 /// An eye's own.
-const PING: Light = ["direct_ping", "indirect_ping"];
+const PING: Light = "light_ping";
 /// Both eyes use it in turn.
-const PONG: Light = ["direct_pong", "indirect_pong"];
+const PONG: Light = "light_pong";
 /// What the next frame reads.
-const HISTORY: Light = ["direct_history", "indirect_history"];
+const HISTORY: Light = "light_history";
 /// What passes that read an eye's light call it.
-const MEAN: Light = ["direct_mean", "indirect_mean"];
+const MEAN: &str = "light_mean";
 
-fn named(names: Light, light: Light) -> [(&'static str, &'static str); 2] {
-    [(names[0], light[0]), (names[1], light[1])]
-}
-
-/// Names of the other eye's light.
-fn theirs(light: Light) -> [(&'static str, &'static str); 2] {
-    let lies = match light {
-        HISTORY => ["other_direct_history", "other_indirect_history"],
-        _ => ["other_direct_ping", "other_indirect_ping"],
+/// Binds an eye's light and the other eye's.
+fn both(light: Light) -> [(&'static str, &'static str); 2] {
+    let theirs = match light {
+        HISTORY => "other_light_history",
+        _ => "other_light_ping",
     };
-    named(["other_direct", "other_indirect"], lies)
+    [(MEAN, light), ("other_light", theirs)]
 }
 
 /// Filters both eyes' light (SVGF: Schied et al. 2017), shares it between them, and shows the mean of still frames and
@@ -47,7 +43,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         let step = steps.run(&passes::remodulate, Size::Tiles);
-        step.names(&named(MEAN, filtered)).names(&theirs(filtered));
+        step.names(&both(filtered));
         if settings.taa.is_on() {
             steps.run(&passes::taa, Size::Tiles);
         }
@@ -72,7 +68,7 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
         ("history_length", "own_history_length"),
     ];
     for_eyes(steps, frame, &passes::svgf_temporal, |step| {
-        step.names(&named(MEAN, PING));
+        step.names(&[(MEAN, PING)]);
         if shares {
             step.names(&own);
         }
@@ -80,9 +76,8 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
     // History has been read by now and is written by the wavelet's first pass: light may pass through it.
     let (shared, estimated) = if shares {
         for_eyes(steps, frame, &passes::stereo_share, |step| {
-            step.names(&named(MEAN, PING)).names(&theirs(PING));
-            step.names(&named(["shared_direct", "shared_indirect"], HISTORY));
-            step.names(&own).names(&[
+            step.names(&both(PING)).names(&own).names(&[
+                ("shared_light", HISTORY),
                 ("other_moments", "other_own_moments"),
                 ("other_history_length", "other_own_history_length"),
                 ("shared_moments", "moments"),
@@ -99,8 +94,7 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         let step = steps.run(&passes::svgf_variance, Size::Tiles);
-        step.names(&named(MEAN, shared))
-            .names(&named(["direct_filtered", "indirect_filtered"], estimated));
+        step.names(&[(MEAN, shared), ("light_filtered", estimated)]);
         let mut from = estimated;
         for index in 0..passes {
             // What the first pass leaves is what the next frame reads; the last one leaves light where it is the eye's own.
@@ -111,15 +105,12 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
             };
             let step = steps.run(&passes::svgf_atrous, Size::Tiles);
             step.words(index, 0, 0);
-            step.names(&named(["direct_from", "indirect_from"], from));
-            step.names(&named(["direct_to", "indirect_to"], to));
+            step.names(&[("light_from", from), ("light_to", to)]);
             from = to;
         }
         if passes == 0 && shares {
             // With no pass at all the next frame reads the light as accumulated.
-            for (light, history) in PING.into_iter().zip(HISTORY) {
-                steps.copy(light, history);
-            }
+            steps.copy(PING, HISTORY);
         }
     }
     match passes {

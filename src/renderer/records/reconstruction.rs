@@ -48,3 +48,17 @@ shared_record! {
         pub padding: [u32; 2],
     }
 }
+
+/// A pixel's motion as the pass `motion` packs it: displacement in pixels, distance before in metres, 1 if it is known, else 0.
+pub fn unpack_motion([low, high]: [u32; 2]) -> [f32; 4] {
+    let is_known = high >> 12 != 0xf_ffff;
+    let distance_m = if is_known { high >> 12 << 11 } else { 0 };
+    let [x, y, distance_m] =
+        [low << 10, (low >> 22 | high << 10) << 10, distance_m].map(f32::from_bits);
+    [x, y, distance_m, f32::from(u8::from(is_known))]
+}
+
+/// Variances of the luminance of direct and of indirect light, from moments as `shaders/shared/filtered_light.wesl` packs them.
+pub fn unpack_variances(words: [u32; 2]) -> [f32; 2] {
+    words.map(|word| f32::from_bits((word & 0x3fff) << 17))
+}

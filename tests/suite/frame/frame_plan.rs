@@ -310,10 +310,10 @@ fn a_wrong_name_and_a_pass_that_writes_what_it_reads_are_found() {
         }
         faults(&step, &features, &library)
     };
-    let unknown = renamed("direct_to", "direct_pung");
-    assert_says(&unknown[0], &["direct_pung means nothing"]);
-    let from = named(step, "direct_from");
-    let same = renamed("direct_to", Box::leak(from.into_boxed_str()));
+    let unknown = renamed("light_to", "light_pung");
+    assert_says(&unknown[0], &["light_pung means nothing"]);
+    let from = named(step, "light_from");
+    let same = renamed("light_to", Box::leak(from.into_boxed_str()));
     assert!(same[0].contains("reads and writes"), "{same:?}");
 }
 
