@@ -169,10 +169,9 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "hit_surfaces", 16),
     per_pixel!(Eye, "end_rays", 16),
     per_pixel!(Eye, "first_albedo", 16),
-    per_pixel!(Eye, "emitted_light", 16),
+    // Direct light and emission; indirect light and caustics.
     per_pixel!(Eye, "direct_light", 16),
     per_pixel!(Eye, "indirect_light", 16),
-    per_pixel!(Eye, "caustic_light", 16),
     per_pixel!(Eye, "sample_radiance", 16),
     per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),

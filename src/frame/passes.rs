@@ -165,6 +165,8 @@ passes! {
         "Divides the left samples' radiance by the reflectance that it came from.";
     reuse_hits: Pixels scene,
         "Finds what right primary rays meet, finishes what meets nothing, and lists the pixels that see a surface.";
+    fill_hits: Hits scene,
+        "Traces the primary rays of pixels whose cached hit brought no light.";
     reuse_lookup: Hits scene,
         "Lights what the right eye sees by the left samples around it, and lists the rest.";
     left_copy: Pixels scene,

@@ -10,9 +10,9 @@
 //! same bytes. Version 2 adds what else a frame depended on: `hidden` in the header, the area that each eye's lens hides
 //! as triangles of tangents (x right, y up), `"switch_reuse":true` in a frame from which on stereo reuse was switched,
 //! `located` in a frame whose eyes were located once more before they were rendered: the views that all but the eyes went by,
-//! `quality` in a frame from which on another one was set, `controller_model` in one from which on a controller's model is known, and `input`, what the wearer did (`docs/recordings.md` has the
-//! keys of all three). Unknown keys are errors. A last line that was cut short (the
-//! run that wrote it was killed) is dropped with a warning.
+//! `quality` in a frame from which on another one was set, `controller_model` in one from which on a controller's model is
+//! known, and `input`, what the wearer did (`docs/recordings.md` has the keys of all three). Unknown keys are errors. A last
+//! line that was cut short (the run that wrote it was killed) is dropped with a warning.
 
 use super::controller_model::{self, ModelNames};
 use super::hidden_area::HiddenArea;
@@ -29,8 +29,9 @@ use std::path::Path;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
-/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located`, `controller_model` and changes of headset, and is what a file with `hidden` or
-/// `switch_reuse` states too (files of version 1 with these two, which earlier releases wrote, are read).
+/// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located`, `controller_model` and
+/// changes of headset, and is what a file with `hidden` or `switch_reuse` states too (files of version 1 with these two, which
+/// earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
 pub(super) const VERSION_AT: usize = r#"{"format":"stereolux-trace","version":"#.len();

@@ -1,8 +1,9 @@
 //! Hands and controllers in the picture.
 //!
 //! A tracked hand is a ball at every joint, a tube along every bone and skin over the palm; what only has a grip is the
-//! runtime's model of its controller, or else a plain one. All but models are instances of a few meshes in one part of the scene, moved by the frame's recorded input: a replay
-//! has the same pictures. They are lit, mirrored and cast shadows, and no ray of the application meets them.
+//! runtime's model of its controller, or else a plain one. All but models are instances of a few meshes in one part of the
+//! scene, moved by the frame's recorded input: a replay has the same pictures. They are lit, mirrored and cast shadows, and
+//! no ray of the application meets them.
 
 mod models;
 mod shapes;

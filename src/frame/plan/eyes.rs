@@ -178,6 +178,9 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
 /// Renders the right eye's empty pixels; glossy ones may still reuse indirect light.
 fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     let over = Size::List(List::FILL);
+    if frame.reuse == Reuse::Scatter {
+        steps.run(&passes::fill_hits, over);
+    }
     if frame.is_photon() {
         eye_paths(steps, frame, over);
         direct_light(steps, frame, over);
