@@ -58,8 +58,6 @@ const EXCEPTIONS: &[Exception] = &[
             ["gallery", "path_trace+list"],
             ["helmet", "path_trace"],
             ["helmet", "path_trace+list"],
-            ["helmet", "eye_hits"],
-            ["helmet", "eye_fused"],
         ],
     },
     Exception {

@@ -66,7 +66,7 @@ shared_record! {
     pub struct PhotonGrid {
         /// Lower corner of the padding layer, photon space, metres.
         pub origin: [f32; 3],
-        /// 1 / cell edge, 1/m.
+        /// 1 / cell edge along y and z, 1/m.
         pub inverse_edge: f32,
         /// Cells along each axis, padding included.
         pub dims: [u32; 3],
@@ -76,8 +76,8 @@ shared_record! {
         pub cell_count: u32,
         /// 1 if there are photons.
         pub has_photons: u32,
-        /// Cell edge, metres.
-        pub edge: f32,
+        /// Cells per edge along x.
+        pub columns: u32,
         /// Gather radius that the map was made for, metres.
         pub radius: f32,
         /// Indirect dispatch over photons.

@@ -17,7 +17,7 @@ fn one_seed_gives_the_same_bytes_twice() {
     for (name, more) in [
         ("photon", "--scene builtin:cornell"),
         (
-            "photon-every-frame",
+            "anew",
             "--scene builtin:cornell --set photon.every_frame=true --spp 2",
         ),
         ("gallery", "--scene builtin:gallery"),

@@ -304,10 +304,7 @@ fn sharing_makes_the_eyes_agree() {
         found.rmse
     };
     let (alone, shared) = (disagreement(false), disagreement(true));
-    assert!(
-        shared < 0.5 * alone,
-        "binocular RMSE {shared}, alone {alone}"
-    );
+    assert!(shared < 0.5 * alone, "binocular {shared}, alone {alone}");
 }
 
 #[test]

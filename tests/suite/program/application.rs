@@ -498,10 +498,7 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
         assert_eq!(output.status.code(), Some(2), "{name}");
     }
     let files = folder.files();
-    assert!(
-        !files.iter().any(|file| file.contains(".part")),
-        "{files:?}"
-    );
+    assert!(!files.iter().any(|f| f.contains(".part")), "{files:?}");
 
     let [scene, trace] = ["scene.gltf", "recording.jsonl"].map(|name| made.join(name));
     let out = folder.join("replayed");

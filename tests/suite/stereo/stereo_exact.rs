@@ -234,10 +234,7 @@ fn far_from_the_origin_as_much_is_reused_as_at_it() {
     // two (of 4096) may have stood on a border.
     let far = fraction(DVec3::splat(1_048_576.0));
     let off = (near - far).abs();
-    assert!(
-        off < 4.0 / 4096.0,
-        "{near} at the origin, {far} far from it"
-    );
+    assert!(off < 4.0 / 4096.0, "{near}, far away {far}");
 }
 
 #[test]

@@ -46,8 +46,8 @@ fn a_million_photons_in_one_cell_are_all_gathered() {
     let result = frame(&mut renderer, &eyes_at_origin(8.0));
     let grid = renderer.read_photon_grid(MapKind::Photons).unwrap();
     let (grid, starts) = grid.unwrap();
-    assert_eq!(grid.dims, [3, 3, 3], "one cell and its padding");
-    assert_eq!(starts[13 + 1] - starts[13], PHOTONS);
+    assert_eq!(grid.dims, [9, 3, 3], "one cell and its padding");
+    assert_eq!(starts[40 + 1] - starts[40], PHOTONS);
     assert_eq!(result.photons.map.dropped, 0);
     // The flux of the falloff ((cos - cos outer) / (cos inner - cos outer))^2, over the disc: the constant kernel.
     let ramp = inner.cos() - outer.cos();

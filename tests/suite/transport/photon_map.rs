@@ -38,14 +38,22 @@ fn flux(photons: &[SortedPhoton]) -> f64 {
     photons.iter().map(|photon| f64::from(photon.flux[0])).sum()
 }
 
-/// Twin of `grid_coordinate` and `grid_row_start` in `shaders/shared/grid.wesl`.
+/// Twin of `grid_cell` in `shaders/shared/grid.wesl`.
+pub fn grid_cell(grid: &PhotonGrid, position: [f32; 3]) -> [u32; 3] {
+    let padding = [grid.columns, 1, 1];
+    [0, 1, 2].map(|axis| {
+        let cells = grid.inverse_edge * padding[axis] as f32;
+        let at = (position[axis] - grid.origin[axis]) * cells;
+        at.clamp(
+            padding[axis] as f32,
+            (grid.dims[axis] - padding[axis] - 1) as f32,
+        ) as u32
+    })
+}
+
+/// With `grid_row_start`.
 fn table_cell(grid: &PhotonGrid, position: [f32; 3]) -> usize {
-    let cell: Vec<u32> = (0..3)
-        .map(|axis| {
-            let at = (position[axis] - grid.origin[axis]) * grid.inverse_edge;
-            at.clamp(1.0, grid.dims[axis] as f32 - 2.0) as u32
-        })
-        .collect();
+    let cell = grid_cell(grid, position);
     let row = if grid.hashed_rows == 0 {
         (cell[2] * grid.dims[1] + cell[1]) * grid.dims[0]
     } else {
@@ -109,11 +117,11 @@ fn reflected_photons_carry_the_geometric_series() {
 #[test]
 fn every_photon_lies_in_the_run_of_its_cell() {
     let scene = builtin("cornell");
-    for (radius_m, cells, hashed) in [
-        (0.05, 2_097_152, false),
-        (0.02, 4096, true),
-        (1e-6, 2_097_152, true),
-        (5.0, 64, false),
+    for (radius_m, cells, hashed, columns) in [
+        (0.05, 2_097_152, false, 4),
+        (0.02, 4096, true, 1),
+        (1e-6, 2_097_152, true, 1),
+        (5.0, 64, false, 2),
     ] {
         let settings = map_only(5000, |s| {
             s.photon.radius_m = radius_m;
@@ -130,7 +138,8 @@ fn every_photon_lies_in_the_run_of_its_cell() {
         let count = grid.cell_count;
         assert!(count <= cells, "{what}: {count} cells");
         // No neighbour may be missed, no runs overlap, and no photon be without a cell.
-        assert!(grid.edge >= radius_m as f32, "{what}: {}", grid.edge);
+        assert!(grid.inverse_edge <= 1.0 / radius_m as f32, "{what}");
+        assert_eq!(grid.columns, columns, "{what}");
         assert_eq!(starts[0], 0, "{what}");
         assert!(starts.is_sorted(), "{what}: runs overlap");
         let end = *starts.last().unwrap() as usize;
@@ -241,7 +250,7 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
     let scene = builtin("cornell");
     let size = [24, 24];
     let mut images = Vec::new();
-    for cells in [2_097_152, 2048] {
+    for cells in [2_097_152, 16_384, 2048] {
         let settings = map_only(20_000, |s| {
             s.photon.radius_m = 0.03;
             s.photon.grid_cells_max = cells;
@@ -251,8 +260,9 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
         let views = views(&scene, 19.0);
         let renderer = rendered(&scene, &settings, size, &views);
         let photons = photons(&renderer);
-        // One dense grid, one hashed.
+        // Two dense grids, one without columns, and one hashed.
         assert_eq!(grid(&renderer).0.hashed_rows > 0, cells == 2048);
+        assert_eq!(grid(&renderer).0.columns > 1, cells > 16_384);
         // Positions agree to 1e-6 m, so a weight is off by 4 x 1e-6 / 0.03 = 1e-4 at most, single terms of a sum of
         // several; normals packed in 13 bits and directions in 16 move photons over a threshold only at grazing
         // angles, where one of some twenty photons may be gained or lost: rare, and counted below.
@@ -263,7 +273,7 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
         images.push(radiance(&renderer, Eye::Left));
     }
     // Hashed rows hold the same photons in the same order: nothing but the table differs.
-    let [dense, hashed] = [0, 1].map(|at: usize| bits(&images[at]));
+    let [dense, hashed] = [1, 2].map(|at: usize| bits(&images[at]));
     assert!(dense == hashed, "dense and hashed grids disagree");
 }
 
@@ -279,9 +289,9 @@ fn a_radius_larger_than_the_scene_gathers_everything() {
     let views = views(&scene, 19.0);
     let result = frame(&mut renderer, &views);
     let (grid, starts) = grid(&renderer);
-    assert_eq!(grid.dims, [3, 3, 3], "one cell and its padding");
+    assert_eq!(grid.dims, [9, 3, 3], "one cell and its padding");
     // All photons share the middle cell.
-    assert_eq!(starts[13 + 1] - starts[13], result.photons.map.stored);
+    assert_eq!(starts[40 + 1] - starts[40], result.photons.map.stored);
     let photons = photons(&renderer);
     // Ceiling, back wall, block and floor. A running f32 sum of n positive terms is off by n 2^-24 at the very worst:
     // 3e5 / 1.7e7 = 2 %.

@@ -23,21 +23,10 @@ pub fn drag_file(display: &str, path: &Path, x: i16, y: i16) {
     };
     let screen = &connection.setup().roots[0];
     let source = connection.generate_id().unwrap();
-    connection
-        .create_window(
-            0,
-            source,
-            screen.root,
-            0,
-            0,
-            1,
-            1,
-            0,
-            WindowClass::INPUT_ONLY,
-            x11rb::COPY_FROM_PARENT,
-            &CreateWindowAux::new(),
-        )
-        .unwrap();
+    let (class, visual) = (WindowClass::INPUT_ONLY, x11rb::COPY_FROM_PARENT);
+    let (root, more) = (screen.root, CreateWindowAux::new());
+    let made = connection.create_window(0, source, root, 0, 0, 1, 1, 0, class, visual, &more);
+    made.unwrap();
     connection
         .set_selection_owner(source, atom("XdndSelection"), x11rb::CURRENT_TIME)
         .unwrap();

@@ -14,7 +14,7 @@ use stereolux::xr::View;
 
 use super::bsdf_probe::wide;
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
-use super::photon_map::{clearances, directions, map_only};
+use super::photon_map::{clearances, directions, grid_cell, map_only};
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
@@ -36,10 +36,7 @@ fn placed(renderer: &Renderer, map: &PhotonMap) -> Vec<Placed> {
         position: origin + wide(photon.position),
         normal: directions(photon).1,
         flux: wide(photon.flux),
-        cell: [0, 1, 2].map(|axis| {
-            let at = (photon.position[axis] - grid.origin[axis]) * grid.inverse_edge;
-            at.clamp(1.0, grid.dims[axis] as f32 - 2.0) as u32
-        }),
+        cell: grid_cell(&grid, photon.position),
     };
     let photons = renderer.read_photons(map.kind()).unwrap().unwrap();
     photons.iter().map(place).collect()
@@ -98,13 +95,11 @@ fn counts_are_the_hosts(
         }
         let count = f64::from(density[pixel]) * area;
         let allowed = least - 0.01..=most + 0.01;
-        assert!(
-            allowed.contains(&count),
-            "pixel {pixel}: {count} of {allowed:?}"
-        );
+        assert!(allowed.contains(&count), "{pixel}: {count} of {allowed:?}");
         found += count;
         others += usize::from(count < wider - 0.01);
-        let at = (point - origin - wide(grid.origin)) * f64::from(grid.inverse_edge);
+        let cells = DVec3::new(f64::from(grid.columns), 1.0, 1.0) * f64::from(grid.inverse_edge);
+        let at = (point - origin - wide(grid.origin)) * cells;
         let at = at.to_array();
         if at.iter().any(|at| (at - at.round()).abs() < 1e-4) {
             continue;
