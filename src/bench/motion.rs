@@ -38,7 +38,7 @@ const ROUNDS: u32 = 2;
 const BRIGHTNESS_FRAMES: usize = 16;
 /// Display light by which neighbours may differ on an even surface.
 const EVEN: f32 = 0.1;
-/// Frames that have references: the last, and the one before it.
+/// Frames whose error is judged, by two references each: the last, and the one before it.
 const JUDGED: usize = 2;
 
 /// Of `run`'s settings.
@@ -91,8 +91,15 @@ struct Stage<'a> {
     size: [u32; 2],
     rounds: u32,
     views: &'a [[View; 2]],
+    truth: &'a Truth,
+}
+
+/// What should be seen.
+struct Truth {
     /// By judged frame and eye.
-    truth: &'a [[Pair; 2]],
+    judged: Vec<[Pair; 2]>,
+    /// Mean radiance over [`BRIGHTNESS_FRAMES`], by eye. One view's will not do: a sun fills more pixels in a corner than ahead.
+    mean: [f64; 2],
 }
 
 /// Measures, and writes the report.
@@ -139,10 +146,7 @@ pub(super) fn run(
             let pixels = found.pixels.iter().map(|pixel| pixel.map(|c| c as f32));
             Ok(Image::new(size[0], size[1], pixels.collect())?)
         };
-        let pair = |view| Ok::<_, BenchError>(Pair::of([reference(view, 0)?, reference(view, 1)?]));
-        let judged = views.iter().skip(views.len() - JUDGED);
-        let judged = judged.map(|[left, right]| Ok([pair(*left)?, pair(*right)?]));
-        let truth = judged.collect::<Result<Vec<_>, BenchError>>()?;
+        let truth = truth_of(&views, &reference)?;
         let stage = Stage {
             options,
             library,
@@ -165,7 +169,7 @@ pub(super) fn run(
         "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
          each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
          (the eyes' errors apart, away from edges) in display light, 0 to 1. Brightness: mean radiance of the last \
-         {BRIGHTNESS_FRAMES} frames over the reference's. Milliseconds: lower quartile of {rounds} rounds in turn.",
+         {BRIGHTNESS_FRAMES} frames over that of their references. Milliseconds: lower quartile of {rounds} rounds in turn.",
         size[0], size[1],
     );
     for file in files(&rows, &what)? {
@@ -238,12 +242,46 @@ impl Stage<'_> {
     fn seen_by_both(&self, renderer: &Renderer) -> Result<Option<Image<Option<u32>>>, BenchError> {
         let hits = |eye| renderer.read_hit_rays(eye);
         let both = hits(Eye::Left)?.zip(hits(Eye::Right)?);
-        let last = self.views.last().zip(self.truth.last());
+        let last = self.views.last().zip(self.truth.judged.last());
         Ok(both.zip(last).map(|((left, right), (views, [_, truth]))| {
             let seen = left_from_right(views, self.size, &left, &right);
             away_from_edges(&seen, &truth.displayed[0])
         }))
     }
+}
+
+/// The references of a moving head's last views; `reference` renders a view's first or second.
+fn truth_of(
+    views: &[[View; 2]],
+    reference: &dyn Fn(View, u32) -> Result<ImageRgb, BenchError>,
+) -> Result<Truth, BenchError> {
+    let mut truth = Truth {
+        judged: Vec::new(),
+        mean: [0.0; 2],
+    };
+    let first = views.len().saturating_sub(BRIGHTNESS_FRAMES);
+    for (frame, pair) in views.iter().enumerate().skip(first) {
+        let mut means = [0.0; 2];
+        if views.len() - frame > JUDGED {
+            for (mean_of_eye, view) in means.iter_mut().zip(pair) {
+                *mean_of_eye = mean(&reference(*view, 0)?);
+            }
+        } else {
+            let [left, right] = *pair;
+            let both =
+                |view| Ok::<_, BenchError>(Pair::of([reference(view, 0)?, reference(view, 1)?]));
+            let pairs = [both(left)?, both(right)?];
+            means = [0, 1].map(|eye: usize| {
+                let [one, other] = &pairs[eye].radiance;
+                0.5 * (mean(one) + mean(other))
+            });
+            truth.judged.push(pairs);
+        }
+        for (sum, mean) in truth.mean.iter_mut().zip(means) {
+            *sum += mean / BRIGHTNESS_FRAMES as f64;
+        }
+    }
+    Ok(truth)
 }
 
 /// Views of a swaying head that begins where the scene does.
@@ -322,15 +360,15 @@ fn root(square: f64) -> f64 {
     square.abs().sqrt().copysign(square)
 }
 
-/// What a variant's frames come to, beside names. `truth`: by judged frame and eye. `seen`: for each pixel of the right eye the
-/// left eye's that sees the same point in the last frame.
-fn judge(shown: &Shown, truth: &[[Pair; 2]], seen: &Image<Option<u32>>) -> MotionRow {
+/// What a variant's frames come to, beside names. `seen`: for each pixel of the right eye the left eye's that sees the same point
+/// in the last frame.
+fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<u32>>) -> MotionRow {
     let mut row = MotionRow::default();
     let eyes = [0, 1].map(|eye: usize| {
         let mut errors = shown
             .frames
             .iter()
-            .zip(truth)
+            .zip(&truth.judged)
             .map(|(frame, pairs)| differences(&displayed(&frame[eye]), &pairs[eye].displayed));
         (
             errors.next().unwrap_or_default(),
@@ -339,13 +377,12 @@ fn judge(shown: &Shown, truth: &[[Pair; 2]], seen: &Image<Option<u32>>) -> Motio
     });
     for (eye, (before, last)) in eyes.iter().enumerate() {
         row.flicker[eye] = root(change_square(last, before));
-        let Some((frame, pairs)) = shown.frames.last().zip(truth.last()) else {
+        let Some((frame, pairs)) = shown.frames.last().zip(truth.judged.last()) else {
             continue;
         };
         let pair = &pairs[eye].radiance;
         row.rel_mse += 0.5 * relative_square(&differences(&frame[eye], pair), pair);
-        let reference = 0.5 * (mean(&pair[0]) + mean(&pair[1]));
-        row.brightness += 0.5 * shown.mean[eye] / reference;
+        row.brightness += 0.5 * shown.mean[eye] / truth.mean[eye];
         // Both halves together are the better reference.
         let sum: Differences = [0, 1].map(|_: usize| {
             let both = last[0].iter().zip(&last[1]);
@@ -411,7 +448,10 @@ mod tests {
 
     #[test]
     fn what_stays_wrong_does_not_flicker_and_what_both_eyes_have_wrong_is_no_disagreement() {
-        let truth = [pairs(0.2), pairs(0.2)];
+        let truth = Truth {
+            judged: vec![pairs(0.2), pairs(0.2)],
+            mean: [0.2; 2],
+        };
         let everywhere = Image {
             width: 4,
             height: 4,
@@ -433,6 +473,39 @@ mod tests {
         assert!((one.flicker[1] - f64::from(off)).abs() < 1e-6, "{one:?}");
         assert!((one.binocular - f64::from(off)).abs() < 1e-6, "{one:?}");
         assert!((one.ms - 1.5).abs() < 0.6, "{one:?}");
+    }
+
+    fn view(yaw: f64) -> View {
+        View {
+            position_in_world: glam::DVec3::ZERO,
+            orientation: glam::DQuat::from_rotation_y(yaw),
+            fov: crate::xr::Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
+        }
+    }
+
+    #[test]
+    fn brightness_is_that_of_the_frames_own_views() {
+        // A view is as bright as it is turned: frame n by n / 20, the right eye's twice that.
+        let frames = 20;
+        let turned = |frame| 0.05 * f64::from(frame);
+        let views: Vec<_> = (0..frames)
+            .map(|frame| [view(turned(frame)), view(2.0 * turned(frame))])
+            .collect();
+        let bright = |of: View, _| Ok(image(of.orientation.to_axis_angle().1 as f32));
+        let truth = truth_of(&views, &bright).unwrap();
+        let mean = (4..frames).map(turned).sum::<f64>() / 16.0;
+        for (found, wanted) in truth.mean.iter().zip([mean, 2.0 * mean]) {
+            assert!((found - wanted).abs() < 1e-5, "{found} for {wanted}");
+        }
+        let judged: Vec<f32> = truth
+            .judged
+            .iter()
+            .map(|[left, _]| left.radiance[1].pixels[0][0])
+            .collect();
+        assert!(
+            (judged[0] - 0.9).abs() < 1e-5 && (judged[1] - 0.95).abs() < 1e-5,
+            "{judged:?}"
+        );
     }
 
     #[test]
@@ -466,13 +539,8 @@ mod tests {
 
     #[test]
     fn pixels_per_degree_are_those_of_the_middle() {
-        let view = View {
-            position_in_world: glam::DVec3::ZERO,
-            orientation: glam::DQuat::IDENTITY,
-            fov: crate::xr::Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
-        };
         // One degree in the middle of 2 m at a metre's distance: 0.017453 m of 2 m.
-        let found = pixels_per_degree(&view, 2000);
+        let found = pixels_per_degree(&view(0.0), 2000);
         assert!((found - 17.453).abs() < 1e-3, "{found}");
     }
 }

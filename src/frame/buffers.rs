@@ -56,6 +56,13 @@ pub struct ImageLayout {
 }
 
 impl ImageLayout {
+    /// 8x8 tiles of an eye's image.
+    #[must_use]
+    pub fn tiles(&self) -> u64 {
+        let [across, down] = self.size.map(|pixels| u64::from(pixels.div_ceil(8)));
+        across * down
+    }
+
     /// Pixels of an eye's image.
     #[must_use]
     pub fn pixels(&self) -> u64 {
@@ -155,7 +162,7 @@ const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
     BufferRow::new(name, Scope::Batch(bytes)).holds(Holds::Within)
 }
 
-/// All buffers. A pixel list `NAME` is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over it in
+/// All buffers. A list `NAME` of pixels or tiles is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over it in
 /// `NAME_groups` ([`super::step::List`]).
 #[rustfmt::skip]
 pub const BUFFERS: &[BufferRow] = &[
@@ -211,6 +218,9 @@ pub const BUFFERS: &[BufferRow] = &[
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 4),
+    BufferRow::new("seen_list", Scope::Eye(|image| image.tiles() * 4)),
+    fixed!(Eye, "seen_count", 16).cleared(&[Moment::Frame]),
+    fixed!(Eye, "seen_groups", 16),
     per_pixel!(Eye, "motion", 8),
     per_pixel!(Eye, "moments", 8).holds(Holds::Turns),
     per_pixel!(Eye, "history_length", 4).holds(Holds::Turns),

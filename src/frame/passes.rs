@@ -32,6 +32,8 @@ pub enum Domain {
     Orders,
     /// All pixels in 8x8 tiles, or those of a list.
     Pixels,
+    /// The 8x8 tiles in which a surface is seen, all their pixels.
+    SeenTiles,
     /// The pixels of a list: an eye's pixels that see a surface, or a part of them.
     Hits,
     /// All pixels, as fragments of one triangle: a render pass into a texture.
@@ -176,14 +178,14 @@ passes! {
     fill_reasons: Hits scene,
         "Finds why each filled pixel could not be reused.";
     motion: Pixels scene,
-        "Writes the G-buffer of the pixels' centres and its motion since the previous frame.";
-    svgf_temporal: Pixels,
+        "Writes the G-buffer of the pixels' centres and its motion since the previous frame, and lists the tiles that see a surface.";
+    svgf_temporal: SeenTiles,
         "SVGF: accumulates light over frames by reprojection.";
-    stereo_share: Pixels,
+    stereo_share: SeenTiles,
         "SVGF: mixes in the other eye's accumulated light where both see a surface.";
-    svgf_variance: Pixels,
+    svgf_variance: SeenTiles,
         "SVGF: estimates the variance of the accumulated light.";
-    svgf_atrous: Pixels,
+    svgf_atrous: SeenTiles,
         "SVGF: one pass of the a-trous wavelet filter.";
     remodulate: Pixels scene,
         "Mixes in the other eye's filtered light, remodulates it by albedo and blends in the mean of still frames.";

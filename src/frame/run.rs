@@ -39,6 +39,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     };
     ShaderFeatures {
         from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
+        from_tiles: pass.over == Domain::SeenTiles,
         inspects: *pass == inspect_surfaces,
         shares_moments: *pass == stereo_share,
         ..shared
@@ -173,8 +174,10 @@ impl FrameRun {
 
     fn key(&self, step: &Step, pass: &Pass, stage: Stage) -> KernelKey {
         let mut features = specialised(pass, &self.features, step.runs_from_list());
-        // Motion is looked at; the emission that the filter wants with it is not.
-        features.svgf &= stage != Stage::Inspect;
+        // Motion is looked at; what else the filters want of it is not.
+        let is_looked_at = stage == Stage::Inspect;
+        features.svgf &= !is_looked_at;
+        features.anti_aliased &= !is_looked_at;
         (pass.name.to_string(), features)
     }
 

@@ -105,6 +105,8 @@ impl List {
     pub const LEFT_HITS: Self = Self("left_hit");
     /// Pixels of the right eye that reuse nothing.
     pub const FILL: Self = Self("fill");
+    /// Tiles in which the own eye sees a surface, each counted as 64 pixels.
+    pub const SEEN: Self = Self("seen");
     /// Pixels that gather first at half rate.
     pub const COARSE: Self = Self("coarse");
     /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.

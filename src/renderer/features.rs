@@ -19,6 +19,7 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         bsdf_only: is_alone(Technique::Bsdf),
         parts: splits_light(settings),
         svgf: settings.reconstruct.svgf.is_on(),
+        anti_aliased: settings.reconstruct.taa.is_on(),
         counts_work: settings.output.work,
         passthrough: settings.surroundings.passthrough,
         still_mean: settings.reconstruct.still.is_on(),

@@ -76,7 +76,7 @@ pub use read_back::{RadianceParts, SeenAndMotion};
 use rebuild::MadeWith;
 pub use rebuild::Rebuild;
 pub use reconstruction::Reconstruction;
-use reconstruction::pixel_offset;
+use reconstruction::{pack_offset, pixel_offset};
 pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
@@ -816,7 +816,7 @@ impl Renderer {
             reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
             nearest_photons: settings.photon.nearest,
             light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
-            padding: 0,
+            pixel_offset: 0,
         }
     }
 
@@ -830,6 +830,7 @@ impl Renderer {
         let shifted = Frame {
             left: shifted_eye(&frame.left, offset, self.image.size),
             right: shifted_eye(&frame.right, offset, self.image.size),
+            pixel_offset: pack_offset(offset),
             ..*frame
         };
         self.context

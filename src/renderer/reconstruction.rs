@@ -29,6 +29,12 @@ pub(super) fn pixel_offset(frame_index: u32) -> [f32; 2] {
     })
 }
 
+/// As [`Frame::pixel_offset`] holds it.
+pub(super) fn pack_offset(offset: [f32; 2]) -> u32 {
+    let [x, y] = offset.map(|c| (c * 32767.0).round() as i16 as u16);
+    u32::from(x) | u32::from(y) << 16
+}
+
 /// Frames in which history is compared with new light after lights came or went: noise may hide it in the first of them.
 /// Photons that are retraced in shares see it later.
 const WATCHED_FRAMES: u32 = 4;

@@ -96,6 +96,7 @@ features! {
         bsdf_only: "direct light by BSDF samples only",
         parts: "separate direct and indirect light",
         svgf: "the filter's guides beside the light",
+        anti_aliased: "temporal anti-aliasing",
         still_mean: "the mean of still frames",
         keeps_ends: "path ends of the fused pass, for later passes",
         passthrough: "surroundings that let the room through",
@@ -115,6 +116,7 @@ features! {
     }
     Pass {
         from_list: "a pass over a list of pixels",
+        from_tiles: "a pass over the tiles in which a surface is seen",
         inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
         shares_moments: "moments and lengths of history, shared between the eyes beside the light",
         encodes: "a target with hardware sRGB encoding",

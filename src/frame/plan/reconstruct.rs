@@ -2,7 +2,7 @@
 
 use super::FrameSpec;
 use crate::frame::passes::{self, Pass};
-use crate::frame::step::{Eye, Size, Stage, Step, Steps};
+use crate::frame::step::{Eye, List, Size, Stage, Step, Steps};
 
 /// Where light is on its way through the filter: a buffer of direct and indirect light.
 type Light = &'static str;
@@ -33,7 +33,13 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
         return steps.done();
     }
     if settings.follows_motion() {
-        for_eyes(&mut steps, frame, &passes::motion, |_| ());
+        for &eye in frame.eyes() {
+            steps.turn_to(Stage::Reconstruct.name(), eye);
+            steps.run(&passes::motion, Size::Tiles);
+            if settings.svgf.is_on() {
+                steps.set_up(List::SEEN);
+            }
+        }
     }
     let filtered = if settings.svgf.is_on() {
         svgf(&mut steps, frame)
@@ -51,11 +57,11 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     steps.done()
 }
 
-/// Runs a pass over both eyes' images.
+/// Runs a pass over what both eyes see of surfaces.
 fn for_eyes(steps: &mut Steps, frame: &FrameSpec<'_>, pass: &Pass, set: impl Fn(&mut Step)) {
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
-        set(steps.run(pass, Size::Tiles));
+        set(steps.run(pass, Size::List(List::SEEN)));
     }
 }
 
@@ -93,7 +99,7 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
     // One eye after the other, for both pass through the same memory.
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
-        let step = steps.run(&passes::svgf_variance, Size::Tiles);
+        let step = steps.run(&passes::svgf_variance, Size::List(List::SEEN));
         step.names(&[(MEAN, shared), ("light_filtered", estimated)]);
         let mut from = estimated;
         for index in 0..passes {
@@ -103,7 +109,7 @@ fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
                 (_, 0) => PING,
                 _ => PONG,
             };
-            let step = steps.run(&passes::svgf_atrous, Size::Tiles);
+            let step = steps.run(&passes::svgf_atrous, Size::List(List::SEEN));
             step.words(index, 0, 0);
             step.names(&[("light_from", from), ("light_to", to)]);
             from = to;

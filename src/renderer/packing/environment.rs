@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::mips::averaged;
 use crate::scene::Environment;
 
 /// An environment as `shaders/shared/environment.wesl` reads it.
@@ -11,7 +12,8 @@ pub struct PackedEnvironment {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Linear radiance, row 0 = +Y; the fourth channel is 0. What was negative or not a number is 0.
+    /// Linear radiance, row 0 = +Y; the fourth channel is 0. What was negative or not a number is 0. Then coarser levels, each
+    /// with the means over half as many columns and rows (rounded down), while both are more than one.
     pub texels: Vec<[f32; 4]>,
     /// Cumulative probability of the rows (`height` values), then of each row's columns (`width` values per row).
     pub cdf: Vec<f32>,
@@ -28,7 +30,7 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     if width == 0 || height == 0 || environment.radiance.len() < width * height {
         return None;
     }
-    let texels: Vec<[f32; 4]> = environment.radiance[..width * height]
+    let mut texels: Vec<[f32; 4]> = environment.radiance[..width * height]
         .iter()
         .map(|radiance| {
             // NaN compares false and becomes 0.
@@ -36,6 +38,7 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
             [r, g, b, 0.0]
         })
         .collect();
+    let finest = texels.as_slice();
     let cell_mean = |row: usize, column: usize| -> [f64; 3] {
         let rows = [
             (row.saturating_sub(1), 0.125),
@@ -50,7 +53,7 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         let mut mean = [0.0; 3];
         for (y, row_share) in rows {
             for (x, column_share) in columns {
-                let texel = texels[y * width + x];
+                let texel = finest[y * width + x];
                 for channel in 0..3 {
                     mean[channel] += row_share * column_share * f64::from(texel[channel]);
                 }
@@ -81,6 +84,7 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     let mut cdf = Vec::with_capacity(height * (width + 1));
     push_cumulative(&mut cdf, &row_weights);
     cdf.append(&mut columns_cdf);
+    add_levels(&mut texels, [width, height]);
     Some(PackedEnvironment {
         width: environment.width,
         height: environment.height,
@@ -88,6 +92,18 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         cdf,
         integral,
     })
+}
+
+/// Appends the coarser levels of a map.
+fn add_levels(texels: &mut Vec<[f32; 4]>, mut size: [usize; 2]) {
+    let mut first = 0;
+    while size[0].min(size[1]) > 1 {
+        let coarser = size.map(|length| length / 2);
+        let level = averaged(size, coarser, |at| texels[first + at]);
+        first = texels.len();
+        texels.extend(level);
+        size = coarser;
+    }
 }
 
 /// Solid angle of one cell of a row: (2 pi / width) (cos theta_top - cos theta_bottom).
@@ -156,6 +172,18 @@ mod tests {
         }
         assert_eq!(packed.cdf[3], 1.0);
         assert_eq!(packed.cdf[2], 1.0, "the last row is black");
+    }
+
+    #[test]
+    fn coarser_levels_hold_the_means_of_what_they_cover() {
+        // 6 by 4, then 3 by 2, then 1 by 1.
+        let packed = pack_environment(&environment(6, 4, |i| [i as f32; 3])).unwrap();
+        assert_eq!(packed.texels.len(), 24 + 6 + 1);
+        let red: Vec<f32> = packed.texels[24..].iter().map(|texel| texel[0]).collect();
+        let wanted = [3.5, 5.5, 7.5, 15.5, 17.5, 19.5, 11.5];
+        for (found, wanted) in red.iter().zip(wanted) {
+            assert!((found - wanted).abs() < 1e-5, "{red:?}");
+        }
     }
 
     #[test]

@@ -179,7 +179,7 @@ pub(super) fn add_levels(
 }
 
 /// Means over the area of each texel of a smaller image.
-fn averaged(
+pub(super) fn averaged(
     from: [usize; 2],
     to: [usize; 2],
     texel: impl Fn(usize) -> [f32; 4] + Sync,

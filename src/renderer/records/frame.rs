@@ -70,8 +70,9 @@ shared_record! {
         pub nearest_photons: u32,
         /// Samples of lights that one shadow ray's is chosen from, 1 or more.
         pub light_candidates: u32,
-        /// Unused.
-        pub padding: u32,
+        /// Where in every pixel a frame's only sample lies, from the pixel's centre, in pixels (two snorm of 16 bits), if it is
+        /// offset there; 0 otherwise.
+        pub pixel_offset: u32,
     }
 }
 

@@ -1,9 +1,11 @@
 //! Samples that are spread over the pixel from frame to frame: where they lie, what their mean over frames is, and what it
 //! must not keep or lose.
 
+use std::f64::consts::PI;
+
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::{Material, Scene};
+use stereolux::scene::{Environment, Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -269,6 +271,44 @@ fn a_lamp_thinner_than_a_pixel_keeps_its_energy() {
             let off = (energy / 2.5 - 1.0).abs();
             let what = format!("radiance {radiance_of_lamp}, moves {moves}");
             assert!(off < 0.05, "{what}: {energy} pixels of 2.5");
+        }
+    }
+}
+
+#[test]
+fn a_sun_smaller_than_a_pixel_keeps_its_light_as_the_head_turns() {
+    // Straight ahead a pixel of 3.6 degrees is 2.5 texels of 1.4 degrees wide.
+    let (width, height, radiance_of_sun) = (256, 128, 1000.0);
+    let mut texels = vec![[0.0; 3]; width * height];
+    texels[60 * width + 130] = [radiance_of_sun as f32; 3];
+    let mut scene = Scene::default();
+    scene.environment = Some(Environment {
+        width: width as u32,
+        height: height as u32,
+        radiance: texels,
+        name: "sun".to_owned(),
+    });
+    let step = PI / height as f64;
+    let (elevation, azimuth) = (3.5 * step, 2.5 * step);
+    let towards = DQuat::from_rotation_y(-azimuth) * DQuat::from_rotation_x(elevation);
+    let mut renderer = renderer(&scene, &sequence(Method::Photon, Reuse::Off), [SIZE, SIZE]);
+    for frame in 0..40 {
+        let turn = DQuat::from_rotation_y(0.006 * f64::from(frame));
+        play(
+            &mut renderer,
+            &eyes_at(DVec3::ZERO, turn, 45.0),
+            frame..frame + 1,
+        );
+        // History lasts for 16 frames. On the image plane the sun's solid angle is divided by cos^3.
+        if frame > 16 {
+            let cosine = (turn.inverse() * towards * DVec3::NEG_Z).dot(DVec3::NEG_Z);
+            let pixels = step * step * elevation.cos() / cosine.powi(3) * 16.0 * 16.0;
+            let found = mean(&radiance(&renderer, Eye::Left)) * 1024.0 / radiance_of_sun;
+            // As in crates/gpu/tests/suite/surroundings.rs: 1.7 %, and 1 % for the sun's width.
+            assert!(
+                (found / pixels - 1.0).abs() < 0.027,
+                "{frame}: {found} of {pixels}"
+            );
         }
     }
 }

@@ -14,7 +14,7 @@ use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::photon_map::{
     self, KD_TURNS_PER_SLICE, SHARED_BATCH, SHARED_BATCHES_PER_SLICE,
 };
-use stereolux::renderer::records::stereo::{self, Provenance};
+use stereolux::renderer::records::stereo::{self, Provenance as Is};
 use stereolux::renderer::records::{
     deform, frame, light, material, mirror, reconstruction, still, submit,
 };
@@ -207,6 +207,11 @@ pub fn changed(module: &str, from: &str, to: &str) -> ShaderLibrary {
     library
 }
 
+/// Constants of a module, by the names that shaders give them too.
+macro_rules! named {
+    ($module:ident: $($name:ident),*) => { &[$((stringify!($name), $module::$name)),*] };
+}
+
 /// Numbers that the host and a shader's module both hold.
 fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
     let rounding_unit = bounds::ROUNDING_UNIT;
@@ -244,65 +249,35 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         (
             "shared/stereo",
             &[
-                ("PROVENANCE_BACKGROUND", Provenance::Background as u32),
-                ("PROVENANCE_REUSED", Provenance::Reused as u32),
-                (
-                    "PROVENANCE_OUT_OF_LEFT_VIEW",
-                    Provenance::OutOfLeftView as u32,
-                ),
-                ("PROVENANCE_DISOCCLUDED", Provenance::Disoccluded as u32),
-                ("PROVENANCE_EDGE", Provenance::Edge as u32),
-                (
-                    "PROVENANCE_VIEW_DEPENDENT",
-                    Provenance::ViewDependent as u32,
-                ),
-                ("PROVENANCE_GAP", Provenance::Gap as u32),
-                ("PROVENANCE_RESAMPLED", Provenance::Resampled as u32),
+                ("PROVENANCE_BACKGROUND", Is::Background as u32),
+                ("PROVENANCE_REUSED", Is::Reused as u32),
+                ("PROVENANCE_OUT_OF_LEFT_VIEW", Is::OutOfLeftView as u32),
+                ("PROVENANCE_DISOCCLUDED", Is::Disoccluded as u32),
+                ("PROVENANCE_EDGE", Is::Edge as u32),
+                ("PROVENANCE_VIEW_DEPENDENT", Is::ViewDependent as u32),
+                ("PROVENANCE_GAP", Is::Gap as u32),
+                ("PROVENANCE_RESAMPLED", Is::Resampled as u32),
             ],
         ),
         (
             "shared/frame",
-            &[
-                ("FRAME_RUSSIAN_ROULETTE", frame::FRAME_RUSSIAN_ROULETTE),
-                ("FRAME_DIRECT_FROM_MAP", frame::FRAME_DIRECT_FROM_MAP),
-                (
-                    "FRAME_KERNEL_EPANECHNIKOV",
-                    frame::FRAME_KERNEL_EPANECHNIKOV,
-                ),
-                ("FRAME_KERNEL_CONE", frame::FRAME_KERNEL_CONE),
-            ],
+            named!(frame: FRAME_RUSSIAN_ROULETTE, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_EPANECHNIKOV, FRAME_KERNEL_CONE),
         ),
         (
             "shared/bvh_types",
-            &[
-                ("INSTANCE_MIRRORED", records::INSTANCE_MIRRORED),
-                ("TRIANGLE_ALPHA", records::TRIANGLE_ALPHA),
-                ("TRIANGLE_DOUBLE_SIDED", records::TRIANGLE_DOUBLE_SIDED),
-            ],
+            named!(records: INSTANCE_MIRRORED, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED),
         ),
         (
             "shared/material_types",
-            &[
-                ("MATERIAL_DOUBLE_SIDED", material::MATERIAL_DOUBLE_SIDED),
-                ("MATERIAL_ALPHA_MASK", material::MATERIAL_ALPHA_MASK),
-                ("MATERIAL_ALPHA_BLEND", material::MATERIAL_ALPHA_BLEND),
-                ("TEXTURE_UV1_BIT", material::TEXTURE_UV1_BIT),
-                ("TEXTURE_LEVELS_SHIFT", material::TEXTURE_LEVELS_SHIFT),
-                ("TEXTURE_WRAP_MIRROR", material::TEXTURE_WRAP_MIRROR),
-                ("TEXTURE_WRAP_CLAMP", material::TEXTURE_WRAP_CLAMP),
-                ("TEXTURE_NEAREST_BIT", material::TEXTURE_NEAREST_BIT),
-                ("LIGHT_TRIANGLE", light::LIGHT_TRIANGLE),
-                ("LIGHT_POINT", light::LIGHT_POINT),
-                ("LIGHT_SPOT", light::LIGHT_SPOT),
-                ("LIGHT_DIRECTIONAL", light::LIGHT_DIRECTIONAL),
-                ("LIGHT_ENVIRONMENT", light::LIGHT_ENVIRONMENT),
-            ],
+            named!(material: MATERIAL_DOUBLE_SIDED, MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND, TEXTURE_UV1_BIT,
+                TEXTURE_LEVELS_SHIFT, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_CLAMP, TEXTURE_NEAREST_BIT),
+        ),
+        (
+            "shared/material_types",
+            named!(light: LIGHT_TRIANGLE, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT),
         ),
         ("shared/invocation", &[("ROW_GROUPS", ROW_GROUPS)]),
-        (
-            "shared/photon",
-            &[("RADIX_BLOCK", photon_layout::RADIX_BLOCK)],
-        ),
+        ("shared/photon", named!(photon_layout: RADIX_BLOCK)),
         (
             "shared/records",
             &[("ROW_SHIFT", ROW_TEXELS.trailing_zeros())],

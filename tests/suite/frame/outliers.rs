@@ -7,7 +7,7 @@ use stereolux::renderer::Eye;
 use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, Reuse};
 
-use super::hard_support::{add, eyes_at, glowing, mesh, quad, square_ahead};
+use super::hard_support::{add, eyes_at, glowing, quad, square_ahead};
 use super::reconstruction::{SIZE, filtered};
 use super::support::{builtin, method, play, radiance, rendered, renderer, start_views};
 
@@ -16,36 +16,20 @@ const EMISSION: f32 = 3.1;
 /// A pane behind bars thinner than a pixel, all of one mesh, 2 m in front of the origin; nothing reflects.
 fn pane_and_bars() -> Scene {
     let mut scene = Scene::default();
-    let pane = glowing([EMISSION; 3]);
     let tall = DVec3::new(0.0, 8.0, 0.0);
-    add(&mut scene, &square_ahead(4.0, 2.0), pane);
+    let mut triangles = square_ahead(4.0, 2.0).to_vec();
+    let of_pane = triangles.len();
     // A pixel is 4 m / 64 wide there.
     let (period, width) = (0.131, 0.045);
-    let bars: Vec<_> = (0..60)
-        .flat_map(|bar| {
-            let x = -4.0 + period * f64::from(bar);
-            quad(DVec3::new(x, -4.0, -1.995), DVec3::X * width, tall)
-        })
-        .collect();
-    let mut bars = mesh(&bars);
-    for triangle in &mut bars.triangles {
+    triangles.extend((0..60).flat_map(|bar| {
+        let x = -4.0 + period * f64::from(bar);
+        quad(DVec3::new(x, -4.0, -1.995), DVec3::X * width, tall)
+    }));
+    add(&mut scene, &triangles, glowing([EMISSION; 3]));
+    for triangle in &mut scene.meshes[0].triangles[of_pane..] {
         triangle.material = scene.materials.len() as u32;
     }
     scene.materials.push(Material::lambert("bars", [0.0; 3]));
-    let window = &mut scene.meshes[0];
-    let first = window.positions.len() as u32;
-    for triangle in &mut bars.triangles {
-        for corner in &mut triangle.vertices {
-            *corner += first;
-        }
-    }
-    window.positions.append(&mut bars.positions);
-    window.normals.append(&mut bars.normals);
-    window.tangents.append(&mut bars.tangents);
-    window.uv0.append(&mut bars.uv0);
-    window.uv1.append(&mut bars.uv1);
-    window.colors.append(&mut bars.colors);
-    window.triangles.append(&mut bars.triangles);
     scene
 }
 
