@@ -38,6 +38,8 @@ const ROUNDS: u32 = 2;
 const BRIGHTNESS_FRAMES: usize = 16;
 /// Display light by which neighbours may differ on an even surface.
 const EVEN: f32 = 0.1;
+/// What part of a reference's samples those of the other frames have.
+const MEAN_SHARE: u32 = 8;
 /// Frames whose error is judged, by two references each: the last, and the one before it.
 const JUDGED: usize = 2;
 
@@ -121,8 +123,12 @@ pub(super) fn run(
     let out = options.out.as_path();
     make_folder(out)?;
     let folder = references_folder(options)?;
-    let references =
-        reference::References::open(&folder, samples / 2, library.clone(), machine.clone());
+    let open = |samples: u32| {
+        reference::References::open(&folder, samples, library.clone(), machine.clone())
+    };
+    // A mean over pictures needs fewer samples per pixel than a picture.
+    let whole = open((samples / MEAN_SHARE).max(1));
+    let halves = open(samples / 2);
     let mut rows = Vec::new();
     for name in scenes_or_two(options) {
         let source = SceneSource::Named(name.clone());
@@ -131,9 +137,11 @@ pub(super) fn run(
         let (headset, _) = framing_headset(settings, size, &scene)?;
         let views = sway(&headset, &scene, frames)?;
         progress.says(&format!("{name}: references of {samples} samples"));
-        let reference = |view: View, half: u32| -> Result<ImageRgb, BenchError> {
+        let reference = |view: View, half: Option<u32>| -> Result<ImageRgb, BenchError> {
             let mut settings = settings.clone();
-            settings.render.seed = settings.render.seed.wrapping_add(half);
+            let seed = &mut settings.render.seed;
+            *seed = seed.wrapping_add(half.unwrap_or_default());
+            let references = if half.is_some() { &halves } else { &whole };
             let spec = ReferenceSpec {
                 scene: &scene,
                 scene_fingerprint: &fingerprint,
@@ -250,10 +258,10 @@ impl Stage<'_> {
     }
 }
 
-/// The references of a moving head's last views; `reference` renders a view's first or second.
+/// The references of a moving head's last views; `reference` renders a view's first or second half, or all that its mean needs.
 fn truth_of(
     views: &[[View; 2]],
-    reference: &dyn Fn(View, u32) -> Result<ImageRgb, BenchError>,
+    reference: &dyn Fn(View, Option<u32>) -> Result<ImageRgb, BenchError>,
 ) -> Result<Truth, BenchError> {
     let mut truth = Truth {
         judged: Vec::new(),
@@ -264,12 +272,16 @@ fn truth_of(
         let mut means = [0.0; 2];
         if views.len() - frame > JUDGED {
             for (mean_of_eye, view) in means.iter_mut().zip(pair) {
-                *mean_of_eye = mean(&reference(*view, 0)?);
+                *mean_of_eye = mean(&reference(*view, None)?);
             }
         } else {
             let [left, right] = *pair;
-            let both =
-                |view| Ok::<_, BenchError>(Pair::of([reference(view, 0)?, reference(view, 1)?]));
+            let both = |view| {
+                Ok::<_, BenchError>(Pair::of([
+                    reference(view, Some(0))?,
+                    reference(view, Some(1))?,
+                ]))
+            };
             let pairs = [both(left)?, both(right)?];
             means = [0, 1].map(|eye: usize| {
                 let [one, other] = &pairs[eye].radiance;
