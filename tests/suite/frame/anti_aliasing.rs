@@ -281,13 +281,16 @@ fn a_sun_smaller_than_a_pixel_keeps_its_light_as_the_head_turns() {
     let (width, height, radiance_of_sun) = (256, 128, 1000.0);
     let mut texels = vec![[0.0; 3]; width * height];
     texels[60 * width + 130] = [radiance_of_sun as f32; 3];
-    let mut scene = Scene::default();
-    scene.environment = Some(Environment {
+    let environment = Some(Environment {
         width: width as u32,
         height: height as u32,
         radiance: texels,
         name: "sun".to_owned(),
     });
+    let scene = Scene {
+        environment,
+        ..Scene::default()
+    };
     let step = PI / height as f64;
     let (elevation, azimuth) = (3.5 * step, 2.5 * step);
     let towards = DQuat::from_rotation_y(-azimuth) * DQuat::from_rotation_x(elevation);

@@ -144,7 +144,7 @@ fn kernel(context: &GpuContext) -> Kernel {
 }
 
 fn turned(random: &mut Random) -> DQuat {
-    let mut number = || 2.0 * f64::from(random.unit()) - 1.0;
+    let mut number = || 2.0 * random.unit() - 1.0;
     DQuat::from_xyzw(number(), number(), number(), number()).normalize()
 }
 
@@ -204,8 +204,8 @@ fn a_sun_smaller_than_a_pixel_keeps_its_light_wherever_it_falls() {
         let (mut ratios, mut centers) = (Vec::new(), Vec::new());
         for _ in 0..64 {
             // The sun 20 degrees from the axis at most, the head rolled in any way.
-            let [yaw, pitch] = [0, 1].map(|_| 0.25 * (2.0 * f64::from(random.unit()) - 1.0));
-            let roll = DQuat::from_rotation_z(7.0 * f64::from(random.unit()));
+            let [yaw, pitch] = [0, 1].map(|_| 0.25 * (2.0 * random.unit() - 1.0));
+            let roll = DQuat::from_rotation_z(7.0 * random.unit());
             let eye = Eye {
                 render_from_eye: DQuat::from_rotation_y(yaw)
                     * DQuat::from_rotation_x(pitch + 0.5)
