@@ -56,11 +56,10 @@ pub struct ImageLayout {
 }
 
 impl ImageLayout {
-    /// 8x8 tiles of an eye's image.
+    /// 8x8 tiles of an eye's image, across and down.
     #[must_use]
-    pub fn tiles(&self) -> u64 {
-        let [across, down] = self.size.map(|pixels| u64::from(pixels.div_ceil(8)));
-        across * down
+    pub fn tiles(&self) -> [u32; 2] {
+        self.size.map(|pixels| pixels.div_ceil(8))
     }
 
     /// Pixels of an eye's image.
@@ -162,8 +161,8 @@ const fn batch(name: &'static str, bytes: fn(&MapLayout) -> u64) -> BufferRow {
     BufferRow::new(name, Scope::Batch(bytes)).holds(Holds::Within)
 }
 
-/// All buffers. A list `NAME` of pixels or tiles is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over it in
-/// `NAME_groups` ([`super::step::List`]).
+/// All buffers. A list `NAME` of pixels or tiles is `NAME_list`, with its length in `NAME_count` and the workgroups of passes over
+/// it in `NAME_groups` ([`super::step::List`]).
 #[rustfmt::skip]
 pub const BUFFERS: &[BufferRow] = &[
     // A sample of an eye: `shaders/shared/eye_hit.wesl`, `shaders/shared/parts.wesl`.
@@ -218,7 +217,7 @@ pub const BUFFERS: &[BufferRow] = &[
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 4),
-    BufferRow::new("seen_list", Scope::Eye(|image| image.tiles() * 4)),
+    BufferRow::new("seen_list", Scope::Eye(|image| image.tiles().map(u64::from).into_iter().product::<u64>() * 4)),
     fixed!(Eye, "seen_count", 16).cleared(&[Moment::Frame]),
     fixed!(Eye, "seen_groups", 16),
     per_pixel!(Eye, "motion", 8),

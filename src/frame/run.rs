@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, inspect_surfaces, stereo_share};
+use super::passes::{Domain, Pass, inspect_surfaces, motion, stereo_share};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -42,6 +42,8 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         from_tiles: pass.over == Domain::SeenTiles,
         inspects: *pass == inspect_surfaces,
         shares_moments: *pass == stereo_share,
+        // No other pass asks, nor is compiled anew for it.
+        anti_aliased: shared.anti_aliased && *pass == motion,
         ..shared
     }
 }
@@ -377,7 +379,7 @@ impl FrameRun {
                     Size::Groups(count) => Groups::Direct(linear_groups(count, 1)),
                     Size::Threads(count) => Groups::Direct(kernel.groups_for(count)),
                     Size::Tiles => {
-                        let [width, height] = image.size.map(|pixels| pixels.div_ceil(8));
+                        let [width, height] = image.tiles();
                         Groups::Direct([width, height, 1])
                     }
                     Size::List(list) => Groups::Indirect(buffer(&format!("{}_groups", list.0))?, 0),

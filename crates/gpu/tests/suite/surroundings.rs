@@ -76,7 +76,6 @@ impl Map {
 }
 
 /// An eye of 90 by 90 degrees.
-#[derive(Clone, Copy)]
 struct Eye {
     render_from_eye: DQuat,
     /// Pixels across and down.
@@ -163,8 +162,9 @@ fn a_mean_over_a_pixel_has_the_light_of_all_directions_in_it() {
     };
     // Half a texel a pixel, about four, and so many that a coarser level is read. The map's second derivatives are at most 4,
     // all of them in kinks a texel apart while a pixel is less than one. Then a ray through the centre is off by a kink times an
-    // eighth of the pixel at most, along either axis; a mean over texels by less than that with the pixel in the kink's place. The middle of the texels'
-    // weights is off by up to 3 % of a texel while the head is rolled (waves as below, of the hat alone), and slopes are 2.
+    // eighth of the pixel at most, along either axis; a mean over texels by less than that with the pixel in the kink's place.
+    // The middle of the texels' weights is off by up to 3 % of a texel while the head is rolled (waves as below, of the hat
+    // alone), and slopes are 2.
     let pixel_rad = 2.0 / 40.0;
     for size in [[64, 32], [512, 256], [2048, 1024]] {
         let texel_rad = std::f64::consts::PI / size[1] as f64;
@@ -218,9 +218,10 @@ fn a_sun_smaller_than_a_pixel_keeps_its_light_wherever_it_falls() {
             };
             let answers = seen(&context, &kernel, &map, &eye);
             let sum = |of: &dyn Fn(&Answer) -> f32| answers.iter().map(|a| f64::from(of(a))).sum();
-            let truth: f64 = (0..1600)
-                .filter(|&pixel| answers[pixel as usize].mean[0] > 0.0)
-                .map(|pixel| eye.mean(&map, pixel, 24))
+            let truth: f64 = (0..)
+                .zip(&answers)
+                .filter(|(_, answer)| answer.mean[0] > 0.0)
+                .map(|(pixel, _)| eye.mean(&map, pixel, 24))
                 .sum();
             let found: f64 = sum(&|a| a.mean[0]);
             let center: f64 = sum(&|a| a.through_center);
