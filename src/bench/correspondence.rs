@@ -9,17 +9,24 @@ use crate::xr::View;
 /// seen at a grazing angle, while the surfaces behind an edge lie much farther off.
 const SAME_DISTANCE: f64 = 0.02;
 
-/// For each right-eye pixel the left-eye pixel that sees the same surface point, from both eyes' first hits: unit
-/// direction and distance per pixel by rows from the top, distance 0 where nothing is hit. In f64 on the host.
+/// Index of the pixel, `width` to a row, that a place in an image lies in; column and row in pixels from the upper left corner.
+#[must_use]
+pub fn pixel_at([column, row]: [f64; 2], width: u32) -> u32 {
+    row as u32 * width + column as u32
+}
+
+/// For each right-eye pixel where in the left image the same surface point is seen, column and row in pixels from the upper left
+/// corner, from both eyes' first hits: unit direction and distance per pixel by rows from the top, distance 0 where nothing is
+/// hit. In f64 on the host.
 #[must_use]
 pub fn left_from_right(
     views: &[View; 2],
     size: [u32; 2],
     left_hits: &[[f32; 4]],
     right_hits: &[[f32; 4]],
-) -> Image<Option<u32>> {
+) -> Image<Option<[f64; 2]>> {
     let [width, height] = size;
-    let seen = |ray: &[f32; 4]| -> Option<u32> {
+    let seen = |ray: &[f32; 4]| -> Option<[f64; 2]> {
         let [x, y, z, distance] = ray.map(f64::from);
         if distance <= 0.0 {
             return None;
@@ -27,12 +34,12 @@ pub fn left_from_right(
         let point_in_world = views[1].position_in_world + DVec3::new(x, y, z) * distance;
         let (column, row) = views[0].pixel_from_point_in_world(point_in_world, width, height)?;
         // Inside the half-open image, so the floors are pixels of it.
-        let index = row as u32 * width + column as u32;
-        let left_distance = f64::from(left_hits.get(index as usize)?[3]);
+        let index = pixel_at([column, row], width) as usize;
+        let left_distance = f64::from(left_hits.get(index)?[3]);
         let needed = (point_in_world - views[0].position_in_world).length();
-        ((left_distance - needed).abs() <= SAME_DISTANCE * needed).then_some(index)
+        ((left_distance - needed).abs() <= SAME_DISTANCE * needed).then_some([column, row])
     };
-    let mut pixels: Vec<Option<u32>> = right_hits.iter().map(seen).collect();
+    let mut pixels: Vec<Option<[f64; 2]>> = right_hits.iter().map(seen).collect();
     pixels.resize(width as usize * height as usize, None);
     Image {
         width,
@@ -80,9 +87,12 @@ mod tests {
         let views = views(0.5);
         let found = left_from_right(&views, SIZE, &plane_hits(&views[0]), &plane_hits(&views[1]));
         for (index, to) in found.pixels.iter().enumerate() {
-            let index = index as u32;
-            let expected = (index % 16 < 14).then_some(index + 2);
-            assert_eq!(*to, expected, "pixel {index}");
+            // Through the pixels' middles; 1e-5 is what f32 rays leave of a place 16 pixels wide.
+            let expected = [(index % 16) as f64 + 2.5, (index / 16) as f64 + 0.5];
+            assert_eq!(to.is_some(), index % 16 < 14, "pixel {index}");
+            for (found, expected) in to.iter().flatten().zip(expected) {
+                assert!((found - expected).abs() < 1e-5, "pixel {index}: {to:?}");
+            }
         }
     }
 
@@ -95,7 +105,10 @@ mod tests {
         let found = left_from_right(&views, SIZE, &left, &plane_hits(&views[1]));
         assert_eq!(found.pixels[16 * 3 + 3], None);
         assert_eq!(found.pixels[16 * 3 + 4], None);
-        assert_eq!(found.pixels[16 * 3 + 5], Some(16 * 3 + 7));
+        assert_eq!(
+            found.pixels[16 * 3 + 5].map(|to| pixel_at(to, 16)),
+            Some(16 * 3 + 7)
+        );
         // Rays that miss have no partner.
         let nothing = vec![[0.0, 0.0, -1.0, 0.0]; 256];
         let found = left_from_right(&views, SIZE, &left, &nothing);

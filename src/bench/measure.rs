@@ -12,7 +12,7 @@ use stereolux_report::records::{Load, Machine, REFERENCE_SHARE, Row};
 use stereolux_report::rounds::{Round, interleave};
 use stereolux_report::statistics::mean;
 
-use super::correspondence::left_from_right;
+use super::correspondence::{left_from_right, pixel_at};
 use super::instance_motion::{InstanceMotion, InstanceMover};
 use super::reference::{PixelFilter, Reference, ReferenceSpec, References};
 use super::scenes::SceneSource;
@@ -566,7 +566,17 @@ fn correspondence(
     let hits = |eye| renderer.read_hit_rays(eye);
     Ok(hits(Eye::Left)?
         .zip(hits(Eye::Right)?)
-        .map(|(left, right)| left_from_right(views, size, &left, &right)))
+        .map(|(left, right)| {
+            let places = left_from_right(views, size, &left, &right);
+            let pixels = places.pixels.iter();
+            Image {
+                width: places.width,
+                height: places.height,
+                pixels: pixels
+                    .map(|to| to.map(|to| pixel_at(to, size[0])))
+                    .collect(),
+            }
+        }))
 }
 
 /// A variant with its renderer.

@@ -4,10 +4,11 @@
 
 use std::io::Write as _;
 
+use glam::DVec3;
 use stereolux_report::motion::{MotionRow, files};
 use stereolux_report::statistics::spread;
 
-use super::correspondence::left_from_right;
+use super::correspondence::{left_from_right, pixel_at};
 use super::paired_references::{
     Differences, References, binocular_square, change_square, differences, mean_product,
     relative_square,
@@ -38,8 +39,10 @@ const ROUNDS: u32 = 2;
 const BRIGHTNESS_FRAMES: usize = 16;
 /// Display light by which neighbours may differ on an even surface.
 const EVEN: f32 = 0.1;
-/// What part of a reference's samples those of the other frames have.
-const MEAN_SHARE: u32 = 8;
+/// Least cosine between the normals on all sides of a point on an even surface: what the filters take for one surface.
+const FLAT: f64 = 0.95;
+/// Samples per pixel that a reference of the other frames needs at most: their mean over the picture alone counts.
+const MEAN_SAMPLES: u32 = 64;
 /// Frames whose error is judged, by two references each: the last, and the one before it.
 const JUDGED: usize = 2;
 
@@ -126,8 +129,7 @@ pub(super) fn run(
     let open = |samples: u32| {
         reference::References::open(&folder, samples, library.clone(), machine.clone())
     };
-    // A mean over pictures needs fewer samples per pixel than a picture.
-    let whole = open((samples / MEAN_SHARE).max(1));
+    let whole = open(samples.min(MEAN_SAMPLES));
     let halves = open(samples / 2);
     let mut rows = Vec::new();
     for name in scenes_or_two(options) {
@@ -176,7 +178,7 @@ pub(super) fn run(
     let what = format!(
         "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
          each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
-         (the eyes' errors apart, away from edges) in display light, 0 to 1. Brightness: mean radiance of the last \
+         (the eyes' errors apart, away from edges, with its standard error) in display light, 0 to 1. Brightness: mean radiance of the last \
          {BRIGHTNESS_FRAMES} frames over that of their references. Milliseconds: lower quartile of {rounds} rounds in turn.",
         size[0], size[1],
     );
@@ -246,14 +248,19 @@ impl Stage<'_> {
         Ok(rows.collect())
     }
 
-    /// For each pixel of the right eye the left eye's that sees the same point in the last frame, away from edges.
-    fn seen_by_both(&self, renderer: &Renderer) -> Result<Option<Image<Option<u32>>>, BenchError> {
+    /// Where the left eye sees the point of each pixel of the right eye in the last frame, away from edges.
+    fn seen_by_both(
+        &self,
+        renderer: &Renderer,
+    ) -> Result<Option<Image<Option<[f64; 2]>>>, BenchError> {
         let hits = |eye| renderer.read_hit_rays(eye);
         let both = hits(Eye::Left)?.zip(hits(Eye::Right)?);
         let last = self.views.last().zip(self.truth.judged.last());
-        Ok(both.zip(last).map(|((left, right), (views, [_, truth]))| {
+        Ok(both.zip(last).map(|((left, right), (views, truth))| {
             let seen = left_from_right(views, self.size, &left, &right);
-            away_from_edges(&seen, &truth.displayed[0])
+            let even = [0, 1]
+                .map(|eye: usize| even_pixels([&left, &right][eye], &truth[eye].displayed[0]));
+            away_from_edges(&seen, &even)
         }))
     }
 }
@@ -372,9 +379,9 @@ fn root(square: f64) -> f64 {
     square.abs().sqrt().copysign(square)
 }
 
-/// What a variant's frames come to, beside names. `seen`: for each pixel of the right eye the left eye's that sees the same point
-/// in the last frame.
-fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<u32>>) -> MotionRow {
+/// What a variant's frames come to, beside names. `seen`: where the left eye sees the point of each pixel of the right eye in the
+/// last frame.
+fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<[f64; 2]>>) -> MotionRow {
     let mut row = MotionRow::default();
     let eyes = [0, 1].map(|eye: usize| {
         let mut errors = shown
@@ -404,34 +411,63 @@ fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<u32>>) -> MotionRow {
         row.rmse += 0.5 * mean_product(&sum[0], &sum[1]);
     }
     row.rmse = root(row.rmse);
-    row.binocular = root(binocular_square(&eyes[0].1, &eyes[1].1, seen));
+    let apart = binocular_square(&eyes[0].1, &eyes[1].1, seen);
+    row.binocular = root(apart.mean());
+    // By the delta method.
+    let error = apart.standard_error();
+    row.binocular_se = error.map_or(f64::NAN, |error| error / (2.0 * row.binocular.abs()));
     row.ms = spread(&shown.ms).map_or(f64::NAN, |ms| ms.lower_quartile);
     row
 }
 
-/// Leaves the points whose eight neighbours both eyes see beside them, and around which the picture that the right eye should
-/// show is even: a pixel over an edge shows each eye another mixture, and is no disagreement.
-fn away_from_edges(seen: &Image<Option<u32>>, displayed: &ImageRgb) -> Image<Option<u32>> {
-    let [width, height] = [i64::from(seen.width), i64::from(seen.height)];
-    let index = |x: i64, y: i64| {
+/// Which pixels lie amid an even surface: it is flat there, and `displayed` is alike in their eight neighbours.
+fn even_pixels(hits: &[[f32; 4]], displayed: &ImageRgb) -> Vec<bool> {
+    let [width, height] = [i64::from(displayed.width), i64::from(displayed.height)];
+    let at = |x: i64, y: i64| {
         let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
-        usize::try_from(y * width + x).ok().filter(|_| is_inside)
+        let index = usize::try_from(y * width + x).ok().filter(|_| is_inside)?;
+        let [x, y, z, distance] = hits.get(index)?.map(f64::from);
+        (distance > 0.0).then_some((DVec3::new(x, y, z) * distance, displayed.pixels[index]))
     };
-    let is_away = |here: usize, to: u32| {
-        let (x, y) = (here as i64 % width, here as i64 / width);
-        let (column, row) = (i64::from(to) % width, i64::from(to) / width);
-        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-        around.into_iter().all(|(dx, dy)| {
-            let Some(beside) = index(x + dx, y + dy) else {
-                return false;
-            };
-            let colors = displayed.pixels[beside].iter().zip(displayed.pixels[here]);
-            seen.pixels[beside].map(i64::from).is_some_and(|there| {
-                (there % width - column - dx).abs() <= 1 && (there / width - row - dy).abs() <= 1
-            }) && colors.into_iter().all(|(a, b)| (a - b).abs() <= EVEN)
-        })
+    let is_even = |x: i64, y: i64| -> Option<bool> {
+        let (here, light) = at(x, y)?;
+        let mut normals = Vec::with_capacity(4);
+        for (side, up) in [(1, 1), (-1, 1), (1, -1), (-1, -1)] {
+            let (across, down) = (at(x + side, y)?.0 - here, at(x, y + up)?.0 - here);
+            normals.push((across.cross(down) * (side * up) as f64).try_normalize()?);
+        }
+        let mut pairs = normals
+            .iter()
+            .flat_map(|a| normals.iter().map(|b| a.dot(*b)));
+        if pairs.any(|cosine| cosine < FLAT) {
+            return Some(false);
+        }
+        for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+            let (_, other) = at(x + dx, y + dy)?;
+            let mut colors = light.iter().zip(other);
+            if colors.any(|(a, b)| (a - b).abs() > EVEN) {
+                return Some(false);
+            }
+        }
+        Some(true)
     };
-    let kept = |(here, to): (usize, &Option<u32>)| to.filter(|&to| is_away(here, to));
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    pixels.map(|(x, y)| is_even(x, y) == Some(true)).collect()
+}
+
+/// Leaves the points amid even surfaces, of the right pixel and of the four left ones around the point: a pixel over an edge shows
+/// each eye another mixture, and is no disagreement. `even`: of the left and of the right eye.
+fn away_from_edges(
+    seen: &Image<Option<[f64; 2]>>,
+    even: &[Vec<bool>; 2],
+) -> Image<Option<[f64; 2]>> {
+    let is_even = |eye: usize, index: usize| even[eye].get(index).copied().unwrap_or(false);
+    let is_away = |here: usize, place: [f64; 2]| {
+        let around = [-0.5, 0.5].map(|dy| [-0.5, 0.5].map(|dx| [place[0] + dx, place[1] + dy]));
+        let mut around = around.into_iter().flatten();
+        is_even(1, here) && around.all(|tap| is_even(0, pixel_at(tap, seen.width) as usize))
+    };
+    let kept = |(here, to): (usize, &Option<[f64; 2]>)| to.filter(|&to| is_away(here, to));
     Image {
         width: seen.width,
         height: seen.height,
@@ -453,6 +489,11 @@ mod tests {
         Image::filled(4, 4, [level; 3]).unwrap()
     }
 
+    /// The middle of a pixel.
+    fn middle(index: u32, width: u32) -> [f64; 2] {
+        [index % width, index / width].map(|at| f64::from(at) + 0.5)
+    }
+
     fn pairs(level: f32) -> [Pair; 2] {
         let pair = || Pair::of([image(level), image(level)]);
         [pair(), pair()]
@@ -467,7 +508,7 @@ mod tests {
         let everywhere = Image {
             width: 4,
             height: 4,
-            pixels: (0..16).map(Some).collect(),
+            pixels: (0..16).map(|i| Some(middle(i, 4))).collect(),
         };
         let shown_as = |frames: [[f32; 2]; 2]| Shown {
             mean: frames[1].map(f64::from),
@@ -489,7 +530,7 @@ mod tests {
 
     fn view(yaw: f64) -> View {
         View {
-            position_in_world: glam::DVec3::ZERO,
+            position_in_world: DVec3::ZERO,
             orientation: glam::DQuat::from_rotation_y(yaw),
             fov: crate::xr::Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
         }
@@ -520,33 +561,52 @@ mod tests {
         );
     }
 
+    /// First hits of `view`, 12x8 pixels, on two walls that meet two metres ahead in the plane x = `corner_x`: one faces the eye,
+    /// the other comes towards it at `angle`.
+    fn hits_of_walls(view: &View, corner_x: f64, angle: f64) -> Vec<[f32; 4]> {
+        let normals = [DVec3::Z, DVec3::new(-angle.sin(), 0.0, angle.cos())];
+        let corner = DVec3::new(corner_x, 0.0, -2.0) - view.position_in_world;
+        let hit = |index: u32| {
+            let [column, row] = middle(index, 12);
+            let ray = view.ray_through_pixel(column, row, 12, 8).direction;
+            let to_wall = |normal: DVec3| Some(normal.dot(corner) / normal.dot(ray));
+            let ahead = |normal| to_wall(normal).filter(|distance| *distance > 0.0);
+            let distances = normals.map(|normal| ahead(normal).unwrap_or(f64::MAX));
+            let [x, y, z] = ray.as_vec3().to_array();
+            [x, y, z, distances[0].min(distances[1]) as f32]
+        };
+        (0..96).map(hit).collect()
+    }
+
     #[test]
     fn points_beside_an_edge_are_left_out() {
-        // Two surfaces, shifted by one and by three columns, meet in the middle.
-        let seen = Image {
-            width: 12,
-            height: 5,
-            pixels: (0..60)
-                .map(|index| Some(index + if index % 12 < 6 { 1 } else { 3 }))
-                .map(|to| to.filter(|to| to % 12 != 0 && *to < 60))
-                .collect(),
+        // A pixel is 4 m / 12 = 1/3 m wide on the wall, and the eyes lie a pixel apart, and another quarter.
+        let views = [-0.5, 0.5].map(|side| View {
+            position_in_world: DVec3::X * (side * 1.25 / 3.0),
+            ..view(0.0)
+        });
+        let plain = Image::filled(12, 8, [0.5; 3]).unwrap();
+        let columns = |angle: f64, lit: &ImageRgb| -> Vec<usize> {
+            let hits = [0, 1].map(|eye: usize| hits_of_walls(&views[eye], 0.1, angle));
+            let seen = left_from_right(&views, [12, 8], &hits[0], &hits[1]);
+            let even = [0, 1].map(|eye: usize| even_pixels(&hits[eye], lit));
+            let kept = away_from_edges(&seen, &even);
+            assert!(kept.pixels[..12].iter().all(Option::is_none));
+            (0..12)
+                .filter(|x| kept.pixels[3 * 12 + x].is_some())
+                .collect()
         };
-        let kept = away_from_edges(&seen, &Image::filled(12, 5, [0.5; 3]).unwrap());
-        let row: Vec<bool> = (24..36).map(|index| kept.pixels[index].is_some()).collect();
-        let expected = [1, 2, 3, 4, 7];
-        assert_eq!(
-            (0..12).filter(|&x| row[x]).collect::<Vec<_>>(),
-            expected,
-            "{row:?}"
-        );
-        assert_eq!(kept.pixels[26], Some(27));
-        assert!(kept.pixels[..12].iter().all(Option::is_none));
-        // A bright point, too.
-        let mut lamp = Image::filled(12, 5, [0.5; 3]).unwrap();
-        lamp.pixels[24 + 4] = [0.5, 0.5, 0.9];
-        let kept = away_from_edges(&seen, &lamp);
-        let row: Vec<usize> = (0..12).filter(|x| kept.pixels[24 + x].is_some()).collect();
-        assert_eq!(row, [1, 2, 7]);
+        // One wall: all but what lies beside an eye's border. What the right eye sees in column c lies between the left eye's c + 1 and c + 2.
+        assert_eq!(columns(0.0, &plain), [1, 2, 3, 4, 5, 6, 7, 8]);
+        // The corner lies at 5.7 for the right eye and at 6.9 for the left one: columns 5 and 6, and 6 and 7, have the other wall
+        // beside them. What column 8 sees of that wall, which comes nearer, lies beside the left image's border.
+        assert_eq!(columns(1.0, &plain), [1, 2, 3, 7]);
+        // Bent no more than a sphere, it would be flat.
+        assert_eq!(columns(0.1, &plain), [1, 2, 3, 4, 5, 6, 7, 8]);
+        // A bright point in the left eye's column 4, too.
+        let mut lamp = plain.clone();
+        lamp.pixels[3 * 12 + 4] = [0.5, 0.5, 0.9];
+        assert_eq!(columns(0.0, &lamp), [6, 7, 8]);
     }
 
     #[test]

@@ -4,7 +4,9 @@
 //! references of every view, independent of each other, and every squared error is the product of the differences from
 //! each: its expectation is the square of the error against the truth. It may come out negative where there is none.
 
+use super::correspondence::pixel_at;
 use crate::images::{Image, ImageRgb};
+use crate::metrics::BlockedMean;
 
 /// Two references of an eye's view, of one size, whose noise is independent.
 pub type References = [ImageRgb; 2];
@@ -54,21 +56,52 @@ pub fn change_square(now: &Differences, before: &Differences) -> f64 {
     mean_product(&changed[0], &changed[1])
 }
 
-/// How far the eyes' errors lie apart at the points that both see, squared: [`crate::metrics::binocular_error`] without the
-/// references' noise. `left_from_right` as there; 0 if there is no such point.
+/// How far the eyes' errors lie apart at the points that both see, squared, without the references' noise: mean over points and
+/// channels. `left_from_right`: where in the left image ([`super::correspondence::left_from_right`]) the point of each right
+/// pixel is seen; the left eye's error there is interpolated between four pixels, since an error that changes by pixels would
+/// disagree with itself half a pixel further on.
 pub fn binocular_square(
     left: &Differences,
     right: &Differences,
-    left_from_right: &Image<Option<u32>>,
-) -> f64 {
-    let apart = [0, 1].map(|one: usize| {
-        let seen = right[one].iter().zip(&left_from_right.pixels);
-        let (ours, theirs): (Vec<[f64; 3]>, Vec<&[f64; 3]>) = seen
-            .filter_map(|(here, there)| Some((*here, left[one].get((*there)? as usize)?)))
-            .unzip();
-        subtract(&ours, theirs)
-    });
-    mean_product(&apart[0], &apart[1])
+    left_from_right: &Image<Option<[f64; 2]>>,
+) -> BlockedMean {
+    let (width, height) = (left_from_right.width, left_from_right.height);
+    let mut apart = BlockedMean::new(width, height);
+    for (index, place) in left_from_right.pixels.iter().enumerate() {
+        let difference = |one: usize| {
+            let theirs = interpolated(&left[one], [width, height], (*place)?)?;
+            let ours = right[one].get(index)?;
+            Some([0, 1, 2].map(|c| ours[c] - theirs[c]))
+        };
+        if let Some((one, other)) = difference(0).zip(difference(1)) {
+            let products = one.iter().zip(other).map(|(a, b)| a * b);
+            apart.add(index, width, products.sum::<f64>() / 3.0);
+        }
+    }
+    apart
+}
+
+/// Bilinear, of pixels whose values are those of their middles; `None` less than half a pixel from the image's border.
+fn interpolated(
+    pixels: &[[f64; 3]],
+    [width, height]: [u32; 2],
+    place: [f64; 2],
+) -> Option<[f64; 3]> {
+    let corner = place.map(|at| (at - 0.5).floor());
+    let part: [f64; 2] = std::array::from_fn(|axis| place[axis] - 0.5 - corner[axis]);
+    let mut sum = [0.0; 3];
+    for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let (x, y) = (corner[0] + dx, corner[1] + dy);
+        if x < 0.0 || y < 0.0 || x >= f64::from(width) || y >= f64::from(height) {
+            return None;
+        }
+        let weight = (1.0 - dx - part[0]).abs() * (1.0 - dy - part[1]).abs();
+        let pixel = pixels.get(pixel_at([x, y], width) as usize)?;
+        for (sum, value) in sum.iter_mut().zip(pixel) {
+            *sum += weight * value;
+        }
+    }
+    Some(sum)
 }
 
 fn subtract<'a>(one: &[[f64; 3]], other: impl IntoIterator<Item = &'a [f64; 3]>) -> Vec<[f64; 3]> {
@@ -81,6 +114,26 @@ fn subtract<'a>(one: &[[f64; 3]], other: impl IntoIterator<Item = &'a [f64; 3]>)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_painted_on_the_surface_does_not_disagree_between_pixels() {
+        // The error rises from column to column, and what the right eye sees in column c lies at c + 1.75 for the left eye.
+        let (width, height) = (16_u32, 4_u32);
+        let rows = |at: f64| -> Differences {
+            let pixels = (0..width * height).map(|i| [0.1 * (f64::from(i % width) + at); 3]);
+            [pixels.clone().collect(), pixels.collect()]
+        };
+        let places = (0..width * height).map(|i| {
+            let column = f64::from(i % width) + 0.5 + 1.75;
+            (column < f64::from(width)).then_some([column, f64::from(i / width) + 0.5])
+        });
+        let seen = Image::new(width, height, places.collect()).unwrap();
+        let painted = binocular_square(&rows(0.0), &rows(1.75), &seen);
+        assert!(painted.mean().abs() < 1e-12, "{painted:?}");
+        // Taken from the pixel that the place lies in, it would be 0.025 off; on the screen it is 0.175.
+        let stays = binocular_square(&rows(0.0), &rows(0.0), &seen);
+        assert!((stays.mean() - 0.175_f64.powi(2)).abs() < 1e-12);
+    }
 
     #[test]
     fn noise_of_the_references_does_not_count() {

@@ -27,6 +27,8 @@ pub struct MotionRow {
     pub flicker: [f64; 2],
     /// RMS difference between the eyes' errors at the points that both see, away from edges.
     pub binocular: f64,
+    /// Its standard error, by blocks of 8x8 pixels.
+    pub binocular_se: f64,
     /// Device milliseconds of a frame: lower quartile.
     pub ms: f64,
 }
@@ -39,7 +41,7 @@ impl MotionRow {
 }
 
 /// Names of the columns of rows.csv, and what they hold.
-const COLUMNS: [(&str, &str); 12] = [
+const COLUMNS: [(&str, &str); 13] = [
     ("scene", "file or builtin scene"),
     ("method", "light transport: photon or path"),
     (
@@ -67,6 +69,10 @@ const COLUMNS: [(&str, &str); 12] = [
     (
         "binocular",
         "RMS difference of the eyes' errors where both see a point away from edges, display light, without the references' noise",
+    ),
+    (
+        "binocular_se",
+        "its standard error, by blocks of 8x8 pixels",
     ),
     ("ms", "device milliseconds of a frame, lower quartile"),
     ("ms_over_raw", "the same over the raw variant's"),
@@ -106,6 +112,7 @@ pub fn files(rows: &[MotionRow], what: &str) -> Result<Vec<ReportFile>, ReportEr
             left,
             right,
             row.binocular,
+            row.binocular_se,
             row.ms,
             over(rows, row, "raw", |row| row.ms),
         ];
@@ -125,7 +132,7 @@ fn markdown(rows: &[MotionRow], what: &str) -> String {
     for row in rows {
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {:.4} | {:.2} | {:.4} | {:.3} | {:.4} | {:.2} | {:.4} | {:.2} | {:.1} | {:.2} |",
+            "| {} | {} | {} | {:.4} | {:.2} | {:.4} | {:.3} | {:.4} | {:.2} | {:.5} ± {:.5} | {:.2} | {:.1} | {:.2} |",
             row.scene.replace('|', "/"),
             row.method,
             row.variant,
@@ -136,6 +143,7 @@ fn markdown(rows: &[MotionRow], what: &str) -> String {
             row.flickers(),
             over(rows, row, "raw", MotionRow::flickers),
             row.binocular,
+            row.binocular_se,
             over(rows, row, "separate", |row| row.binocular),
             row.ms,
             over(rows, row, "raw", |row| row.ms),
@@ -173,7 +181,7 @@ mod tests {
             String::from_utf8(file.bytes.clone()).unwrap()
         };
         // sqrt((1 + 49) / 2) = 5 times the figure.
-        let last = "| default | 0.1000 | 0.25 | 0.0000 | 0.000 | 0.5000 | 0.25 | 0.1000 | 0.50 | 1.0 | 0.25 |";
+        let last = "| default | 0.1000 | 0.25 | 0.0000 | 0.000 | 0.5000 | 0.25 | 0.10000 ± 0.00000 | 0.50 | 1.0 | 0.25 |";
         assert!(text("report.md").contains(last), "{}", text("report.md"));
         let csv = text("rows.csv");
         let mut lines = csv.lines();

@@ -130,14 +130,16 @@ impl Mask {
 /// B / (B - 1) sum n_b^2 (m_b - m)^2 / N^2: the ratio estimator of cluster sampling (Cochran, Sampling Techniques,
 /// 3rd ed., section 9A.2).
 #[derive(Clone, Debug, Default)]
-struct BlockedMean {
+pub struct BlockedMean {
     sums: Vec<f64>,
     counts: Vec<f64>,
     blocks_per_row: usize,
 }
 
 impl BlockedMean {
-    fn new(width: u32, height: u32) -> Self {
+    /// Of nothing yet, for images of this size.
+    #[must_use]
+    pub fn new(width: u32, height: u32) -> Self {
         let columns = width.div_ceil(STANDARD_ERROR_BLOCK) as usize;
         let rows = height.div_ceil(STANDARD_ERROR_BLOCK) as usize;
         Self {
@@ -148,7 +150,7 @@ impl BlockedMean {
     }
 
     /// Adds the value of the pixel with this index in an image of this width.
-    fn add(&mut self, index: usize, width: u32, value: f64) {
+    pub fn add(&mut self, index: usize, width: u32, value: f64) {
         let side = STANDARD_ERROR_BLOCK as usize;
         let (x, y) = (index % width as usize, index / width as usize);
         let block = y / side * self.blocks_per_row + x / side;
@@ -158,7 +160,9 @@ impl BlockedMean {
         }
     }
 
-    fn mean(&self) -> f64 {
+    /// NaN of nothing.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
         self.sums.iter().sum::<f64>() / self.counts.iter().sum::<f64>()
     }
 
@@ -179,7 +183,8 @@ impl BlockedMean {
     }
 
     /// `None` where fewer than two blocks hold a pixel.
-    fn standard_error(&self) -> Option<f64> {
+    #[must_use]
+    pub fn standard_error(&self) -> Option<f64> {
         let total: f64 = self.counts.iter().sum();
         let mean = self.mean();
         let filled = self.counts.iter().filter(|&&count| count > 0.0).count() as f64;
