@@ -52,7 +52,7 @@ impl Homes {
 
 /// The steps of a frame and the moments at which they run. Of the right eye's two stages a frame runs one; the short one counts
 /// as a single moment, so that where images lie does not depend on the number of slices that a pass is cut into.
-pub fn moments(stages: &[PlannedStage]) -> impl Iterator<Item = (u32, Stage, &Step)> {
+pub fn moments(stages: &[PlannedStage]) -> impl Iterator<Item = (u32, &Step)> {
     let (mut begins, mut next) = (0, 0);
     stages.iter().flat_map(move |planned| {
         let is_instead = planned.stage == Stage::RightEqual;
@@ -68,14 +68,14 @@ pub fn moments(stages: &[PlannedStage]) -> impl Iterator<Item = (u32, Stage, &St
             } else {
                 first + step_index
             };
-            (at, planned.stage, step)
+            (at, step)
         })
     })
 }
 
 /// Notes what steps without a pass do with the buffers that passes use: clears, copies, and until when they are kept.
 pub fn note_the_rest(stages: &[PlannedStage], uses: &mut BTreeMap<Place, Use>) {
-    for (at, _, step) in moments(stages) {
+    for (at, step) in moments(stages) {
         for row in buffers::BUFFERS {
             let (is_named, is_kept) = match step.action {
                 Action::Clear(moment) => (row.cleared.contains(&moment), false),

@@ -127,7 +127,7 @@ pub fn uses(
     library: &ShaderLibrary,
 ) -> Result<BTreeMap<Place, Use>, GpuError> {
     let mut uses = BTreeMap::new();
-    for (at, _, step) in moments(stages) {
+    for (at, step) in moments(stages) {
         let Some(pass) = step.pass() else { continue };
         let features = specialised(pass, features, step.runs_from_list());
         let shader = library.compile(&pass.shader_name(), &features)?;

@@ -177,8 +177,10 @@ passes! {
         "Computes a pixel list's workgroups from its length.";
     fill_reasons: Hits scene,
         "Finds why each filled pixel could not be reused.";
-    motion: Pixels scene,
-        "Writes the G-buffer of the pixels' centres and its motion since the previous frame, and lists the tiles that see a surface.";
+    background: Pixels scene,
+        "Finishes the pixels that see no surface, with their motion since the previous frame, and lists the tiles of the others.";
+    motion: SeenTiles scene,
+        "Writes the G-buffer of the pixels' centres and its motion since the previous frame.";
     svgf_temporal: SeenTiles,
         "SVGF: accumulates light over frames by reprojection.";
     stereo_share: SeenTiles,
@@ -187,10 +189,10 @@ passes! {
         "SVGF: estimates the variance of the accumulated light.";
     svgf_atrous: SeenTiles,
         "SVGF: one pass of the a-trous wavelet filter.";
-    remodulate: Pixels scene,
+    remodulate: SeenTiles scene,
         "Mixes in the other eye's filtered light, remodulates it by albedo and blends in the mean of still frames.";
     taa: Pixels,
-        "Temporal anti-aliasing of what is shown, after the filmic curve.";
+        "Temporal anti-aliasing of what is shown, in linear light.";
     xr_submit: Fragments,
         "Writes an eye's image into a runtime's texture.";
     xr_submit_depth: Fragments,

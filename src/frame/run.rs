@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, inspect_surfaces, motion, stereo_share};
+use super::passes::{Domain, Pass, background, inspect_surfaces, motion, stereo_share};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -23,7 +23,8 @@ use crate::gpu::{
 /// Samples per submission; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
 
-/// Features that `pass` is compiled with in a frame of `features`; passes over hits always run over a list.
+/// Features that `pass` is compiled with in a frame of `features`. Passes over hits or tiles always run over a list, but for
+/// motion where it is looked at.
 #[must_use]
 pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
     let shared = if pass.sees_scene {
@@ -39,11 +40,11 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     };
     ShaderFeatures {
         from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
-        from_tiles: pass.over == Domain::SeenTiles,
+        from_tiles: pass.over == Domain::SeenTiles && (from_list || *pass != motion),
         inspects: *pass == inspect_surfaces,
         shares_moments: *pass == stereo_share,
         // No other pass asks, nor is compiled anew for it.
-        anti_aliased: shared.anti_aliased && *pass == motion,
+        anti_aliased: shared.anti_aliased && *pass == background,
         ..shared
     }
 }
@@ -174,12 +175,8 @@ impl FrameRun {
             .collect()
     }
 
-    fn key(&self, step: &Step, pass: &Pass, stage: Stage) -> KernelKey {
-        let mut features = specialised(pass, &self.features, step.runs_from_list());
-        // Motion is looked at; what else the filters want of it is not.
-        let is_looked_at = stage == Stage::Inspect;
-        features.svgf &= !is_looked_at;
-        features.anti_aliased &= !is_looked_at;
+    fn key(&self, step: &Step, pass: &Pass) -> KernelKey {
+        let features = specialised(pass, &self.features, step.runs_from_list());
         (pass.name.to_string(), features)
     }
 
@@ -191,12 +188,12 @@ impl FrameRun {
         &mut self,
         context: &GpuContext,
         library: &ShaderLibrary,
-        steps: impl IntoIterator<Item = (Stage, &'s Step)>,
+        steps: impl IntoIterator<Item = &'s Step>,
     ) -> Result<(), GpuError> {
         let mut missing = BTreeMap::new();
-        for (stage, step) in steps {
+        for step in steps {
             let Some(pass) = step.pass() else { continue };
-            let key = self.key(step, pass, stage);
+            let key = self.key(step, pass);
             if !self.kernels.contains_key(&key) {
                 missing.insert(key, pass.shader_name());
             }
@@ -239,9 +236,9 @@ impl FrameRun {
         maps: &[MapLayout],
     ) -> Result<(), GpuError> {
         let mut uses = BTreeMap::new();
-        for (at, stage, step) in moments(stages) {
+        for (at, step) in moments(stages) {
             if let Some(pass) = step.pass() {
-                let kernel = self.kernel(&self.key(step, pass, stage))?;
+                let kernel = self.kernel(&self.key(step, pass))?;
                 note_uses(step, at, &kernel.bindings, given, &mut uses);
             }
         }
@@ -323,8 +320,7 @@ impl FrameRun {
         self.tables.insert(planned.stage, table);
         let given = given.clone().with(DISPATCH_BINDING, &buffer);
         let bind = |step: &Step| {
-            let action =
-                self.bind_action(context, step, planned.stage, &given, image, &patterns)?;
+            let action = self.bind_action(context, step, &given, image, &patterns)?;
             Ok(BoundStep {
                 label: step.label.clone(),
                 only: step.only,
@@ -343,7 +339,6 @@ impl FrameRun {
         &self,
         context: &GpuContext,
         step: &Step,
-        stage: Stage,
         given: &Resources<'_>,
         image: &ImageLayout,
         patterns: &[Words],
@@ -372,7 +367,7 @@ impl FrameRun {
             Action::Run {
                 pass, size, words, ..
             } => {
-                let key = self.key(step, pass, stage);
+                let key = self.key(step, pass);
                 let kernel = self.kernel(&key)?;
                 let groups = match *size {
                     Size::Once | Size::Fragments => Groups::Direct([1, 1, 1]),

@@ -112,8 +112,7 @@ impl Inspector {
             .with("reconstruction", &motion);
         let given = of_frame.give(given, owner, &["hidden_pixels"]);
         let stage = Stage::Inspect;
-        let staged = steps.iter().map(|step| (stage, step));
-        self.run.compile(context, library, staged)?;
+        self.run.compile(context, library, &steps)?;
         let planned = inspection(steps);
         self.run
             .bind(context, &[planned], &given, &renderer.image, &[])?;

@@ -312,9 +312,7 @@ impl Renderer {
         let passes = &self.settings.user_passes;
         user_passes::check(passes, &stages, library, self.features(), is_given)?;
         let planned: Vec<PlannedStage> = self.plans().into_iter().flatten().collect();
-        let steps = planned
-            .iter()
-            .flat_map(|planned| planned.steps.iter().map(|step| (planned.stage, step)));
+        let steps = planned.iter().flat_map(|planned| &planned.steps);
         self.frame.compile(&self.context, library, steps)?;
         self.allocate_at(self.full_size)?;
         self.bind()?;

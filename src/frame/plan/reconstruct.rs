@@ -32,14 +32,13 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     if !settings.is_on() {
         return steps.done();
     }
+    for &eye in frame.eyes() {
+        steps.turn_to(Stage::Reconstruct.name(), eye);
+        steps.run(&passes::background, Size::Tiles);
+        steps.set_up(List::SEEN);
+    }
     if settings.follows_motion() {
-        for &eye in frame.eyes() {
-            steps.turn_to(Stage::Reconstruct.name(), eye);
-            steps.run(&passes::motion, Size::Tiles);
-            if settings.svgf.is_on() {
-                steps.set_up(List::SEEN);
-            }
-        }
+        for_eyes(&mut steps, frame, &passes::motion, |_| {});
     }
     let filtered = if settings.svgf.is_on() {
         svgf(&mut steps, frame)
@@ -48,7 +47,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     };
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
-        let step = steps.run(&passes::remodulate, Size::Tiles);
+        let step = steps.run(&passes::remodulate, Size::List(List::SEEN));
         step.names(&both(filtered));
         if settings.taa.is_on() {
             steps.run(&passes::taa, Size::Tiles);

@@ -220,10 +220,10 @@ fn light_without_noise_passes_the_filter() {
         let off = pairs.map(|(mean, b)| (f64::from(b[0]) / mean - 1.0).abs());
         let worst = off.fold(0.0, f64::max);
         // What those leave decays by 0.8 per frame: of an error under 20 % then, 0.75 * 0.8^36 * 0.2 = 5e-5 are left. Light is
-        // packed within 2^-14, three times in each frame of the five that the history is worth, and thrice on its way out. With
-        // sharing, light is also interpolated between the other eye's samples: off by h^2 / 8 (|L_xx| + |L_yy|) <=
-        // 0.0625^2 / 8 * 6 L = 3e-3 (see lookup) in one of two equal shares, as often.
-        let tolerance = if stereo { 1e-2 } else { 5e-5 + 18.0 / 16384.0 };
+        // packed within 2^-14, three times in each frame of the five that the history is worth, and thrice on its way out. Nor
+        // is the other eye's light taken in, which lies between its samples and is off by h^2 / 8 (|L_xx| + |L_yy|) <=
+        // 0.0625^2 / 8 * 6 L = 3e-3 (see lookup): noise does not explain that.
+        let tolerance = 5e-5 + 18.0 / 16384.0;
         assert!(worst < tolerance, "stereo {stereo}: {worst}");
     }
 }
