@@ -339,7 +339,7 @@ settings! {
             sigma_plane_px: f64 = 1.0, POSITIVE, "pixel widths";
             // From 4 frames on mirrors and glass are always limited, since their histories are no longer (Hardie and
             // Barner 1994).
-            /// history length up to which light is clamped to its brightest neighbour's (fireflies); 0 never clamps
+            /// history length up to which light is held between its darkest and its brightest neighbour's (fireflies); 0 never
             firefly_frames: u32 = 1, whole(0, 1_000_000), "frames";
             /// least weight of a new frame in the anti-aliased picture
             taa_alpha: f64 = 0.2, SHARE;
