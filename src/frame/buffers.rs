@@ -223,9 +223,6 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "motion", 8),
     per_pixel!(Eye, "moments", 8).holds(Holds::Turns),
     per_pixel!(Eye, "history_length", 4).holds(Holds::Turns),
-    // Moments and lengths before the eyes share.
-    per_pixel!(Eye, "own_moments", 8),
-    per_pixel!(Eye, "own_history_length", 4),
     // Light on its way through the filter, and as the next frame reads it: `shaders/shared/filtered_light.wesl`.
     per_pixel!(Eye, "light_ping", 16),
     per_pixel!(Frame, "light_pong", 16),

@@ -183,8 +183,6 @@ passes! {
         "Writes the G-buffer of the pixels' centres and its motion since the previous frame.";
     svgf_temporal: SeenTiles,
         "SVGF: accumulates light over frames by reprojection.";
-    stereo_share: SeenTiles,
-        "SVGF: mixes in the other eye's accumulated light where both see a surface.";
     svgf_variance: SeenTiles,
         "SVGF: estimates the variance of the accumulated light.";
     svgf_atrous: SeenTiles,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, background, inspect_surfaces, motion, stereo_share};
+use super::passes::{Domain, Pass, background, inspect_surfaces, motion};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -42,7 +42,6 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
         from_tiles: pass.over == Domain::SeenTiles && (from_list || *pass != motion),
         inspects: *pass == inspect_surfaces,
-        shares_moments: *pass == stereo_share,
         // No other pass asks, nor is compiled anew for it.
         anti_aliased: shared.anti_aliased && *pass == background,
         ..shared

@@ -118,7 +118,6 @@ features! {
         from_list: "a pass over a list of pixels",
         from_tiles: "a pass over the tiles in which a surface is seen",
         inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
-        shares_moments: "moments and lengths of history, shared between the eyes beside the light",
         encodes: "a target with hardware sRGB encoding",
         of_seen: "depth from what the filters keep of surfaces",
     }

@@ -32,19 +32,18 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     if !settings.is_on() {
         return steps.done();
     }
+    let mut filtered = PING;
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         steps.run(&passes::background, Size::Tiles);
         steps.set_up(List::SEEN);
+        if settings.follows_motion() {
+            steps.run(&passes::motion, Size::List(List::SEEN));
+        }
+        if settings.svgf.is_on() {
+            filtered = svgf(&mut steps, settings.atrous_passes);
+        }
     }
-    if settings.follows_motion() {
-        for_eyes(&mut steps, frame, &passes::motion, |_| {});
-    }
-    let filtered = if settings.svgf.is_on() {
-        svgf(&mut steps, frame)
-    } else {
-        PING
-    };
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         let step = steps.run(&passes::remodulate, Size::List(List::SEEN));
@@ -56,71 +55,39 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     steps.done()
 }
 
-/// Runs a pass over what both eyes see of surfaces.
-fn for_eyes(steps: &mut Steps, frame: &FrameSpec<'_>, pass: &Pass, set: impl Fn(&mut Step)) {
-    for &eye in frame.eyes() {
-        steps.turn_to(Stage::Reconstruct.name(), eye);
-        set(steps.run(pass, Size::List(List::SEEN)));
+/// Accumulates an eye's light over frames and filters it by its variance. Returns its buffer.
+fn svgf(steps: &mut Steps, passes: u32) -> Light {
+    run(steps, &passes::svgf_temporal, &[(MEAN, PING)]);
+    // What the next frame reads is what the first pass of the wavelet leaves, or what there is without one.
+    let mut from = if passes == 0 { HISTORY } else { PONG };
+    run(
+        steps,
+        &passes::svgf_variance,
+        &[(MEAN, PING), ("light_filtered", from)],
+    );
+    for index in 0..passes {
+        // The last one leaves light where it is the eye's own.
+        let to = match (index, (passes - 1 - index) % 2) {
+            (0, _) => HISTORY,
+            (_, 0) => PING,
+            _ => PONG,
+        };
+        let step = run(
+            steps,
+            &passes::svgf_atrous,
+            &[("light_from", from), ("light_to", to)],
+        );
+        step.words(index, 0, 0);
+        from = to;
     }
+    from
 }
 
-/// Accumulates light over frames, shares it between the eyes, and filters it by its variance. Returns its buffers.
-fn svgf(steps: &mut Steps, frame: &FrameSpec<'_>) -> Light {
-    let shares = frame.features.shares_light;
-    let passes = frame.settings.reconstruct.atrous_passes;
-    let own = [
-        ("moments", "own_moments"),
-        ("history_length", "own_history_length"),
-    ];
-    for_eyes(steps, frame, &passes::svgf_temporal, |step| {
-        step.names(&[(MEAN, PING)]);
-        if shares {
-            step.names(&own);
-        }
-    });
-    // History has been read by now and is written by the wavelet's first pass: light may pass through it.
-    let (shared, estimated) = if shares {
-        for_eyes(steps, frame, &passes::stereo_share, |step| {
-            step.names(&both(PING)).names(&own).names(&[
-                ("shared_light", HISTORY),
-                ("other_moments", "other_own_moments"),
-                ("other_history_length", "other_own_history_length"),
-                ("shared_moments", "moments"),
-                ("shared_length", "history_length"),
-            ]);
-        });
-        (HISTORY, PING)
-    } else if passes == 0 {
-        (PING, HISTORY)
-    } else {
-        (PING, PONG)
-    };
-    // One eye after the other, for both pass through the same memory.
-    for &eye in frame.eyes() {
-        steps.turn_to(Stage::Reconstruct.name(), eye);
-        let step = steps.run(&passes::svgf_variance, Size::List(List::SEEN));
-        step.names(&[(MEAN, shared), ("light_filtered", estimated)]);
-        let mut from = estimated;
-        for index in 0..passes {
-            // What the first pass leaves is what the next frame reads; the last one leaves light where it is the eye's own.
-            let to = match (index, (passes - 1 - index) % 2) {
-                (0, _) => HISTORY,
-                (_, 0) => PING,
-                _ => PONG,
-            };
-            let step = steps.run(&passes::svgf_atrous, Size::List(List::SEEN));
-            step.words(index, 0, 0);
-            step.names(&[("light_from", from), ("light_to", to)]);
-            from = to;
-        }
-        if passes == 0 && shares {
-            // With no pass at all the next frame reads the light as accumulated.
-            steps.copy(PING, HISTORY);
-        }
-    }
-    match passes {
-        0 => estimated,
-        1 => HISTORY,
-        _ => PING,
-    }
+/// A pass over the tiles in which the eye sees a surface.
+fn run<'a>(
+    steps: &'a mut Steps,
+    pass: &Pass,
+    names: &[(&'static str, &'static str)],
+) -> &'a mut Step {
+    steps.run(pass, Size::List(List::SEEN)).names(names)
 }
