@@ -569,11 +569,10 @@ mod tests {
         let hit = |index: u32| {
             let [column, row] = middle(index, 12);
             let ray = view.ray_through_pixel(column, row, 12, 8).direction;
-            let to_wall = |normal: DVec3| Some(normal.dot(corner) / normal.dot(ray));
-            let ahead = |normal| to_wall(normal).filter(|distance| *distance > 0.0);
-            let distances = normals.map(|normal| ahead(normal).unwrap_or(f64::MAX));
+            let distances = normals.map(|normal| normal.dot(corner) / normal.dot(ray));
+            let ahead = distances.into_iter().filter(|distance| *distance > 0.0);
             let [x, y, z] = ray.as_vec3().to_array();
-            [x, y, z, distances[0].min(distances[1]) as f32]
+            [x, y, z, ahead.fold(f64::MAX, f64::min) as f32]
         };
         (0..96).map(hit).collect()
     }

@@ -200,9 +200,10 @@ fn light_without_noise_passes_the_filter() {
     // A point light on one plane: every sample is exact, its variance 0, and so neighbours of another brightness weigh
     // nothing: 4 standard deviations of 0 and LEAST_DEVIATION = 1e-6 against differences of 1e-3 and more from pixel to
     // pixel. The first three frames alone take their neighbours' spread for noise.
-    let scene = builtin("plane");
+    let mut scene = builtin("plane");
     let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(45.0));
-    for stereo in [false, true] {
+    for (stereo, metallic) in [(false, 0.0), (true, 0.0), (true, 1.0)] {
+        scene.materials[0].metallic = metallic;
         let settings = filtered(Reuse::Off, |s| s.reconstruct.stereo = stereo);
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         // The samples lie elsewhere in the pixel each frame: the filter must leave their exponential mean.
@@ -220,11 +221,10 @@ fn light_without_noise_passes_the_filter() {
         let off = pairs.map(|(mean, b)| (f64::from(b[0]) / mean - 1.0).abs());
         let worst = off.fold(0.0, f64::max);
         // What those leave decays by 0.8 per frame: of an error under 20 % then, 0.75 * 0.8^36 * 0.2 = 5e-5 are left. Light is
-        // packed within 2^-14, three times in each frame of the five that the history is worth, and thrice on its way out. Nor
-        // is the other eye's light taken in, which lies between its samples and is off by h^2 / 8 (|L_xx| + |L_yy|) <=
-        // 0.0625^2 / 8 * 6 L = 3e-3 (see lookup): noise does not explain that.
+        // packed within 2^-14, three times in each frame of the five that the history is worth, and thrice on its way out. The
+        // other eye's light, off between its samples or, on metal, another, is not taken in: no noise explains it.
         let tolerance = 5e-5 + 18.0 / 16384.0;
-        assert!(worst < tolerance, "stereo {stereo}: {worst}");
+        assert!(worst < tolerance, "stereo {stereo}, {metallic}: {worst}");
     }
 }
 
