@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
+use super::vulkan_interop::takes_spirv;
 use stereolux_base::foreign_errors::{caught, one_line};
 
 /// Storage buffers that the largest kernel binds by default; a device with fewer is not used.
@@ -182,6 +183,8 @@ pub struct GpuContext {
     pub times_copies: bool,
     /// Largest storage buffer binding in bytes.
     pub max_binding_bytes: u64,
+    /// Whether embedded kernels go to the driver as [`crate::spirv`] writes them.
+    pub(crate) takes_spirv: bool,
     instance: wgpu::Instance,
     opened: wgpu::Adapter,
     lost: Arc<Mutex<Option<String>>>,
@@ -331,7 +334,9 @@ impl GpuContext {
         // Timing is a diagnostic: without the features the renderer runs and says that it cannot time.
         let timing =
             wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
-        let required_features = adapter.features() & timing;
+        // Embedded kernels go to the driver as crate::spirv writes them, where Vulkan takes that.
+        let wanted = timing | wgpu::Features::PASSTHROUGH_SHADERS;
+        let required_features = adapter.features() & wanted;
         Ok(wgpu::DeviceDescriptor {
             label: Some("stereolux"),
             required_features,
@@ -370,6 +375,7 @@ impl GpuContext {
                 .features()
                 .contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS),
             max_binding_bytes: device.limits().max_storage_buffer_binding_size,
+            takes_spirv: takes_spirv(&device),
             device,
             queue,
             adapter: summary,

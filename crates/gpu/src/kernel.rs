@@ -305,14 +305,13 @@ impl Kernel {
                 bind_group_layouts: &[Some(&layout)],
                 immediate_size: 0,
             });
-            let descriptor = wgpu::ShaderModuleDescriptor {
-                label: Some(pass),
-                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-            };
             let module = if shader.is_embedded {
-                module_of_embedded(device, descriptor)
+                module_of_embedded(context, pass, shader, &bindings)?
             } else {
-                device.create_shader_module(descriptor)
+                device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some(pass),
+                    source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
+                })
             };
             let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(pass),

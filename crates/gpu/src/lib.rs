@@ -3,6 +3,7 @@
 //! - [`context`]: adapter choice, device, errors;
 //! - [`shaders`]: WESL sources, specialised by features, to WGSL;
 //! - [`kernel`]: one compute pipeline whose bindings are found by name;
+//! - [`spirv`]: what a kernel is to a Vulkan driver;
 //! - [`raster`]: one render pipeline over a triangle, likewise;
 //! - [`buffers`]: labelled buffers, uploads and read-back;
 //! - [`texels`]: copies of buffers in textures, for adapters that read those faster;
@@ -17,6 +18,7 @@ pub mod context;
 pub mod kernel;
 pub mod raster;
 pub mod shaders;
+pub mod spirv;
 pub mod texels;
 pub mod timing;
 pub mod vulkan_interop;

@@ -1,15 +1,14 @@
-//! Which kernels there are for a scene, and their SPIR-V as wgpu writes it.
+//! Which kernels there are for a scene, and their SPIR-V.
 
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, bail};
-use naga::back::spv;
-use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
+use anyhow::{Context as _, Result};
 use stereolux::frame::passes::{self, Domain, Pass};
 use stereolux::frame::run::specialised;
 use stereolux::gpu::kernel::{Binding, buffer_count, reflect_bindings};
+use stereolux::gpu::spirv::module_words;
 use stereolux::gpu::{CompiledShader, ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::{PlannedScene, plan_of_scene};
 use stereolux::{
@@ -199,46 +198,10 @@ impl Kernel {
         Ok(buffer_count(&reflect_bindings(&self.shader)?))
     }
 
-    /// SPIR-V as wgpu-hal 30 has naga write it for a Vulkan 1.3 device with robustness2 (`Adapter::open` of its Vulkan
-    /// part), and the bindings in the order of their numbers.
+    /// SPIR-V as it goes to a driver of Vulkan 1.3 with robustness2, and the bindings in the order of their numbers.
     pub fn spirv(&self) -> Result<(Vec<u32>, Vec<Binding>)> {
-        let info = self.shader.validate()?;
         let bindings = reflect_bindings(&self.shader)?;
-        let numbered = (0..).zip(&bindings).map(|(number, binding)| {
-            let place = naga::ResourceBinding {
-                group: 0,
-                binding: binding.slot,
-            };
-            let given = spv::BindingInfo {
-                descriptor_set: 0,
-                binding: number,
-                binding_array_size: None,
-            };
-            (place, given)
-        });
-        let options = spv::Options {
-            lang_version: (1, 6),
-            flags: spv::WriterFlags::LABEL_VARYINGS | spv::WriterFlags::FORCE_POINT_SIZE,
-            binding_map: numbered.collect(),
-            bounds_check_policies: BoundsCheckPolicies {
-                index: BoundsCheckPolicy::Restrict,
-                buffer: BoundsCheckPolicy::Unchecked,
-                image_load: BoundsCheckPolicy::Unchecked,
-                binding_array: BoundsCheckPolicy::Unchecked,
-            },
-            // As gpu::Kernel asks.
-            zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
-            force_loop_bounding: false,
-            emit_int_div_checks: true,
-            ..spv::Options::default()
-        };
-        let entry = spv::PipelineOptions {
-            shader_stage: naga::ShaderStage::Compute,
-            entry_point: "main".to_owned(),
-        };
-        match spv::write_vec(&self.shader.module, &info, &options, Some(&entry)) {
-            Ok(words) => Ok((words, bindings)),
-            Err(error) => bail!("{}: {error}", self.name()),
-        }
+        let words = module_words(&self.shader, &bindings).with_context(|| self.name())?;
+        Ok((words, bindings))
     }
 }

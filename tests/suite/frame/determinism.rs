@@ -15,15 +15,12 @@ fn run(folder: &Folder, name: &str, command: &str) -> BTreeMap<String, Vec<u8>> 
 fn one_seed_gives_the_same_bytes_twice() {
     let folder = Folder::new("seed");
     for (name, more) in [
-        ("photon", "--scene builtin:cornell"),
-        (
-            "anew",
-            "--scene builtin:cornell --set photon.every_frame=true --spp 2",
-        ),
-        ("gallery", "--scene builtin:gallery"),
-        ("path", "--scene builtin:cornell --method path --spp 2"),
+        ("photon", "cornell"),
+        ("anew", "cornell --set photon.every_frame=true --spp 2"),
+        ("gallery", "gallery"),
+        ("path", "cornell --method path --spp 2"),
     ] {
-        let args = format!("--session simulated --frames 2 --seed 7 {more}");
+        let args = format!("--session simulated --frames 2 --seed 7 --scene builtin:{more}");
         let first = run(&folder, &format!("{name}-1"), &args);
         let second = run(&folder, &format!("{name}-2"), &args);
         assert_eq!(first.len(), 4, "{name}: two eyes of two frames");
@@ -33,7 +30,7 @@ fn one_seed_gives_the_same_bytes_twice() {
         // Negative control: another seed is another picture of the same eyes (the seed moves the sway; keep still).
         let still = |seed: u32| {
             let still = "--session simulated --motion still --frames 1";
-            let args = format!("{still} --seed {seed} {more}");
+            let args = format!("{still} --seed {seed} --scene builtin:{more}");
             run(&folder, &format!("{name}-still-{seed}"), &args)
         };
         assert!(still(7) != still(8), "{name}: the seed does nothing");

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::Scene;
-use stereolux::settings::{Force, ForceSettings, Method, Reuse};
+use stereolux::settings::{Eyes, Force, ForceSettings, Method, Reuse};
 
 use super::support::{
-    builtin, parallel_views, radiance, rendered, settings, square_fov, start_pose,
+    builtin, frame, parallel_views, radiance, rendered, renderer_by, settings, square_fov,
+    start_pose,
 };
 use super::trace_probe::features;
 
@@ -137,5 +139,28 @@ fn records_in_textures_render_the_same_image() {
             assert!(plain.iter().flatten().any(|&value| value > 0.0), "{name}");
             assert_eq!(strays(&plain, &copied), 0, "{name} by {method:?}");
         }
+    }
+}
+
+/// What embedded kernels are to Vulkan says what their WGSL says, which wgpu is left to translate where a module is changed.
+#[test]
+fn kernels_are_what_wgpu_makes_of_them() {
+    let mut changed = ShaderLibrary::embedded();
+    let math = changed.sources().find(|(name, _)| *name == "shared/math");
+    changed.insert(
+        "shared/math",
+        format!("{}\n// Not as it was.", math.unwrap().1),
+    );
+    let scene = builtin("gallery");
+    let views = parallel_views(start_pose(&scene), 0.06, square_fov(40.0));
+    for method in [Method::Path, Method::Photon] {
+        let settings = settings(|s| s.method = method);
+        let [own, wgpus] = [&ShaderLibrary::embedded(), &changed].map(|library| {
+            let mut renderer =
+                renderer_by(library, &scene, &settings, Eyes::Both, [24, 24]).unwrap();
+            frame(&mut renderer, &views);
+            radiance(&renderer, Eye::Right)
+        });
+        assert_eq!(strays(&own, &wgpus), 0, "{method:?}");
     }
 }

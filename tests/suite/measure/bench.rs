@@ -378,11 +378,8 @@ fn motion_judges_each_method_raw_and_reconstructed() {
         for (row, variant) in (first..).zip(["raw", "separate", "default"]) {
             let words = ["method", "variant"].map(|name| rows[row][column(name)].as_str());
             assert_eq!(words, [method, variant]);
-            assert!(
-                (number(row, "brightness") - 1.0).abs() < 0.2,
-                "{:?}",
-                rows[row]
-            );
+            let brightness = number(row, "brightness");
+            assert!((brightness - 1.0).abs() < 0.2, "{:?}", rows[row]);
             assert!(number(row, "ms") > 0.0);
         }
         for name in ["rmse", "flicker_left", "flicker_right"] {

@@ -108,11 +108,8 @@ fn a_fronto_parallel_plane_is_shifted_by_the_closed_form_disparity() {
                     assert_eq!(winners[here], from.unwrap_or(u32::MAX), "{what}");
                     let is_outside = provenance[here] == Provenance::OutOfLeftView as u32;
                     assert_eq!(is_outside, from.is_none(), "{what}");
-                    assert_ne!(
-                        is_outside,
-                        Provenance::is_reused(provenance[here]),
-                        "{what}"
-                    );
+                    let is_reused = Provenance::is_reused(provenance[here]);
+                    assert_ne!(is_outside, is_reused, "{what}");
                 }
             }
             let stereo = result.stereo;

@@ -223,11 +223,8 @@ fn a_studio_that_was_chosen_stays_and_the_chart_begins_anew_with_another_scene()
     let name = path.to_string_lossy().into_owned();
     until(&mut viewer, "the scene", |app| app.settings().scene == name);
     // Of the first scene there are more.
-    assert!(
-        viewer.state().charted() < 12,
-        "{}",
-        viewer.state().charted()
-    );
+    let charted = viewer.state().charted();
+    assert!(charted < 12, "{charted}");
     settle(&mut viewer);
     let app = viewer.state();
     assert_eq!(app.settings().environment.path, "builtin:studio");

@@ -120,9 +120,6 @@ fn all_that_is_selected_is_deleted_hidden_copied_and_moved_as_one_step() {
     assert!(copies.iter().all(|copy| scene.reaches(*copy)));
     undo(&mut viewer);
     assert_eq!(viewer.state().document().scene().nodes.len(), count);
-    assert!(
-        errors(viewer.state()).is_empty(),
-        "{:?}",
-        errors(viewer.state())
-    );
+    let said = errors(viewer.state());
+    assert!(said.is_empty(), "{said:?}");
 }
