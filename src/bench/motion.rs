@@ -90,6 +90,7 @@ impl Pair {
 /// What the rows of a scene share.
 struct Stage<'a> {
     options: &'a BenchOptions,
+    device: &'a GpuContext,
     library: &'a ShaderLibrary,
     name: &'a str,
     scene: &'a Scene,
@@ -122,7 +123,8 @@ pub(super) fn run(
     let frames = options.frames.unwrap_or(FRAMES).max(fewest);
     let rounds = options.rounds.unwrap_or(ROUNDS);
     let samples = suites::reference_samples(options);
-    let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
+    let device = GpuContext::open(Some(&settings.adapter))?;
+    let machine = machine_of(&device.adapter);
     let out = options.out.as_path();
     make_folder(out)?;
     let folder = references_folder(options)?;
@@ -159,6 +161,7 @@ pub(super) fn run(
         let truth = truth_of(&views, &reference)?;
         let stage = Stage {
             options,
+            device: &device,
             library,
             name: &name,
             scene: &scene,
@@ -212,7 +215,7 @@ impl Stage<'_> {
                     self.name, self.rounds
                 ));
                 let render = settings_of(settings, method, change);
-                let context = GpuContext::open(Some(&settings.adapter))?;
+                let context = self.device.clone();
                 let (scene, size) = (self.scene, self.size);
                 let mut renderer =
                     Renderer::new(context, self.library, scene, &render, Eyes::Both, size)?;

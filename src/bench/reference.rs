@@ -7,6 +7,7 @@
 //! Its file carries the key that it was made under: scene, view, size, settings, adapter, and the fingerprint of the code.
 //! A file under another key, or damaged, is rendered anew. A reference that has to become better goes on from its file.
 
+use std::cell::OnceCell;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -98,6 +99,8 @@ pub struct References {
     max_samples: u32,
     library: ShaderLibrary,
     machine: Machine,
+    /// Once something is missing; a driver does not open devices without end.
+    device: OnceCell<GpuContext>,
 }
 
 impl References {
@@ -109,7 +112,17 @@ impl References {
             max_samples,
             library,
             machine,
+            device: OnceCell::new(),
         }
+    }
+
+    /// The device that references are rendered on.
+    fn device(&self, settings: &Settings) -> Result<GpuContext, BenchError> {
+        if let Some(open) = self.device.get() {
+            return Ok(open.clone());
+        }
+        let open = GpuContext::open(Some(&settings.adapter))?;
+        Ok(self.device.get_or_init(|| open).clone())
     }
 
     /// The cap, samples per pixel.
@@ -181,9 +194,8 @@ impl References {
         let before = moments.count;
         if missing(&moments) && moments.count < most {
             let settings = Self::settings(spec);
-            let context = GpuContext::open(Some(&settings.adapter))?;
             let mut renderer = Renderer::new(
-                context,
+                self.device(&settings)?,
                 &self.library,
                 spec.scene,
                 &settings.render,
