@@ -2,7 +2,8 @@
 //!
 //! 1. A step may rename.
 //! 2. `dispatch` is the stage's table; scene and uniforms are given.
-//! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list.
+//! 3. `pixel_list`, `pixel_count` and `list_groups` are those of the step's list, `appended_list` and `appended_count` of the one
+//!    that it appends to.
 //! 4. Any other name belongs to the step's eye, its photon map, or the frame.
 //! 5. `left_NAME` is the left eye's, `other_NAME` the other eye's.
 //! 6. `NAME_before` is the previous frame's `NAME`, which is double-buffered.

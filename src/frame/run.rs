@@ -570,15 +570,22 @@ impl FrameRun {
 
 /// The name of a binding in a step, by rules 1 and 3 of [`super::bind`].
 pub fn named(step: &Step, binding: &str) -> String {
-    let Action::Run { names, list, .. } = &step.action else {
+    let Action::Run {
+        names,
+        list,
+        appends,
+        ..
+    } = &step.action
+    else {
         return binding.to_owned();
     };
     let renamed = names.iter().rev().find(|(shader, _)| *shader == binding);
-    match (renamed, list) {
-        (Some((_, buffer)), _) => (*buffer).to_owned(),
-        (None, Some(list)) => list.buffer(binding).unwrap_or_else(|| binding.to_owned()),
-        (None, None) => binding.to_owned(),
+    if let Some((_, buffer)) = renamed {
+        return (*buffer).to_owned();
     }
+    let read = list.and_then(|list| list.read_as(binding));
+    let appended = appends.and_then(|list| list.appended_as(binding));
+    read.or(appended).unwrap_or_else(|| binding.to_owned())
 }
 
 /// Notes how a pass at moment `at` uses which buffers; passes come in order.

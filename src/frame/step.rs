@@ -112,13 +112,24 @@ impl List {
     /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.
     pub const GATHER: Self = Self("gather");
 
-    /// The list's buffer for the names `pixel_list`, `pixel_count` and `list_groups`.
+    /// The list's buffer for the names of a pass that runs over it or sets it up.
     #[must_use]
-    pub fn buffer(self, name: &str) -> Option<String> {
+    pub fn read_as(self, name: &str) -> Option<String> {
         let part = match name {
             "pixel_list" => "list",
             "pixel_count" => "count",
             "list_groups" => "groups",
+            _ => return None,
+        };
+        Some(format!("{}_{part}", self.0))
+    }
+
+    /// The list's buffer for the names of a pass that appends to it.
+    #[must_use]
+    pub fn appended_as(self, name: &str) -> Option<String> {
+        let part = match name {
+            "appended_list" => "list",
+            "appended_count" => "count",
             _ => return None,
         };
         Some(format!("{}_{part}", self.0))
@@ -168,6 +179,8 @@ pub enum Action {
         size: Size,
         /// The list that it runs over or sets up.
         list: Option<List>,
+        /// The list that it appends to.
+        appends: Option<List>,
         /// Its parameters.
         words: Words,
         /// Renamed bindings (rule 1 of [`super::bind`]).
@@ -361,6 +374,7 @@ impl Steps {
                 pass: pass.clone(),
                 size,
                 list,
+                appends: None,
                 words,
                 names: Vec::new(),
             },
@@ -381,8 +395,11 @@ impl Steps {
         }
     }
 
-    /// Computes a list's workgroups from its length.
-    pub(super) fn set_up(&mut self, list: List) {
+    /// Runs a pass that appends to a list, and computes the list's workgroups from its length.
+    pub(super) fn run_appending(&mut self, pass: &Pass, size: Size, list: List) {
+        if let Action::Run { appends, .. } = &mut self.run(pass, size).action {
+            *appends = Some(list);
+        }
         let step = self.run(&super::passes::list_setup, Size::Once);
         if let Action::Run { list: of, .. } = &mut step.action {
             *of = Some(list);

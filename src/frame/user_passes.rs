@@ -178,6 +178,7 @@ fn following(before: &Step, user_pass: &UserPass) -> Step {
         pass,
         size,
         list,
+        appends,
         words,
         ..
     } = &mut step.action
@@ -187,6 +188,7 @@ fn following(before: &Step, user_pass: &UserPass) -> Step {
             UserDomain::Pixels => (Size::Tiles, None),
             UserDomain::Hits => (Size::List(List::HITS), Some(List::HITS)),
         };
+        *appends = None;
         words.count = 0;
     }
     step

@@ -64,12 +64,10 @@ fn find_left_samples(steps: &mut Steps, frame: &FrameSpec<'_>) {
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
     if !frame.is_photon() {
-        steps.run(&passes::path_trace, Size::Tiles);
-        steps.set_up(List::HITS);
+        steps.run_appending(&passes::path_trace, Size::Tiles, List::HITS);
         return;
     }
-    steps.run(&passes::first_hits, Size::Tiles);
-    steps.set_up(List::HITS);
+    steps.run_appending(&passes::first_hits, Size::Tiles, List::HITS);
     let hits = Size::List(List::HITS);
     eye_paths(steps, frame, hits);
     direct_light(steps, frame, hits);
@@ -133,13 +131,12 @@ fn gather(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
 /// Gathers at every other pixel in each direction, interpolates, and gathers where interpolation fails.
 fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::HalfRate);
-    steps.run(&passes::coarse_list, Size::List(List::HITS));
-    steps.set_up(List::COARSE);
-    gather(steps, frame, Size::List(List::COARSE));
-    steps.run(&passes::coarse_irradiance, Size::List(List::COARSE));
+    let [hits, coarse] = [List::HITS, List::COARSE].map(Size::List);
+    steps.run_appending(&passes::coarse_list, hits, List::COARSE);
+    gather(steps, frame, coarse);
+    steps.run(&passes::coarse_irradiance, coarse);
     steps.copy_texels("demodulated_light");
-    steps.run(&passes::coarse_spread, Size::List(List::HITS));
-    steps.set_up(List::GATHER);
+    steps.run_appending(&passes::coarse_spread, hits, List::GATHER);
     gather(steps, frame, Size::List(List::GATHER));
 }
 
@@ -166,13 +163,11 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
         // Right primary rays are traced.
         Reuse::Lookup => {}
     }
-    steps.run(&passes::reuse_hits, Size::Tiles);
-    steps.set_up(List::HITS);
+    steps.run_appending(&passes::reuse_hits, Size::Tiles, List::HITS);
     // What they meet is lit by the left samples around it.
     steps.run(&passes::left_irradiance, left_hits);
     steps.copy_texels("demodulated_light");
-    steps.run(&passes::reuse_lookup, Size::List(List::HITS));
-    steps.set_up(List::FILL);
+    steps.run_appending(&passes::reuse_lookup, Size::List(List::HITS), List::FILL);
 }
 
 /// Renders the right eye's empty pixels; glossy ones may still reuse indirect light.

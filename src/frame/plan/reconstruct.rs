@@ -35,8 +35,7 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     let mut filtered = PING;
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
-        steps.run(&passes::background, Size::Tiles);
-        steps.set_up(List::SEEN);
+        steps.run_appending(&passes::background, Size::Tiles, List::SEEN);
         if settings.follows_motion() {
             steps.run(&passes::motion, Size::List(List::SEEN));
         }
