@@ -203,7 +203,7 @@ fn every_failure_is_one_line_and_leaves_nothing() {
         ),
         (
             ["--size", "16384x16384"],
-            "the OpenXR runtime takes at most",
+            "--size 16384x16384: the OpenXR runtime takes at most",
         ),
     ] {
         assert_last(&on_monado(&[], &more), 2, &format!("error: {says}"));
