@@ -146,11 +146,10 @@ fn records_in_textures_render_the_same_image() {
 #[test]
 fn kernels_are_what_wgpu_makes_of_them() {
     let mut changed = ShaderLibrary::embedded();
-    let math = changed.sources().find(|(name, _)| *name == "shared/math");
-    changed.insert(
-        "shared/math",
-        format!("{}\n// Not as it was.", math.unwrap().1),
-    );
+    let is_math = |(name, _): &(&str, &str)| *name == "shared/math";
+    let (_, math) = changed.sources().find(is_math).unwrap();
+    let math = format!("{math}\n// Not as it was.");
+    changed.insert("shared/math", math);
     let scene = builtin("gallery");
     let views = parallel_views(start_pose(&scene), 0.06, square_fov(40.0));
     for method in [Method::Path, Method::Photon] {

@@ -125,9 +125,13 @@ fn poses_and_angles_are_checked() {
         (
             "--fov",
             "40 -40 40 -40",
-            "left (40) must be less than right",
+            "left (40) must be less than right (-40)",
         ),
-        ("--fov", "-40 40 -40 40", "down (40) must be less than up"),
+        (
+            "--fov",
+            "-40 40 -40 40",
+            "down (40) must be less than up (-40)",
+        ),
         ("--fov", "-40 -40 40 -40", "must be less than"),
         ("--fov", "-90 40 40 -40", "beyond +-89"),
         ("--fov", "-40 40 40", "3 numbers where 4"),
@@ -171,7 +175,10 @@ fn unusable_values_name_flag_value_and_range() {
         (["--frames", "0"], "from 1"),
         (["--every", "0"], "from 1"),
         (["--every", "x"], "from 1"),
-        (["--session", "real"], "replay, desktop, openxr"),
+        (
+            ["--session", "real"],
+            "auto, simulated, replay, desktop, openxr",
+        ),
         (["--motion", "jump"], "still, yaw, walk, sway"),
     ] {
         refused(&[&["run"][..], &args].concat(), &[says, args[0]]);

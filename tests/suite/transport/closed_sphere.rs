@@ -7,7 +7,8 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{LightKind, Scene};
-use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Sampler, Technique};
+use stereolux::settings::Sampler::{self, Random, Sobol};
+use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::{constant_environment, mesh};
@@ -166,10 +167,7 @@ fn views() -> [View; 2] {
 fn every_kind_of_light_gives_its_closed_form() {
     for lights in [&[Light::Point][..], &[Light::Spot], &[Light::Wall]] {
         let (scene, expected) = lit_by(lights);
-        for settings in [
-            path(Sampler::Random, Technique::Mis),
-            photons(Sampler::Random, |_| {}),
-        ] {
+        for settings in [path(Random, Technique::Mis), photons(Random, |_| {})] {
             let found = measured(&scene, &settings, &views());
             let what = format!("{lights:?} by {:?}: {found:?}", settings.method);
             assert!(agrees(found, expected), "{what} for {expected}");
@@ -184,21 +182,18 @@ fn every_method_and_sampler_adds_the_lights_up() {
     let lights = [Light::Point, Light::Spot, Light::Wall, Light::Sun];
     let (scene, expected) = lit_by(&lights);
     let all = [
-        ("path", path(Sampler::Random, Technique::Mis)),
-        ("path, Sobol", path(Sampler::Sobol, Technique::Mis)),
-        (
-            "path, light samples",
-            path(Sampler::Random, Technique::Light),
-        ),
-        ("photons", photons(Sampler::Random, |_| {})),
-        ("photons, Sobol", photons(Sampler::Sobol, |_| {})),
+        ("path", path(Random, Technique::Mis)),
+        ("path, Sobol", path(Sobol, Technique::Mis)),
+        ("path, light samples", path(Random, Technique::Light)),
+        ("photons", photons(Random, |_| {})),
+        ("photons, Sobol", photons(Sobol, |_| {})),
         (
             "photons, direct from the map",
-            photons(Sampler::Random, |s| s.photon.direct = DirectLight::Map),
+            photons(Random, |s| s.photon.direct = DirectLight::Map),
         ),
         (
             "photons, progressive, Sobol",
-            photons(Sampler::Sobol, |s| {
+            photons(Sobol, |s| {
                 s.photon.progressive = true;
                 s.photon.count = 20_000;
                 s.spp = 4;
@@ -211,7 +206,7 @@ fn every_method_and_sampler_adds_the_lights_up() {
     }
     // Directions of the surfaces alone find the wall and no punctual light.
     let (scene, expected) = lit_by(&[Light::Wall, Light::Point]);
-    let found = measured(&scene, &path(Sampler::Sobol, Technique::Bsdf), &views());
+    let found = measured(&scene, &path(Sobol, Technique::Bsdf), &views());
     let of_wall = expected - Light::Point.radiance();
     assert!(agrees(found, of_wall), "{found:?} for {of_wall}");
 }
@@ -221,7 +216,7 @@ fn every_method_and_sampler_adds_the_lights_up() {
 fn roulette_keeps_the_closed_form() {
     let (scene, expected) = lit_by(&[Light::Wall, Light::Spot]);
     let with = |russian_roulette| {
-        let mut settings = path(Sampler::Random, Technique::Mis);
+        let mut settings = path(Random, Technique::Mis);
         settings.path.russian_roulette = russian_roulette;
         settings
     };
@@ -252,16 +247,13 @@ fn nothing_gets_into_a_closed_sphere() {
     // A hit within its rounding (some 1e-7 m) of an edge may start its next ray beyond the neighbouring facet. There are
     // 43 m of edges per square metre: 43 x 2 x 1e-7 = 1e-5 of the rays, 5 of them a path, each bringing 1 at most.
     let bound = 5e-5;
-    for settings in [
-        path(Sampler::Random, Technique::Mis),
-        photons(Sampler::Random, |_| {}),
-    ] {
+    for settings in [path(Random, Technique::Mis), photons(Random, |_| {})] {
         let (found, _) = measured(&scene, &settings, &views());
         assert!(found < bound, "{:?}: {found}", settings.method);
     }
     // Negative control: one facet of 5120 missing lets in 1 / 5120 of what a ray can meet, times the albedo's series.
     scene.meshes[0].triangles.remove(0);
-    let (found, _) = measured(&scene, &path(Sampler::Random, Technique::Mis), &views());
+    let (found, _) = measured(&scene, &path(Random, Technique::Mis), &views());
     assert!(found > bound, "a hole goes unnoticed: {found}");
 }
 
@@ -276,20 +268,14 @@ fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
     let views = parallel_views(head, 0.0, square_fov(30.0));
     let expected = 2.0 * f64::from(ALBEDO);
     for (name, settings) in [
-        ("path", path(Sampler::Random, Technique::Mis)),
-        ("path, Sobol", path(Sampler::Sobol, Technique::Mis)),
-        (
-            "path, light samples",
-            path(Sampler::Sobol, Technique::Light),
-        ),
-        (
-            "path, surfaces' directions",
-            path(Sampler::Random, Technique::Bsdf),
-        ),
-        ("photons", photons(Sampler::Random, |_| {})),
+        ("path", path(Random, Technique::Mis)),
+        ("path, Sobol", path(Sobol, Technique::Mis)),
+        ("path, light samples", path(Sobol, Technique::Light)),
+        ("path, surfaces' directions", path(Random, Technique::Bsdf)),
+        ("photons", photons(Random, |_| {})),
         (
             "photons, direct from the map",
-            photons(Sampler::Sobol, |s| s.photon.direct = DirectLight::Map),
+            photons(Sobol, |s| s.photon.direct = DirectLight::Map),
         ),
     ] {
         let found = measured(&scene, &settings, &views);
