@@ -157,11 +157,11 @@ pub(super) fn variant_time(
     candidate: &Candidate,
     settings: &Settings,
     library: &ShaderLibrary,
+    context: GpuContext,
 ) -> Result<VariantTime, BenchError> {
     go_on()?;
     let scene = plan.scene.load(settings)?;
     let began = Instant::now();
-    let context = GpuContext::open(Some(&settings.adapter))?;
     let render = &candidate.settings;
     let mut renderer = Renderer::new(context, library, &scene, render, plan.eyes, plan.size)?;
     let views = plan.headset.views_from_head(&scene.start_pose());
@@ -361,13 +361,8 @@ impl<'a> Lab<'a> {
             .candidates
             .iter()
             .map(|candidate| {
-                Contender::open(
-                    plan,
-                    candidate,
-                    scene,
-                    &self.library,
-                    &self.settings.adapter,
-                )
+                let device = self.references.device(self.settings)?;
+                Contender::open(plan, candidate, scene, &self.library, device)
             })
             .collect::<Result<_, _>>()?;
         let mut truth = Truth::default();
@@ -591,11 +586,10 @@ impl Contender {
         candidate: &Candidate,
         scene: &Scene,
         library: &ShaderLibrary,
-        adapter: &str,
+        context: GpuContext,
     ) -> Result<Self, BenchError> {
         let mut settings = candidate.settings.clone();
         settings.output.kept = Kept::Depth;
-        let context = GpuContext::open(Some(adapter))?;
         Ok(Self {
             renderer: Renderer::new(context, library, scene, &settings, plan.eyes, plan.size)?,
             mover: InstanceMover::new(scene, candidate.motion),

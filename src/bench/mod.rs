@@ -206,7 +206,8 @@ pub fn run(
         machine.clone(),
     );
     let without_references_s = measure::estimated_s(&plans, |plan, first| {
-        measure::variant_time(plan, first, settings, &library)
+        let device = references.device(settings)?;
+        measure::variant_time(plan, first, settings, &library, device)
     })?;
     progress.planned(options.suite, &plans, without_references_s);
     let mut lab = Lab::new(

@@ -116,8 +116,11 @@ impl References {
         }
     }
 
-    /// The device that references are rendered on.
-    fn device(&self, settings: &Settings) -> Result<GpuContext, BenchError> {
+    /// The device that references are rendered on, and what is held against them.
+    ///
+    /// # Errors
+    /// [`BenchError`]: there is none.
+    pub fn device(&self, settings: &Settings) -> Result<GpuContext, BenchError> {
         if let Some(open) = self.device.get() {
             return Ok(open.clone());
         }

@@ -34,6 +34,7 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
     let settings = &options.settings;
     let headset = Headset::load(&settings.headset)?;
     let counted = settings.size.unwrap_or(SIZE);
+    let device = GpuContext::open(Some(&settings.adapter))?;
     let mut rows: Vec<WorkRow> = Vec::new();
     for name in scenes_or_two(options) {
         for method in [Method::Photon, Method::Path] {
@@ -41,10 +42,9 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
             let source = SceneSource::Named(name.clone());
             let scene = source.load(settings)?;
             let settings = settings_of(settings, method);
-            let context = GpuContext::open(Some(&settings.adapter))?;
             let render = &settings.render;
             let mut renderer =
-                Renderer::new(context, library, &scene, render, Eyes::Both, counted)?;
+                Renderer::new(device.clone(), library, &scene, render, Eyes::Both, counted)?;
             let views = headset.views_from_head(&scene.start_pose());
             for frame in 0..WARM_UP {
                 renderer.render_frame(&views, frame, |_| {})?;
