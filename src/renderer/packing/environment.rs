@@ -8,12 +8,8 @@ use crate::scene::Environment;
 /// An environment as `shaders/shared/environment.wesl` reads it.
 #[derive(Clone, Debug, Default)]
 pub struct PackedEnvironment {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Linear radiance, row 0 = +Y; the fourth channel is 0. What was negative or not a number is 0. Then coarser levels, each
-    /// with the means over half as many columns and rows (rounded down), while both are more than one.
+    /// Columns and rows. Then linear radiance, row 0 = +Y; the fourth channel is 0. What was negative or not a number is 0. Then
+    /// coarser levels, each with the means over half as many columns and rows (rounded down), while both are more than one.
     pub texels: Vec<[f32; 4]>,
     /// Cumulative probability of the rows (`height` values), then of each row's columns (`width` values per row).
     pub cdf: Vec<f32>,
@@ -85,9 +81,8 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     push_cumulative(&mut cdf, &row_weights);
     cdf.append(&mut columns_cdf);
     add_levels(&mut texels, [width, height]);
+    texels.insert(0, [width as f32, height as f32, 0.0, 0.0]);
     Some(PackedEnvironment {
-        width: environment.width,
-        height: environment.height,
         texels,
         cdf,
         integral,
@@ -178,8 +173,9 @@ mod tests {
     fn coarser_levels_hold_the_means_of_what_they_cover() {
         // 6 by 4, then 3 by 2, then 1 by 1.
         let packed = pack_environment(&environment(6, 4, |i| [i as f32; 3])).unwrap();
-        assert_eq!(packed.texels.len(), 24 + 6 + 1);
-        let red: Vec<f32> = packed.texels[24..].iter().map(|texel| texel[0]).collect();
+        assert_eq!(packed.texels.len(), 1 + 24 + 6 + 1);
+        assert_eq!(packed.texels[0], [6.0, 4.0, 0.0, 0.0]);
+        let red: Vec<f32> = packed.texels[25..].iter().map(|texel| texel[0]).collect();
         let wanted = [3.5, 5.5, 7.5, 15.5, 17.5, 19.5, 11.5];
         for (found, wanted) in red.iter().zip(wanted) {
             assert!((found - wanted).abs() < 1e-5, "{red:?}");

@@ -146,23 +146,8 @@ pub struct PackedLights {
     holes: Vec<(usize, usize)>,
     uploads: LightUploads,
     kinds: LightKinds,
-    environment: Option<Surround>,
-}
-
-/// What a light of the environment needs of its map.
-#[derive(Clone, Copy, Debug)]
-struct Surround {
-    integral: [f64; 3],
-    size: [u32; 2],
-}
-
-impl Surround {
-    fn of(environment: &PackedEnvironment) -> Self {
-        Self {
-            integral: environment.integral,
-            size: [environment.width, environment.height],
-        }
-    }
+    /// Integral of the surroundings' radiance over the sphere, W m^-2.
+    environment: Option<[f64; 3]>,
 }
 
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
@@ -201,7 +186,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
         environment: sources
             .environment
             .filter(|_| sources.kinds.environment)
-            .map(Surround::of),
+            .map(|packed| packed.integral),
         emitters: (0..scene.meshes.len())
             .map(|mesh| {
                 let leaf_of = sources.order.leaf_of_triangle.get(mesh);
@@ -242,7 +227,7 @@ fn mesh_emitters(scene: &Scene, mesh: &Mesh, leaf_of: &[u32]) -> Vec<Emitter> {
 impl PackedLights {
     /// Another map is around the scene, as there was one before. For [`PackedLights::repack`].
     pub fn set_environment(&mut self, environment: &PackedEnvironment) {
-        self.environment = Some(Surround::of(environment));
+        self.environment = Some(environment.integral);
     }
 
     /// Makes all records from the scene's lights and `instances`, whose numbers are their places in the list, and weighs
@@ -256,10 +241,8 @@ impl PackedLights {
             emitters: std::mem::take(&mut self.emitters),
             ..Self::default()
         };
-        if let Some(surround) = self.environment {
-            let power = surround
-                .integral
-                .map(|integral| PI * radius * radius * integral);
+        if let Some(integral) = self.environment {
+            let power = integral.map(|channel| PI * radius * radius * channel);
             self.positions_in_world.push(center);
             self.nodes.push(usize::MAX);
             self.push(
@@ -269,8 +252,6 @@ impl PackedLights {
                     kind: LIGHT_ENVIRONMENT,
                     direction: [0.0, 0.0, 1.0],
                     scene_radius: radius as f32,
-                    instance: surround.size[0],
-                    triangle: surround.size[1],
                     ..Light::default()
                 },
             );
