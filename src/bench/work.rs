@@ -182,21 +182,14 @@ fn code(dispatched: &Dispatched, method: &str, features: &ShaderFeatures) -> f64
         (true, false) => "gallery",
         (false, _) => "cornell",
     };
-    let listed = format!("{}+list", dispatched.pass);
-    let fits = |line: &str| -> Option<([bool; 3], f64)> {
+    let fits = |line: &str| -> Option<([bool; 2], f64)> {
         let cells: Vec<&str> = line.split(',').collect();
         let [_, "rdna3", scene, frame, pass, number] = cells.as_slice() else {
             return None;
         };
-        let is_list = *pass == listed;
-        let is_pass = is_list || *pass == dispatched.pass;
         // A kernel that another scene had word for word is not listed again.
-        let likeness = [
-            is_list == dispatched.over_list,
-            *scene == like,
-            *frame == method,
-        ];
-        is_pass.then_some((likeness, number.parse().ok()?))
+        let likeness = [*scene == like, *frame == method];
+        (*pass == dispatched.pass).then_some((likeness, number.parse().ok()?))
     };
     let all = INSTRUCTIONS.lines().filter_map(fits);
     all.max_by_key(|(likeness, _)| *likeness)
@@ -269,22 +262,21 @@ mod tests {
 
     #[test]
     fn instructions_are_those_of_the_scene_and_frame_that_are_most_alike() {
-        let number = |pass: &str, over_list, method, textures| {
+        let number = |pass: &str, method, textures| {
             let features = ShaderFeatures {
                 textures,
                 ..ShaderFeatures::default()
             };
-            let one = Dispatched {
-                over_list,
-                ..dispatched(pass)
-            };
-            code(&one, method, &features)
+            code(&dispatched(pass), method, &features)
         };
-        let whole = number("path_trace", false, "path", false);
-        assert!(whole > 0.0);
-        assert_ne!(number("path_trace", true, "path", false), whole);
-        assert!(number("path_trace", false, "path", true) > whole);
-        assert!(number("radix_count", false, "photon", true) > 0.0);
-        assert_eq!(number("no_such_pass", false, "photon", false), 0.0);
+        let plain = number("path_trace", "path", false);
+        assert!(plain > 0.0);
+        assert!(number("path_trace", "path", true) > plain);
+        assert_ne!(
+            number("reuse_lookup", "photon", true),
+            number("reuse_lookup", "path", true)
+        );
+        assert!(number("radix_count", "photon", true) > 0.0);
+        assert_eq!(number("no_such_pass", "photon", false), 0.0);
     }
 }

@@ -157,7 +157,7 @@ passes! {
         "Radiance estimate from the caustic photons around the gathering surfaces.";
     eye_combine: Hits scene,
         "Adds up a sample's light and accumulates samples.";
-    path_trace: Pixels scene,
+    path_trace: Hits scene,
         "Path tracing with next-event estimation: the reference.";
     scatter_depth: Hits scene,
         "Reprojects left hits into the right eye and keeps the nearest distance per right pixel.";

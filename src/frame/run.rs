@@ -53,7 +53,8 @@ type KernelKey = (String, ShaderFeatures);
 /// Workgroups of a bound dispatch.
 enum Groups {
     Direct([u32; 3]),
-    Indirect(wgpu::Buffer, u64),
+    /// Counted on the device: at a byte offset; and at another those of one thread per entry.
+    Indirect(wgpu::Buffer, [u64; 2]),
 }
 
 enum BoundAction {
@@ -93,8 +94,6 @@ struct BoundStage {
 pub struct Play<'a> {
     /// Number of the sample within the submission.
     pub sample: u32,
-    /// Samples that one dispatch takes, a power of two.
-    pub run: u32,
     /// Parity of the frame, 0 or 1.
     pub parity: usize,
     /// Whether a conditional step runs.
@@ -105,7 +104,6 @@ impl Default for Play<'_> {
     fn default() -> Self {
         Self {
             sample: 0,
-            run: 1,
             parity: 0,
             is_due: &|_| true,
         }
@@ -376,8 +374,11 @@ impl FrameRun {
                         let [width, height] = image.tiles();
                         Groups::Direct([width, height, 1])
                     }
-                    Size::List(list) => Groups::Indirect(buffer(&format!("{}_groups", list.0))?, 0),
-                    Size::Indirect(name, offset) => Groups::Indirect(buffer(name)?, offset),
+                    Size::List(list) | Size::Runs(list) => Groups::Indirect(
+                        buffer(&format!("{}_groups", list.0))?,
+                        [if matches!(size, Size::Runs(_)) { 16 } else { 0 }, 0],
+                    ),
+                    Size::Indirect(name, offset) => Groups::Indirect(buffer(name)?, [offset; 2]),
                 };
                 let pattern = patterns.iter().position(|other| other == words);
                 BoundAction::Dispatch {
@@ -472,9 +473,8 @@ impl FrameRun {
         let Some(bound) = self.stages.get(&stage) else {
             return Ok(());
         };
-        let sample = how.run.ilog2() * SAMPLES_PER_SUBMISSION + how.sample;
         let first = if stage.is_per_sample() {
-            sample * bound.patterns
+            how.sample * bound.patterns
         } else {
             0
         };
@@ -510,7 +510,7 @@ impl FrameRun {
                         Groups::Direct(groups) => {
                             recorder.dispatch(&step.label, kernel, bound, entry, *groups);
                         }
-                        Groups::Indirect(buffer, offset) => recorder.dispatch_indirect(
+                        Groups::Indirect(buffer, [offset, _]) => recorder.dispatch_indirect(
                             &step.label,
                             kernel,
                             bound,
@@ -522,7 +522,7 @@ impl FrameRun {
                     if let Some(log) = &self.work {
                         let groups = match groups {
                             Groups::Direct(groups) => Ok(*groups),
-                            Groups::Indirect(buffer, offset) => Err((buffer, *offset)),
+                            Groups::Indirect(buffer, [_, entries]) => Err((buffer, *entries)),
                         };
                         let who = (step.label.as_str(), kernel, *traffic);
                         log.note(recorder, &self.buffers, who, groups);
@@ -615,17 +615,13 @@ fn unbound(step: &Step, name: &str) -> GpuError {
     }
 }
 
-/// A stage's dispatch table: its words for each sample of a submission, for dispatches of one sample, two, four and so on
-/// where the path tracer takes several; or once. The last entry is of zeroes.
+/// A stage's dispatch table: its words for each sample of a submission, or once. The last entry is of zeroes.
 fn table_entries(planned: &PlannedStage, patterns: &[Words]) -> Vec<[u32; 4]> {
     let mut entries = Vec::new();
     if planned.stage.is_per_sample() {
-        for length in (0..=planned.longest_run.ilog2()).map(|power| 1 << power) {
-            for sample in 0..SAMPLES_PER_SUBMISSION {
-                let of_sample =
-                    |words: &Words| [sample, words.eye, words.count, words.of.max(length)];
-                entries.extend(patterns.iter().map(of_sample));
-            }
+        for sample in 0..SAMPLES_PER_SUBMISSION {
+            let of_sample = |words: &Words| [sample, words.eye, words.count, words.of];
+            entries.extend(patterns.iter().map(of_sample));
         }
     } else {
         let as_is = |words: &Words| [words.index, words.eye, words.count, words.of];

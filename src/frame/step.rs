@@ -149,6 +149,8 @@ pub enum Size {
     Tiles,
     /// Those of a list, counted on the device (indirect).
     List(List),
+    /// The same for a pass whose threads take several entries each (`shaders/shared/runs.wesl`).
+    Runs(List),
     /// Those in a buffer at a byte offset (indirect).
     Indirect(&'static str, u64),
     /// A triangle over the image, in a render pass.
@@ -164,7 +166,7 @@ pub struct Words {
     pub eye: u32,
     /// Paths, blocks, or number of the slice.
     pub count: u32,
-    /// Slots per path, mask of a digit, or number of slices.
+    /// Slots per path, mask of a digit, number of slices, or a thread's list entries.
     pub of: u32,
 }
 
@@ -243,8 +245,6 @@ pub struct PlannedStage {
     pub stage: Stage,
     /// How often it runs.
     pub when: &'static str,
-    /// Samples that one dispatch takes, at most; a power of two.
-    pub longest_run: u32,
     /// Steps in order.
     pub steps: Vec<Step>,
 }
@@ -292,7 +292,7 @@ impl Step {
         matches!(
             self.action,
             Action::Run {
-                size: Size::List(_),
+                size: Size::List(_) | Size::Runs(_),
                 ..
             }
         )
@@ -304,7 +304,7 @@ pub(super) struct Steps {
     prefix: String,
     pub(super) owner: Owner,
     dispatch_eye: u32,
-    /// Number of slices given to passes without slices.
+    /// Number of slices, or of a thread's list entries, given to passes without slices.
     of: u32,
     steps: Vec<Step>,
 }
@@ -333,7 +333,7 @@ impl Steps {
         steps
     }
 
-    /// Sets the number of slices given to the passes that follow.
+    /// Sets the number of slices, or of a thread's list entries, given to the passes that follow.
     pub(super) fn told_of(mut self, of: u32) -> Self {
         self.of = of;
         self
@@ -365,7 +365,7 @@ impl Steps {
             ..Words::default()
         };
         let list = match size {
-            Size::List(list) => Some(list),
+            Size::List(list) | Size::Runs(list) => Some(list),
             _ => None,
         };
         self.push(

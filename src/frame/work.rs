@@ -69,7 +69,7 @@ pub struct Dispatched {
     pub label: String,
     /// Name of its pass.
     pub pass: String,
-    /// Threads of its workgroups.
+    /// Threads of its workgroups; one per entry of a list where threads take several.
     pub threads: u64,
     /// Whether it ran over a list of pixels.
     pub over_list: bool,

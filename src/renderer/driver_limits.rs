@@ -9,31 +9,27 @@ use crate::settings::{Method, RenderSettings};
 const LOOP_TURNS: u32 = 65_535;
 /// Iterations of the two searches in the environment's tables, which have fewer than 2^16 rows and columns.
 const ENVIRONMENT_TURNS: u32 = 32;
-/// Most samples of one dispatch of the path tracer, and most photon paths of one thread; more gains almost nothing.
+/// Most paths of one thread; more gains almost nothing.
 const MOST_PATHS_PER_THREAD: u32 = 16;
 
 /// Limits on the eyes' work. Images are the same bit for bit whatever they are: they only cut what the device is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorkLimits {
-    /// Rays of a dispatch, if every path were as long as settings allow; a dispatch of one sample is not cut further.
-    pub dispatch_rays: f64,
-    /// The same of a submission, while no frame was timed.
+    /// Rays of a submission, if every path were as long as settings allow, while no frame was timed.
     pub submission_rays: f64,
-    /// Device milliseconds of a dispatch and of a submission, by the last frame's times.
+    /// Device milliseconds of a submission, by the last frame's times.
     pub submission_ms: f64,
 }
 
 impl WorkLimits {
     /// None: nothing resets a software driver, which is faster with long dispatches.
     pub const NONE: Self = Self {
-        dispatch_rays: f64::INFINITY,
         submission_rays: f64::INFINITY,
         submission_ms: f64::INFINITY,
     };
 
     /// A card's. 100 M rays take 0.2 s at half a gigaray per second; Windows resets after 2 s.
     pub const CARD: Self = Self {
-        dispatch_rays: 1e8,
         submission_rays: 1e8,
         submission_ms: 200.0,
     };
@@ -44,39 +40,29 @@ impl WorkLimits {
         if is_software { Self::NONE } else { Self::CARD }
     }
 
-    /// Samples of both eyes that a dispatch and a submission take: of `pixels` per eye, each sample having taken
-    /// `sample_ms`, if that is known.
+    /// Samples of both eyes that a submission takes, at least one: of `pixels` per eye, each sample having taken `sample_ms`,
+    /// if that is known.
     #[must_use]
-    pub fn samples(
-        &self,
-        settings: &RenderSettings,
-        pixels: u64,
-        sample_ms: Option<f64>,
-    ) -> [u32; 2] {
+    pub fn samples(&self, settings: &RenderSettings, pixels: u64, sample_ms: Option<f64>) -> u32 {
         let segments = match settings.method {
             Method::Path => settings.path.max_depth,
             Method::Photon => 1,
         };
-        // A segment's own ray and its shadow ray.
-        let eye_rays = 2.0 * f64::from(segments) * pixels as f64;
-        let most = f64::from(SAMPLES_PER_SUBMISSION);
-        let whole = |samples: f64| samples.floor().clamp(1.0, most) as u32;
-        let by_time = |without: f64| match sample_ms {
+        // A segment's own ray and its shadow ray, of either eye.
+        let rays = 2.0 * 2.0 * f64::from(segments) * pixels as f64;
+        let samples = match sample_ms {
             Some(ms) if ms > 0.0 => self.submission_ms / ms,
-            _ => without,
+            _ => self.submission_rays / rays,
         };
-        let by_rays = self.dispatch_rays / eye_rays;
-        [
-            whole(by_rays.min(by_time(f64::INFINITY))),
-            whole(by_time(self.submission_rays / (2.0 * eye_rays))),
-        ]
+        samples
+            .floor()
+            .clamp(1.0, f64::from(SAMPLES_PER_SUBMISSION)) as u32
     }
 }
 
-/// Samples that one dispatch of the path tracer takes. A thread that begins its next path at once does not wait for the
-/// longest path of its SIMD group.
+/// Paths of an eye that one thread follows, one after the other: it does not wait for the longest path of its SIMD group.
 #[must_use]
-pub fn samples_per_dispatch(
+pub fn eye_paths_per_thread(
     settings: &RenderSettings,
     features: &ShaderFeatures,
     hierarchy_depth: u32,
@@ -88,23 +74,17 @@ pub fn samples_per_dispatch(
     };
     let per_segment =
         2 * turns_per_ray(hierarchy_depth) + settings.path.light_candidates * per_light;
-    // A power of two, so that submissions are whole runs.
-    1 << paths_within_turns(per_segment, settings.path.max_depth).ilog2()
+    paths_per_thread(features, per_segment, settings.path.max_depth)
 }
 
-/// Photon paths that one thread traces, one after the other, for the same reason. On a wide machine one: fewer threads than
-/// paths would leave it idle.
+/// The same of photon paths.
 #[must_use]
 pub fn photon_paths_per_thread(
     features: &ShaderFeatures,
     max_depth: u32,
     hierarchy_depth: u32,
 ) -> u32 {
-    if features.wide_machine {
-        1
-    } else {
-        paths_within_turns(turns_per_ray(hierarchy_depth), max_depth)
-    }
+    paths_per_thread(features, turns_per_ray(hierarchy_depth), max_depth)
 }
 
 /// A ray takes eight turns per level and some 32 for leaves, in the worst of threads that run as one (measured: the
@@ -114,8 +94,11 @@ fn turns_per_ray(hierarchy_depth: u32) -> u32 {
     32 + 8 * hierarchy_depth
 }
 
-/// Paths that keep well within [`LOOP_TURNS`].
-fn paths_within_turns(per_segment: u32, max_depth: u32) -> u32 {
+/// Paths that keep well within [`LOOP_TURNS`]. On a wide machine one: fewer threads than paths would leave it idle.
+fn paths_per_thread(features: &ShaderFeatures, per_segment: u32, max_depth: u32) -> u32 {
+    if features.wide_machine {
+        return 1;
+    }
     let per_path = per_segment.saturating_mul(max_depth.max(1));
     (LOOP_TURNS / 2 / per_path).clamp(1, MOST_PATHS_PER_THREAD)
 }
@@ -126,7 +109,7 @@ mod tests {
     use crate::settings::PathSettings;
 
     #[test]
-    fn no_dispatch_of_a_card_takes_too_many_rays_and_no_submission_too_long() {
+    fn no_submission_of_a_card_takes_too_long() {
         let path = |max_depth| RenderSettings {
             method: Method::Path,
             path: PathSettings {
@@ -141,37 +124,34 @@ mod tests {
             for max_depth in [1, 5, 12, 64, u32::MAX] {
                 let settings = path(max_depth);
                 let rays =
-                    |samples: u32| f64::from(samples) * 2.0 * f64::from(max_depth) * pixels as f64;
-                let [dispatch, submission] = card.samples(&settings, pixels, None);
-                assert!(dispatch == 1 || rays(dispatch) <= 1e8, "{side} {max_depth}");
-                assert!(submission == 1 || 2.0 * rays(submission) <= 1e8);
+                    |samples: u32| f64::from(samples) * 4.0 * f64::from(max_depth) * pixels as f64;
+                let samples = card.samples(&settings, pixels, None);
+                assert!(samples == 1 || rays(samples) <= 1e8, "{side} {max_depth}");
                 // No fewer than there is room for.
-                assert!(dispatch == SAMPLES_PER_SUBMISSION || rays(dispatch + 1) > 1e8);
+                assert!(samples == SAMPLES_PER_SUBMISSION || rays(samples + 1) > 1e8);
                 for sample_ms in [0.01, 3.0, 70.0, 5000.0] {
-                    let [timed, submission] = card.samples(&settings, pixels, Some(sample_ms));
-                    assert!(timed <= dispatch);
-                    assert!(submission == 1 || f64::from(submission) * sample_ms <= 200.0);
-                    assert!(timed == 1 || f64::from(timed) * sample_ms <= 200.0);
+                    let samples = card.samples(&settings, pixels, Some(sample_ms));
+                    assert!(samples == 1 || f64::from(samples) * sample_ms <= 200.0);
                 }
                 let none = WorkLimits::NONE.samples(&settings, pixels, Some(5000.0));
-                assert_eq!(none, [SAMPLES_PER_SUBMISSION; 2]);
+                assert_eq!(none, SAMPLES_PER_SUBMISSION);
             }
         }
         // 512x512, 12 segments: 6.3 M rays a sample of an eye. A photon frame's eyes trace two rays each.
-        assert_eq!(card.samples(&path(12), 512 * 512, None), [15, 7]);
+        assert_eq!(card.samples(&path(12), 512 * 512, None), 7);
         let photons = RenderSettings::default();
-        assert_eq!(card.samples(&photons, 2064 * 2208, None), [10, 5]);
+        assert_eq!(card.samples(&photons, 2064 * 2208, None), 5);
         assert_eq!(WorkLimits::of(false), WorkLimits::CARD);
         assert_eq!(WorkLimits::of(true), WorkLimits::NONE);
     }
 
     #[test]
-    fn dispatches_stay_within_the_turns_of_a_thread() {
+    fn threads_stay_within_their_turns() {
         let sky = ShaderFeatures {
             environment: true,
             ..ShaderFeatures::default()
         };
-        let samples = |max_depth, features: &ShaderFeatures, depth| {
+        let paths = |max_depth, features: &ShaderFeatures, depth| {
             let path = PathSettings {
                 max_depth,
                 light_candidates: 16,
@@ -181,22 +161,20 @@ mod tests {
                 path,
                 ..RenderSettings::default()
             };
-            samples_per_dispatch(&settings, features, depth)
+            eye_paths_per_thread(&settings, features, depth)
         };
         let lamps = ShaderFeatures::default();
-        assert_eq!(samples(12, &lamps, 5), 16);
-        assert_eq!(samples(12, &lamps, 6), 8);
-        assert_eq!(samples(12, &lamps, 15), 8);
-        assert_eq!(samples(12, &sky, 6), 4);
-        assert_eq!(samples(2, &lamps, 6), MOST_PATHS_PER_THREAD);
-        assert_eq!(samples(u32::MAX, &sky, 72), 1);
+        assert_eq!(paths(12, &lamps, 5), 16);
+        assert_eq!(paths(12, &lamps, 6), 14);
+        assert_eq!(paths(12, &sky, 6), 4);
+        assert_eq!(paths(2, &lamps, 6), MOST_PATHS_PER_THREAD);
+        assert_eq!(paths(u32::MAX, &sky, 72), 1);
         for max_depth in [1, 5, 12, 64, 1000] {
             for depth in 0..72 {
                 for (features, per_light) in [(&lamps, 1), (&sky, 32)] {
-                    let run = samples(max_depth, features, depth);
+                    let run = paths(max_depth, features, depth);
                     let per_segment = 2 * (32 + 8 * depth) + 16 * per_light;
                     assert!(run == 1 || run * max_depth * per_segment <= LOOP_TURNS / 2);
-                    assert!(run.is_power_of_two());
                 }
                 let paths = photon_paths_per_thread(&lamps, max_depth, depth);
                 assert!(paths == 1 || paths * max_depth * (32 + 8 * depth) <= LOOP_TURNS / 2);
@@ -207,5 +185,6 @@ mod tests {
             MOST_PATHS_PER_THREAD
         );
         assert_eq!(photon_paths_per_thread(&ShaderFeatures::ALL, 12, 6), 1);
+        assert_eq!(paths(12, &ShaderFeatures::ALL, 5), 1);
     }
 }

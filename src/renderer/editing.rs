@@ -13,7 +13,7 @@ use glam::DAffine3;
 use super::radii::{area_m2, radii_m};
 use super::scene_buffers::{Edited, SceneChange};
 use super::{
-    InstanceId, RenderError, Renderer, photon_paths_per_thread, samples_per_dispatch,
+    InstanceId, RenderError, Renderer, eye_paths_per_thread, photon_paths_per_thread,
     shader_features,
 };
 use crate::bvh::MaterialMarks;
@@ -391,9 +391,9 @@ impl Renderer {
             self.is_bound &= *run <= paths;
             *run = paths.min(*run);
         }
-        let samples = samples_per_dispatch(settings, self.frame.features(), depth);
-        self.is_bound &= self.samples_per_dispatch <= samples;
-        self.samples_per_dispatch = samples.min(self.samples_per_dispatch);
+        let paths = eye_paths_per_thread(settings, self.frame.features(), depth);
+        self.is_bound &= self.eye_paths_per_thread <= paths;
+        self.eye_paths_per_thread = paths.min(self.eye_paths_per_thread);
     }
 
     /// Takes the scene to where its animation has it when a frame is shown (`animation.*`); the first call begins the

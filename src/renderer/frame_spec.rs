@@ -52,7 +52,7 @@ pub fn plan_of_scene(
             features,
             both: true,
             reuse,
-            samples_per_dispatch: 1,
+            paths_per_thread: 1,
             maps: maps.clone(),
             slices: GatherSlices::ONE,
             shapes: shapes.then(|| ShapeCounts {

@@ -61,7 +61,7 @@ use crate::settings::{
 use crate::xr::{SessionInfo, View};
 
 pub use crate::frame::{Eye, MapKind, Stage};
-pub use driver_limits::{WorkLimits, photon_paths_per_thread, samples_per_dispatch};
+pub use driver_limits::{WorkLimits, eye_paths_per_thread, photon_paths_per_thread};
 pub use editing::{Applied, InPlace};
 pub use features::{
     chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
@@ -141,7 +141,7 @@ pub struct Renderer {
     frame: FrameRun,
     /// Current reuse mode.
     reuse: Reuse,
-    samples_per_dispatch: u32,
+    eye_paths_per_thread: u32,
     work_limits: WorkLimits,
     /// Device milliseconds of a sample of both eyes, in the frame that was retired last.
     sample_ms: Option<f64>,
@@ -276,11 +276,7 @@ impl Renderer {
             steers: VecDeque::new(),
             frame: FrameRun::new(features),
             reuse,
-            samples_per_dispatch: if settings.method == Method::Photon || reuse != Reuse::Off {
-                1
-            } else {
-                samples_per_dispatch(settings, &features, depth)
-            },
+            eye_paths_per_thread: eye_paths_per_thread(settings, &features, depth),
             work_limits: WorkLimits::of(context.adapter.is_software()),
             sample_ms: None,
             gather_slices: GatherSlices::ONE,
@@ -360,7 +356,7 @@ impl Renderer {
             features: *self.frame.features(),
             both: self.has_both_eyes(),
             reuse,
-            samples_per_dispatch: self.samples_per_dispatch,
+            paths_per_thread: self.eye_paths_per_thread,
             maps: self.maps.iter().map(|map| map.layout).collect(),
             slices: self.gather_slices,
             shapes: self.scene.deformer().map(|deformer| deformer.counts()),
@@ -697,9 +693,9 @@ impl Renderer {
         }
         let longest = self.frame.length(Stage::Left) + self.frame.length(right);
         let [width, height] = self.image.size.map(u64::from);
-        let [dispatch, submission] =
-            self.work_limits
-                .samples(&self.settings, width * height, self.sample_ms);
+        let submission = self
+            .work_limits
+            .samples(&self.settings, width * height, self.sample_ms);
         let mut recorded = 0;
         while how.sample < count {
             if recorder.room() < longest || recorded == submission {
@@ -707,15 +703,10 @@ impl Renderer {
                 flight.tickets.push(full.send("frame")?);
                 recorded = 0;
             }
-            let most = self.samples_per_dispatch.min(dispatch);
-            let left = (count - how.sample)
-                .min(submission - recorded)
-                .clamp(1, most);
-            how.run = 1 << left.ilog2();
-            recorded += how.run;
             self.frame.play(&mut recorder, Stage::Left, &how)?;
             self.frame.play(&mut recorder, right, &how)?;
-            how.sample += how.run;
+            recorded += 1;
+            how.sample += 1;
         }
         if is_last {
             self.frame.play(&mut recorder, Stage::Reconstruct, &how)?;

@@ -53,35 +53,19 @@ const EXCEPTIONS: &[Exception] = &[
         card: Family::Rdna3,
         limit: Limit::Spills,
         reason: CAPPED,
-        kernels: &[
-            ["gallery", "path_trace"],
-            ["gallery", "path_trace+list"],
-            ["helmet", "path_trace"],
-            ["helmet", "path_trace+list"],
-        ],
+        kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
         card: Family::Rdna2,
         limit: Limit::Waves,
         reason: WHOLE_PATHS,
-        kernels: &[
-            ["gallery", "path_trace"],
-            ["gallery", "path_trace+list"],
-            ["helmet", "path_trace"],
-            ["helmet", "path_trace+list"],
-        ],
+        kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
         card: Family::Rdna3,
         limit: Limit::Waves,
         reason: WHOLE_PATHS,
-        kernels: &[
-            ["cornell", "path_trace+list"],
-            ["gallery", "path_trace"],
-            ["gallery", "path_trace+list"],
-            ["helmet", "path_trace"],
-            ["helmet", "path_trace+list"],
-        ],
+        kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
         card: Family::Rdna2,

@@ -44,7 +44,7 @@ pub struct Kernel {
     pub scene: String,
     /// The frame that it belongs to.
     pub frame: Frame,
-    /// Name of the pass; `+list` follows if it is an eye's pass over a list of pixels.
+    /// Name of the pass.
     pub pass: String,
     /// As it is compiled.
     pub shader: Arc<CompiledShader>,
@@ -124,12 +124,11 @@ pub fn kernels_of(
     let mut add = |frame, pass: &Pass, features: &ShaderFeatures, from_list| -> Result<()> {
         let features = specialised(pass, features, from_list);
         let shader = library.compile(&pass.shader_name(), &features)?;
-        let is_list = from_list && pass.over == Domain::Pixels;
         if pass.over != Domain::Fragments && seen.insert(shader.wgsl.clone()) {
             kernels.push(Kernel {
                 scene: name.to_owned(),
                 frame,
-                pass: format!("{}{}", pass.name, if is_list { "+list" } else { "" }),
+                pass: pass.name.to_string(),
                 shader,
             });
         }

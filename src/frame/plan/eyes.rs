@@ -10,7 +10,12 @@ use crate::settings::{
 };
 
 fn sample_of(frame: &FrameSpec<'_>, eye: Eye) -> Steps {
-    Steps::of_eye(eye.name(), eye).told_of(frame.slices.photons)
+    let of = if frame.is_photon() {
+        frame.slices.photons
+    } else {
+        frame.paths_per_thread
+    };
+    Steps::of_eye(eye.name(), eye).told_of(of)
 }
 
 pub(super) fn left_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
@@ -63,11 +68,11 @@ fn find_left_samples(steps: &mut Steps, frame: &FrameSpec<'_>) {
 /// One sample of an eye without reuse.
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
+    steps.run_appending(&passes::first_hits, Size::Tiles, List::HITS);
     if !frame.is_photon() {
-        steps.run_appending(&passes::path_trace, Size::Tiles, List::HITS);
+        steps.run(&passes::path_trace, Size::Runs(List::HITS));
         return;
     }
-    steps.run_appending(&passes::first_hits, Size::Tiles, List::HITS);
     let hits = Size::List(List::HITS);
     eye_paths(steps, frame, hits);
     direct_light(steps, frame, hits);
@@ -183,7 +188,7 @@ fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
         caustics(steps, frame, over);
         steps.run(&passes::eye_combine, over);
     } else {
-        steps.run(&passes::path_trace, over);
+        steps.run(&passes::path_trace, Size::Runs(List::FILL));
     }
     steps.run(&passes::fill_reasons, over);
 }

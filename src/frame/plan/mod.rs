@@ -35,8 +35,8 @@ pub struct FrameSpec<'a> {
     pub both: bool,
     /// Reuse mode of this frame.
     pub reuse: Reuse,
-    /// Samples that one dispatch of the path tracer takes, at most.
-    pub samples_per_dispatch: u32,
+    /// Paths that one thread of the path tracer follows, one after the other, at most.
+    pub paths_per_thread: u32,
     /// The photon map and the caustic map, if any.
     pub maps: Vec<MapLayout>,
     /// Slices in which photons are gathered, by map.
@@ -101,12 +101,7 @@ pub fn plan(frame: &FrameSpec<'_>) -> Vec<PlannedStage> {
     let mut stages = Vec::new();
     let mut add = |stage, when, steps: Vec<Step>| {
         if !steps.is_empty() {
-            stages.push(PlannedStage {
-                stage,
-                when,
-                longest_run: frame.samples_per_dispatch,
-                steps,
-            });
+            stages.push(PlannedStage { stage, when, steps });
         }
     };
     add(Stage::Pose, "when a shape changes", pose(frame));

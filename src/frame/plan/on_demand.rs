@@ -62,7 +62,6 @@ pub(super) fn after(frame: &FrameSpec<'_>) -> PlannedStage {
     PlannedStage {
         stage: Stage::After,
         when: "until the next frame",
-        longest_run: 1,
         steps: steps.done(),
     }
 }
@@ -88,7 +87,6 @@ pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
     PlannedStage {
         stage: Stage::Present,
         when: "where a runtime or a window takes the images",
-        longest_run: 1,
         steps: steps.done(),
     }
 }
@@ -123,7 +121,6 @@ pub fn inspection(steps: Vec<Step>) -> PlannedStage {
     PlannedStage {
         stage: Stage::Inspect,
         when: "when a view is asked for",
-        longest_run: 1,
         steps,
     }
 }

@@ -354,13 +354,8 @@ fn runs_as_planned(renderer: &mut Renderer, spp: u32, way: &str) {
 fn what_runs_is_the_plan_in_its_order() {
     for (way, change) in WAYS {
         let settings = settings(*change);
-        let spp = match settings.method {
-            // Two samples are one dispatch where no pass needs each one's hits.
-            Method::Path if settings.reuse == Reuse::Off => 1,
-            _ => settings.spp,
-        };
         let mut renderer = renderer(&builtin("gallery"), &settings, [16, 16]);
-        runs_as_planned(&mut renderer, spp, way);
+        runs_as_planned(&mut renderer, settings.spp, way);
     }
 }
 

@@ -191,7 +191,7 @@ fn nothing_waits_while_things_move_deform_and_trace_photons() {
 /// Drivers reset a device that answers nothing for long: cards get the eyes' samples in pieces, by the number of rays and by
 /// the last frame's times.
 #[test]
-fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
+fn images_are_the_same_whatever_a_submission_may_take() {
     const SAMPLES: usize = 16;
     let scene = builtin("cornell");
     for (method, reuse) in [
@@ -206,7 +206,7 @@ fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
             s.gpu.timestamps = true.into();
             s.output.chrome_trace = true;
         });
-        // Dispatches of the left eye's longest pass and submissions of the eyes, of two frames; the last one's images.
+        // Submissions of the eyes, of two frames; the last one's images.
         let run = |limits| {
             let mut renderer = renderer(&scene, &settings, [24, 16]);
             renderer.limit_work(limits);
@@ -214,36 +214,22 @@ fn images_are_the_same_whatever_a_dispatch_and_a_submission_may_take() {
             for frame in 0..2 {
                 let views = views(&scene, frame);
                 let result = renderer.render_frame(&views, frame, |_| {}).unwrap();
-                let is_path = |name: &&String| *name == "left.path_trace";
-                let dispatches = result.times.dispatched.iter().filter(is_path).count();
                 let submissions = result.times.submissions.unwrap();
                 let of_eyes = submissions.iter().filter(|s| s.host.stage == "frame");
-                cuts.push([dispatches, of_eyes.count()]);
+                cuts.push(of_eyes.count());
             }
             (cuts, both(&renderer))
         };
         let (whole, expected) = run(WorkLimits::NONE);
-        let runs = method == Method::Path && reuse == Reuse::Off;
-        let dispatches = |each: usize| match method {
-            Method::Path => each,
-            Method::Photon => 0,
-        };
-        assert!(whole.iter().all(|[_, submissions]| *submissions == 1));
-        if runs {
-            assert!(whole[0][0] < SAMPLES / 2, "{whole:?}");
-        }
-        let [mut short, mut split, mut slow] = [WorkLimits::NONE; 3];
-        short.dispatch_rays = 1.0;
+        assert_eq!(whole, [1, 1]);
+        let [mut split, mut slow] = [WorkLimits::NONE; 2];
         split.submission_rays = 1.0;
         slow.submission_ms = 0.0;
-        let each = [dispatches(SAMPLES), SAMPLES];
         for (limits, wanted) in [
-            // One sample per dispatch, all in one submission.
-            (short, [[dispatches(SAMPLES), 1]; 2]),
             // The first frame in submissions of one sample; the second was timed, and is not cut.
-            (split, [each, whole[1]]),
+            (split, [SAMPLES, 1]),
             // The other way round: no frame takes no time.
-            (slow, [whole[0], each]),
+            (slow, [1, SAMPLES]),
         ] {
             let (cuts, images) = run(limits);
             assert_eq!(cuts, wanted, "{method:?}");

@@ -73,7 +73,7 @@ fn shaders_ask_for_the_features_of_the_table_and_for_all_of_them() {
     assert_eq!(unknown, [(module.to_owned(), "uv_1".to_owned())]);
     assert_eq!(unasked, ["uv1"]);
     // It is not off in silence.
-    let compiled = misspelt.compile(&passes::path_trace.shader_name(), &every_feature());
+    let compiled = misspelt.compile(&passes::photon_trace.shader_name(), &every_feature());
     assert_says(&compiled.err().unwrap().to_string(), &["uv_1"]);
 }
 
@@ -84,8 +84,8 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                // Whoever runs over hits or tiles always has a list; these run over some pixels and over all.
-                if from_list && ![passes::path_trace, passes::motion].contains(pass) {
+                // Whoever runs over hits or tiles always has a list; this one runs over some pixels and over all.
+                if from_list && *pass != passes::motion {
                     continue;
                 }
                 let own = specialised(pass, &features, from_list);

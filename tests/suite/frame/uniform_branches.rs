@@ -45,7 +45,7 @@ fn the_search_finds_russian_roulette_behind_its_flag() {
         "if is_roulette { if u_roulette >= survival { return false; } } if u_roulette > 1.0 {",
     );
     library.insert(&name, changed);
-    let features = kinds_of_scene().remove(1);
+    let features = specialised(&passes::path_trace, &kinds_of_scene().remove(1), true);
     let shader = library.compile(&name, &features).unwrap();
     let found = uniform_branches(&shader.module, &shader.wgsl);
     assert_eq!(found.len(), 1, "{found:?}");

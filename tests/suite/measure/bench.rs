@@ -417,8 +417,7 @@ fn work_states_a_frame_of_each_method_and_explains_its_columns() {
             assert!(whole > 0.0 && is_sum, "{method} {name}");
         }
         // A primary ray per pixel of the headset, 2,064 by 2,208, whatever size was counted.
-        let primary = ["left.path_trace", "left.first_hits"][usize::from(method == "photon")];
-        let is_primary = |row: &&&Vec<String>| row[column("pass")] == primary;
+        let is_primary = |row: &&&Vec<String>| row[column("pass")] == "left.first_hits";
         let first = passes.iter().find(is_primary).unwrap();
         assert!(number(first, "rays") >= 2064.0 * 2208.0, "{first:?}");
         assert!(number(first, "code_instructions") > 0.0);

@@ -230,7 +230,7 @@ fn a_users_bsdf_brings_its_own_code_alone() {
     assert!(!needs.glossy && !needs.dielectric && !needs.caustics);
     assert_eq!(needs.not_lambert, ["clay"; 3], "one for each mesh");
     // Without the entry its surfaces would be black; that is an error, which says what to do.
-    let features = super::trace_probe::features(&["user_bsdf"]);
+    let features = super::trace_probe::features(&["user_bsdf", "from_list"]);
     let compiled = ShaderLibrary::embedded().compile("passes/path_trace", &features);
     let error = compiled.err().unwrap().to_string();
     assert!(error.contains("install_user_bsdfs"), "{error}");

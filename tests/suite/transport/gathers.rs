@@ -5,8 +5,8 @@ use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, MapKind, RenderError, Renderer, SortedPhoton};
 use stereolux::scene::Scene;
 use stereolux::settings::{
-    DirectLight, Eyes, Force, Kernel, Loads, PhotonEstimate, RenderSettings, Reuse, Schedule,
-    Search,
+    DirectLight, Eyes, Force, Kernel, Loads, Method, PhotonEstimate, RenderSettings, Reuse,
+    Schedule, Search,
 };
 
 use super::photon_map::{assert_sums, directions, grid, map_only, on_one_surface, photons, views};
@@ -409,6 +409,13 @@ fn copies_in_textures_and_wide_groups_give_the_same_images_by_every_way() {
         assert!(is_lit, "{name}: black");
         assert!(plain == copied && plain == wide, "{name}");
     }
+    // Nor how many paths a thread follows: one, or up to three of some 8,000.
+    let [one, several] = [Force::On, Force::Off].map(|groups| {
+        let mut settings = map_only(4000, |s| s.method = Method::Path);
+        settings.force.wide_machine = groups;
+        both_bits(&rendered(&scene, &settings, [96, 96], &views))
+    });
+    assert!(one == several, "paths");
 }
 
 #[test]

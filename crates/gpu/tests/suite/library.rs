@@ -56,7 +56,7 @@ fn what_was_compiled_is_remembered_as_long_as_it_is_the_same() {
 
 #[test]
 fn no_pass_reads_both_a_record_and_its_copy() {
-    let features = features(&["emitters", "record_texels"]);
+    let features = features(&["emitters", "record_texels", "from_list"]);
     let shader = ShaderLibrary::embedded()
         .compile("passes/path_trace", &features)
         .unwrap();
