@@ -189,7 +189,7 @@ passes! {
         "SVGF: one pass of the a-trous wavelet filter.";
     remodulate: SeenTiles scene,
         "Mixes in the other eye's filtered light, remodulates it by albedo and blends in the mean of still frames.";
-    taa: Pixels,
+    taa: SeenTiles,
         "Temporal anti-aliasing of what is shown, in linear light.";
     xr_submit: Fragments,
         "Writes an eye's image into a runtime's texture.";

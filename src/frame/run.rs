@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, background, inspect_surfaces, motion};
+use super::passes::{Domain, Pass, background, inspect_surfaces, motion, taa};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -40,7 +40,7 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
     };
     ShaderFeatures {
         from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
-        from_tiles: pass.over == Domain::SeenTiles && (from_list || *pass != motion),
+        from_tiles: pass.over == Domain::SeenTiles && (from_list || ![motion, taa].contains(pass)),
         inspects: *pass == inspect_surfaces,
         // No other pass asks, nor is compiled anew for it.
         anti_aliased: shared.anti_aliased && *pass == background,

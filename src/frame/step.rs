@@ -107,6 +107,8 @@ impl List {
     pub const FILL: Self = Self("fill");
     /// Tiles in which the own eye sees a surface, each counted as 64 pixels.
     pub const SEEN: Self = Self("seen");
+    /// The same of tiles in which a pixel of the own eye mixes with what was seen before.
+    pub const MIXED: Self = Self("mixed");
     /// Pixels that gather first at half rate.
     pub const COARSE: Self = Self("coarse");
     /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.
@@ -400,6 +402,11 @@ impl Steps {
         if let Action::Run { appends, .. } = &mut self.run(pass, size).action {
             *appends = Some(list);
         }
+        self.set_up(list);
+    }
+
+    /// Computes a list's workgroups from its length.
+    pub(super) fn set_up(&mut self, list: List) {
         let step = self.run(&super::passes::list_setup, Size::Once);
         if let Action::Run { list: of, .. } = &mut step.action {
             *of = Some(list);

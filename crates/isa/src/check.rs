@@ -46,8 +46,8 @@ const EXCEPTIONS: &[Exception] = &[
     Exception {
         card: Family::Rdna2,
         limit: Limit::Spills,
-        reason: "eight scalar registers, into lanes of a vector register",
-        kernels: &[["gallery", "path_trace"]],
+        reason: "up to eleven scalar registers, into lanes of a vector register",
+        kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
         card: Family::Rdna3,

@@ -36,6 +36,9 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
     for &eye in frame.eyes() {
         steps.turn_to(Stage::Reconstruct.name(), eye);
         steps.run_appending(&passes::background, Size::Tiles, List::SEEN);
+        if settings.taa.is_on() {
+            steps.set_up(List::MIXED);
+        }
         if settings.follows_motion() {
             steps.run(&passes::motion, Size::List(List::SEEN));
         }
@@ -48,7 +51,12 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
         let step = steps.run(&passes::remodulate, Size::List(List::SEEN));
         step.names(&both(filtered));
         if settings.taa.is_on() {
-            steps.run(&passes::taa, Size::Tiles);
+            // A pass of the user's may have changed any pixel since.
+            let over = match frame.settings.user_passes.is_empty() {
+                true => Size::List(List::MIXED),
+                false => Size::Tiles,
+            };
+            steps.run(&passes::taa, over);
         }
     }
     steps.done()

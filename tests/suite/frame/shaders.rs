@@ -84,8 +84,8 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                // Whoever runs over hits or tiles always has a list; this one runs over some pixels and over all.
-                if from_list && *pass != passes::motion {
+                // Whoever runs over hits or tiles always has a list; these run over some pixels and over all.
+                if from_list && ![passes::motion, passes::taa].contains(pass) {
                     continue;
                 }
                 let own = specialised(pass, &features, from_list);

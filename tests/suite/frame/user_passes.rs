@@ -64,6 +64,50 @@ fn a_pass_of_ones_own_runs_after_the_one_that_it_names_in_both_eyes() {
     assert_says(&report, &["green.wesl", "\"after\""]);
 }
 
+/// Anti-aliasing leaves tiles out that have long seen nothing but surroundings, unless a pass may have changed them.
+#[test]
+fn tiles_that_anti_aliasing_leaves_out_are_as_it_would_have_them() {
+    let folder = Folder::new("idle_pass");
+    let shown = |name: &str, written: &str| {
+        let source = green("hit_rays").replace("radiance_sum", "reconstructed");
+        let source = source.replace("0.0, 0.5 + 0.0 * hit_rays[pixel].x, 0.0, 1.0", written);
+        std::fs::write(folder.join("own.wesl"), source).unwrap();
+        let config = folder.join("own.toml");
+        let passes = pass("own", "remodulate", "own.wesl");
+        std::fs::write(&config, if written.is_empty() { "" } else { &passes }).unwrap();
+        let command = "run --scene builtin:parade --size 64x24 --photons 500 --frames 10";
+        let more = [
+            "--set",
+            "environment.path=builtin:sky",
+            "--set",
+            "reconstruct.taa_alpha=0.5",
+            "--config",
+        ];
+        let out = folder.join(name);
+        assert_success(&run_into(
+            &out,
+            command,
+            &[&more[..], &[config.to_str().unwrap()]].concat(),
+        ));
+        ["left", "right"].map(|eye| {
+            read_image(&out.join(format!("frame_0009_{eye}.exr")))
+                .unwrap()
+                .pixels
+        })
+    };
+    let alone = shown("alone", "");
+    assert!(
+        alone
+            == shown(
+                "idle",
+                "reconstructed[pixel].rgb + 0.0 * hit_rays[pixel].x, 1.0"
+            )
+    );
+    let painted = shown("painted", "0.0, 0.5 + 0.0 * hit_rays[pixel].x, 0.0, 1.0");
+    let is_green = |c: &[f32; 3]| c[0] == 0.0 && (c[1] - 0.5).abs() < 1e-5 && c[2] == 0.0;
+    assert!(painted.iter().flatten().all(is_green));
+}
+
 #[test]
 fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
     let good = green("hit_rays");
