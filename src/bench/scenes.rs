@@ -102,9 +102,13 @@ impl SceneSource {
 
 fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
     let loaded = match name {
-        INDIRECT_SCENE => {
+        INDIRECT_SCENE | LIGHTS_SCENE => {
             let budget = LoadBudget::new(settings.limits.load());
-            Loaded::of(indirect(), settings, &budget)?
+            let made = match name {
+                INDIRECT_SCENE => indirect(),
+                _ => MANY_LIGHTS.scene(),
+            };
+            Loaded::of(made, settings, &budget)?
         }
         _ => Loaded::open(&Settings {
             scene: name.to_owned(),
@@ -206,6 +210,13 @@ const INTENSITY: f32 = 12.0;
 /// Height of the lights, metres.
 const LIGHT_HEIGHT_M: f64 = 2.6;
 
+/// Name of the generated room with as many lights as `scaling` has at most.
+pub const LIGHTS_SCENE: &str = "bench:lights";
+const MANY_LIGHTS: Generated = Generated {
+    floor_triangles: 1000,
+    boxes: 9,
+    lights: 10_000,
+};
 /// Name of a room that only the suites know: closed, with a lamp that stands in a shade and lights the ceiling above it.
 /// Nearly all that one sees is lit by that spot of light: no ray from a surface finds the lamp.
 pub const INDIRECT_SCENE: &str = "bench:indirect";

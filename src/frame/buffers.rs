@@ -181,6 +181,8 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "sample_radiance", 16),
     per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),
+    // Light samples for the next frame: `shaders/shared/kept_light.wesl`.
+    per_pixel!(Eye, "kept_lights", 16).holds(Holds::Turns),
     // Share of the pixel that surfaces cover, where the rest lets the room through: `shaders/shared/coverage.wesl`.
     per_pixel!(Eye, "coverage", 4).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),

@@ -76,7 +76,7 @@ pub use read_back::{RadianceParts, SeenAndMotion};
 use rebuild::MadeWith;
 pub use rebuild::Rebuild;
 pub use reconstruction::Reconstruction;
-use reconstruction::{pack_offset, pixel_offset};
+use reconstruction::{Changes, pack_offset, pixel_offset};
 pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
@@ -678,7 +678,10 @@ impl Renderer {
                 frame,
                 self.origin_in_world,
                 &self.settings,
-                self.scene.scene_moved() | self.scene.take_repainted_image(),
+                Changes {
+                    any: self.scene.scene_moved() | self.scene.take_repainted_image(),
+                    lights: self.scene.lights_differ(),
+                },
                 self.scene.total_power_w(),
             );
         }

@@ -100,6 +100,7 @@ features! {
         still_mean: "the mean of still frames",
         keeps_ends: "path ends of the fused pass, for later passes",
         passthrough: "surroundings that let the room through",
+        keeps_lights: "light samples of the frame before",
         counts_work: "counts of rays, nodes, triangles and photons",
         record_texels: "texture copies of records and photons",
         wide_machine: "one photon path per thread, sorts and scans by whole workgroups",

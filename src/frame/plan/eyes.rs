@@ -99,6 +99,9 @@ fn eye_paths(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
 
 fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     if frame.settings.photon.direct == DirectLight::Nee {
+        if frame.features.keeps_lights {
+            steps.run(&passes::past_lights, over);
+        }
         steps.run(&passes::direct_light, over);
     }
 }

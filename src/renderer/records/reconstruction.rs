@@ -44,8 +44,10 @@ shared_record! {
         pub light_switched: f32,
         /// Greatest share of a new frame in a mean over still frames; 1 where there is none.
         pub rest_share: f32,
+        /// Frames before, at most, whose light samples are taken.
+        pub light_history: f32,
         /// Unused.
-        pub padding: [u32; 2],
+        pub padding: u32,
     }
 }
 
