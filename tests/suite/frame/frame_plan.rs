@@ -73,6 +73,11 @@ const WAYS: &[(&str, Change)] = &[
     ("plain buffers", |s| s.force.record_texels = Force::Off),
     ("texels", |s| s.force.record_texels = Force::On),
     ("wide groups", |s| s.force.wide_machine = Force::On),
+    ("kept lights", |s| {
+        s.spp = 1;
+        s.photon.light_history = 20;
+        s.reconstruct.taa = true.into();
+    }),
 ];
 
 fn settings(change: Change) -> RenderSettings {
@@ -155,12 +160,18 @@ fn every_name_of_every_plan_means_a_buffer_and_no_pass_writes_what_it_reads() {
     }
 }
 
-/// Steps of two frames of two samples, with their parities; the second one's eyes see the same in its second sample.
-fn two_frames(stages: &[PlannedStage]) -> Vec<(usize, &Step)> {
+/// Steps of two frames of one sample or two, with their parities; the second one's eyes see the same in its last sample.
+fn two_frames<'a>(stages: &'a [PlannedStage], features: &ShaderFeatures) -> Vec<(usize, &'a Step)> {
     let of = |stage| stages.iter().find(|planned| planned.stage == stage);
     let frame = |parity: usize, last| {
-        let samples = [Stage::Begin, Stage::Left, Stage::Right, Stage::Left, last];
-        let steps = samples.into_iter().chain([Stage::Reconstruct]);
+        let first = [Stage::Left, Stage::Right]
+            .into_iter()
+            .filter(|_| !features.one_sample);
+        let samples = [Stage::Begin]
+            .into_iter()
+            .chain(first)
+            .chain([Stage::Left, last]);
+        let steps = samples.chain([Stage::Reconstruct]);
         let steps = steps.filter_map(of).flat_map(|planned| &planned.steps);
         steps.map(move |step| (parity, step)).collect::<Vec<_>>()
     };
@@ -174,7 +185,7 @@ fn read_too_late(stages: &[PlannedStage], homes: &Homes, features: &ShaderFeatur
     let takes_turns = |name| row(name).is_some_and(|row| row.holds == Holds::Turns);
     let mut holds = BTreeMap::new();
     let mut faults = Vec::new();
-    for (parity, step) in two_frames(stages) {
+    for (parity, step) in two_frames(stages, features) {
         let Some(pass) = step.pass() else { continue };
         let features = specialised(pass, features, step.runs_from_list());
         let shader = library.compile(&pass.shader_name(), &features).unwrap();

@@ -1,19 +1,25 @@
 //! Passes of the user's own: they run where the config file puts them, and every fault is one line.
 
+use std::process::Output;
+
 use stereolux::images::read_image;
 
 use super::support::{Folder, assert_says, assert_success, run_into, stderr, stereolux};
 
-/// Runs `render` with a config file of these passes; `files` lie beside it.
-fn render(folder: &Folder, passes: &str, files: &[(&str, &str)]) -> std::process::Output {
+/// Runs `command` with a config file of this text; `files` lie beside it.
+fn start(folder: &Folder, command: &str, text: &str, files: &[(&str, &str)]) -> Output {
     for (name, source) in files {
         std::fs::write(folder.join(name), source).unwrap();
     }
     let config = folder.join("own.toml");
-    std::fs::write(&config, passes).unwrap();
-    let command = "render --scene builtin:cornell --size 16x16 --reuse lookup --photons 500";
+    std::fs::write(&config, text).unwrap();
     let more = ["--config", config.to_str().unwrap()];
     run_into(&folder.join("out"), command, &more)
+}
+
+fn render(folder: &Folder, passes: &str, files: &[(&str, &str)]) -> Output {
+    let command = "render --scene builtin:cornell --size 16x16 --reuse lookup --photons 500";
+    start(folder, command, passes, files)
 }
 
 fn pass(name: &str, after: &str, file: &str) -> String {
@@ -67,45 +73,23 @@ fn a_pass_of_ones_own_runs_after_the_one_that_it_names_in_both_eyes() {
 /// Anti-aliasing leaves tiles out that have long seen nothing but surroundings, unless a pass may have changed them.
 #[test]
 fn tiles_that_anti_aliasing_leaves_out_are_as_it_would_have_them() {
-    let folder = Folder::new("idle_pass");
-    let shown = |name: &str, written: &str| {
+    const GREEN: &str = "0.0, 0.5 + 0.0 * hit_rays[pixel].x, 0.0, 1.0";
+    let shown = |written: &str, passes: &str| {
+        let folder = Folder::new("idle_pass");
         let source = green("hit_rays").replace("radiance_sum", "reconstructed");
-        let source = source.replace("0.0, 0.5 + 0.0 * hit_rays[pixel].x, 0.0, 1.0", written);
-        std::fs::write(folder.join("own.wesl"), source).unwrap();
-        let config = folder.join("own.toml");
-        let passes = pass("own", "remodulate", "own.wesl");
-        std::fs::write(&config, if written.is_empty() { "" } else { &passes }).unwrap();
+        let source = source.replace(GREEN, written);
+        let sky = "reconstruct.taa_alpha = 0.5\nenvironment.path = 'builtin:sky'\n".to_owned();
         let command = "run --scene builtin:parade --size 64x24 --photons 500 --frames 10";
-        let more = [
-            "--set",
-            "environment.path=builtin:sky",
-            "--set",
-            "reconstruct.taa_alpha=0.5",
-            "--config",
-        ];
-        let out = folder.join(name);
-        assert_success(&run_into(
-            &out,
-            command,
-            &[&more[..], &[config.to_str().unwrap()]].concat(),
-        ));
-        ["left", "right"].map(|eye| {
-            read_image(&out.join(format!("frame_0009_{eye}.exr")))
-                .unwrap()
-                .pixels
-        })
+        let files = [("own.wesl", source.as_str())];
+        assert_success(&start(&folder, command, &(sky + passes), &files));
+        let path = |eye| folder.join(&format!("out/frame_0009_{eye}.exr"));
+        ["left", "right"].map(|eye| read_image(&path(eye)).unwrap().pixels)
     };
-    let alone = shown("alone", "");
-    assert!(
-        alone
-            == shown(
-                "idle",
-                "reconstructed[pixel].rgb + 0.0 * hit_rays[pixel].x, 1.0"
-            )
-    );
-    let painted = shown("painted", "0.0, 0.5 + 0.0 * hit_rays[pixel].x, 0.0, 1.0");
+    let own = pass("own", "remodulate", "own.wesl");
+    let idle = "reconstructed[pixel].rgb + 0.0 * hit_rays[pixel].x, 1.0";
+    assert!(shown("", "") == shown(idle, &own));
     let is_green = |c: &[f32; 3]| c[0] == 0.0 && (c[1] - 0.5).abs() < 1e-5 && c[2] == 0.0;
-    assert!(painted.iter().flatten().all(is_green));
+    assert!(shown(GREEN, &own).iter().flatten().all(is_green));
 }
 
 #[test]
@@ -132,37 +116,25 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
         assert_eq!(errors.count(), 1, "{case}: {error}");
         assert!(!folder.join("out").exists(), "{case} left files");
     };
-    faults(
+    let refused = |case: &str, passes: &str, words: &[&str]| faults(case, passes, &good, words);
+    refused(
         "unknown name",
         &own("eye_combin"),
-        &good,
         &["eye_combin", "\"eye_combine\""],
     );
-    faults(
+    refused(
         "not in this plan",
         &own("svgf_atrous"),
-        &good,
         &["svgf_atrous", "does not run"],
     );
-    faults(
+    refused(
         "over no image",
         &own("photon_append"),
-        &good,
         &["photon_append", "does not run"],
     );
-    faults("a circle", &circle, &good, &["circle of a, b"]);
-    faults(
-        "a name that is taken",
-        &named("taa"),
-        &good,
-        &["another pass"],
-    );
-    faults(
-        "a name that is none",
-        &named("Mine!"),
-        &good,
-        &["small letters"],
-    );
+    refused("a circle", &circle, &["circle of a, b"]);
+    refused("a name that is taken", &named("taa"), &["another pass"]);
+    refused("a name that is none", &named("Mine!"), &["small letters"]);
     faults(
         "no such buffer",
         &mine,
@@ -177,19 +149,9 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
     );
     faults("a broken shader", &mine, &broken, &["mine.wesl"]);
     faults("no entry point", &mine, &no_main, &["main"]);
-    faults(
-        "no such file",
-        &no_file,
-        &good,
-        &["other.wesl", "cannot be read"],
-    );
-    faults(
-        "a misspelt key",
-        &misspelt,
-        &good,
-        &["own.toml:1", "afther"],
-    );
-    faults("no table", "pass = 3\n", &good, &["[[pass]]"]);
+    refused("no such file", &no_file, &["other.wesl", "cannot be read"]);
+    refused("a misspelt key", &misspelt, &["own.toml:1", "afther"]);
+    refused("no table", "pass = 3\n", &["[[pass]]"]);
 }
 
 #[test]

@@ -409,7 +409,7 @@ fn copies_in_textures_and_wide_groups_give_the_same_images_by_every_way() {
         assert!(is_lit, "{name}: black");
         assert!(plain == copied && plain == wide, "{name}");
     }
-    // Nor how many paths a thread follows: one, or up to three of some 8,000.
+    // Nor how many paths a thread follows: one, or up to eight of some 8,000.
     let [one, several] = [Force::On, Force::Off].map(|groups| {
         let mut settings = map_only(4000, |s| s.method = Method::Path);
         settings.force.wide_machine = groups;
