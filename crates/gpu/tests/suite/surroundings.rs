@@ -40,8 +40,8 @@ impl Map {
         }
     }
 
-    /// Its levels, as the renderer packs them: sides are powers of two here.
-    fn levels(&self) -> Vec<[f32; 4]> {
+    /// Its size and its levels, as the renderer packs them: sides are powers of two here.
+    fn texels(&self) -> Vec<[f32; 4]> {
         let mut all: Vec<f32> = self.texels.clone();
         let mut level = self.texels.clone();
         let [mut width, mut height] = self.size;
@@ -55,7 +55,12 @@ impl Map {
             all.extend(&level);
             (width, height) = (width / 2, height / 2);
         }
-        all.into_iter().map(|value| [value; 4]).collect()
+        let size = self.size.map(|length| length as f32);
+        let size = [size[0], size[1], 0.0, 0.0];
+        [size]
+            .into_iter()
+            .chain(all.into_iter().map(|value| [value; 4]))
+            .collect()
     }
 
     /// Radiance from a unit direction: the f64 twin of `environment_radiance`.
@@ -117,14 +122,8 @@ impl Eye {
 }
 
 fn seen(context: &GpuContext, kernel: &Kernel, map: &Map, eye: &Eye) -> Vec<Answer> {
-    let [width, height] = map.size.map(|length| length as u32);
-    // The record of an environment: its kind, and the map's size.
-    let light = [[0, 0, 0, 5], [0; 4], [0; 4], [width, height, 0, 0]];
-    let lights = storage_buffer_with_data(context, "lights", &light).unwrap();
-    let texels = storage_buffer_with_data(context, "texels", &map.levels()).unwrap();
-    let scene = Resources::new()
-        .with("lights", &lights)
-        .with("environment_texels", &texels);
+    let texels = storage_buffer_with_data(context, "texels", &map.texels()).unwrap();
+    let scene = Resources::new().with("environment_texels", &texels);
     let queries = eye.queries();
     ask(context, kernel, &scene, &queries, queries.len())
 }
