@@ -142,6 +142,12 @@ macro_rules! per_pixel {
     };
 }
 
+/// A list of an eye's 8x8 tiles.
+const fn tile_list(name: &'static str) -> BufferRow {
+    let bytes = |image: &ImageLayout| image.tiles().map(u64::from).into_iter().product::<u64>() * 4;
+    BufferRow::new(name, Scope::Eye(bytes))
+}
+
 macro_rules! fixed {
     ($scope:ident, $name:literal, $bytes:expr) => {
         BufferRow::new($name, Scope::$scope(|_| $bytes))
@@ -219,10 +225,10 @@ pub const BUFFERS: &[BufferRow] = &[
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 4),
-    BufferRow::new("seen_list", Scope::Eye(|image| image.tiles().map(u64::from).into_iter().product::<u64>() * 4)),
+    tile_list("seen_list"),
     fixed!(Eye, "seen_count", 16).cleared(&[Moment::Frame]),
     fixed!(Eye, "seen_groups", 32),
-    BufferRow::new("mixed_list", Scope::Eye(|image| image.tiles().map(u64::from).into_iter().product::<u64>() * 4)),
+    tile_list("mixed_list"),
     fixed!(Eye, "mixed_count", 16).cleared(&[Moment::Frame]),
     fixed!(Eye, "mixed_groups", 32),
     per_pixel!(Eye, "motion", 8),

@@ -1,13 +1,13 @@
 //! Runs a plan: compiles its passes, allocates and binds their buffers, and records stages.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, background, inspect_surfaces, motion, taa};
+use super::passes::{Domain, Pass, background, inspect_surfaces};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -23,8 +23,8 @@ use crate::gpu::{
 /// Samples per submission; the dispatch table numbers them.
 pub const SAMPLES_PER_SUBMISSION: u32 = 64;
 
-/// Features that `pass` is compiled with in a frame of `features`. Passes over hits or tiles always run over a list, but for
-/// motion where it is looked at.
+/// Features that `pass` is compiled with in a frame of `features`. Passes over hits always run over a list, those over tiles where
+/// their step does.
 #[must_use]
 pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> ShaderFeatures {
     let shared = if pass.sees_scene {
@@ -39,8 +39,8 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         }
     };
     ShaderFeatures {
-        from_list: pass.over == Domain::Hits || (from_list && pass.over == Domain::Pixels),
-        from_tiles: pass.over == Domain::SeenTiles && (from_list || ![motion, taa].contains(pass)),
+        from_list: pass.over == Domain::Hits,
+        from_tiles: pass.over == Domain::SeenTiles && from_list,
         inspects: *pass == inspect_surfaces,
         // No other pass asks, nor is compiled anew for it.
         anti_aliased: shared.anti_aliased && *pass == background,
@@ -144,32 +144,20 @@ impl FrameRun {
         &self.features
     }
 
-    /// Names of all compiled passes; those over the fill list carry `(list)`.
+    /// Names of all compiled passes.
     #[must_use]
     pub fn pass_names(&self) -> Vec<String> {
-        let mut keys: Vec<&KernelKey> = Vec::new();
+        let mut names = BTreeSet::new();
         let stages = self
             .stages
             .iter()
             .filter(|(stage, _)| **stage != Stage::Inspect);
         for step in stages.flat_map(|(_, stage)| &stage.steps) {
             if let BoundAction::Dispatch { kernel, .. } = &step.action {
-                keys.push(kernel);
+                names.insert(kernel.0.clone());
             }
         }
-        keys.sort();
-        keys.dedup();
-        let is_whole = |name: &str| keys.iter().any(|(n, f)| n == name && !f.from_list);
-        let (listed, whole): (Vec<&KernelKey>, Vec<&KernelKey>) = keys
-            .iter()
-            .copied()
-            .partition(|(name, features)| features.from_list && is_whole(name));
-        let listed = listed.iter().map(|(name, _)| format!("{name} (list)"));
-        whole
-            .iter()
-            .map(|(name, _)| name.clone())
-            .chain(listed)
-            .collect()
+        names.into_iter().collect()
     }
 
     fn key(&self, step: &Step, pass: &Pass) -> KernelKey {

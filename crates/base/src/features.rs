@@ -103,7 +103,7 @@ features! {
         keeps_lights: "light samples of the frame before",
         counts_work: "counts of rays, nodes, triangles and photons",
         record_texels: "texture copies of records and photons",
-        wide_machine: "one photon path per thread, sorts and scans by whole workgroups",
+        wide_machine: "one path per thread, sorts and scans by whole workgroups",
     }
     Renderer {
         visibility_mask: "pixels that the lens hides",

@@ -157,7 +157,7 @@ pub fn kernels_of(
         .iter()
         .filter(|pass| !in_frames.contains(&pass.name))
     {
-        add(Frame::Other, pass, &others, false)?;
+        add(Frame::Other, pass, &others, true)?;
     }
     Ok(kernels)
 }

@@ -535,7 +535,7 @@ forced_features! {
     caustics;
     /// texture copies of the scene's buffers, which software adapters read faster; auto: on those
     record_texels;
-    /// one photon path per thread, sorts and scans by whole workgroups, as graphics cards want it; auto: on those
+    /// one path per thread, sorts and scans by whole workgroups, as graphics cards want it; auto: on those
     wide_machine;
 }
 

@@ -26,15 +26,15 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     if width == 0 || height == 0 || environment.radiance.len() < width * height {
         return None;
     }
-    let mut texels: Vec<[f32; 4]> = environment.radiance[..width * height]
-        .iter()
-        .map(|radiance| {
-            // NaN compares false and becomes 0.
-            let [r, g, b] = radiance.map(|c| if c > 0.0 { c.min(f32::MAX) } else { 0.0 });
-            [r, g, b, 0.0]
-        })
-        .collect();
-    let finest = texels.as_slice();
+    let finest = environment.radiance[..width * height].iter();
+    let finest = finest.map(|radiance| {
+        // NaN compares false and becomes 0.
+        let [r, g, b] = radiance.map(|c| if c > 0.0 { c.min(f32::MAX) } else { 0.0 });
+        [r, g, b, 0.0]
+    });
+    let size = [width as f32, height as f32, 0.0, 0.0];
+    let mut texels: Vec<[f32; 4]> = std::iter::once(size).chain(finest).collect();
+    let finest = &texels[1..];
     let cell_mean = |row: usize, column: usize| -> [f64; 3] {
         let rows = [
             (row.saturating_sub(1), 0.125),
@@ -81,7 +81,6 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     push_cumulative(&mut cdf, &row_weights);
     cdf.append(&mut columns_cdf);
     add_levels(&mut texels, [width, height]);
-    texels.insert(0, [width as f32, height as f32, 0.0, 0.0]);
     Some(PackedEnvironment {
         texels,
         cdf,
@@ -89,9 +88,9 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     })
 }
 
-/// Appends the coarser levels of a map.
+/// Appends the coarser levels of a map to its size and finest level.
 fn add_levels(texels: &mut Vec<[f32; 4]>, mut size: [usize; 2]) {
-    let mut first = 0;
+    let mut first = 1;
     while size[0].min(size[1]) > 1 {
         let coarser = size.map(|length| length / 2);
         let level = averaged(size, coarser, |at| texels[first + at]);

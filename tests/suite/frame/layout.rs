@@ -116,7 +116,7 @@ fn shaders(library: &ShaderLibrary) -> BTreeMap<String, Layout> {
         .iter()
         .flat_map(|pass| {
             [every_feature(), buffers]
-                .map(|features| (pass.shader_name(), specialised(pass, &features, false)))
+                .map(|features| (pass.shader_name(), specialised(pass, &features, true)))
         })
         .chain([(probe.to_owned(), ShaderFeatures::default())]);
     for (name, features) in compiled {

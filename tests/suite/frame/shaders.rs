@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
-use stereolux::frame::passes;
+use stereolux::frame::passes::{self, Domain};
 use stereolux::frame::run::specialised;
 use stereolux::gpu::features::{DecidedBy, WORDS, words_asked};
 use stereolux::gpu::kernel::{Binding, BindingKind, reflect_bindings};
@@ -84,8 +84,8 @@ fn every_pass_compiles_and_validates_for_every_kind_of_scene() {
     for features in kinds_of_scene() {
         for pass in passes::ALL {
             for from_list in [false, true] {
-                // Whoever runs over hits or tiles always has a list; these run over some pixels and over all.
-                if from_list && ![passes::motion, passes::taa].contains(pass) {
+                // Whoever runs over hits always has a list; passes over tiles run over some and over all.
+                if from_list && pass.over != Domain::SeenTiles {
                     continue;
                 }
                 let own = specialised(pass, &features, from_list);

@@ -20,7 +20,7 @@ fn no_loop_is_decided_by_uniforms_alone() {
     let mut seen = HashSet::new();
     for features in kinds_of_scene() {
         for pass in passes::ALL {
-            let features = specialised(pass, &features, false);
+            let features = specialised(pass, &features, true);
             let shader = library.compile(&pass.shader_name(), &features).unwrap();
             // The library compiles nothing twice.
             if !seen.insert(Arc::as_ptr(&shader)) {
