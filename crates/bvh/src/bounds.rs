@@ -62,6 +62,11 @@ impl Bounds32 {
         }
     }
 
+    /// True if the boxes share a point.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
     /// True if `other` lies inside; an empty box lies in any.
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty() || (self.min.cmple(other.min).all() && self.max.cmpge(other.max).all())

@@ -191,6 +191,7 @@ impl MeshHierarchies {
             }));
         self.max_depth = self.max_depth.max(part.max_depth);
         self.rebuilt_subtrees += part.rebuilt_subtrees;
+        self.revision += 1;
         Ok(Grafted { nodes, triangles })
     }
 
@@ -206,6 +207,7 @@ impl MeshHierarchies {
                 emitter_count: 0,
                 depth: 0,
                 bounds: None,
+                is_rigid: true,
             };
         }
         // What is left is never read; blank, it depends on nothing that was.
@@ -219,6 +221,7 @@ impl MeshHierarchies {
         shorten(&mut self.triangle_vertices, room.triangles.len());
         let depths = self.meshes.iter().map(|range| range.depth);
         self.max_depth = depths.max().unwrap_or_default();
+        self.revision += 1;
     }
 }
 

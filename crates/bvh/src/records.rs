@@ -46,6 +46,8 @@ macro_rules! shared_record {
 pub const NO_EMITTER: u32 = u32::MAX;
 /// [`Instance::flags`]: the matrix has a negative determinant.
 pub const INSTANCE_MIRRORED: u32 = 1;
+/// [`Instance::flags`]: where the instance's number begins.
+pub const INSTANCE_NUMBER_SHIFT: u32 = 1;
 /// [`Triangle::flags`]: the material may let rays pass (alpha mask or blend).
 pub const TRIANGLE_ALPHA: u32 = 1;
 /// [`Triangle::flags`]: the material is double sided.
@@ -98,7 +100,7 @@ shared_record! {
         pub blas_root: u32,
         /// Where the emissive triangles of this instance begin in the table of lights.
         pub first_emitter: u32,
-        /// [`INSTANCE_MIRRORED`].
+        /// [`INSTANCE_MIRRORED`], and from [`INSTANCE_NUMBER_SHIFT`] on the instance's number, which parts of it have too.
         pub flags: u32,
         /// The scene node that places it.
         pub node: u32,

@@ -72,7 +72,7 @@ impl MeshHierarchies {
             mesh: mesh as u32,
             count: self.meshes.len(),
         })?;
-        let part = mesh::build_one(mesh, shape)?;
+        let part = mesh::build_one(mesh, shape, mesh::BUILD)?;
         let mut alone = Self::default();
         alone.append(shape, &part, marks, range.first_vertex, 0);
         let first_triangle = range.first_triangle as usize;
@@ -94,6 +94,7 @@ impl MeshHierarchies {
         self.triangle_vertices[triangles.clone()].copy_from_slice(&alone.triangle_vertices);
         self.meshes[mesh].depth = part.depth;
         self.meshes[mesh].bounds = part.bounds;
+        self.revision += 1;
         self.max_depth = self.max_depth.max(part.depth);
         debug_assert!(self.max_depth <= MESH_STACK);
         Ok(Rebuilt { nodes, triangles })

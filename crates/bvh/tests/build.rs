@@ -1,8 +1,10 @@
 //! Hierarchies as they are built: structure by `validate`, hits by exhaustive search.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+use std::collections::BTreeSet;
+
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use stereolux_bvh::records::NO_EMITTER;
+use stereolux_bvh::records::{INSTANCE_NUMBER_SHIFT, NO_EMITTER};
 use stereolux_bvh::{
     BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
 };
@@ -559,4 +561,74 @@ fn instance_bounds_hold_their_triangles() {
         }
         assert_eq!(world.top.instances()[0].flags, 1, "one axis is mirrored");
     }
+}
+
+/// Numbers of the instances that leaves name parts of.
+fn opened(top: &TopLevel) -> Vec<u32> {
+    let sources = top.bounds().len();
+    let parts = top.instances()[sources..].iter();
+    let opened: BTreeSet<u32> = parts
+        .map(|part| part.flags >> INSTANCE_NUMBER_SHIFT)
+        .collect();
+    opened.into_iter().collect()
+}
+
+#[test]
+fn what_overlaps_is_opened_and_met_alike() {
+    let mut random = Random(9);
+    let meshes = [
+        soup(&mut random, 300, 0.2),
+        soup(&mut random, 400, 0.1),
+        soup(&mut random, 3, 0.5),
+    ];
+    let at = |x: f64, mesh| placed(DAffine3::from_translation(DVec3::X * x), mesh);
+    let mut sheared = at(0.2, 1);
+    sheared.world_from_object.matrix3.y_axis.x = 8.0;
+    // The first three overlap, the third is too small to be opened; the fourth stands by itself.
+    let mut sources = vec![at(0.0, 0), sheared, at(0.1, 2), at(20.0, 0)];
+    let mut world = World::new(&meshes, &sources, DVec3::ZERO);
+    assert_eq!(opened(&world.top), [0, 1]);
+    let rays = random_rays(&mut random, 4000, 1.5);
+    let (wrong, hits) = world.disagreements(rays.iter().copied(), 1e-4);
+    assert!(hits > 500, "only {hits} rays hit anything");
+    assert_eq!(wrong, 0);
+
+    // Opened or whole, every ray meets the same to the last bit.
+    let bent = MeshHierarchies::build_with_room(&meshes, &[], |_| true).unwrap();
+    assert_eq!(bent.triangles, world.meshes.triangles);
+    let whole = TopLevel::build(DVec3::ZERO, &sources, &bent).unwrap();
+    assert!(opened(&whole).is_empty(), "what bends is not opened");
+    let whole = Arrays {
+        top_nodes: whole.nodes(),
+        instances: whole.instances(),
+        mesh_nodes: &bent.nodes,
+        triangles: &bent.triangles,
+    };
+    for ray in &rays {
+        assert_eq!(
+            trace(&world.arrays(), ray, false),
+            trace(&whole, ray, false)
+        );
+    }
+
+    // A kept tree serves while its instances move a little, and gives way where they part or one is hidden.
+    let parts = world.top.instances().len();
+    for step in 0..40 {
+        sources[1].world_from_object.translation.x += 0.01 * f64::from(step * step);
+        if step == 39 {
+            sources[0].world_from_object.matrix3 = DMat3::ZERO;
+        }
+        let origin = DVec3::splat(0.01 * f64::from(step));
+        world.top.rebuild(origin, &sources, &world.meshes).unwrap();
+        world.top.validate().unwrap();
+        world.exact = exact_instances(&sources, &world.meshes, origin);
+        if step < 39 {
+            let (wrong, _) = world.disagreements(rays.iter().step_by(10).copied(), 1e-3);
+            assert_eq!(wrong, 0, "step {step}");
+        }
+        if step == 2 {
+            assert_eq!(world.top.instances().len(), parts, "the tree is kept");
+        }
+    }
+    assert_eq!(opened(&world.top), []);
 }

@@ -4,7 +4,7 @@
 //! arithmetic with it.
 
 use glam::{BVec3, DAffine3, DVec3, Vec2, Vec3, Vec4};
-use stereolux_bvh::records::{BvhNode, Instance, Triangle};
+use stereolux_bvh::records::{BvhNode, INSTANCE_NUMBER_SHIFT, Instance, Triangle};
 use stereolux_bvh::{InstanceSource, MAX_INDEX, MESH_STACK, MeshHierarchies, TOP_STACK};
 
 /// The arrays that the shader sees.
@@ -220,7 +220,8 @@ pub fn trace(arrays: &Arrays<'_>, ray: &Ray, stop_at_first: bool) -> Option<Hit>
                         ray.origin.abs().extend(1.0),
                     );
                 slabs = SlabRay::new(origin, direction, MESH_PAD);
-                current = Some((index, ShearRay::new(origin, direction, error)));
+                let number = instance.flags >> INSTANCE_NUMBER_SHIFT;
+                current = Some((number, ShearRay::new(origin, direction, error)));
                 entry = (
                     instance.blas_root & (MAX_INDEX - 1),
                     instance.blas_root >> MAX_INDEX.ilog2(),
