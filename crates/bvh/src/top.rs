@@ -227,7 +227,8 @@ impl TopLevel {
         struct Candidate {
             /// Bits of its area, in the order of the areas.
             area: u64,
-            record: u32,
+            /// Which part it is, if not a whole mesh.
+            part: Option<usize>,
             instance: u32,
             node: u32,
         }
@@ -237,53 +238,60 @@ impl TopLevel {
             let mut others = others.filter(|(other, _)| *other != instance);
             others.any(|(_, other)| other.overlaps(own))
         };
-        let mut leaves = Vec::new();
+        let mut is_leaf: Vec<bool> = whole.iter().map(|bounds| !bounds.is_empty()).collect();
         let mut candidates = BinaryHeap::new();
         for (instance, (source, bounds)) in (0..).zip(sources.iter().zip(whole)) {
-            if bounds.is_empty() {
-                continue;
-            }
-            leaves.push(instance);
             let mesh = &meshes.meshes[source.mesh as usize];
             if mesh.is_rigid && mesh.entry() == mesh.root && is_shared(bounds, instance) {
                 candidates.push(Candidate {
                     area: bounds.half_area().to_bits(),
-                    record: instance,
+                    part: None,
                     instance,
                     node: mesh.root,
                 });
             }
         }
         let mut parts = Vec::new();
-        while parts.len() < 2 * MOST_OPENED
-            && let Some(opened) = candidates.pop()
-        {
+        for _ in 0..MOST_OPENED {
+            let Some(opened) = candidates.pop() else {
+                break;
+            };
             let source = &sources[opened.instance as usize];
             let Some((_, placement)) = place(origin_in_world, source, 0) else {
                 continue;
             };
-            leaves.retain(|&leaf| leaf != opened.record);
+            is_leaf[opened.instance as usize] = false;
+            // The first of the two takes the place of what is opened.
+            let mut free = opened.part;
             let children = tree::children(&meshes.nodes[opened.node as usize]);
             for (bounds, index, count) in children.into_iter().filter(|child| !child.0.is_empty()) {
-                let record = (sources.len() + parts.len()) as u32;
-                leaves.push(record);
-                parts.push(Part {
+                let part = Part {
                     instance: opened.instance,
                     entry: index | count << MAX_INDEX.ilog2(),
                     bounds,
-                });
+                };
+                let at = free.take().unwrap_or(parts.len());
+                if at < parts.len() {
+                    parts[at] = part;
+                } else {
+                    parts.push(part);
+                }
                 let bounds = placement.bounds(&bounds);
                 if count == 0 && is_shared(&bounds, opened.instance) {
                     candidates.push(Candidate {
                         area: bounds.half_area().to_bits(),
-                        record,
+                        part: Some(at),
                         instance: opened.instance,
                         node: index,
                     });
                 }
             }
         }
-        (parts, leaves)
+        let whole = (0..)
+            .zip(is_leaf)
+            .filter_map(|(leaf, is_leaf)| is_leaf.then_some(leaf));
+        let leaves = whole.chain(sources.len() as u32..(sources.len() + parts.len()) as u32);
+        (parts, leaves.collect())
     }
 
     /// Adds the parts' records and boxes behind the instances' own.
@@ -355,8 +363,8 @@ impl TopLevel {
         self.skipped
     }
 
-    /// Proves that every visible instance lies in exactly one leaf, or parts of it do, inside all boxes above them and within
-    /// the depth limit.
+    /// Proves that every visible instance lies in exactly one leaf, or each of its parts does, inside all boxes above them and
+    /// within the depth limit.
     ///
     /// # Errors
     /// [`BvhError::Invalid`] with what is wrong.
@@ -389,24 +397,18 @@ impl TopLevel {
             self.bounds[self.flat.order[place as usize] as usize]
         })
         .map_err(|reason| BvhError::Invalid(format!("instance hierarchy: {reason}")))?;
-        let number = |leaf: &u32| self.instances[*leaf as usize].flags >> INSTANCE_NUMBER_SHIFT;
-        let met: BTreeSet<u32> = self.flat.order.iter().map(number).collect();
-        let whole = self
-            .flat
-            .order
+        let opened: BTreeSet<usize> = self.instances[self.sources..]
             .iter()
-            .filter(|leaf| (**leaf as usize) < self.sources);
-        let opened: BTreeSet<u32> = self.instances[self.sources..]
-            .iter()
-            .map(|part| part.flags >> INSTANCE_NUMBER_SHIFT)
+            .map(|part| (part.flags >> INSTANCE_NUMBER_SHIFT) as usize)
             .collect();
-        let visible = (0..).zip(self.bounds());
-        let visible: BTreeSet<u32> = visible
-            .filter_map(|(number, bounds)| (!bounds.is_empty()).then_some(number))
-            .collect();
-        if met != visible || whole.into_iter().any(|leaf| opened.contains(leaf)) {
+        let is_met = |record: usize| {
+            let is_part = record >= self.sources;
+            is_part || !(self.bounds[record].is_empty() || opened.contains(&record))
+        };
+        let mut records = position.iter().enumerate();
+        if records.any(|(record, place)| is_met(record) != (*place != u32::MAX)) {
             return Err(BvhError::Invalid(
-                "instance hierarchy: an instance is missing, or is met whole and in parts"
+                "instance hierarchy: an instance or a part is missing, or is met whole and in parts"
                     .to_owned(),
             ));
         }
