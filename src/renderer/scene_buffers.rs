@@ -67,7 +67,7 @@ pub struct SceneBuffers {
 }
 
 /// Arrays that the feature `record_texels` copies into textures, by the names that the shaders give the copies.
-const COPIED: [(&str, &str); 9] = [
+const COPIED: [(&str, &str); 10] = [
     ("top_nodes", "top_node_texels"),
     ("mesh_nodes", "mesh_node_texels"),
     ("instances", "instance_texels"),
@@ -77,6 +77,7 @@ const COPIED: [(&str, &str); 9] = [
     ("materials", "material_texels"),
     ("lights", "light_texels"),
     ("light_alias", "light_alias_texels"),
+    ("environment_map", "environment_map_texels"),
 ];
 /// Those of them that follow the head and what moves.
 const PLACED: [&str; 4] = ["top_nodes", "instances", "lights", "light_alias"];
@@ -89,7 +90,7 @@ fn environment_buffers(
     packed: &PackedEnvironment,
 ) -> Result<(wgpu::Buffer, wgpu::Buffer), GpuError> {
     Ok((
-        storage_buffer_with_data(context, "environment texels", &packed.texels)?,
+        storage_buffer_with_data(context, "environment map", &packed.texels)?,
         storage_buffer_with_data(context, "environment cdf", &packed.cdf)?,
     ))
 }
@@ -176,7 +177,7 @@ impl SceneBuffers {
             Some(packed) => Some(environment_buffers(context, packed)?),
             // The map is black, or the feature is forced in without one: the shaders read no texel of it, but bind them.
             None if features.environment => Some((
-                storage_buffer(context, "environment texels", 16)?,
+                storage_buffer(context, "environment map", 16)?,
                 storage_buffer(context, "environment cdf", 16)?,
             )),
             None => None,
@@ -261,6 +262,7 @@ impl SceneBuffers {
             "materials" => self.materials.buffer(),
             "lights" => self.lights.buffer(),
             "light_alias" => self.light_alias.buffer(),
+            "environment_map" => self.environment.as_ref().map(|(map, _)| map),
             _ => None,
         }
     }
@@ -587,6 +589,9 @@ impl SceneBuffers {
                 resources = resources.with_texture(copy_name, view);
             }
         }
+        if let Some((_, cdf)) = &self.environment {
+            resources = resources.with("environment_cdf", cdf);
+        }
         if let Some(buffer) = self.previous_instances.buffer() {
             resources = resources.with("previous_instances", buffer);
         }
@@ -597,11 +602,6 @@ impl SceneBuffers {
             resources = resources
                 .with("texture_infos", infos.buffer())
                 .with("texels", texels.buffer());
-        }
-        if let Some((texels, cdf)) = &self.environment {
-            resources = resources
-                .with("environment_texels", texels)
-                .with("environment_cdf", cdf);
         }
         resources
     }

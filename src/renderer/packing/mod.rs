@@ -5,7 +5,7 @@
 //! | `materials` | [`pack_materials`] |
 //! | `texture_infos`, `texels` | [`pack_textures`] |
 //! | `vertices` | [`pack_vertices`] |
-//! | `environment_texels`, `environment_cdf` | [`pack_environment`] |
+//! | `environment_map`, `environment_cdf` | [`pack_environment`] |
 //! | `lights`, `light_alias` | [`pack_lights`] |
 //! | the module `shared/bsdf_user` | [`install_user_bsdfs`] |
 

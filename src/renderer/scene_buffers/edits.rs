@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{SceneBuffers, environment_buffers};
+use super::{SceneBuffers, WHOLE, environment_buffers};
 use crate::bvh::{InstanceSource, MaterialMarks};
 use crate::gpu::GpuContext;
 use crate::renderer::packing::{LightKinds, PackedEnvironment, image_levels, pack_materials};
@@ -66,22 +66,24 @@ impl SceneBuffers {
         context: &GpuContext,
         packed: &PackedEnvironment,
     ) -> Result<bool, RenderError> {
-        let Some((texels, cdf)) = &self.environment else {
+        let Some((map, cdf)) = &self.environment else {
             return Ok(false);
         };
         let bytes: [&[u8]; 2] = [
             bytemuck::cast_slice(&packed.texels),
             bytemuck::cast_slice(&packed.cdf),
         ];
-        let fits = [texels, cdf].map(wgpu::Buffer::size) == bytes.map(|of| of.len() as u64);
+        let fits = [map, cdf].map(wgpu::Buffer::size) == bytes.map(|of| of.len() as u64);
         if fits {
-            context.queue.write_buffer(texels, 0, bytes[0]);
+            context.queue.write_buffer(map, 0, bytes[0]);
             context.queue.write_buffer(cdf, 0, bytes[1]);
         } else {
             self.environment = Some(environment_buffers(context, packed)?);
         }
+        let copied =
+            self.copy_to_texels(context, |name| (name == "environment_map").then_some(WHOLE))?;
         self.packed_lights.set_environment(packed);
-        Ok(!fits)
+        Ok(!fits || copied)
     }
 
     /// Uploads an image of the scene that has other texels now, of the same size, with its coarser levels, to where textures
@@ -179,7 +181,7 @@ impl SceneBuffers {
         edited.relit |= relights;
         if edited.uploaded_bytes > 0 {
             edited.replaced |= self.copy_to_texels(context, |name| match name {
-                "materials" => Some(super::WHOLE),
+                "materials" => Some(WHOLE),
                 "triangles" => painted.clone(),
                 _ => None,
             })?;

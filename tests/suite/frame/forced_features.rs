@@ -4,7 +4,7 @@ use std::path::Path;
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::Scene;
+use stereolux::scene::{Scene, load_environment};
 use stereolux::settings::{Eyes, Force, ForceSettings, Method, Reuse};
 
 use super::support::{
@@ -118,13 +118,13 @@ fn normal_maps_bring_textures_and_go_with_them() {
 /// Where the scene's records lie must not show: textures, emitters, caustics, many lights, an environment.
 #[test]
 fn records_in_textures_render_the_same_image() {
-    let lights = Scene::load(Path::new("tests/reference/many_lights.gltf")).unwrap();
     let [gallery, caustic] = ["gallery", "caustic"].map(builtin);
-    for (name, scene) in [
-        ("gallery", gallery),
-        ("caustic", caustic),
-        ("lights", lights),
-    ] {
+    let of = |name| Path::new("tests/reference").join(name);
+    let [lights, mut sky] =
+        ["many_lights.gltf", "environment.gltf"].map(|name| Scene::load(of(name)).unwrap());
+    sky.environment = Some(load_environment(of("environment.hdr"), 1.0).unwrap().0);
+    let names = ["gallery", "caustic", "lights", "sky"];
+    for (name, scene) in names.into_iter().zip([gallery, caustic, lights, sky]) {
         for method in [Method::Path, Method::Photon] {
             let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
                 let force = ForceSettings {

@@ -93,7 +93,7 @@ fn is_given(name: &str) -> bool {
     // Of the frame, of the scene, of what deforms in it, and of what is shown of it.
     const GIVEN: &str = "frame dispatch reconstruction previous_instances previous_positions \
         top_nodes mesh_nodes instances triangles triangle_vertices vertices materials texture_infos texels \
-        lights light_alias environment_texels environment_cdf \
+        lights light_alias environment_map environment_cdf \
         rest_vertices deform_meshes morph_deltas morph_weights joint_rows deformed_positions deformed_triangles \
         refit_nodes refit_costs submission mirror still";
     words(GIVEN).contains(&name) || name.ends_with("_texels")

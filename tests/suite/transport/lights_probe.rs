@@ -156,7 +156,7 @@ impl SceneUpload {
             .as_ref()
             .map(|e| (e.texels.clone(), e.cdf.clone()))
             .unwrap_or_default();
-        upload!("environment_texels", &texels);
+        upload!("environment_map", &texels);
         upload!("environment_cdf", &cdf);
         Self { buffers, lights }
     }

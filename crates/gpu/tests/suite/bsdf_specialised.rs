@@ -37,7 +37,7 @@ const TRACES: [(&str, &[&str], &[&str]); 7] = [
     (
         "environment",
         &["environment_radiance", "sample_disk"],
-        &["environment_texels", "environment_cdf"],
+        &["environment_map", "environment_cdf"],
     ),
     ("emitters", &["emitter_cross", "sample_triangle"], &[]),
     ("spots", &["spot_attenuation", "emit_from_spot"], &[]),

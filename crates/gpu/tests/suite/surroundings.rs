@@ -123,7 +123,7 @@ impl Eye {
 
 fn seen(context: &GpuContext, kernel: &Kernel, map: &Map, eye: &Eye) -> Vec<Answer> {
     let texels = storage_buffer_with_data(context, "texels", &map.texels()).unwrap();
-    let scene = Resources::new().with("environment_texels", &texels);
+    let scene = Resources::new().with("environment_map", &texels);
     let queries = eye.queries();
     ask(context, kernel, &scene, &queries, queries.len())
 }
