@@ -309,7 +309,8 @@ fn a_sun_smaller_than_a_pixel_keeps_its_light_as_the_head_turns() {
         // As in crates/gpu/tests/suite/surroundings.rs: 1.7 %, and 1 % for the sun's width.
         let off = (found / pixels - 1.0).abs();
         assert!(off < 0.027, "{frame}: {found} of {pixels}");
-        // Nothing stood before it, so no history has a part in it: what it lights is two pixels and texels wide at most.
+        // Nothing stood before it, so no history has a part in it. A pixel's mean reads texels up to 1.25 + 1.4 from its centre
+        // (more on a slant), so that 3x3 pixels read the sun, 4x4 at most.
         let lit = shown.iter().filter(|light| light[0] > 0.0).count();
         assert!(lit <= 16, "{frame}: {lit}");
     }
