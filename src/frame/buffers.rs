@@ -17,10 +17,14 @@ pub const PARTS_BYTES: u64 = 24;
 pub enum Moment {
     /// Before a frame's first sample.
     Frame,
+    /// Before a frame's first sample, if there are several: one alone is written over what was there.
+    Sums,
     /// Before each sample of an eye.
     Sample,
     /// Before each sample of an eye that reuses the other's.
     Reuse,
+    /// Before the left eye's light is divided by reflectance.
+    Carry,
     /// Before photons are gathered at half rate.
     HalfRate,
     /// Before a photon map is traced.
@@ -184,8 +188,6 @@ pub const BUFFERS: &[BufferRow] = &[
     // Direct light and emission; indirect light and caustics.
     per_pixel!(Eye, "direct_light", 16),
     per_pixel!(Eye, "indirect_light", 16),
-    per_pixel!(Eye, "sample_radiance", 16),
-    per_pixel!(Eye, "sample_parts", PARTS_BYTES),
     per_pixel!(Eye, "direct_irradiance", 8),
     // Light samples for the next frame: `shaders/shared/kept_light.wesl`.
     per_pixel!(Eye, "kept_lights", 16).holds(Holds::Turns),
@@ -193,8 +195,8 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "coverage", 4).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),
     // Sums over a frame's samples.
-    per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Frame]),
-    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Frame]),
+    per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Sums]),
+    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Sums]),
     // One bit per pixel: hidden by the headset's lens.
     BufferRow::new("hidden_pixels", Scope::Eye(|image| image.pixels().div_ceil(32) * 4)).host_writes(),
 
@@ -206,10 +208,17 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate]),
     fixed!(Frame, "gather_groups", 32),
     // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
-    per_pixel!(Frame, "demodulated_light", 16).cleared(&[Moment::HalfRate, Moment::Reuse]),
+    per_pixel!(Frame, "coarse_light", 16).cleared(&[Moment::HalfRate]),
     BufferRow::new("nearest_heaps", Scope::Frame(|image| image.pixels() * image.heap_bytes)),
 
     // Reuse of the left eye's samples.
+    // Demodulated light, as above: `shaders/shared/carrying.wesl`.
+    per_pixel!(Frame, "demodulated_light", 16).cleared(&[Moment::Carry]),
+    per_pixel!(Frame, "first_emission", 8),
+    // In their place where passes of the right eye's only name them.
+    fixed!(Frame, "nothing_carried", TOKEN_BYTES),
+    fixed!(Frame, "no_emission", TOKEN_BYTES),
+    fixed!(Frame, "no_irradiance", TOKEN_BYTES),
     // The left eye's: `shaders/shared/light_samples.wesl`.
     per_pixel!(Eye, "light_samples", 24),
     per_pixel!(Eye, "light_places", 16),

@@ -158,15 +158,13 @@ passes! {
     caustic_gather: Hits scene,
         "Radiance estimate from the caustic photons around the gathering surfaces.";
     eye_combine: Hits scene,
-        "Adds up a sample's light and accumulates samples.";
+        "Adds up a sample's light, accumulates samples, and divides what the right eye may take over by reflectance.";
     path_trace: Hits scene,
         "Path tracing with next-event estimation: the reference.";
     scatter_depth: Hits scene,
         "Reprojects left hits into the right eye and keeps the nearest distance per right pixel.";
     scatter_winner: Hits,
         "Settles ties: the lowest left pixel at the nearest distance wins.";
-    left_irradiance: Hits scene,
-        "Divides the left samples' radiance by the reflectance that it came from.";
     reuse_hits: Pixels scene,
         "Finds what right primary rays meet, finishes what meets nothing, and lists the pixels that see a surface.";
     fill_hits: Hits scene,

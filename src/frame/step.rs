@@ -273,6 +273,14 @@ impl Step {
         self
     }
 
+    /// Has the step's pass append to a list.
+    pub(super) fn appends(&mut self, list: List) -> &mut Self {
+        if let Action::Run { appends, .. } = &mut self.action {
+            *appends = Some(list);
+        }
+        self
+    }
+
     /// Makes the step conditional.
     pub(super) fn only(&mut self, only: Only) -> &mut Self {
         self.only = only;
@@ -383,6 +391,11 @@ impl Steps {
         )
     }
 
+    /// Adds the steps of another list.
+    pub(super) fn append(&mut self, more: Self) {
+        self.steps.extend(more.steps);
+    }
+
     /// Runs a pass once per slice of its loop.
     pub(super) fn in_slices(&mut self, pass: &Pass, over: Size, slices: u32) {
         for slice in 0..slices {
@@ -399,9 +412,7 @@ impl Steps {
 
     /// Runs a pass that appends to a list, and computes the list's workgroups from its length.
     pub(super) fn run_appending(&mut self, pass: &Pass, size: Size, list: List) {
-        if let Action::Run { appends, .. } = &mut self.run(pass, size).action {
-            *appends = Some(list);
-        }
+        self.run(pass, size).appends(list);
         self.set_up(list);
     }
 

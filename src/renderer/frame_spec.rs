@@ -87,8 +87,7 @@ pub(super) fn frame_features(
         reuse_paths: reuse_glossy && settings.method == Method::Path,
         reuse_shadow_rays: reuse_glossy && settings.stereo.shadow_rays,
         one_sample: settings.spp == 1,
-        // One sample is the sum of all.
-        keeps_samples: both && settings.reuse != Reuse::Off && settings.spp > 1,
+        carries_light: both && settings.reuse != Reuse::Off,
         shares_light: both && settings.reconstruct.svgf.is_on() && settings.reconstruct.stereo,
         ..features
     }

@@ -112,7 +112,7 @@ features! {
         reuse_paths: "light that whole paths found, carried to the right eye",
         reuse_shadow_rays: "shadow rays of the right eye for light that is carried to it",
         one_sample: "one sample per pixel",
-        keeps_samples: "left samples for the right eye",
+        carries_light: "left samples for the right eye",
         shares_light: "filtered light, shared between the eyes",
     }
     Pass {

@@ -28,18 +28,23 @@ pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
     let mut steps = sample_of(frame, Eye::Right);
     if frame.reuses() {
         reuse(&mut steps, frame);
-        fill(&mut steps, frame);
+        let mut own = sample_of(frame, Eye::Right);
+        fill(&mut own, frame);
+        // These carry nothing: the left eye's light makes room once it is looked up.
+        own.rename(&[
+            ("demodulated_light", "nothing_carried"),
+            ("first_emission", "no_emission"),
+            ("left_direct_irradiance", "no_irradiance"),
+        ]);
+        steps.append(own);
     } else if frame.both {
         whole_eye(&mut steps, frame);
     }
     // Nobody takes this eye's samples over: they go where the left one's were, which is read by then.
     steps.rename(&[
-        ("sample_radiance", "left_sample_radiance"),
-        ("sample_parts", "left_sample_parts"),
         ("light_samples", "left_light_samples"),
         ("light_places", "left_light_places"),
     ]);
-    find_left_samples(&mut steps, frame);
     steps.done()
 }
 
@@ -51,23 +56,15 @@ pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
         steps.clear(Moment::Reuse);
         steps.run(&passes::left_copy, Size::Tiles);
     }
-    find_left_samples(&mut steps, frame);
     steps.done()
-}
-
-/// A frame's only sample is not kept beside the sum of all.
-fn find_left_samples(steps: &mut Steps, frame: &FrameSpec<'_>) {
-    if frame.features.one_sample {
-        steps.rename(&[
-            ("left_sample_radiance", "left_radiance_sum"),
-            ("left_sample_parts", "left_parts_sum"),
-        ]);
-    }
 }
 
 /// One sample of an eye without reuse.
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
+    if frame.features.carries_light {
+        steps.clear(Moment::Carry);
+    }
     steps.run_appending(&passes::first_hits, Size::Tiles, List::HITS);
     if !frame.is_photon() {
         steps.run(&passes::path_trace, Size::Runs(List::HITS));
@@ -143,8 +140,12 @@ fn gather_at_half_rate(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.run_appending(&passes::coarse_list, hits, List::COARSE);
     gather(steps, frame, coarse);
     steps.run(&passes::coarse_irradiance, coarse);
-    steps.copy_texels("demodulated_light");
-    steps.run_appending(&passes::coarse_spread, hits, List::GATHER);
+    steps.copy_texels("coarse_light");
+    steps
+        .run(&passes::coarse_spread, hits)
+        .names(&[("demodulated_light", "coarse_light")])
+        .appends(List::GATHER);
+    steps.set_up(List::GATHER);
     gather(steps, frame, Size::List(List::GATHER));
 }
 
@@ -173,7 +174,6 @@ fn reuse(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
     steps.run_appending(&passes::reuse_hits, Size::Tiles, List::HITS);
     // What they meet is lit by the left samples around it.
-    steps.run(&passes::left_irradiance, left_hits);
     steps.copy_texels("demodulated_light");
     steps.run_appending(&passes::reuse_lookup, Size::List(List::HITS), List::FILL);
 }

@@ -162,6 +162,9 @@ fn begin(frame: &FrameSpec<'_>) -> Vec<Step> {
     for &eye in frame.eyes() {
         steps.owner.eye = eye;
         steps.clear(Moment::Frame);
+        if !frame.features.one_sample {
+            steps.clear(Moment::Sums);
+        }
     }
     steps.done()
 }

@@ -39,7 +39,7 @@ shared_record! {
     pub struct StereoCounters {
         /// Left samples that hit a surface.
         pub left_hits: u32,
-        /// Those that the right eye sees and may reuse.
+        /// Those that the right eye sees; with lookup, all of them.
         pub scattered: u32,
         /// Right pixels that took one over.
         pub reused: u32,

@@ -42,14 +42,8 @@ fn sheet(material: Material, turn: DQuat, texel: impl Fn(u32, u32) -> [u8; 4]) -
         material,
     );
     let mesh = scene.meshes.last_mut().unwrap();
-    mesh.uv0 = vec![
-        [0.0, 0.0],
-        [2.0, 0.0],
-        [2.0, 2.0],
-        [0.0, 0.0],
-        [2.0, 2.0],
-        [0.0, 2.0],
-    ];
+    let corner = |k: u16| [2 * (k & 1), k & 2].map(f32::from);
+    mesh.uv0 = [0, 1, 3, 0, 3, 2].map(corner).to_vec();
     (scene, head)
 }
 
@@ -98,6 +92,12 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         emission: [2.0; 3],
         ..white
     };
+    // Many samples of it find no light but its own: those must count, too.
+    let glow = Material {
+        emission: [0.01; 3],
+        ..sign.clone()
+    };
+    let (glowing, _) = sheet(glow, DQuat::from_rotation_x(1.2), |_, _| [255; 4]);
     let (shining, _) = sheet(sign, upright, |x, y| [255 * u8::from(checks(x, y)); 4]);
     let parade = builtin("parade");
     let parade_views = views(start_pose(&parade));
@@ -107,6 +107,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("holes", holed, views(head)),
         ("veil", veiled, views(head)),
         ("sign", shining, views(head)),
+        ("glow", glowing, views(head)),
         ("parade", parade, parade_views),
     ]
 }
@@ -170,11 +171,9 @@ fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
                     }
                 }
             }
-            let means = values.map(|eye| {
-                eye.iter()
-                    .map(|values| statistics(values))
-                    .collect::<Vec<_>>()
-            });
+            let of_eye =
+                |eye: Vec<Vec<f64>>| -> Vec<_> { eye.iter().map(|v| statistics(v)).collect() };
+            let means = values.map(of_eye);
             (means, reused)
         };
         let ([left, native], none) = of(Reuse::Off);
