@@ -50,7 +50,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
             light: [unit() * magnitude, unit() * magnitude, unit() * magnitude],
             depth_m: 1e-6 + unit() * 1e4,
             normal: normal.to_array(),
-            kind: i % 3,
+            kind: i % 4,
             place_in_pixel: [unit() * 0.96, unit() * 0.96],
             padding: [0.0; 2],
         });
