@@ -139,6 +139,8 @@ passes! {
         "Finds the light samples that the frame before kept where the pixels' first surfaces were.";
     direct_light: Hits scene,
         "Direct light at the gathering surfaces, by light and BSDF samples.";
+    followed_light: Hits scene,
+        "Light of the lights at first surfaces that are followed, by light samples.";
     photon_gather: Hits scene,
         "Radiance estimate from the photons around the gathering surfaces.";
     kd_gather: Hits scene,

@@ -105,6 +105,8 @@ impl List {
     pub const LEFT_HITS: Self = Self("left_hit");
     /// Pixels of the right eye that reuse nothing.
     pub const FILL: Self = Self("fill");
+    /// Pixels whose first surface is followed by lobes that scatter light of lights.
+    pub const FOLLOWED: Self = Self("followed");
     /// Tiles in which the own eye sees a surface, each counted as 64 pixels.
     pub const SEEN: Self = Self("seen");
     /// The same of tiles in which a pixel of the own eye mixes with what was seen before.

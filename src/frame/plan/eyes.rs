@@ -79,18 +79,31 @@ fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
         gather(steps, frame, hits);
     }
     caustics(steps, frame, hits);
+    followed_light(steps, frame);
     steps.run(&passes::eye_combine, hits);
 }
 
 /// Follows the eye's paths from the first surface to those that gather photons.
 fn eye_paths(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
-    match frame.settings.photon.schedule {
-        Schedule::Split => {
-            steps.run(&passes::eye_hits, over);
+    let (pass, slices) = match frame.settings.photon.schedule {
+        Schedule::Split => (&passes::eye_hits, 1),
+        Schedule::Fused => (&passes::eye_fused, frame.slices.photons),
+    };
+    for slice in 0..slices {
+        let step = steps.run(pass, over).words(0, slice, slices);
+        if frame.follows() {
+            step.appends(List::FOLLOWED);
         }
-        Schedule::Fused => {
-            steps.in_slices(&passes::eye_fused, over, frame.slices.photons);
-        }
+    }
+    if frame.follows() {
+        steps.set_up(List::FOLLOWED);
+    }
+}
+
+/// Lights the first surfaces that are followed, after all that the paths found.
+fn followed_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
+    if frame.follows() {
+        steps.run(&passes::followed_light, Size::List(List::FOLLOWED));
     }
 }
 
@@ -189,6 +202,7 @@ fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
         direct_light(steps, frame, over);
         gather(steps, frame, over);
         caustics(steps, frame, over);
+        followed_light(steps, frame);
         steps.run(&passes::eye_combine, over);
     } else {
         steps.run(&passes::path_trace, Size::Runs(List::FILL));

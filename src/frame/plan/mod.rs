@@ -90,6 +90,11 @@ impl FrameSpec<'_> {
         self.is_photon() && self.features.caustics
     }
 
+    /// Whether eye paths leave surfaces by lobes that gather no photons.
+    fn follows(&self) -> bool {
+        self.is_photon() && (self.features.glossy || self.features.dielectric)
+    }
+
     fn eyes(&self) -> &'static [Eye] {
         if self.both { &Eye::BOTH } else { &[Eye::Left] }
     }

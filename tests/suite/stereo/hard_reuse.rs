@@ -90,8 +90,11 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     let sign = Material {
         emissive_texture: texture,
         emission: [2.0; 3],
-        ..white
+        ..white.clone()
     };
+    let mut metal = white.clone();
+    [metal.metallic, metal.roughness] = [1.0, 0.4];
+    let (metallic, _) = sheet(metal, DQuat::from_rotation_x(0.6), |_, _| [255; 4]);
     // Many samples of it find no light but its own: those must count, too.
     let glow = Material {
         emission: [0.01; 3],
@@ -108,6 +111,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("veil", veiled, views(head)),
         ("sign", shining, views(head)),
         ("glow", glowing, views(head)),
+        ("metal", metallic, views(head)),
         ("parade", parade, parade_views),
     ]
 }

@@ -14,21 +14,15 @@ const SIZE: u32 = 64;
 const BLOCK: u32 = 8;
 const RUNS: u32 = 12;
 
-/// Means of one channel over the blocks of `RUNS` independent images by one of the two techniques, or by both.
-fn technique_blocks(
-    scene: &Scene,
-    views: &[View; 2],
-    technique: Technique,
-    spp: u32,
-) -> Vec<Vec<f64>> {
-    let settings = settings(|s| {
-        s.method = Method::Path;
+fn settings_of(method: Method, technique: Technique, depth: u32, spp: u32) -> RenderSettings {
+    settings(|s| {
+        s.method = method;
         s.reuse = Reuse::Off;
         s.path.technique = technique;
-        s.path.max_depth = 3;
+        s.path.max_depth = depth;
+        s.photon.max_depth = depth;
         s.spp = spp;
-    });
-    blocks(scene, views, &settings, technique as u32)
+    })
 }
 
 /// Means of one channel over the blocks of `RUNS` independent images; sets share no random numbers with one another.
@@ -73,7 +67,7 @@ fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Share of blocks whose statistic lies within `limit`.
+/// Share of blocks within `limit`.
 fn share_within(z: &[f64], limit: f64) -> f64 {
     z.iter().filter(|z| z.abs() <= limit).count() as f64 / z.len() as f64
 }
@@ -101,14 +95,22 @@ pub fn brighter(runs: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 fn check(name: &str, scene: &Scene, views: &[View; 2]) {
-    let mis = technique_blocks(scene, views, Technique::Mis, 8);
-    let light = technique_blocks(scene, views, Technique::Light, 8);
+    let of = |set, method, technique, depth, spp| {
+        let settings = settings_of(method, technique, depth, spp);
+        blocks(scene, views, &settings, set)
+    };
+    let mis = of(0, Method::Path, Technique::Mis, 3, 8);
+    let light = of(1, Method::Path, Technique::Light, 3, 8);
     // Directions of the surfaces find a small lamp rarely: more of them, so that a block's mean is near normal.
-    let bsdf = technique_blocks(scene, views, Technique::Bsdf, 32);
+    let bsdf = of(2, Method::Path, Technique::Bsdf, 3, 32);
+    // The photon method's direct light is that of paths of two segments, and metal finds it by following paths.
+    let paths = of(3, Method::Path, Technique::Mis, 2, 8);
+    let photons = of(4, Method::Photon, Technique::Mis, 2, 8);
     for (pair, a, b) in [
         ("mis and light", &mis, &light),
         ("mis and bsdf", &mis, &bsdf),
         ("light and bsdf", &light, &bsdf),
+        ("paths and photons", &paths, &photons),
     ] {
         if let Err(reason) = agree(a, b) {
             panic!("{name}, {pair}: {reason}");
@@ -158,7 +160,6 @@ fn techniques_agree_under_a_sky() {
     let (mut scene, views) = box_with(|material| {
         material.specular = 1.0;
         material.roughness = 0.6;
-        material.emission = [0.0; 3];
     });
     for material in &mut scene.materials {
         material.emission = [0.0; 3];

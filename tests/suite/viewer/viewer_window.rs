@@ -1,7 +1,7 @@
 //! The viewer's window on a virtual screen, driven by real X events.
 
 use std::ffi::OsString;
-use std::io::{IoSlice, Read as _};
+use std::io::IoSlice;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
@@ -215,11 +215,7 @@ impl Drop for Desk {
 }
 
 fn read(path: &Path) -> String {
-    let mut text = String::new();
-    std::fs::File::open(path)
-        .and_then(|mut file| file.read_to_string(&mut text))
-        .unwrap();
-    text
+    std::fs::read_to_string(path).unwrap()
 }
 
 /// X keysyms.
