@@ -84,6 +84,7 @@ const EXCEPTIONS: &[Exception] = &[
 const WIDE_KERNELS: &[[&str; 2]] = &[
     ["gallery", "eye_hits"],
     ["gallery", "direct_light"],
+    ["gallery", "followed_light"],
     ["helmet", "eye_hits"],
     ["helmet", "direct_light"],
 ];
