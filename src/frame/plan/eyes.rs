@@ -72,13 +72,13 @@ fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
     let hits = Size::List(List::HITS);
     eye_paths(steps, frame, hits);
-    direct_light(steps, frame, hits);
     if frame.settings.photon.half_rate {
         gather_at_half_rate(steps, frame);
     } else {
         gather(steps, frame, hits);
     }
     caustics(steps, frame, hits);
+    direct_light(steps, frame, hits);
     followed_light(steps, frame);
     steps.run(&passes::eye_combine, hits);
 }
@@ -199,9 +199,9 @@ fn fill(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
     if frame.is_photon() {
         eye_paths(steps, frame, over);
-        direct_light(steps, frame, over);
         gather(steps, frame, over);
         caustics(steps, frame, over);
+        direct_light(steps, frame, over);
         followed_light(steps, frame);
         steps.run(&passes::eye_combine, over);
     } else {
