@@ -67,7 +67,7 @@ fn z_values(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Share of blocks within `limit`.
+/// Share of blocks whose statistic lies within `limit`.
 fn share_within(z: &[f64], limit: f64) -> f64 {
     z.iter().filter(|z| z.abs() <= limit).count() as f64 / z.len() as f64
 }
