@@ -195,7 +195,11 @@ impl Buffers {
         }
         let homes = match self.apart {
             true => Homes::default(),
-            false => settle(&uses, image, maps),
+            false => {
+                let held = self.held.iter().filter(|(_, held)| !held.is_token);
+                let held = held.map(|(&place, held)| (place, held.turns[0].size()));
+                settle(&uses, held, image, maps)
+            }
         };
         for (index, &bytes) in homes.turn_bytes.iter().enumerate() {
             let make = || storage_buffer(context, &label_in_turn(index), bytes);
@@ -469,7 +473,8 @@ pub struct BytesHeld {
 impl BytesHeld {
     /// Adds what [`Buffers::allocate`] would allocate for one more plan.
     pub fn add(&mut self, uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayout]) {
-        let homes = settle(uses, image, maps);
+        let held = self.own.iter().map(|(&place, &bytes)| (place, bytes));
+        let homes = settle(uses, held, image, maps);
         for (&(whose, name), usage) in uses {
             let Some(row) = buffers::row(name) else {
                 continue;

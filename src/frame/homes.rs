@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::bind::{Place, Use, Whose};
-use super::buffers::{self, Holds, ImageLayout};
+use super::buffers::{self, BufferRow, Holds, ImageLayout};
 use super::photon_layout::MapLayout;
 use super::step::{Action, PlannedStage, Stage, Step};
 use crate::gpu::buffers::allocated_bytes;
@@ -115,10 +115,28 @@ impl Room {
     }
 }
 
-/// Places the buffers of a plan.
+/// Places the buffers of a plan. `held`: buffers with memory of their own, whichever plan needs it, and its bytes.
 #[must_use]
-pub fn settle(uses: &BTreeMap<Place, Use>, image: &ImageLayout, maps: &[MapLayout]) -> Homes {
-    let mut rooms = Vec::new();
+pub fn settle(
+    uses: &BTreeMap<Place, Use>,
+    held: impl IntoIterator<Item = (Place, u64)>,
+    image: &ImageLayout,
+    maps: &[MapLayout],
+) -> Homes {
+    // What other plans keep for readers after a frame is read before a frame of this one begins.
+    let idle = held.into_iter().filter(|(place, _)| {
+        let is_within = |row: &BufferRow| row.holds == Holds::Within && !row.is_scratch();
+        !uses.contains_key(place) && buffers::row(place.1).is_some_and(is_within)
+    });
+    let idle = idle.map(|(host, bytes)| Room {
+        home: Home::In {
+            host,
+            is_before: false,
+        },
+        bytes,
+        taken: Vec::new(),
+    });
+    let mut rooms: Vec<_> = idle.collect();
     let mut guests = Vec::new();
     for (&place, usage) in uses {
         // Shares of the paths are kept from frame to frame.

@@ -398,17 +398,21 @@ impl Steps {
         self.steps.extend(more.steps);
     }
 
-    /// Runs a pass once per slice of its loop.
-    pub(super) fn in_slices(&mut self, pass: &Pass, over: Size, slices: u32) {
+    /// Runs a pass once per slice of its loop. Returns the steps.
+    pub(super) fn in_slices(&mut self, pass: &Pass, over: Size, slices: u32) -> &mut [Step] {
+        let first = self.steps.len();
         for slice in 0..slices {
             self.run(pass, over).words(0, slice, slices);
         }
+        &mut self.steps[first..]
     }
 
-    /// Renames bindings of all steps so far.
-    pub(super) fn rename(&mut self, names: &[(&'static str, &'static str)]) {
+    /// Renames bindings of all steps so far, but for those that a step has renamed itself.
+    pub(super) fn rename(&mut self, more: &[(&'static str, &'static str)]) {
         for step in &mut self.steps {
-            step.names(names);
+            if let Action::Run { names, .. } = &mut step.action {
+                names.splice(0..0, more.iter().copied());
+            }
         }
     }
 

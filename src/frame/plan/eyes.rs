@@ -20,31 +20,43 @@ fn sample_of(frame: &FrameSpec<'_>, eye: Eye) -> Steps {
 
 pub(super) fn left_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
     let mut steps = sample_of(frame, Eye::Left);
+    if frame.features.carries_light {
+        steps.clear(Moment::Carry);
+    }
     whole_eye(&mut steps, frame);
     steps.done()
 }
 
 pub(super) fn right_eye(frame: &FrameSpec<'_>) -> Vec<Step> {
     let mut steps = sample_of(frame, Eye::Right);
-    if frame.reuses() {
-        reuse(&mut steps, frame);
-        let mut own = sample_of(frame, Eye::Right);
-        fill(&mut own, frame);
-        // These carry nothing: the left eye's light makes room once it is looked up.
-        own.rename(&[
-            ("demodulated_light", "nothing_carried"),
-            ("first_emission", "no_emission"),
-            ("left_direct_irradiance", "no_irradiance"),
-        ]);
-        steps.append(own);
-    } else if frame.both {
-        whole_eye(&mut steps, frame);
-    }
-    // Nobody takes this eye's samples over: they go where the left one's were, which is read by then.
-    steps.rename(&[
+    let mut own = sample_of(frame, Eye::Right);
+    let left_samples = [
         ("light_samples", "left_light_samples"),
         ("light_places", "left_light_places"),
+    ];
+    if frame.reuses() {
+        reuse(&mut steps, frame);
+        steps.rename(&left_samples);
+        fill(&mut own, frame);
+    } else if frame.both {
+        whole_eye(&mut own, frame);
+    }
+    // These carry nothing: the left eye's light makes room once it is looked up.
+    own.rename(&[
+        ("demodulated_light", "nothing_carried"),
+        ("first_emission", "no_emission"),
+        ("left_direct_irradiance", "no_irradiance"),
     ]);
+    // Nobody takes this eye's light samples over. Paths write them where the left eye's were, which are read by then.
+    own.rename(&if frame.is_photon() {
+        [
+            ("light_samples", "no_light_samples"),
+            ("light_places", "no_light_places"),
+        ]
+    } else {
+        left_samples
+    });
+    steps.append(own);
     steps.done()
 }
 
@@ -62,9 +74,6 @@ pub(super) fn right_eye_equal(frame: &FrameSpec<'_>) -> Vec<Step> {
 /// One sample of an eye without reuse.
 fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     steps.clear(Moment::Sample);
-    if frame.features.carries_light {
-        steps.clear(Moment::Carry);
-    }
     steps.run_appending(&passes::first_hits, Size::Tiles, List::HITS);
     if !frame.is_photon() {
         steps.run(&passes::path_trace, Size::Runs(List::HITS));
@@ -89,13 +98,11 @@ fn eye_paths(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
         Schedule::Split => (&passes::eye_hits, 1),
         Schedule::Fused => (&passes::eye_fused, frame.slices.photons),
     };
-    for slice in 0..slices {
-        let step = steps.run(pass, over).words(0, slice, slices);
-        if frame.follows() {
+    let passes = steps.in_slices(pass, over, slices);
+    if frame.follows() {
+        for step in passes {
             step.appends(List::FOLLOWED);
         }
-    }
-    if frame.follows() {
         steps.set_up(List::FOLLOWED);
     }
 }

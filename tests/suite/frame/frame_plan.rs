@@ -229,7 +229,7 @@ fn images_that_share_memory_are_read_before_another_one_is_written_there() {
             let planned = plan_of_scene(&builtin(scene), &settings, true).unwrap();
             let (stages, features) = (planned.stages, planned.features);
             let used = uses(&stages, &features, &library).unwrap();
-            let homes = settle(&used, &image, &planned.maps);
+            let homes = settle(&used, [], &image, &planned.maps);
             let faults = read_too_late(&stages, &homes, &features);
             assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
             let mut torn = stages.clone();
