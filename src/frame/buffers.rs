@@ -279,7 +279,6 @@ pub const BUFFERS: &[BufferRow] = &[
     scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
     // The list, the grid over it and the sort by cell.
     scratch("photons", |map| map.photon_bytes()),
-    map("photon_kept", |_| 8).cleared(&[Moment::Map]),
     map("photon_counters", |_| size_of::<PhotonCounters>() as u64).cleared(&[Moment::Map]),
     map("photon_bounds", |_| 24).cleared(&[Moment::Map]),
     map("photon_grid", |_| size_of::<PhotonGrid>() as u64),

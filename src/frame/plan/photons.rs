@@ -32,7 +32,9 @@ pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {
     steps.owner.batch = 0;
     let sixteenths = Size::Threads(map.capacity.div_ceil(16));
     steps.run(&passes::photon_bounds, sixteenths);
-    steps.run(&passes::grid_setup, Size::Once);
+    steps
+        .run(&passes::grid_setup, Size::Once)
+        .words(0, 1 << map.digits().1, 0);
     if map.is_tree() {
         kd_tree(&mut steps, map);
     } else {
@@ -141,13 +143,17 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
 /// Stable radix sort by key, between two buffers.
 fn radix_sort(steps: &mut Steps, map: &MapLayout) {
     let (digits, bits) = map.digits();
-    let blocks = map.blocks();
     let wide = map.config.wide_machine;
+    // A workgroup per block, or a thread.
     let size = if wide {
-        Size::Groups(blocks)
+        PHOTONS
     } else {
-        Size::Threads(blocks)
+        Size::Threads(map.blocks())
     };
+    let in_use = [
+        photon_grid(std::mem::offset_of!(PhotonGrid, sort_block_groups)),
+        photon_grid(std::mem::offset_of!(PhotonGrid, sort_value_groups)),
+    ];
     for digit in 0..digits {
         let names = match digit % 2 {
             0 => [("radix_from", "radix_even"), ("radix_to", "radix_odd")],
@@ -155,14 +161,14 @@ fn radix_sort(steps: &mut Steps, map: &MapLayout) {
         };
         let over_blocks = |steps: &mut Steps, pass| {
             let step = steps.run(pass, size).names(&names);
-            step.words(digit * bits, blocks, (1 << bits) - 1);
+            step.words(digit * bits, 0, (1 << bits) - 1);
         };
-        // Whole workgroups count in their own memory, and write every place of the table.
+        // Whole workgroups count in their own memory, and write every place of the table that is in use.
         if !wide {
             steps.clear(Moment::Digit);
         }
         over_blocks(steps, &passes::radix_count);
-        scan(steps, "radix_table", "radix_sums", map.radix_bytes());
+        scan_over(steps, "radix_table", "radix_sums", in_use);
         over_blocks(steps, &passes::radix_scatter);
     }
 }

@@ -86,5 +86,9 @@ shared_record! {
         pub block_groups: [u32; 4],
         /// Indirect dispatch over the cells in use.
         pub value_groups: [u32; 4],
+        /// Indirect dispatch over blocks of what is in use of the sort's table.
+        pub sort_block_groups: [u32; 4],
+        /// Indirect dispatch over what is in use of it.
+        pub sort_value_groups: [u32; 4],
     }
 }
