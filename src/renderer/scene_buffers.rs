@@ -19,8 +19,8 @@ use crate::gpu::{
     storage_buffer, storage_buffer_with_data,
 };
 use crate::renderer::packing::{
-    LightKinds, LightSources, PackedEnvironment, PackedLights, PackedTextures, TriangleOrder,
-    pack_environment, pack_lights, pack_textures, pack_vertices,
+    LightKinds, LightSources, PackedEnvironment, PackedLights, PackedTextures, SceneBox,
+    TriangleOrder, pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
 use crate::scene::{Scene, ScenePose};
@@ -518,33 +518,27 @@ impl SceneBuffers {
         }
     }
 
-    /// Light from infinitely far starts on a sphere around the scene; an instance may have left it.
+    /// Light from infinitely far comes in through a box around the scene; an instance may have left it.
     fn widen_infinite_lights(&mut self, origin_in_world: DVec3) {
         if !self.has_moved || !self.packed_lights.has_infinite_lights() {
             return;
         }
-        let (center, radius) = self.packed_lights.sphere();
-        let from_origin = center - origin_in_world;
-        let (mut min, mut max) = (from_origin, from_origin);
-        let mut farthest = 0.0f64;
-        for bounds in self.top.bounds().iter().filter(|bounds| !bounds.is_empty()) {
-            let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-            let corner = (low - from_origin).abs().max((high - from_origin).abs());
-            farthest = farthest.max(corner.length());
-            min = min.min(low);
-            max = max.max(high);
-        }
-        if farthest <= radius {
-            self.packed_lights.set_sphere(center, radius);
-            return;
-        }
         // Function of this frame alone, so that frames can be rendered in any order.
-        let reach = DVec3::splat(radius / 3f64.sqrt());
-        let (min, max) = (min.min(from_origin - reach), max.max(from_origin + reach));
-        self.packed_lights.set_sphere(
-            origin_in_world + 0.5 * (min + max),
-            0.5 * (max - min).length(),
-        );
+        let packed = self.packed_lights.packed_box();
+        let center = packed.center - origin_in_world;
+        let corners = (center - packed.half_size, center + packed.half_size);
+        let (mut min, mut max) = corners;
+        for bounds in self.top.bounds().iter().filter(|bounds| !bounds.is_empty()) {
+            min = min.min(bounds.min.as_dvec3());
+            max = max.max(bounds.max.as_dvec3());
+        }
+        let wider = SceneBox {
+            center: origin_in_world + 0.5 * (min + max),
+            half_size: 0.5 * (max - min),
+        };
+        let is_inside = (min, max) == corners;
+        let scene_box = if is_inside { packed } else { wider };
+        self.packed_lights.set_box(scene_box);
     }
 
     /// Whether shaders may ask where points were in the frame before (`previous_instances`, `previous_positions`), from

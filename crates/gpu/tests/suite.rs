@@ -30,6 +30,7 @@ mod suite {
     mod filtered;
     mod library;
     mod records;
+    mod shading;
     mod surroundings;
     mod traversal;
     mod uniform_branches;

@@ -5,6 +5,9 @@ use std::f64::consts::PI;
 use super::mips::averaged;
 use crate::scene::Environment;
 
+/// Rows, and half the columns, below which cells are parted to integrate over them: in smaller ones cosines hardly change.
+const FINE_ROWS: usize = 256;
+
 /// An environment as `shaders/shared/environment.wesl` reads it.
 #[derive(Clone, Debug, Default)]
 pub struct PackedEnvironment {
@@ -13,8 +16,9 @@ pub struct PackedEnvironment {
     pub texels: Vec<[f32; 4]>,
     /// Cumulative probability of the rows (`height` values), then of each row's columns (`width` values per row).
     pub cdf: Vec<f32>,
-    /// Integral of the radiance over the sphere, W m^-2.
-    pub integral: [f64; 3],
+    /// Irradiances of both sides of planes across x, y and z together, W m^-2: integrals over the sphere of the radiance times
+    /// the direction's component.
+    pub through_planes: [[f64; 3]; 3],
 }
 
 /// Packs a map; none if it is empty or black.
@@ -35,20 +39,13 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     let size = [width as f32, height as f32, 0.0, 0.0];
     let mut texels: Vec<[f32; 4]> = std::iter::once(size).chain(finest).collect();
     let finest = &texels[1..];
-    let cell_mean = |row: usize, column: usize| -> [f64; 3] {
-        let rows = [
-            (row.saturating_sub(1), 0.125),
-            (row, 0.75),
-            ((row + 1).min(height - 1), 0.125),
-        ];
-        let columns = [
-            ((column + width - 1) % width, 0.125),
-            (column, 0.75),
-            ((column + 1) % width, 0.125),
-        ];
+    // Around a texel, by the shares of the row or column before, of its own and of the one after.
+    let weighed = |row: usize, column: usize, row_shares: [f64; 3], column_shares: [f64; 3]| {
+        let rows = [row.saturating_sub(1), row, (row + 1).min(height - 1)];
+        let columns = [(column + width - 1) % width, column, (column + 1) % width];
         let mut mean = [0.0; 3];
-        for (y, row_share) in rows {
-            for (x, column_share) in columns {
+        for (y, row_share) in rows.into_iter().zip(row_shares) {
+            for (x, column_share) in columns.into_iter().zip(column_shares) {
                 let texel = finest[y * width + x];
                 for channel in 0..3 {
                     mean[channel] += row_share * column_share * f64::from(texel[channel]);
@@ -57,8 +54,21 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         }
         mean
     };
+    let cell_mean = |row, column| weighed(row, column, [0.125, 0.75, 0.125], [0.125, 0.75, 0.125]);
+    // Parts of a cell's edge, at whose middle the map is linear.
+    let parts: Vec<[f64; 3]> = match FINE_ROWS / height.max(width / 2) {
+        0 | 1 => vec![[0.125, 0.75, 0.125]],
+        count => (0..count)
+            .map(|part| {
+                let off = (part as f64 + 0.5) / count as f64 - 0.5;
+                [(-off).max(0.0), 1.0 - off.abs(), off.max(0.0)]
+            })
+            .collect(),
+    };
+    let by_row = row_projections(height * parts.len());
+    let by_column = column_projections(width * parts.len());
 
-    let mut integral = [0.0; 3];
+    let mut through_planes = [[0.0; 3]; 3];
     let mut row_weights = Vec::with_capacity(height);
     let mut columns_cdf = Vec::with_capacity(width * height);
     let mut weights = vec![0.0; width];
@@ -66,8 +76,20 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         let solid_angle = cell_solid_angle(row, width, height);
         for (column, weight) in weights.iter_mut().enumerate() {
             let mean = cell_mean(row, column);
-            for channel in 0..3 {
-                integral[channel] += mean[channel] * solid_angle;
+            let [rows, columns] = [row, column].map(|cell| cell * parts.len());
+            for (row_shares, [level, upright]) in parts.iter().zip(&by_row[rows..]) {
+                for (column_shares, [x, y, z]) in parts.iter().zip(&by_column[columns..]) {
+                    let radiance = match parts.len() {
+                        1 => mean,
+                        _ => weighed(row, column, *row_shares, *column_shares),
+                    };
+                    let projections = [level * x, upright * y, level * z];
+                    for (through, projection) in through_planes.iter_mut().zip(projections) {
+                        for channel in 0..3 {
+                            through[channel] += radiance[channel] * projection;
+                        }
+                    }
+                }
             }
             *weight = mean.iter().sum::<f64>() / 3.0 * solid_angle;
         }
@@ -84,7 +106,7 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
     Some(PackedEnvironment {
         texels,
         cdf,
-        integral,
+        through_planes,
     })
 }
 
@@ -104,6 +126,45 @@ fn add_levels(texels: &mut Vec<[f32; 4]>, mut size: [usize; 2]) {
 fn cell_solid_angle(row: usize, width: usize, height: usize) -> f64 {
     let half_step = 0.5 * PI / height as f64;
     2.0 * PI / width as f64 * 2.0 * ((2 * row + 1) as f64 * half_step).sin() * half_step.sin()
+}
+
+/// Integrals of |sin| from 0 to `angle`.
+fn rectified_sine(angle: f64) -> f64 {
+    let turns = (angle / PI).floor();
+    2.0 * turns + 1.0 - (angle - PI * turns).cos()
+}
+
+/// What of the integrals of a direction's components' magnitudes, over cells between two of `count` rows from pole to pole, is
+/// the row's: for the components along the horizon, and for the vertical one.
+fn row_projections(count: usize) -> Vec<[f64; 2]> {
+    let squared_sine = |angle: f64| 0.5 * angle - 0.25 * (2.0 * angle).sin();
+    let upright = |angle: f64| 0.25 * rectified_sine(2.0 * angle);
+    differences(count, PI, |angle| [squared_sine(angle), upright(angle)])
+}
+
+/// What is the column's: for x, y and z.
+fn column_projections(count: usize) -> Vec<[f64; 3]> {
+    differences(count, 2.0 * PI, |angle| {
+        [
+            rectified_sine(angle),
+            angle,
+            rectified_sine(angle + 0.5 * PI),
+        ]
+    })
+}
+
+/// By how much antiderivatives grow over each of `count` parts of [0, `end`].
+fn differences<const N: usize>(
+    count: usize,
+    end: f64,
+    of: impl Fn(f64) -> [f64; N],
+) -> Vec<[f64; N]> {
+    let at = |edge: usize| of(end * edge as f64 / count as f64);
+    let between = |part| {
+        let (before, after) = (at(part), at(part + 1));
+        std::array::from_fn(|which| after[which] - before[which])
+    };
+    (0..count).map(between).collect()
 }
 
 /// Appends the cumulative shares of `weights`; the last is exactly 1. All zero: uniform, never asked for.
@@ -140,10 +201,12 @@ mod tests {
     }
 
     #[test]
-    fn a_uniform_map_integrates_to_the_sphere() {
+    fn a_uniform_map_shines_through_planes_as_a_lambert_surface_does() {
         let packed = pack_environment(&environment(16, 8, |_| [1.0, 2.0, 0.5])).unwrap();
         for (channel, value) in [1.0, 2.0, 0.5].into_iter().enumerate() {
-            assert!((packed.integral[channel] - 4.0 * PI * value).abs() < 1e-9);
+            for through in packed.through_planes {
+                assert!((through[channel] - 2.0 * PI * value).abs() < 1e-9);
+            }
         }
         // Half of the light comes from above the horizon.
         assert!((packed.cdf[3] - 0.5).abs() < 1e-6);

@@ -27,8 +27,8 @@ use motion::{Emitter, Placed};
 
 /// [`emitter_ordinals`]: the triangle does not emit.
 const NO_EMITTER: u32 = u32::MAX;
-/// The bounding sphere is grown by this share: photons start on its rim.
-const SPHERE_MARGIN: f64 = 1.0e-4;
+/// The scene's box is grown by this share of half its diagonal: photons come in by its faces.
+const BOX_MARGIN: f64 = 1.0e-4;
 /// Least cosine range of a spot's ramp (KHR_lights_punctual's own guard).
 const LEAST_RAMP: f64 = 1.0e-3;
 /// A textured emitter is sampled at most this finely, per edge.
@@ -137,8 +137,9 @@ pub struct PackedLights {
     /// Power of each record, W, and its weight in the pick.
     powers: Vec<[f64; 3]>,
     weights: Vec<f64>,
-    /// The sphere that lights at infinity shine through: as packed.
-    sphere: (DVec3, f64),
+    /// The box that lights at infinity shine through: as packed, and in use.
+    packed_box: SceneBox,
+    scene_box: SceneBox,
     /// Emissive triangles by mesh, and the placements for which their powers stand.
     emitters: Vec<Vec<Emitter>>,
     placed: Vec<Option<Placed>>,
@@ -146,8 +147,8 @@ pub struct PackedLights {
     holes: Vec<(usize, usize)>,
     uploads: LightUploads,
     kinds: LightKinds,
-    /// Integral of the surroundings' radiance over the sphere, W m^-2.
-    environment: Option<[f64; 3]>,
+    /// [`PackedEnvironment::through_planes`] of the surroundings.
+    environment: Option<[[f64; 3]; 3]>,
 }
 
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
@@ -186,7 +187,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
         environment: sources
             .environment
             .filter(|_| sources.kinds.environment)
-            .map(|packed| packed.integral),
+            .map(|packed| packed.through_planes),
         emitters: (0..scene.meshes.len())
             .map(|mesh| {
                 let leaf_of = sources.order.leaf_of_triangle.get(mesh);
@@ -198,7 +199,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
     packed.place_all(
         scene,
         &scene.instances(),
-        bounding_sphere(bounds, origin_in_world),
+        SceneBox::around(bounds, origin_in_world),
     );
     packed.set_origin(origin_in_world);
     packed
@@ -227,34 +228,29 @@ fn mesh_emitters(scene: &Scene, mesh: &Mesh, leaf_of: &[u32]) -> Vec<Emitter> {
 impl PackedLights {
     /// Another map is around the scene, as there was one before. For [`PackedLights::repack`].
     pub fn set_environment(&mut self, environment: &PackedEnvironment) {
-        self.environment = Some(environment.integral);
+        self.environment = Some(environment.through_planes);
     }
 
     /// Makes all records from the scene's lights and `instances`, whose numbers are their places in the list, and weighs
     /// them. Nothing but the emissive triangles of meshes is kept of what was there.
-    fn place_all(&mut self, scene: &Scene, instances: &[Instance], sphere: (DVec3, f64)) {
-        let (center, radius) = sphere;
+    fn place_all(&mut self, scene: &Scene, instances: &[Instance], scene_box: SceneBox) {
         *self = Self {
-            sphere,
+            packed_box: scene_box,
+            scene_box,
             kinds: self.kinds,
             environment: self.environment,
             emitters: std::mem::take(&mut self.emitters),
             ..Self::default()
         };
-        if let Some(integral) = self.environment {
-            let power = integral.map(|channel| PI * radius * radius * channel);
-            self.positions_in_world.push(center);
+        if self.environment.is_some() {
+            let record = scene_box.shone_through(Light {
+                kind: LIGHT_ENVIRONMENT,
+                direction: [0.0, 0.0, 1.0],
+                ..Light::default()
+            });
+            self.positions_in_world.push(scene_box.center);
             self.nodes.push(usize::MAX);
-            self.push(
-                power,
-                1.0,
-                Light {
-                    kind: LIGHT_ENVIRONMENT,
-                    direction: [0.0, 0.0, 1.0],
-                    scene_radius: radius as f32,
-                    ..Light::default()
-                },
-            );
+            self.push(self.power_from_afar(&record), 1.0, record);
         }
         self.push_punctual(scene);
         self.origin_dependent = self.records.len();
@@ -271,6 +267,26 @@ impl PackedLights {
         self.powers.push([0.0; 3]);
         self.weights.push(0.0);
         self.set_power(self.records.len() - 1, power, boost);
+    }
+
+    /// Power of directional light or of the surroundings through the scene's box, W.
+    fn power_from_afar(&self, record: &Light) -> [f64; 3] {
+        let through_planes = match self.environment {
+            Some(through_planes) if record.kind == LIGHT_ENVIRONMENT => through_planes,
+            _ => record.direction.map(|component| {
+                let cosine = f64::from(component.abs());
+                record
+                    .radiance
+                    .map(|irradiance| f64::from(irradiance) * cosine)
+            }),
+        };
+        let mut power = [0.0; 3];
+        for (area, through) in self.scene_box.faces().into_iter().zip(through_planes) {
+            for channel in 0..3 {
+                power[channel] += area * through[channel];
+            }
+        }
+        power
     }
 
     fn set_power(&mut self, record: usize, power: [f64; 3], boost: f64) {
@@ -301,17 +317,53 @@ impl PackedLights {
     }
 }
 
-/// Centre and radius of a sphere around the scene, world space.
-fn bounding_sphere(bounds: Option<Bounds>, origin_in_world: DVec3) -> (DVec3, f64) {
-    bounds.map_or((origin_in_world, 0.0), |bounds| {
-        let center = bounds.center();
-        (center, 0.5 * bounds.size().length() * (1.0 + SPHERE_MARGIN))
-    })
+/// A box around the scene, along the axes of the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneBox {
+    /// Its middle, world space.
+    pub center: DVec3,
+    /// Half its edges, m.
+    pub half_size: DVec3,
+}
+
+impl SceneBox {
+    /// Around `bounds` (world space), with a margin; of nothing it is a point.
+    fn around(bounds: Option<Bounds>, origin_in_world: DVec3) -> Self {
+        bounds.map_or(
+            Self {
+                center: origin_in_world,
+                half_size: DVec3::ZERO,
+            },
+            |bounds| {
+                let half_size = 0.5 * bounds.size();
+                Self {
+                    center: bounds.center(),
+                    half_size: half_size + BOX_MARGIN * half_size.length(),
+                }
+            },
+        )
+    }
+
+    /// Areas of its faces across x, y and z, m^2.
+    fn faces(&self) -> [f64; 3] {
+        let DVec3 { x, y, z } = 2.0 * self.half_size;
+        [y * z, z * x, x * y]
+    }
+
+    /// The record of a light from afar that shines through it.
+    fn shone_through(&self, record: Light) -> Light {
+        let [x, y, z] = self.half_size.as_vec3().to_array();
+        Light {
+            half_box_x: x,
+            spot_scale: y,
+            spot_offset: z,
+            ..record
+        }
+    }
 }
 
 impl PackedLights {
     fn push_punctual(&mut self, scene: &Scene) {
-        let (center, radius) = self.sphere;
         for placed in scene.light_instances() {
             let Some(light) = scene.lights.get(placed.light) else {
                 continue;
@@ -339,10 +391,12 @@ impl PackedLights {
                     intensity.map(|intensity| intensity * spot_solid_angle(scale, offset))
                 }
                 LightKind::Directional if self.kinds.directionals => {
-                    record.kind = LIGHT_DIRECTIONAL;
-                    record.scene_radius = radius as f32;
-                    position = center;
-                    intensity.map(|irradiance| PI * radius * radius * irradiance)
+                    record = self.scene_box.shone_through(Light {
+                        kind: LIGHT_DIRECTIONAL,
+                        ..record
+                    });
+                    position = self.scene_box.center;
+                    self.power_from_afar(&record)
                 }
                 _ => continue,
             };

@@ -19,15 +19,15 @@ shared_record! {
     /// depend on the origin of render space.
     #[derive(Default)]
     pub struct Light {
-        /// Point and spot: position. Directional and environment: centre of the scene's bounding sphere. Render space,
+        /// Point and spot: position. Directional and environment: centre of the scene's box. Render space,
         /// metres.
         pub position: [f32; 3],
         /// `LIGHT_*`.
         pub kind: u32,
         /// Unit, the way the light travels: a spot's axis, a directional light's direction.
         pub direction: [f32; 3],
-        /// Directional and environment: radius of the scene's bounding sphere, m.
-        pub scene_radius: f32,
+        /// Directional and environment: half the scene's box along x, m.
+        pub half_box_x: f32,
         /// Point and spot: W/sr. Directional: W/m^2. Triangle: mean radiance, W sr^-1 m^-2, for information.
         pub radiance: [f32; 3],
         /// Probability of being picked, in proportion to power.
@@ -36,7 +36,8 @@ shared_record! {
         pub instance: u32,
         /// Triangle: index into the triangles in leaf order. Environment: rows of the map.
         pub triangle: u32,
-        /// Spot: attenuation is clamp(cos * scale + offset, 0, 1)^2.
+        /// Spot: attenuation is clamp(cos * scale + offset, 0, 1)^2. Directional and environment: half the scene's box along y
+        /// and, in `spot_offset`, z, m.
         pub spot_scale: f32,
         /// See `spot_scale`.
         pub spot_offset: f32,

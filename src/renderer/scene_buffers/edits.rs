@@ -209,7 +209,7 @@ impl SceneBuffers {
         let bounds = is_afar
             .then(|| change.statistics.bounds_in_world(scene))
             .flatten();
-        if relights || self.packed_lights.leaves_sphere(bounds) {
+        if relights || self.packed_lights.leaves_box(bounds) {
             self.packed_lights
                 .repack(scene, change.kinds, &instances, bounds);
             for (slot, first) in self.packed_lights.first_emitter.iter().enumerate() {

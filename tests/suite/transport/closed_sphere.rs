@@ -267,16 +267,15 @@ fn a_convex_body_under_an_even_sky_sends_back_its_albedo() {
     let head = Pose::new(DVec3::Z * 1.5, DQuat::IDENTITY);
     let views = parallel_views(head, 0.0, square_fov(30.0));
     let expected = 2.0 * f64::from(ALBEDO);
+    let all =
+        |s: &mut RenderSettings| (s.photon.direct, s.photon.count) = (DirectLight::Map, 1 << 20);
     for (name, settings) in [
         ("path", path(Random, Technique::Mis)),
         ("path, Sobol", path(Sobol, Technique::Mis)),
         ("path, light samples", path(Sobol, Technique::Light)),
         ("path, surfaces' directions", path(Random, Technique::Bsdf)),
         ("photons", photons(Random, |_| {})),
-        (
-            "photons, direct from the map",
-            photons(Sobol, |s| s.photon.direct = DirectLight::Map),
-        ),
+        ("photons, direct from the map", photons(Sobol, all)),
     ] {
         let found = measured(&scene, &settings, &views);
         assert!(agrees(found, expected), "{name}: {found:?} for {expected}");

@@ -81,17 +81,21 @@ impl PackedLights {
     /// follow with the next [`PackedLights::set_origin`].
     pub fn move_nodes(&mut self, placement: impl Fn(usize) -> Option<DAffine3>) -> bool {
         let mut moved = false;
-        for (index, node) in self.nodes.iter().enumerate() {
-            let Some(world_from_light) = placement(*node) else {
+        for index in 0..self.nodes.len() {
+            let Some(world_from_light) = placement(self.nodes[index]) else {
                 continue;
             };
             let record = &mut self.records[index];
             let direction = direction_of(&world_from_light);
-            moved |= record.direction != direction;
+            let turned = record.direction != direction;
+            moved |= turned;
             record.direction = direction;
             if record.kind != LIGHT_DIRECTIONAL {
                 moved |= self.positions_in_world[index] != world_from_light.translation;
                 self.positions_in_world[index] = world_from_light.translation;
+            } else if turned {
+                // The box shows it another face.
+                self.weigh_from_afar(index);
             }
         }
         moved
@@ -219,7 +223,7 @@ impl PackedLights {
             environment: self.kinds.environment,
             ..kinds
         };
-        self.place_all(scene, instances, bounding_sphere(bounds, DVec3::ZERO));
+        self.place_all(scene, instances, SceneBox::around(bounds, DVec3::ZERO));
         self.uploads.alias = true;
     }
 
@@ -254,45 +258,43 @@ impl PackedLights {
         self.emitters.iter().any(|emitters| !emitters.is_empty())
     }
 
-    /// Whether the scene's box decides anything, and the sphere around `bounds` is not the one in use.
-    pub fn leaves_sphere(&self, bounds: Option<Bounds>) -> bool {
-        self.has_infinite_lights() && bounding_sphere(bounds, DVec3::ZERO) != self.sphere
+    /// Whether the scene's box decides anything, and that around `bounds` is not the one in use.
+    pub fn leaves_box(&self, bounds: Option<Bounds>) -> bool {
+        self.has_infinite_lights() && SceneBox::around(bounds, DVec3::ZERO) != self.packed_box
     }
 
-    /// Whether any light shines from infinitely far, through the scene's bounding sphere.
+    /// Whether any light shines from infinitely far, through the scene's box.
     pub fn has_infinite_lights(&self) -> bool {
         self.records[..self.origin_dependent]
             .iter()
             .any(|record| is_afar(record.kind))
     }
 
-    /// The sphere as packed: centre in the world and radius, m.
-    pub fn sphere(&self) -> (DVec3, f64) {
-        self.sphere
+    /// The box as packed.
+    pub fn packed_box(&self) -> SceneBox {
+        self.packed_box
     }
 
-    /// Makes light from infinitely far come through another sphere: what moves may leave the one that was packed.
+    /// Makes light from infinitely far come through another box: what moves may leave the one that was packed.
     /// The positions follow with the next [`PackedLights::set_origin`].
-    pub fn set_sphere(&mut self, center_in_world: DVec3, radius: f64) {
+    pub fn set_box(&mut self, scene_box: SceneBox) {
+        if scene_box == self.scene_box {
+            return;
+        }
+        self.scene_box = scene_box;
         for index in 0..self.origin_dependent {
-            let record = self.records[index];
-            let before = f64::from(record.scene_radius);
-            if !is_afar(record.kind)
-                || (self.positions_in_world[index] == center_in_world
-                    && record.scene_radius == radius as f32)
-            {
-                continue;
-            }
-            self.positions_in_world[index] = center_in_world;
-            self.records[index].scene_radius = radius as f32;
-            if before > 0.0 {
-                // Both kinds' power is in proportion to the disk that photons start from.
-                let grown = (radius / before).powi(2);
-                let power = self.powers[index].map(|channel| channel * grown);
-                self.set_power(index, power, 1.0);
-                self.uploads.alias = true;
+            if is_afar(self.records[index].kind) {
+                self.records[index] = scene_box.shone_through(self.records[index]);
+                self.positions_in_world[index] = scene_box.center;
+                self.weigh_from_afar(index);
             }
         }
+    }
+
+    fn weigh_from_afar(&mut self, index: usize) {
+        let power = self.power_from_afar(&self.records[index]);
+        self.set_power(index, power, 1.0);
+        self.uploads.alias = true;
     }
 
     /// Weighs all lights anew if any power has changed, and says what to upload.

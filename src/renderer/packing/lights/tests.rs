@@ -334,18 +334,22 @@ fn instances_come_and_go_with_their_light() {
 }
 
 #[test]
-fn a_larger_sphere_carries_more_of_the_light_from_afar() {
+fn a_larger_box_carries_more_of_the_light_from_afar() {
     let mut scene = scene();
     scene.lights[0].kind = LightKind::Directional;
     let mut lights = packed(&scene);
     assert!(lights.has_infinite_lights());
-    let (center, radius) = lights.sphere();
+    let packed = lights.packed_box();
     let before = lights.total_power[0];
-    let sun = PI * radius * radius;
-    lights.set_sphere(center + DVec3::X, 2.0 * radius);
+    // The sun shines along -Z.
+    let sun = 4.0 * packed.half_size.x * packed.half_size.y;
+    lights.set_box(SceneBox {
+        center: packed.center + DVec3::X,
+        half_size: packed.half_size * DVec3::new(2.0, 2.0, 7.0),
+    });
     lights.finish();
     assert!((lights.total_power[0] - before - 3.0 * sun).abs() < 1e-5 * sun);
-    lights.set_sphere(center, radius);
+    lights.set_box(packed);
     lights.finish();
     assert!((lights.total_power[0] - before).abs() < 1e-5 * sun);
 }
