@@ -240,15 +240,18 @@ impl SceneBuffers {
             .create_command_encoder(&wgpu::CommandEncoderDescriptor {
                 label: Some("record texels"),
             });
-        let mut replaced = false;
+        let mut replaced = Ok(false);
         for ((name, _), copy) in COPIED.into_iter().zip(&mut copies) {
             if let Some((buffer, bytes)) = self.buffer(name).zip(chosen(name)) {
-                replaced |= copy.copy_from(context, &mut encoder, buffer, bytes)?;
+                replaced = replaced.and_then(|any| {
+                    Ok(any | copy.copy_from(context, &mut encoder, buffer, bytes)?)
+                });
             }
         }
         context.queue.submit([encoder.finish()]);
+        // Also where one did not fit.
         self.texels = Some(copies);
-        Ok(replaced)
+        replaced
     }
 
     fn buffer(&self, name: &str) -> Option<&wgpu::Buffer> {

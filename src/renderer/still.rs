@@ -94,7 +94,7 @@ impl Renderer {
             let held = &mut self.frame.buffers;
             held.hold_images(&self.context, &images(buffers), &self.image)?;
         }
-        let [width, height] = self.image.size;
+        let [across, down] = self.image.tiles();
         if self.reconstruction.is_some() || self.still.size != self.image.size {
             self.still.frames = 0;
         }
@@ -119,8 +119,7 @@ impl Renderer {
             let bound = kernel.bind_by(&self.context, |binding| {
                 self.frame.resource(step, binding, &given, self.parity())
             })?;
-            let groups = [width.div_ceil(8), height.div_ceil(8), 1];
-            recorder.dispatch(&step.label, &kernel, &bound, 0, groups);
+            recorder.dispatch(&step.label, &kernel, &bound, 0, [across, down, 1]);
             let [_, shown] = images(buffers);
             if let Some(shown) = self
                 .frame

@@ -74,14 +74,20 @@ impl SceneBuffers {
             bytemuck::cast_slice(&packed.cdf),
         ];
         let fits = [map, cdf].map(wgpu::Buffer::size) == bytes.map(|of| of.len() as u64);
+        let mut before = None;
         if fits {
             context.queue.write_buffer(map, 0, bytes[0]);
             context.queue.write_buffer(cdf, 0, bytes[1]);
         } else {
-            self.environment = Some(environment_buffers(context, packed)?);
+            let buffers = environment_buffers(context, packed)?;
+            before = self.environment.replace(buffers);
         }
         let copied =
-            self.copy_to_texels(context, |name| (name == "environment_map").then_some(WHOLE))?;
+            self.copy_to_texels(context, |name| (name == "environment_map").then_some(WHOLE));
+        if copied.is_err() && before.is_some() {
+            self.environment = before;
+        }
+        let copied = copied?;
         self.packed_lights.set_environment(packed);
         Ok(!fits || copied)
     }
