@@ -36,7 +36,7 @@ const TRACES: [(&str, &[&str], &[&str]); 7] = [
     ("alpha", &["alpha_coverage", "alpha_lets_through"], &[]),
     (
         "environment",
-        &["environment_radiance", "sample_disk"],
+        &["environment_radiance", "emit_from_afar"],
         &["environment_map", "environment_cdf"],
     ),
     ("emitters", &["emitter_cross", "sample_triangle"], &[]),
