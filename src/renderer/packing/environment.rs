@@ -8,6 +8,9 @@ use crate::scene::Environment;
 /// Rows, and half the columns, below which cells are parted to integrate over them: in smaller ones cosines hardly change.
 const FINE_ROWS: usize = 256;
 
+/// Shares of a texel before, of a cell's own and of the one after in the bilinear map's mean over the cell, along one edge.
+const MEAN_SHARES: [f64; 3] = [0.125, 0.75, 0.125];
+
 /// An environment as `shaders/shared/environment.wesl` reads it.
 #[derive(Clone, Debug, Default)]
 pub struct PackedEnvironment {
@@ -17,7 +20,7 @@ pub struct PackedEnvironment {
     /// Cumulative probability of the rows (`height` values), then of each row's columns (`width` values per row).
     pub cdf: Vec<f32>,
     /// Irradiances of both sides of planes across x, y and z together, W m^-2: integrals over the sphere of the radiance times
-    /// the direction's component.
+    /// the magnitude of the direction's component.
     pub through_planes: [[f64; 3]; 3],
 }
 
@@ -54,10 +57,10 @@ pub fn pack_environment(environment: &Environment) -> Option<PackedEnvironment> 
         }
         mean
     };
-    let cell_mean = |row, column| weighed(row, column, [0.125, 0.75, 0.125], [0.125, 0.75, 0.125]);
+    let cell_mean = |row, column| weighed(row, column, MEAN_SHARES, MEAN_SHARES);
     // Parts of a cell's edge, at whose middle the map is linear.
     let parts: Vec<[f64; 3]> = match FINE_ROWS / height.max(width / 2) {
-        0 | 1 => vec![[0.125, 0.75, 0.125]],
+        0 | 1 => vec![MEAN_SHARES],
         count => (0..count)
             .map(|part| {
                 let off = (part as f64 + 0.5) / count as f64 - 0.5;
