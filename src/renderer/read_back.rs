@@ -2,6 +2,8 @@
 
 use super::records::photon::{PhotonGrid, SortedPhoton};
 use super::records::reconstruction::{unpack_motion, unpack_variances};
+#[cfg(feature = "internals")]
+use super::records::stereo::SMALL_WINNER;
 use super::{Eye, RenderError, Renderer};
 use crate::frame::MapKind;
 use crate::frame::bind::{Place, Whose, label};
@@ -159,7 +161,8 @@ impl Renderer {
         self.read_pixels((Whose::Frame, "provenance"))
     }
 
-    /// Left pixel that each right pixel of the last sample was taken from (`u32::MAX`: none); `None` without scatter.
+    /// Left pixel that each right pixel of the last sample was taken from (`u32::MAX`: none, or on a triangle too small to take
+    /// one from); `None` without scatter.
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
@@ -169,7 +172,14 @@ impl Renderer {
             return Ok(None);
         }
         let complements = self.read_pixels::<u32>((Whose::Frame, "scatter_winners"))?;
-        Ok(complements.map(|values| values.iter().map(|value| !value).collect()))
+        let winner = |complement: u32| {
+            if complement & SMALL_WINNER == 0 {
+                u32::MAX
+            } else {
+                !complement
+            }
+        };
+        Ok(complements.map(|values| values.into_iter().map(winner).collect()))
     }
 
     /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`

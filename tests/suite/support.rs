@@ -247,7 +247,7 @@ impl Triangles {
         all
     }
 
-    /// Distance, unit normal and material of the first hit beyond `nearest`. Möller and Trumbore 1997.
+    /// Distance, normal (as long as twice the triangle's area) and material of the first hit beyond `nearest`.
     pub fn closest(
         &self,
         origin: DVec3,
@@ -262,7 +262,7 @@ impl Triangles {
             if t <= nearest || best.is_some_and(|(other, ..)| other <= t) {
                 continue;
             }
-            best = Some((t, (*b - *a).cross(*c - *a).normalize(), material));
+            best = Some((t, (*b - *a).cross(*c - *a), material));
         }
         best
     }

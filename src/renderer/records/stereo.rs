@@ -33,6 +33,10 @@ impl Provenance {
     }
 }
 
+/// With the left pixel that won a right one: its triangle is too small there to be met by another ray. `shaders/shared/stereo.wesl`.
+#[cfg(feature = "internals")]
+pub const SMALL_WINNER: u32 = 1 << 31;
+
 shared_record! {
     /// Sums over the samples of a frame.
     #[derive(Default, Eq)]

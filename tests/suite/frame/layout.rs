@@ -257,6 +257,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
                 ("PROVENANCE_VIEW_DEPENDENT", Is::ViewDependent as u32),
                 ("PROVENANCE_GAP", Is::Gap as u32),
                 ("PROVENANCE_RESAMPLED", Is::Resampled as u32),
+                ("SMALL_WINNER", stereo::SMALL_WINNER),
             ],
         ),
         (

@@ -261,7 +261,7 @@ fn seen(
     if material.name == "red" || material.emission[0] > 0.0 {
         return None;
     }
-    let normal = normal * -normal.dot(ray.direction).signum();
+    let normal = normal.normalize() * -normal.dot(ray.direction).signum();
     let point = ray.origin + ray.direction * t;
     Some((point, normal, f64::from(material.base_color[0])))
 }

@@ -198,7 +198,7 @@ fn brute_force(
         return None;
     }
     let material = &scene.materials[material as usize];
-    let normal = normal * -normal.dot(ray.direction).signum();
+    let normal = normal.normalize() * -normal.dot(ray.direction).signum();
     let point = ray.origin + ray.direction * t - renderer.origin_in_world();
     let radius = renderer.radius_m();
     let paths = renderer.photon_map()?.counters().paths_kept;
