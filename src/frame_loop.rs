@@ -4,30 +4,32 @@
 //! runtime. [`run`] is that of the program and of applications, with files and a mirror; who wants the renderer to
 //! himself runs a [`FrameLoop`].
 
-use std::collections::{BTreeMap, VecDeque};
+mod images;
+mod stats;
+
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use serde::Serialize;
-
 use crate::app::{AppError, Application, FrameInput, Held};
-use crate::frame::work::{Dispatched, WorkCounts};
 use crate::gpu::timing::milliseconds_since;
-use crate::gpu::{GpuContext, HostSpan, PassTimes, ShaderLibrary};
-use crate::images::{Image, ImageError, ImageRgb};
+use crate::gpu::{GpuContext, HostSpan, ShaderLibrary};
+use crate::images::ImageError;
 use crate::mirror::Mirror;
-use crate::output::{FrameFacts, FrameImages, OutputError, OutputFolder};
+use crate::output::{FrameFacts, OutputError, OutputFolder};
 use crate::printable::line;
 use crate::renderer::frames_in_flight::MOST;
-use crate::renderer::{
-    CpuTimes, Eye, Flight, FrameResult, Inspected, Inspection, PhotonStats, RenderError, Renderer,
-    StereoStats,
-};
+use crate::renderer::{Flight, FrameResult, RenderError, Renderer};
 use crate::scene::Scene;
 use crate::settings::{Aov, Eyes, Quality, RenderSettings};
 use crate::xr::{
     FrameState, FrameSubmission, LocatedViews, QualityFrom, RenderTargets, XrError, XrSession,
 };
+
+use images::read_aovs;
+pub use images::{inspection, read_images};
+pub use stats::{CpuMs, FrameStats, GpuSums};
+use stats::{counts_by_pass, pass_ms};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -64,106 +66,6 @@ impl From<ImageError> for LoopError {
     fn from(error: ImageError) -> Self {
         Self::Output(error.into())
     }
-}
-
-/// One line of `stats.jsonl`.
-#[derive(Debug, Clone, Serialize)]
-pub struct FrameStats {
-    /// Frame number from 0.
-    pub frame: u32,
-    /// Predicted display time, nanoseconds.
-    pub display_time_ns: i64,
-    /// Device milliseconds by pass; `left.` and `right.` passes belong to that eye, `photons.` to
-    /// both, `reconstruction.` to the eye named next.
-    pub pass_ms: BTreeMap<String, f64>,
-    /// Device milliseconds of the photon map, the left eye, the right eye, reconstruction, and all together.
-    pub gpu_ms: GpuSums,
-    /// Host milliseconds by stage.
-    pub cpu_ms: CpuMs,
-    /// The photon map.
-    pub photons: PhotonStats,
-    /// Stereo reuse.
-    pub stereo: StereoStats,
-    /// Pixels of this frame's images that were not finite and were written as 0; must be 0.
-    pub non_finite_pixels: usize,
-    /// Whether the tracker had no usable pose, so that the last good one was shown again.
-    pub pose_repeated: bool,
-    /// How old the pose was by which the eyes were rendered: host milliseconds from asking the session for it to having
-    /// handed the eyes' passes to the device.
-    pub pose_age_ms: f64,
-    /// What each pass did, with `output.work`.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub work: BTreeMap<String, WorkCounts>,
-    /// Waits for the device while the frame was rendered and handed over, besides those for a frame's end: 0 but where
-    /// photons are all traced anew and steer the same frame. Reading images that were asked for is none of them.
-    pub host_waits: u64,
-}
-
-/// Counts by pass, those of several dispatches added.
-fn counts_by_pass(work: &[Dispatched]) -> BTreeMap<String, WorkCounts> {
-    let mut passes: BTreeMap<String, WorkCounts> = BTreeMap::new();
-    for dispatched in work {
-        *passes.entry(dispatched.label.clone()).or_default() += dispatched.counts;
-    }
-    passes
-}
-
-/// Device milliseconds by part of the frame.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct GpuSums {
-    /// Photon tracing and sorting.
-    pub photons: f64,
-    /// Left eye.
-    pub left: f64,
-    /// Right eye.
-    pub right: f64,
-    /// Reconstruction of both eyes.
-    pub reconstruction: f64,
-    /// All passes.
-    pub total: f64,
-}
-
-impl GpuSums {
-    fn of(times: &PassTimes) -> Self {
-        let sum = |prefix: &str| {
-            times
-                .passes
-                .iter()
-                .filter(|(name, _)| name.starts_with(prefix))
-                .map(|(_, (ms, _))| ms)
-                // Not `sum`: the sum of no floats is -0.
-                .fold(0.0, |total, ms| total + ms)
-        };
-        Self {
-            photons: sum("photons."),
-            left: sum("left."),
-            right: sum("right."),
-            reconstruction: sum("reconstruction."),
-            total: times.total_ms(),
-        }
-    }
-}
-
-/// Host milliseconds by stage.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct CpuMs {
-    /// Stages of the renderer.
-    #[serde(flatten)]
-    pub renderer: CpuTimes,
-    /// Waiting until the session wants the next frame.
-    pub wait: f64,
-    /// The session's other calls: begin frame, locate views, acquire targets, end frame.
-    pub session: f64,
-    /// Recording the copies to a runtime's images; 0 without a runtime.
-    pub submit: f64,
-    /// Drawing and presenting the desktop mirror; 0 without one.
-    pub mirror: f64,
-    /// Reading images back and writing files.
-    pub write: f64,
-    /// The rest of the frame.
-    pub overhead: f64,
-    /// The whole frame, waiting for the session included.
-    pub frame: f64,
 }
 
 /// Options of a loop.
@@ -326,7 +228,7 @@ impl Rendered {
         FrameStats {
             frame,
             display_time_ns,
-            pass_ms: pass_ms(&result),
+            pass_ms: pass_ms(&result.times),
             gpu_ms: GpuSums::of(&result.times),
             work: counts_by_pass(&result.work),
             cpu_ms,
@@ -771,95 +673,4 @@ fn run_frames(
         }
         index += 1;
     }
-}
-
-/// The view that a layer is.
-pub fn inspection(aov: Aov) -> Inspection {
-    match aov {
-        Aov::Depth => Inspection::Depth,
-        Aov::Normal => Inspection::Normal,
-        Aov::Albedo => Inspection::Albedo,
-        Aov::Motion => Inspection::Motion,
-        Aov::Instance => Inspection::Instance,
-    }
-}
-
-/// What each pixel of the eyes in `images` sees through its centre.
-fn read_aovs(
-    renderer: &mut Renderer,
-    library: &ShaderLibrary,
-    aovs: &[Aov],
-    images: &FrameImages,
-) -> Result<Vec<Inspected>, LoopError> {
-    let mut layers = Vec::new();
-    for (eye, _) in &images.radiance {
-        for aov in aovs {
-            layers.push(renderer.inspect(library, inspection(*aov), *eye)?);
-        }
-    }
-    Ok(layers)
-}
-
-fn pass_ms(result: &FrameResult) -> BTreeMap<String, f64> {
-    result
-        .times
-        .passes
-        .iter()
-        .map(|(name, (ms, _))| (name.clone(), *ms))
-        .collect()
-}
-
-/// Reads the frame's images; values that are not finite become 0 and are counted.
-///
-/// # Errors
-/// [`LoopError::Render`].
-pub fn read_images(
-    renderer: &Renderer,
-    non_finite_pixels: &mut usize,
-) -> Result<FrameImages, LoopError> {
-    let size = renderer.size();
-    let mut image = |mut pixels: Vec<[f32; 3]>| -> Result<ImageRgb, LoopError> {
-        for pixel in &mut pixels {
-            if !pixel.iter().all(|channel| channel.is_finite()) {
-                *pixel = [0.0; 3];
-                *non_finite_pixels += 1;
-            }
-        }
-        Ok(Image::new(size[0], size[1], pixels)?)
-    };
-    let mut radiance = Vec::new();
-    for eye in [Eye::Left, Eye::Right] {
-        if let Some(pixels) = renderer.read_radiance(eye)? {
-            radiance.push((eye, image(pixels)?));
-        }
-    }
-    let mut parts = Vec::new();
-    for eye in [Eye::Left, Eye::Right] {
-        if let Some(read) = renderer.read_parts(eye)? {
-            for (part, pixels) in [
-                ("direct", read.direct),
-                ("indirect", read.indirect),
-                ("albedo", read.albedo),
-            ] {
-                parts.push((eye, part, image(pixels)?));
-            }
-        }
-    }
-    if *non_finite_pixels > 0 {
-        log::error!(
-            "{non_finite_pixels} pixels were not finite and are written as 0; please report the scene"
-        );
-    }
-    let has_right = radiance.iter().any(|(eye, _)| *eye == Eye::Right);
-    let provenance = if has_right {
-        renderer.read_provenance()?
-    } else {
-        None
-    };
-    Ok(FrameImages {
-        radiance,
-        provenance,
-        parts,
-        aovs: Vec::new(),
-    })
 }

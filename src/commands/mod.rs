@@ -6,9 +6,11 @@ mod compare;
 mod info;
 mod merge;
 mod new;
+mod progress;
 mod report;
 mod run;
 mod settings;
+mod source;
 #[cfg(feature = "viewer")]
 mod view;
 

@@ -1,20 +1,19 @@
 //! `run` and `render`: both are the frame loop, `render` over one frame of a still headset.
 
-use std::io::IsTerminal as _;
 use std::ops::Range;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
+use super::progress::Bar;
+use super::source::{Source, desktop_source, source};
 use super::{Failure, load_scene, report};
 use crate::app::{App, Application, SceneAlone};
 use crate::frame::user_passes::shader_library;
-use crate::frame_loop::{self, FrameStats, LoopOptions, LoopProgress, Outcome, inspection};
+use crate::frame_loop::{self, LoopOptions, Outcome, inspection};
 use crate::gpu::GpuContext;
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
-use crate::options::{RenderOptions, RunOptions, SessionChoice, TraceOptions};
+use crate::options::{RenderOptions, RunOptions, SessionChoice};
 use crate::output::{OutputFolder, Style};
 use crate::printable::did_you_mean;
 use crate::renderer::Renderer;
@@ -26,25 +25,8 @@ use crate::settings::{
 };
 use crate::xr::validation::MAX_FOV_ANGLE_DEG;
 use crate::xr::{
-    Actions, Fov, HandScript, Headset, Motion, Pacing, Pose, Recorder, ReplayOptions,
-    ReplaySession, SimulatedSession, Validated, XrSession,
+    Actions, Fov, HandScript, Headset, Motion, Pose, Recorder, SimulatedSession, XrSession,
 };
-
-/// Frames of a simulated run without `--frames`.
-const SIMULATED_FRAMES: u64 = 100;
-
-/// A session, and the device if the session dictates it.
-struct Source {
-    session: Box<dyn XrSession>,
-    context: Option<GpuContext>,
-    /// Where the views come from, for people.
-    name: String,
-    /// Said on stderr when the run begins.
-    announcement: Option<String>,
-    /// The wearer's room was asked for, and the headset does not show it.
-    lacks_room: bool,
-    size: [u32; 2],
-}
 
 /// The stereo frame loop, with an application on it.
 pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
@@ -236,196 +218,6 @@ fn hand_script(settings: &Settings, scene: &Scene, start: &Pose) -> Result<HandS
     HandScript::load(path, start, &place_of).map_err(Failure::unusable)
 }
 
-/// Opens the session that the options ask for.
-fn source(
-    options: &RunOptions,
-    headset: &Headset,
-    start: Pose,
-    hands: HandScript,
-    actions: &Actions,
-) -> Result<Source, Failure> {
-    let unavailable = match options.session.choice {
-        SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start, actions)
-        {
-            Ok(mut source) => {
-                if options.session.choice == SessionChoice::Auto {
-                    source.announcement = Some(format!("session: {}", source.name));
-                }
-                return Ok(source);
-            }
-            Err(failure) if options.session.choice == SessionChoice::Openxr => return Err(failure),
-            Err(failure) => Some(failure.message),
-        },
-        SessionChoice::Simulated | SessionChoice::Replay | SessionChoice::Desktop => None,
-    };
-    let (session, name) = session(options, headset, start, hands, actions)?;
-    let size = options
-        .settings
-        .size
-        .or(session.info().recommended_size)
-        .unwrap_or(headset.size);
-    Ok(Source {
-        session,
-        context: None,
-        announcement: unavailable.map(|reason| format!("session: {name}; {reason}")),
-        lacks_room: false,
-        name,
-        size,
-    })
-}
-
-/// The desktop, with the window that it is seen in.
-#[cfg(feature = "viewer")]
-fn desktop_source(
-    options: &RunOptions,
-    headset: &Headset,
-    start: Pose,
-    scene: &Scene,
-    actions: &Actions,
-    window: &mut MirrorWindow,
-) -> Result<Source, Failure> {
-    let size = options.settings.size;
-    let size = size.unwrap_or_else(|| window.eye_size(headset.size));
-    let scene_size_m = scene
-        .bounds_in_world()
-        .map_or(0.0, |bounds| bounds.size().max_element());
-    let frames = options.session.frames.map(u64::from);
-    let session = crate::desktop::DesktopSession::new(
-        headset.clone(),
-        start,
-        scene_size_m,
-        size,
-        actions.clone(),
-        frames,
-    );
-    window.tell(session.desk());
-    Ok(Source {
-        name: session.info().source.clone(),
-        session: Box::new(session),
-        context: None,
-        announcement: None,
-        lacks_room: false,
-        size,
-    })
-}
-
-#[cfg(not(feature = "viewer"))]
-fn desktop_source(
-    _: &RunOptions,
-    _: &Headset,
-    _: Pose,
-    _: &Scene,
-    _: &Actions,
-    _: &mut MirrorWindow,
-) -> Result<Source, Failure> {
-    Err(Failure::unusable(
-        "--session desktop: this build has no desktop; build with `--features viewer`",
-    ))
-}
-
-#[cfg(not(target_vendor = "apple"))]
-fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result<Source, Failure> {
-    use crate::xr::openxr::{OpenXrSession, Runtime, SessionOptions};
-
-    let settings = &options.settings;
-    let runtime = Runtime::find()?;
-    let size = runtime.size(settings.size)?;
-    let wanted = Some(settings.adapter.as_str()).filter(|name| !name.is_empty());
-    let context = runtime.open_device(wanted)?;
-    let wants_room = settings.render.surroundings.passthrough;
-    let session = OpenXrSession::create(
-        runtime,
-        &context,
-        SessionOptions {
-            size,
-            start,
-            frame_limit: options.session.frames.map(u64::from),
-            settings: settings.openxr.clone(),
-            passthrough: wants_room,
-            actions: actions.clone(),
-        },
-    )?;
-    if let Some((format, with_depth)) = session.image_format() {
-        log::info!(
-            "OpenXR images: {format:?}, {}",
-            if with_depth { "with depth" } else { "no depth" }
-        );
-    }
-    let name = session.info().source.clone();
-    Ok(Source {
-        lacks_room: wants_room && !session.shows_room(),
-        session: Box::new(Validated::new(session)),
-        context: Some(context),
-        name,
-        announcement: None,
-        size,
-    })
-}
-
-#[cfg(target_vendor = "apple")]
-fn openxr_source(_: &RunOptions, _: Pose, _: &Actions) -> Result<Source, Failure> {
-    Err(Failure::failed(
-        "no OpenXR runtime for Metal exists; use --session simulated",
-    ))
-}
-
-fn session(
-    options: &RunOptions,
-    headset: &Headset,
-    start: Pose,
-    hands: HandScript,
-    actions: &Actions,
-) -> Result<(Box<dyn XrSession>, String), Failure> {
-    let pacing = if options.session.realtime {
-        Pacing::RealTime
-    } else {
-        Pacing::AsFastAsPossible
-    };
-    match (options.session.choice, &options.session.recording.trace) {
-        (SessionChoice::Replay, Some(path)) => {
-            let mut replay = replay_options(&options.session.recording, headset.clone(), start);
-            replay.start_is_given = options.session.pose.is_some();
-            replay.frame_limit = options.session.frames.map(u64::from);
-            replay.pacing = pacing;
-            let session = ReplaySession::open(path, replay)?;
-            let source = session.info().source.clone();
-            Ok((Box::new(Validated::new(session)), source))
-        }
-        (SessionChoice::Replay, None) => Err(Failure::unusable(
-            "--session replay needs a recording: give one with --trace FILE",
-        )),
-        // The desktop has a source of its own.
-        (
-            SessionChoice::Auto
-            | SessionChoice::Openxr
-            | SessionChoice::Simulated
-            | SessionChoice::Desktop,
-            _,
-        ) => {
-            let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
-            let settings = &options.settings;
-            let motion = settings.simulated.motion;
-            let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
-                .with_seed(u64::from(settings.render.seed))
-                .with_hands(hands)
-                .with_actions(actions.clone())
-                .with_pacing(pacing);
-            let source = session.info().source.clone();
-            Ok((Box::new(session), source))
-        }
-    }
-}
-
-/// How a recording is read.
-pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
-    ReplayOptions {
-        up: trace.trace_up,
-        body: trace.trace_body,
-        recenter: trace.trace_recenter,
-        ..ReplayOptions::new(headset, start)
-    }
-}
-
 fn render_session(
     source: Source,
     loaded: Loaded,
@@ -608,104 +400,6 @@ fn warn_of_much_output(
     }
 }
 
-/// Time between two lines of progress where there is no terminal.
-const BETWEEN_LINES: Duration = Duration::from_secs(10);
-
-/// Progress on stderr: a bar on a terminal, else a line now and then.
-struct Bar {
-    bar: ProgressBar,
-    samples: u32,
-    frames: Option<u32>,
-    began: Instant,
-    /// When the last line was printed; `None` on a terminal.
-    last_line: Option<Instant>,
-}
-
-impl Bar {
-    fn new(samples: u32, frames: Option<u32>) -> Self {
-        let bar = match frames {
-            Some(frames) => ProgressBar::new(u64::from(frames) * u64::from(samples)),
-            None => ProgressBar::no_length(),
-        };
-        if let Ok(style) =
-            ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos}/{len} {eta} {msg}")
-        {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(250));
-        let began = Instant::now();
-        Self {
-            bar,
-            samples,
-            frames,
-            began,
-            last_line: (!std::io::stderr().is_terminal()).then_some(began),
-        }
-    }
-
-    fn say(&self, message: &'static str) {
-        self.bar.set_message(message);
-    }
-
-    fn print(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
-    }
-
-    fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
-
-    /// Prints a line if the last one is long ago: `done` samples of frame `frame` are finished.
-    fn line(&mut self, frame: u32, done: u32) {
-        let is_due = |last: Instant| last.elapsed() >= BETWEEN_LINES;
-        if !self.last_line.is_some_and(is_due) {
-            return;
-        }
-        self.last_line = Some(Instant::now());
-        let elapsed_s = self.began.elapsed().as_secs_f64();
-        let line = progress_line([frame, done], [self.frames, Some(self.samples)], elapsed_s);
-        eprintln!("{line}");
-    }
-}
-
-/// Where a run stands: frame and finished samples of it, and how many there are of each.
-fn progress_line(
-    [frame, done]: [u32; 2],
-    [frames, samples]: [Option<u32>; 2],
-    elapsed_s: f64,
-) -> String {
-    let samples = samples.unwrap_or(1);
-    let finished = f64::from(frame) + f64::from(done) / f64::from(samples);
-    let of_frames = frames.map_or(String::new(), |frames| format!(" of {frames}"));
-    let of_samples = match samples {
-        1 => String::new(),
-        samples => format!(", sample {done} of {samples}"),
-    };
-    let left = frames
-        .filter(|_| finished > 0.0)
-        .map_or(String::new(), |frames| {
-            let left_s = elapsed_s * (f64::from(frames) / finished - 1.0).max(0.0);
-            format!(", about {left_s:.0} s left")
-        });
-    let number = u64::from(frame) + 1;
-    format!("frame {number}{of_frames}{of_samples}: {elapsed_s:.0} s so far{left}")
-}
-
-impl LoopProgress for Bar {
-    fn sample(&mut self, frame: u32, done: u32) {
-        self.bar
-            .set_position(u64::from(frame) * u64::from(self.samples) + u64::from(done));
-        self.line(frame, done);
-    }
-
-    fn frame(&mut self, stats: &FrameStats) {
-        self.bar.set_message(format!(
-            "frame {}: {:.1} ms, reuse {:.2}",
-            stats.frame, stats.gpu_ms.total, stats.stereo.reuse_fraction
-        ));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -728,19 +422,5 @@ mod tests {
             decide_output(&mut settings, in_headset);
             assert_eq!(settings, given);
         }
-    }
-
-    #[test]
-    fn progress_says_what_is_done_and_what_is_left() {
-        let line = progress_line([4, 1], [Some(20), Some(1)], 10.0);
-        // 5 of 20 frames in 10 s.
-        assert_eq!(line, "frame 5 of 20: 10 s so far, about 30 s left");
-        let line = progress_line([0, 16], [Some(1), Some(64)], 10.0);
-        assert_eq!(
-            line,
-            "frame 1 of 1, sample 16 of 64: 10 s so far, about 30 s left"
-        );
-        let line = progress_line([9, 1], [None, Some(1)], 12.4);
-        assert_eq!(line, "frame 10: 12 s so far");
     }
 }

@@ -1,7 +1,7 @@
 //! `view`: the desktop viewer.
 
 use super::Failure;
-use super::run::replay_options;
+use super::source::replay_options;
 use crate::frame::user_passes::shader_library;
 use crate::interrupt;
 use crate::options::ViewOptions;

@@ -9,6 +9,7 @@ pub mod driver_limits;
 mod editing;
 pub mod features;
 mod frame_spec;
+mod frame_uniform;
 pub mod frames_in_flight;
 mod inspect;
 pub mod inspection;
@@ -34,7 +35,7 @@ pub mod submit;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use thiserror::Error;
 
 use crate::bvh::BvhError;
@@ -49,14 +50,11 @@ use crate::gpu::{
     Submission, uniform_buffer,
 };
 use crate::renderer::packing::{PackError, check_user_bsdfs};
-use crate::renderer::records::frame::{
-    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
-    FRAME_RUSSIAN_ROULETTE, Frame,
-};
+use crate::renderer::records::frame::Frame;
 use crate::scene::{Needs, Player, Scene};
 use crate::settings::{
-    DirectLight, Eyes as EyeChoice, Kept, Kernel as DensityKernel, Loads, Method, PhotonEstimate,
-    Quality, RenderSettings, Reuse, Search, Timestamps,
+    Eyes as EyeChoice, Kept, Loads, PhotonEstimate, Quality, RenderSettings, Reuse, Search,
+    Timestamps,
 };
 use crate::xr::{SessionInfo, View};
 
@@ -75,8 +73,8 @@ pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};
 use rebuild::MadeWith;
 pub use rebuild::Rebuild;
+use reconstruction::Changes;
 pub use reconstruction::Reconstruction;
-use reconstruction::{Changes, pack_offset, pixel_offset};
 pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
     CpuTimes, FilledBecause, FrameResult, MapStats, PhotonStats, Provenance, StereoStats,
@@ -92,8 +90,6 @@ use frame_spec::{adapter_limits, frame_features, photon_maps};
 const MOST_FRAMES_AT_REST: u32 = 65_536;
 /// Stride of photon keys between frames; progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
-/// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
-const FOLLOW_MAX_ALPHA: f32 = 0.05;
 
 /// Errors of the renderer.
 #[derive(Debug, Error)]
@@ -750,86 +746,6 @@ impl Renderer {
         self.bind()
     }
 
-    /// What the passes of the next samples know. Its eyes look through the pixels' centres.
-    fn frame_uniform(
-        &self,
-        views: &[View; 2],
-        frame_index: u32,
-        first_sample: u32,
-        photons: Option<(DVec3, u32)>,
-    ) -> Frame {
-        let origin = self.origin_in_world;
-        let settings = &self.settings;
-        let mut views = *views;
-        if self.eye_choice == EyeChoice::Right {
-            views[0] = views[1];
-        }
-        let mut flags = 0;
-        if settings.path.russian_roulette {
-            flags |= FRAME_RUSSIAN_ROULETTE;
-        }
-        if settings.photon.direct == DirectLight::Map {
-            flags |= FRAME_DIRECT_FROM_MAP;
-        }
-        flags |= match settings.photon.kernel {
-            DensityKernel::Constant => 0,
-            DensityKernel::Epanechnikov => FRAME_KERNEL_EPANECHNIKOV,
-            DensityKernel::Cone => FRAME_KERNEL_CONE,
-        };
-        let radius_now_m = |first_radius_m| {
-            let alpha = settings.photon.progressive_alpha;
-            progressive_radius_m(first_radius_m, alpha, self.progressive_pass) as f32
-        };
-        let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
-        Frame {
-            left: eye_uniform(&views[0], origin),
-            right: eye_uniform(&views[1], origin),
-            left_from_right: (views[0].position_in_world - views[1].position_in_world)
-                .as_vec3()
-                .to_array(),
-            flags,
-            photon_offset: (photon_origin - origin).as_vec3().to_array(),
-            photon_radius: radius_now_m(self.radius_m),
-            width: self.image.size[0],
-            height: self.image.size[1],
-            seed: settings.seed,
-            frame_index,
-            first_sample,
-            sample_count: settings.spp,
-            max_depth: match settings.method {
-                Method::Path => settings.path.max_depth,
-                Method::Photon => settings.photon.max_depth,
-            },
-            caustic_radius: radius_now_m(self.caustic_radius_m),
-            photon_frame_index,
-            normal_min_cos: settings.photon.normal_min_cos as f32,
-            reuse_max_view_dependence: settings.stereo.max_view_dependence as f32,
-            follow_max_alpha: FOLLOW_MAX_ALPHA,
-            reuse_max_lobe_shift: settings.stereo.max_lobe_shift as f32,
-            nearest_photons: settings.photon.nearest,
-            light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
-            pixel_offset: 0,
-        }
-    }
-
-    /// Hands `frame` to the device. Where frames are put together over time, its eyes are shifted by the frame's offset
-    /// within the pixel: whatever goes through a pixel's centre then goes through that place, and is projected back to it.
-    fn write_frame_uniform(&self, frame: &Frame) {
-        let offset = match self.reconstruction {
-            Some(_) if self.settings.spp == 1 => pixel_offset(frame.frame_index),
-            _ => [0.0; 2],
-        };
-        let shifted = Frame {
-            left: shifted_eye(&frame.left, offset, self.image.size),
-            right: shifted_eye(&frame.right, offset, self.image.size),
-            pixel_offset: pack_offset(offset),
-            ..*frame
-        };
-        self.context
-            .queue
-            .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&shifted));
-    }
-
     /// As [`Renderer::reconstruction`], to drop history.
     #[cfg(feature = "internals")]
     pub fn reconstruction_mut(&mut self) -> Option<&mut Reconstruction> {
@@ -840,35 +756,5 @@ impl Renderer {
     #[cfg(feature = "internals")]
     pub fn reconstruction(&self) -> Option<&Reconstruction> {
         self.reconstruction.as_ref()
-    }
-}
-
-/// The eye whose pixel centres lie where `eye` has the places `offset` pixels from them.
-fn shifted_eye(eye: &EyeUniform, offset: [f32; 2], size: [u32; 2]) -> EyeUniform {
-    let across = (eye.tan_right - eye.tan_left) * (offset[0] / size[0] as f32);
-    let down = (eye.tan_down - eye.tan_up) * (offset[1] / size[1] as f32);
-    EyeUniform {
-        tan_left: eye.tan_left + across,
-        tan_right: eye.tan_right + across,
-        tan_up: eye.tan_up + down,
-        tan_down: eye.tan_down + down,
-        ..*eye
-    }
-}
-
-fn eye_uniform(view: &View, origin_in_world: DVec3) -> EyeUniform {
-    let tangents = view.fov.tangents();
-    let orientation: DQuat = view.orientation;
-    EyeUniform {
-        position: (view.position_in_world - origin_in_world)
-            .as_vec3()
-            .to_array(),
-        tan_left: tangents.left as f32,
-        axis_x: (orientation * DVec3::X).as_vec3().to_array(),
-        tan_right: tangents.right as f32,
-        axis_y: (orientation * DVec3::Y).as_vec3().to_array(),
-        tan_up: tangents.up as f32,
-        axis_z: (orientation * DVec3::Z).as_vec3().to_array(),
-        tan_down: tangents.down as f32,
     }
 }

@@ -1,0 +1,217 @@
+//! Where a run's views come from.
+
+use super::Failure;
+use crate::gpu::GpuContext;
+use crate::mirror::MirrorWindow;
+use crate::options::{RunOptions, SessionChoice, TraceOptions};
+use crate::scene::Scene;
+use crate::xr::{
+    Actions, HandScript, Headset, Pacing, Pose, ReplayOptions, ReplaySession, SimulatedSession,
+    Validated, XrSession,
+};
+
+/// Frames of a simulated run without `--frames`.
+const SIMULATED_FRAMES: u64 = 100;
+
+/// A session, and the device if the session dictates it.
+pub(super) struct Source {
+    pub(super) session: Box<dyn XrSession>,
+    pub(super) context: Option<GpuContext>,
+    /// Where the views come from, for people.
+    pub(super) name: String,
+    /// Said on stderr when the run begins.
+    pub(super) announcement: Option<String>,
+    /// The wearer's room was asked for, and the headset does not show it.
+    pub(super) lacks_room: bool,
+    pub(super) size: [u32; 2],
+}
+
+/// Opens the session that the options ask for.
+pub(super) fn source(
+    options: &RunOptions,
+    headset: &Headset,
+    start: Pose,
+    hands: HandScript,
+    actions: &Actions,
+) -> Result<Source, Failure> {
+    let unavailable = match options.session.choice {
+        SessionChoice::Openxr | SessionChoice::Auto => match openxr_source(options, start, actions)
+        {
+            Ok(mut source) => {
+                if options.session.choice == SessionChoice::Auto {
+                    source.announcement = Some(format!("session: {}", source.name));
+                }
+                return Ok(source);
+            }
+            Err(failure) if options.session.choice == SessionChoice::Openxr => return Err(failure),
+            Err(failure) => Some(failure.message),
+        },
+        SessionChoice::Simulated | SessionChoice::Replay | SessionChoice::Desktop => None,
+    };
+    let (session, name) = session(options, headset, start, hands, actions)?;
+    let size = options
+        .settings
+        .size
+        .or(session.info().recommended_size)
+        .unwrap_or(headset.size);
+    Ok(Source {
+        session,
+        context: None,
+        announcement: unavailable.map(|reason| format!("session: {name}; {reason}")),
+        lacks_room: false,
+        name,
+        size,
+    })
+}
+
+/// The desktop, with the window that it is seen in.
+#[cfg(feature = "viewer")]
+pub(super) fn desktop_source(
+    options: &RunOptions,
+    headset: &Headset,
+    start: Pose,
+    scene: &Scene,
+    actions: &Actions,
+    window: &mut MirrorWindow,
+) -> Result<Source, Failure> {
+    let size = options.settings.size;
+    let size = size.unwrap_or_else(|| window.eye_size(headset.size));
+    let scene_size_m = scene
+        .bounds_in_world()
+        .map_or(0.0, |bounds| bounds.size().max_element());
+    let frames = options.session.frames.map(u64::from);
+    let session = crate::desktop::DesktopSession::new(
+        headset.clone(),
+        start,
+        scene_size_m,
+        size,
+        actions.clone(),
+        frames,
+    );
+    window.tell(session.desk());
+    Ok(Source {
+        name: session.info().source.clone(),
+        session: Box::new(session),
+        context: None,
+        announcement: None,
+        lacks_room: false,
+        size,
+    })
+}
+
+#[cfg(not(feature = "viewer"))]
+pub(super) fn desktop_source(
+    _: &RunOptions,
+    _: &Headset,
+    _: Pose,
+    _: &Scene,
+    _: &Actions,
+    _: &mut MirrorWindow,
+) -> Result<Source, Failure> {
+    Err(Failure::unusable(
+        "--session desktop: this build has no desktop; build with `--features viewer`",
+    ))
+}
+
+#[cfg(not(target_vendor = "apple"))]
+fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result<Source, Failure> {
+    use crate::xr::openxr::{OpenXrSession, Runtime, SessionOptions};
+
+    let settings = &options.settings;
+    let runtime = Runtime::find()?;
+    let size = runtime.size(settings.size)?;
+    let wanted = Some(settings.adapter.as_str()).filter(|name| !name.is_empty());
+    let context = runtime.open_device(wanted)?;
+    let wants_room = settings.render.surroundings.passthrough;
+    let session = OpenXrSession::create(
+        runtime,
+        &context,
+        SessionOptions {
+            size,
+            start,
+            frame_limit: options.session.frames.map(u64::from),
+            settings: settings.openxr.clone(),
+            passthrough: wants_room,
+            actions: actions.clone(),
+        },
+    )?;
+    if let Some((format, with_depth)) = session.image_format() {
+        log::info!(
+            "OpenXR images: {format:?}, {}",
+            if with_depth { "with depth" } else { "no depth" }
+        );
+    }
+    let name = session.info().source.clone();
+    Ok(Source {
+        lacks_room: wants_room && !session.shows_room(),
+        session: Box::new(Validated::new(session)),
+        context: Some(context),
+        name,
+        announcement: None,
+        size,
+    })
+}
+
+#[cfg(target_vendor = "apple")]
+fn openxr_source(_: &RunOptions, _: Pose, _: &Actions) -> Result<Source, Failure> {
+    Err(Failure::failed(
+        "no OpenXR runtime for Metal exists; use --session simulated",
+    ))
+}
+
+fn session(
+    options: &RunOptions,
+    headset: &Headset,
+    start: Pose,
+    hands: HandScript,
+    actions: &Actions,
+) -> Result<(Box<dyn XrSession>, String), Failure> {
+    let pacing = if options.session.realtime {
+        Pacing::RealTime
+    } else {
+        Pacing::AsFastAsPossible
+    };
+    match (options.session.choice, &options.session.recording.trace) {
+        (SessionChoice::Replay, Some(path)) => {
+            let mut replay = replay_options(&options.session.recording, headset.clone(), start);
+            replay.start_is_given = options.session.pose.is_some();
+            replay.frame_limit = options.session.frames.map(u64::from);
+            replay.pacing = pacing;
+            let session = ReplaySession::open(path, replay)?;
+            let source = session.info().source.clone();
+            Ok((Box::new(Validated::new(session)), source))
+        }
+        (SessionChoice::Replay, None) => Err(Failure::unusable(
+            "--session replay needs a recording: give one with --trace FILE",
+        )),
+        // The desktop has a source of its own.
+        (
+            SessionChoice::Auto
+            | SessionChoice::Openxr
+            | SessionChoice::Simulated
+            | SessionChoice::Desktop,
+            _,
+        ) => {
+            let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
+            let settings = &options.settings;
+            let motion = settings.simulated.motion;
+            let session = SimulatedSession::new(headset.clone(), motion, start, Some(frames))
+                .with_seed(u64::from(settings.render.seed))
+                .with_hands(hands)
+                .with_actions(actions.clone())
+                .with_pacing(pacing);
+            let source = session.info().source.clone();
+            Ok((Box::new(session), source))
+        }
+    }
+}
+
+/// How a recording is read.
+pub(super) fn replay_options(trace: &TraceOptions, headset: Headset, start: Pose) -> ReplayOptions {
+    ReplayOptions {
+        up: trace.trace_up,
+        body: trace.trace_body,
+        recenter: trace.trace_recenter,
+        ..ReplayOptions::new(headset, start)
+    }
+}
