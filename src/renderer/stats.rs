@@ -62,7 +62,7 @@ pub struct FilledBecause {
 pub struct StereoStats {
     /// Left samples that hit a surface.
     pub left_hits: u32,
-    /// Those that the right eye sees; with lookup, all of them.
+    /// Those that the right eye sees, or, on triangles of less than 16 of its pixels, looks towards; with lookup, all of them.
     pub scattered: u32,
     /// Right pixels that took one over.
     pub reused: u32,

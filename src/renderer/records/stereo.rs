@@ -43,7 +43,7 @@ shared_record! {
     pub struct StereoCounters {
         /// Left samples that hit a surface.
         pub left_hits: u32,
-        /// Those that the right eye sees; with lookup, all of them.
+        /// Those that the right eye sees, or, on triangles of less than 16 of its pixels, looks towards; with lookup, all of them.
         pub scattered: u32,
         /// Right pixels that took one over.
         pub reused: u32,
