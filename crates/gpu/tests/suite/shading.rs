@@ -10,7 +10,7 @@ use crate::adapter::context;
 use crate::trace_probe::ask;
 
 /// `MOST_CORRECTION` of `shaders/shared/surface.wesl`.
-const MOST: f64 = 32.0;
+const MOST: f64 = 8.0;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
