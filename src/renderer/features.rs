@@ -42,6 +42,9 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         Force::Off => features.without(uses),
     };
     features.mips = features.textures && chooses_mips(settings);
+    features.images = needs.mirrors
+        && (features.glossy || features.dielectric)
+        && settings.reconstruct.follows_motion();
     // Passes after the fused one shade the surface that it gathered at, which without mirrors and glass is the first.
     features.keeps_ends = settings.photon.schedule == Schedule::Fused
         && (features.glossy || features.dielectric)

@@ -206,7 +206,11 @@ impl Reconstruction {
                 1.0
             },
             light_history: self.light_history(settings, changes),
-            padding: 0,
+            origin_moved: (origin_in_world - before.origin_in_world)
+                .as_vec3()
+                .to_array(),
+            padding_1: 0,
+            padding_2: 0,
         };
         context
             .queue
@@ -215,5 +219,7 @@ impl Reconstruction {
     }
 }
 
+#[cfg(test)]
+mod image_tests;
 #[cfg(test)]
 mod tests;

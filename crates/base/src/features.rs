@@ -98,6 +98,7 @@ features! {
         svgf: "the filter's guides beside the light",
         anti_aliased: "temporal anti-aliasing",
         still_mean: "the mean of still frames",
+        images: "what shows in mirrors and clear glass, compared where it appears",
         keeps_ends: "path ends of the fused pass, for later passes",
         passthrough: "surroundings that let the room through",
         keeps_lights: "light samples of the frame before",

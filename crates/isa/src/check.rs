@@ -56,6 +56,12 @@ const EXCEPTIONS: &[Exception] = &[
         kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
+        card: Family::Rdna3,
+        limit: Limit::Spills,
+        reason: "one register, of which Mesa 22 gives 132 of 256",
+        kernels: &[["helmet", "motion"]],
+    },
+    Exception {
         card: Family::Rdna2,
         limit: Limit::Waves,
         reason: WHOLE_PATHS,
@@ -87,6 +93,7 @@ const WIDE_KERNELS: &[[&str; 2]] = &[
     ["gallery", "followed_light"],
     ["helmet", "eye_hits"],
     ["helmet", "direct_light"],
+    ["helmet", "motion"],
 ];
 
 /// Least waves: eight hide memory; path tracing holds a path's state beside the ray's, which costs two. RDNA 2 has two thirds

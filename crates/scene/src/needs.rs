@@ -123,6 +123,9 @@ pub struct Needs {
     /// What caustics are made of: a light, a diffuse surface, a focusing one.
     #[serde(skip)]
     pub(crate) caustic_parts: [bool; 3],
+    /// Any surface smooth enough to show an image, or glass.
+    #[serde(skip)]
+    pub mirrors: bool,
 }
 
 impl Needs {
@@ -227,6 +230,7 @@ impl Needs {
             in_use().any(|material| material.user_bsdf != 0 || material.has_base_layer());
         needs.caustic_parts = [is_lit, has_diffuse, in_use().any(focuses)];
         needs.caustics = needs.caustic_parts == [true; 3];
+        needs.mirrors = in_use().any(mirrors);
         needs.left_out = scene.source.left_out.clone();
         needs.note_unneeded();
         needs
@@ -320,6 +324,7 @@ impl Needs {
             *there |= more;
         }
         both.caustics = both.caustic_parts == [true; 3];
+        both.mirrors |= part.mirrors;
         both
     }
 
@@ -353,13 +358,16 @@ impl Needs {
 
 /// Whether the surface gathers light into a caustic: smooth metal or what reflects like it, or glass.
 fn focuses(material: &Material) -> bool {
-    if material.user_bsdf != 0 {
-        return false;
-    }
+    let is_metal_like = material.metallic > 0.0 || material.has_metal_like_layer();
+    mirrors(material) && (is_metal_like || material.is_dielectric())
+}
+
+/// Whether the surface may show what it reflects or lets through: glass, or any layer that is smooth somewhere.
+fn mirrors(material: &Material) -> bool {
     let is_smooth =
         material.roughness < CAUSTIC_ROUGHNESS || material.metallic_roughness_texture.is_some();
-    let is_metal_like = material.metallic > 0.0 || material.has_metal_like_layer();
-    material.is_dielectric() || (is_metal_like && is_smooth)
+    let reflects = !material.is_lambert() && is_smooth;
+    material.user_bsdf == 0 && (material.is_dielectric() || reflects)
 }
 
 /// Whether any ray can pass: something must bring alpha below the cutoff, or below 1 for blending.

@@ -47,7 +47,11 @@ shared_record! {
         /// Frames before, at most, whose light samples are taken.
         pub light_history: f32,
         /// Unused.
-        pub padding: u32,
+        pub padding_1: u32,
+        /// From the render space of the frame before to this one's, world axes, m.
+        pub origin_moved: [f32; 3],
+        /// Unused.
+        pub padding_2: u32,
     }
 }
 
