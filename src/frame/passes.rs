@@ -182,7 +182,7 @@ passes! {
     background: Pixels scene,
         "Finishes the pixels that see no surface, with their motion since the previous frame, and lists the tiles of the others.";
     motion: SeenTiles scene,
-        "Writes the G-buffer of the pixels' centres and its motion since the previous frame.";
+        "Writes what the pixels' centres see, a surface or what shows in it, and its motion since the previous frame.";
     svgf_temporal: SeenTiles,
         "SVGF: accumulates light over frames by reprojection.";
     svgf_variance: SeenTiles,

@@ -220,6 +220,6 @@ impl Reconstruction {
 }
 
 #[cfg(test)]
-mod image_tests;
+mod seen_tests;
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,5 @@
-//! Images in mirrors and glass (`shaders/shared/image.wesl`), against geometrical optics in f64.
+//! What filters take for one surface from frame to frame: images in mirrors and glass (`shaders/shared/image.wesl`), against
+//! geometrical optics in f64, and what is thinner than a pixel.
 
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -285,4 +286,50 @@ fn filters_leave_what_a_mirror_shows_dark_beside_what_it_shows_lit() {
     let (dark, lit) = (mean(0..SIZE / 2 - 1), mean(SIZE / 2 + 1..SIZE));
     assert!(lit > 0.0);
     assert_eq!(dark, 0.0, "beside {lit}");
+}
+
+#[test]
+fn bars_thinner_than_a_pixel_keep_their_share_as_the_head_moves() {
+    const COVERED_PX: f64 = 0.3;
+    const FRAMES: u32 = 64;
+    const FIRST: u32 = 16;
+    let bright = Material {
+        emission: [1.0; 3],
+        ..Material::lambert("bright", [0.0; 3])
+    };
+    // Width of a pixel where the bar is, 2 m from the eye.
+    let pixel_m = 2.0 * 2.0 * 20_f64.to_radians().tan() / f64::from(SIZE);
+    let mut bar = square(-1.0, 1.0, 30.0, 1);
+    for position in &mut bar.positions {
+        position[0] = position[0].signum() * (0.5 * COVERED_PX * pixel_m) as f32;
+    }
+    let scene = scene(bright, [square(-SHOWN_M, 1.0, 30.0, 0), bar]);
+    let mut renderer = renderer(&scene);
+    // What the bar takes of a row, in pixels: what is shown, and the frame's own samples.
+    let mut covered = [Vec::new(), Vec::new()];
+    for frame in 0..FRAMES {
+        // A tenth of a pixel per frame.
+        let steps = f64::from(frame) - 0.5 * f64::from(FRAMES);
+        let now = view(DVec3::X * (0.1 * pixel_m * steps), DQuat::IDENTITY);
+        renderer.render_frame(&[now; 2], frame, |_| {}).unwrap();
+        let shown = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        let samples = renderer.read_samples(Eye::Left).unwrap().unwrap();
+        let row = (SIZE / 2 * SIZE) as usize..((SIZE / 2 + 1) * SIZE) as usize;
+        for (covered, image) in covered.iter_mut().zip([shown, samples]) {
+            let dark = image[row.clone()].iter().map(|p| 1.0 - f64::from(p[1]));
+            covered.push(dark.sum::<f64>());
+        }
+    }
+    let [shown, samples] = covered.map(|covered| {
+        let covered = &covered[FIRST as usize..];
+        let mean = covered.iter().sum::<f64>() / covered.len() as f64;
+        let squares: f64 = covered.iter().map(|c| (c - mean).powi(2)).sum();
+        (mean, (squares / covered.len() as f64).sqrt())
+    });
+    // The bar shines by 0.01 or so, and an offset sequence of 48 frames meets it 0.3 times each to within a few of them.
+    assert!((shown.0 - COVERED_PX).abs() < 0.1, "{} pixels", shown.0);
+    // Samples meet it or not, which spreads by sqrt(0.3 * 0.7) = 0.46 and would so be seen where each began anew. A mean with a
+    // least share of 0.2 spreads by sqrt(0.2 / 1.8) = 0.33 of that, if samples are independent.
+    assert!(samples.1 > 0.4, "samples spread by {}", samples.1);
+    assert!(shown.1 < 0.5 * samples.1, "{} of {}", shown.1, samples.1);
 }
