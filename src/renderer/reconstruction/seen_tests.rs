@@ -61,7 +61,7 @@ fn square(z_m: f64, facing: f64, half_m: f64, material: u32) -> Mesh {
     mesh(&corners, vec![[0, 1, 2], [0, 2, 3]], material)
 }
 
-/// The cap of a ball of `radius_m` whose top is the origin and looks along z.
+/// The cap of a ball of `radius_m` whose top is the origin and looks along z; with a negative radius a bowl.
 fn cap(radius_m: f64, material: u32) -> Mesh {
     const SIDE: u32 = 24;
     let point = |index: u32| {
@@ -153,7 +153,7 @@ fn sample_at(pixel: usize, record: &[u32; 4]) -> [f64; 2] {
     ]
 }
 
-/// Distance to what pixel `pixel` of the left eye sees.
+/// Distance to what a record's pixel sees.
 fn seen_m(record: &[u32; 4]) -> f64 {
     f64::from(f32::from_bits(record[0]))
 }
@@ -210,7 +210,7 @@ fn a_plane_mirror_shows_what_lies_as_far_behind_it_and_moves_as_that_does() {
     assert!(furthest > 1.0, "images move by {furthest} pixels less");
 }
 
-/// Distance to what the four pixels in the middle see on the axis, and its size over the surface's own.
+/// Distance to what the pixel in the middle sees.
 fn middle_m(first: Material, first_mesh: Mesh, shown_z_m: f64) -> f64 {
     let shown = square(shown_z_m, if shown_z_m > 0.0 { -1.0 } else { 1.0 }, 30.0, 1);
     let mut renderer = renderer(&scene(first, [first_mesh, shown]));
@@ -228,8 +228,8 @@ const OFF_AXIS: f64 = 5e-3;
 
 #[test]
 fn round_mirrors_show_images_where_the_mirror_equation_says() {
-    // Convex and concave; in the latter the eye is within the focus.
-    for radius_m in [2.0, 20.0] {
+    // Convex, and concave with the eye and what is shown within the focus.
+    for radius_m in [2.0, 20.0, -10.0] {
         let found_m = middle_m(mirror(), cap(radius_m, 0), SHOWN_M);
         let expected_m = EYE_M + 1.0 / (1.0 / SHOWN_M + 2.0 / radius_m);
         assert!(
