@@ -3,7 +3,7 @@
 //! A buffer is allocated if a pass of the plan binds it, at full size if one writes it; what is only declared gets
 //! [`TOKEN_BYTES`]. A buffer has a texture copy if a shader declares a texture under its name.
 
-use super::photon_layout::MapLayout;
+use super::photon_layout::{GUIDE_BYTES, GUIDE_CELLS, MapLayout};
 use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
 use crate::renderer::records::stereo::StereoCounters;
 
@@ -29,6 +29,8 @@ pub enum Moment {
     HalfRate,
     /// Before a photon map is traced.
     Map,
+    /// Before it is learnt where to emit photons.
+    Guide,
     /// Before a batch of photon paths is traced.
     Batch,
     /// Before a digit of the radix sort is counted.
@@ -277,6 +279,12 @@ pub const BUFFERS: &[BufferRow] = &[
     batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
     scratch("path_starts", |map| map.path_count_bytes()),
     scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
+    // Where to emit: pilot paths, what each is worth, then sums over the cells: `shaders/shared/photon_guide.wesl`.
+    scratch("pilot_photons", |map| map.pilot_bytes()),
+    scratch("pilot_counts", |_| u64::from(GUIDE_CELLS) * 4),
+    scratch("pilot_worths", |_| u64::from(GUIDE_CELLS) * 4),
+    map("photon_guide", |_| GUIDE_BYTES).cleared(&[Moment::Guide]),
+    scratch("guide_sums", |_| MapLayout::sum_bytes(GUIDE_BYTES)),
     // The list, the grid over it and the sort by cell.
     scratch("photons", |map| map.photon_bytes()),
     map("photon_counters", |_| size_of::<PhotonCounters>() as u64).cleared(&[Moment::Map]),

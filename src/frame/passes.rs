@@ -91,6 +91,10 @@ passes! {
         "Emits and traces photon paths; each path stores its photons in its own slots.";
     caustic_trace: Paths scene,
         "Emits the photon paths of the caustic map and traces them over narrow lobes.";
+    guide_look: Paths scene,
+        "Finds what the pilot paths are worth, by what of their photons the head sees.";
+    guide_setup: Once scene,
+        "Weighs the cells of emission by what the pilot paths left.";
     photon_edges: Paths scene,
         "Divides photons' flux by the share of their gather disc that surfaces cover.";
     scan_blocks: ScanBlocks,

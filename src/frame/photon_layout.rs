@@ -18,6 +18,12 @@ pub const SCAN_LIMIT: u64 = 2048 * 2048;
 pub const SCAN_BLOCK: u64 = 2048;
 /// Photons of a block of the radix sort, and threads of a workgroup that sorts one; `shared/photon.wesl` holds the same number.
 pub const RADIX_BLOCK: u32 = 256;
+/// Cells of the guide of emission, each tried by one path; `shared/guide_cells.wesl` holds the same number.
+pub const GUIDE_CELLS: u32 = 1 << 15;
+/// Bytes of the guide's sums: one more is that of all.
+pub const GUIDE_BYTES: u64 = (GUIDE_CELLS as u64 + 1) * 4;
+/// Paths per pilot path from which on the latter pay.
+const PATHS_PER_PILOT: u32 = 4;
 /// Digits of the sort by cell. Odd: the sort ends in the buffer that it did not begin in.
 const RADIX_DIGITS: u32 = 3;
 /// Bits of a digit of the sorts along the axes of the kd-tree.
@@ -82,6 +88,8 @@ pub struct MapConfig {
     pub loads: Loads,
     /// Whether gathers read a texture copy: the feature `record_texels`.
     pub texels: bool,
+    /// Whether a first few paths guide the others: the feature `guided_photons`.
+    pub guided: bool,
     /// Whether a workgroup or a single thread sorts a block of photons: the feature `wide_machine`.
     pub wide_machine: bool,
 }
@@ -230,6 +238,13 @@ impl MapLayout {
         self.shares_in_use.min(self.batch_count()).max(1)
     }
 
+    /// Paths that are traced to learn where to emit the others.
+    #[must_use]
+    pub fn pilot_paths(&self) -> u32 {
+        let pays = self.config.guided && self.config.paths / PATHS_PER_PILOT >= GUIDE_CELLS;
+        if pays { GUIDE_CELLS } else { 0 }
+    }
+
     /// Threads that trace `paths` paths.
     #[must_use]
     pub fn tracing_threads(&self, paths: u32) -> u32 {
@@ -272,6 +287,12 @@ impl MapLayout {
     #[must_use]
     pub fn slot_bytes(&self) -> u64 {
         u64::from(self.batch_paths) * u64::from(self.slots_per_path) * PHOTON_BYTES
+    }
+
+    /// Bytes of the slots of the pilot paths.
+    #[must_use]
+    pub fn pilot_bytes(&self) -> u64 {
+        u64::from(GUIDE_CELLS) * u64::from(self.slots_per_path) * PHOTON_BYTES
     }
 
     /// Bytes of the counts of a batch's paths, and their sum.

@@ -13,7 +13,10 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
     // Photon mapping's direct light always uses both.
     let is_path = settings.method == Method::Path;
     let is_alone = |one: Technique| is_path && technique == one;
+    let of_scene = needs.shader_features();
     let needed = ShaderFeatures {
+        // Most photons from afar pass by what is seen.
+        guided_photons: of_scene.environment || of_scene.directionals,
         sobol: settings.path.sampler == Sampler::Sobol,
         light_only: is_alone(Technique::Light),
         bsdf_only: is_alone(Technique::Bsdf),
@@ -26,7 +29,7 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),
-        ..needs.shader_features()
+        ..of_scene
     };
     let force = &settings.force;
     let mut features = needed.zip(forces(force), |needed, force| force.apply(needed));
@@ -63,6 +66,7 @@ fn forces(force: &ForceSettings) -> PerFeature<Force> {
         vertex_colors: force.vertex_colors,
         environment: force.environment,
         caustics: force.caustics,
+        guided_photons: force.guided_photons,
         record_texels: force.record_texels,
         wide_machine: force.wide_machine,
         ..WORDS.zip(WORDS, |_, _| Force::Auto)

@@ -144,6 +144,7 @@ fn map_configs(
         capacity: photon.capacity,
         cells: photon.grid_cells_max,
         texels: features.record_texels,
+        guided: features.guided_photons,
         wide_machine: features.wide_machine,
         search,
         loads,

@@ -11,6 +11,8 @@ pub mod features;
 mod frame_spec;
 mod frame_uniform;
 pub mod frames_in_flight;
+#[cfg(test)]
+mod guide_tests;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;

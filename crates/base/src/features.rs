@@ -89,6 +89,7 @@ features! {
         deformation: "deforming meshes",
     }
     Settings {
+        guided_photons: "photons where a first few were of use",
         mips: "levels of textures",
         user_bsdf: "a user BSDF",
         sobol: "Sobol points instead of random numbers",

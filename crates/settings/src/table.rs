@@ -533,6 +533,8 @@ forced_features! {
     environment;
     /// a photon map of its own for caustics
     caustics;
+    /// photons are emitted more where a first few were of use; auto: where light comes from afar
+    guided_photons;
     /// texture copies of the scene's buffers, which software adapters read faster; auto: on those
     record_texels;
     /// one path per thread, sorts and scans by whole workgroups, as graphics cards want it; auto: on those

@@ -2,13 +2,15 @@
 
 use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
-use crate::frame::photon_layout::{MapKind, MapLayout, SCAN_BLOCK};
+use crate::frame::photon_layout::{GUIDE_BYTES, MapKind, MapLayout, SCAN_BLOCK};
 use crate::frame::step::{Only, Size, Step, Steps};
 use crate::renderer::records::photon::PhotonGrid;
 use crate::settings::{PhotonEstimate, PhotonSettings};
 
 /// Passes that trace photon paths; the rest of the stage builds the search structure.
-pub const PATH_PASSES: [&Pass; 4] = [
+pub const PATH_PASSES: [&Pass; 6] = [
+    &passes::guide_look,
+    &passes::guide_setup,
     &passes::photon_trace,
     &passes::photon_edges,
     &passes::photon_append,
@@ -26,6 +28,9 @@ pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {
     let corrects_edges = settings.edge_correction && by_radius;
     let mut steps = Steps::of_map(map.config.kind);
     steps.clear(Moment::Map);
+    if map.config.guided {
+        guide(&mut steps, map);
+    }
     for (batch, (first, count)) in (0..).zip(map.batches()) {
         photon_batch(&mut steps, map, corrects_edges, batch, [first, count]);
     }
@@ -43,6 +48,43 @@ pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {
     steps.done()
 }
 
+fn trace_pass(map: &MapLayout) -> &'static Pass {
+    match map.config.kind {
+        MapKind::Photons => &passes::photon_trace,
+        MapKind::Caustics => &passes::caustic_trace,
+    }
+}
+
+/// Number of the first pilot path, beyond those of all others; `shared/photon_guide.wesl` holds the same number.
+const FIRST_PILOT: u32 = 1 << 30;
+
+/// Pilot paths, whose photons are counted and forgotten, one in each cell of emission; then sums over the cells' weights. What
+/// they say holds for all shares of the paths.
+fn guide(steps: &mut Steps, map: &MapLayout) {
+    let due = Only::BatchDue(0);
+    steps.clear(Moment::Guide).only(due);
+    let paths = map.pilot_paths();
+    if paths == 0 {
+        return;
+    }
+    let threads = map.tracing_threads(paths);
+    for (pass, size) in [
+        (trace_pass(map), Size::Threads(threads)),
+        (&passes::guide_look, Size::Threads(paths)),
+    ] {
+        steps
+            .run(pass, size)
+            .words(FIRST_PILOT, paths, map.slots_per_path)
+            .names(&[
+                ("path_photons", "pilot_photons"),
+                ("path_counts", "pilot_counts"),
+            ])
+            .only(due);
+    }
+    steps.run(&passes::guide_setup, Size::Once).only(due);
+    scan(steps, "photon_guide", "guide_sums", GUIDE_BYTES, due);
+}
+
 /// Paths store photons in their own slots; a prefix sum over their counts gives each path's place in the list.
 fn photon_batch(
     steps: &mut Steps,
@@ -53,10 +95,7 @@ fn photon_batch(
 ) {
     steps.owner.batch = if map.keeps_batches() { batch } else { 0 };
     let slots = map.slots_per_path;
-    let trace = match map.config.kind {
-        MapKind::Photons => &passes::photon_trace,
-        MapKind::Caustics => &passes::caustic_trace,
-    };
+    let trace = trace_pass(map);
     let due = Only::BatchDue(batch);
     steps.clear(Moment::Batch).only(due);
     steps
@@ -77,7 +116,8 @@ fn photon_batch(
     } else {
         "path_counts"
     };
-    scan(steps, starts, "path_sums", map.path_count_bytes());
+    let bytes = map.path_count_bytes();
+    scan(steps, starts, "path_sums", bytes, Only::Always);
     for (pass, size) in [
         (&passes::photon_append, Size::Threads(count)),
         (&passes::photon_count, Size::Once),
@@ -88,7 +128,7 @@ fn photon_batch(
 }
 
 /// Prefix sum over a buffer of `bytes` bytes.
-fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64) {
+fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64, only: Only) {
     let count = MapLayout::scan_values(bytes);
     let blocks = count.div_ceil(SCAN_BLOCK as u32);
     // A scan's first pass has one workgroup per block.
@@ -97,6 +137,7 @@ fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64)
         values,
         sums,
         [Size::Groups(blocks), Size::Threads(count)],
+        only,
     );
 }
 
@@ -106,12 +147,13 @@ fn scan_over(
     values: &'static str,
     sums: &'static str,
     [blocks, all]: [Size; 2],
+    only: Only,
 ) {
     let sizes = [blocks, Size::Once, all];
     let scan = [&passes::scan_blocks, &passes::scan_sums, &passes::scan_add];
     for (pass, size) in scan.into_iter().zip(sizes) {
         let names = [("scan_values", values), ("scan_sums", sums)];
-        steps.run(pass, size).names(&names);
+        steps.run(pass, size).names(&names).only(only);
     }
 }
 
@@ -132,7 +174,7 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
         photon_grid(std::mem::offset_of!(PhotonGrid, block_groups)),
         photon_grid(std::mem::offset_of!(PhotonGrid, value_groups)),
     ];
-    scan_over(steps, "cell_starts", "cell_sums", in_use);
+    scan_over(steps, "cell_starts", "cell_sums", in_use, Only::Always);
     radix_sort(steps, map);
     steps
         .run(&passes::photon_reorder, PHOTONS)
@@ -168,7 +210,7 @@ fn radix_sort(steps: &mut Steps, map: &MapLayout) {
             steps.clear(Moment::Digit);
         }
         over_blocks(steps, &passes::radix_count);
-        scan_over(steps, "radix_table", "radix_sums", in_use);
+        scan_over(steps, "radix_table", "radix_sums", in_use, Only::Always);
         over_blocks(steps, &passes::radix_scatter);
     }
 }
@@ -201,7 +243,8 @@ fn kd_tree(steps: &mut Steps, map: &MapLayout) {
         };
         over(steps, &passes::kd_axis, Size::Threads(1 << level));
         over(steps, &passes::kd_flag, groups(0));
-        scan_over(steps, "kd_marks", "kd_mark_sums", [groups(1), groups(2)]);
+        let sizes = [groups(1), groups(2)];
+        scan_over(steps, "kd_marks", "kd_mark_sums", sizes, Only::Always);
         over(steps, &passes::kd_move, groups(0));
     }
     let last = orders[map.parted_levels() as usize % 2];

@@ -1,0 +1,206 @@
+//! Guided emission of photons (`shaders/shared/photon_guide.wesl`): as bright as without a guide, more photons through a window,
+//! and no guide where there is nothing to be guided to.
+
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux_report::statistics;
+
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::renderer::{Eye, Renderer};
+use crate::scene::{
+    Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
+};
+use crate::settings::{Eyes, Force, RenderSettings, Reuse, Settings};
+use crate::xr::{Fov, View};
+
+const SIZE: u32 = 8;
+/// Four for each pilot: the least that is guided.
+const PHOTONS: u32 = 1 << 17;
+/// Half the room's width.
+const HALF_M: f64 = 2.0;
+
+/// Adds the rectangle from `corner` along `across` and `up`, whose product is its normal.
+fn add_wall(mesh: &mut Mesh, corner: DVec3, across: DVec3, up: DVec3) {
+    let first = mesh.positions.len() as u32;
+    let normal = across.cross(up).normalize();
+    for point in [corner, corner + across, corner + across + up, corner + up] {
+        mesh.positions.push(point.as_vec3().to_array());
+        mesh.normals.push(normal.as_vec3().to_array());
+        let tangent = across.normalize().extend(1.0);
+        mesh.tangents.push(tangent.as_vec4().to_array());
+        mesh.uv0.push([0.0; 2]);
+        mesh.uv1.push([0.0; 2]);
+        mesh.colors.push([1.0; 4]);
+    }
+    for corners in [[0, 1, 2], [0, 2, 3]] {
+        mesh.triangles.push(MeshTriangle {
+            vertices: corners.map(|corner| first + corner),
+            material: 0,
+        });
+    }
+}
+
+/// A cube around the origin. `window_m`: width of a square window in its wall towards +X; 0 has none.
+fn room(window_m: f64) -> Mesh {
+    let mut mesh = Mesh::default();
+    let (h, all) = (HALF_M, 2.0 * HALF_M);
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
+    let low = DVec3::splat(-h);
+    add_wall(&mut mesh, low, y * all, z * all);
+    add_wall(&mut mesh, low, z * all, x * all);
+    add_wall(&mut mesh, low + y * all, x * all, z * all);
+    add_wall(&mut mesh, low, x * all, y * all);
+    add_wall(&mut mesh, low + z * all, y * all, x * all);
+    // Beside the window, below and above it.
+    let (at, side) = (low + x * all, h - 0.5 * window_m);
+    for near in [0.0, side + window_m] {
+        add_wall(&mut mesh, at + z * near, z * side, y * all);
+        let sill = at + z * side + y * near;
+        add_wall(&mut mesh, sill, z * window_m, y * side);
+    }
+    mesh
+}
+
+/// A room under an even sky, or in the sunlight that falls through its window.
+fn scene(mesh: Mesh, is_sunlit: bool) -> Scene {
+    let mut scene = Scene {
+        materials: vec![Material::lambert("wall", [0.7; 3])],
+        meshes: vec![mesh],
+        nodes: vec![Node {
+            mesh: Some(0),
+            ..Node::default()
+        }],
+        roots: vec![0],
+        ..Scene::default()
+    };
+    if !is_sunlit {
+        scene.environment = Some(Environment {
+            width: 8,
+            height: 4,
+            radiance: vec![[1.0; 3]; 32],
+            name: "even".to_owned(),
+        });
+        return scene;
+    }
+    scene.lights.push(PunctualLight {
+        name: "sun".to_owned(),
+        kind: LightKind::Directional,
+        intensity: [3.0; 3],
+    });
+    // Lights shine along -Z: from +X and above.
+    let towards = DVec3::new(-0.8, -0.5, 0.2).normalize();
+    let turned = DQuat::from_rotation_arc(DVec3::NEG_Z, towards);
+    scene.roots.push(1);
+    scene.nodes.push(Node {
+        parent_from_node: DAffine3::from_quat(turned),
+        light: Some(0),
+        ..Node::default()
+    });
+    scene
+}
+
+fn context() -> GpuContext {
+    GpuContext::open(Some(&Settings::default().adapter)).unwrap()
+}
+
+/// Mean of a frame's picture, and photons in the map.
+fn frame(
+    context: &GpuContext,
+    library: &ShaderLibrary,
+    scene: &Scene,
+    guided: Force,
+    seed: u32,
+) -> (f64, u32) {
+    let mut settings = RenderSettings {
+        reuse: Reuse::Off,
+        seed,
+        ..RenderSettings::default()
+    };
+    settings.photon.count = PHOTONS;
+    settings.force.guided_photons = guided;
+    let size = [SIZE; 2];
+    let mut renderer =
+        Renderer::new(context.clone(), library, scene, &settings, Eyes::Left, size).unwrap();
+    let view = View {
+        position_in_world: DVec3::new(0.2, 0.1, 0.3),
+        orientation: DQuat::IDENTITY,
+        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
+    };
+    let result = renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+    let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+    let sum: f64 = picture.iter().map(|pixel| f64::from(pixel[1])).sum();
+    (sum / picture.len() as f64, result.photons.map.stored)
+}
+
+/// The library with `text` in a module replaced, once.
+fn replaced(library: &ShaderLibrary, module: &str, text: &str, by: &str) -> ShaderLibrary {
+    let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+    assert_eq!(source.matches(text).count(), 1, "{module}");
+    let mut replaced = library.clone();
+    replaced.insert(module, source.replace(text, by));
+    replaced
+}
+
+/// Mean difference between guided and other pictures, in standard errors; `library` guides.
+fn deviation(context: &GpuContext, library: &ShaderLibrary, scene: &Scene, seeds: u32) -> f64 {
+    let plain = ShaderLibrary::embedded();
+    let differences: Vec<f64> = (0..seeds)
+        .map(|seed| {
+            let guided = frame(context, library, scene, Force::On, seed).0;
+            guided - frame(context, &plain, scene, Force::Off, seed + seeds).0
+        })
+        .collect();
+    let estimate = statistics::mean(&differences).unwrap();
+    estimate.value / estimate.standard_error.unwrap()
+}
+
+#[test]
+fn guided_photons_are_as_bright_and_more_of_them_come_through_a_window() {
+    const SEEDS: u32 = 12;
+    let (context, library) = (context(), ShaderLibrary::embedded());
+    for is_sunlit in [false, true] {
+        let scene = scene(room(0.8), is_sunlit);
+        let [guided, plain] =
+            [Force::Auto, Force::Off].map(|guided| frame(&context, &library, &scene, guided, 1).1);
+        assert!(
+            guided > 4 * plain,
+            "{guided} photons, {plain} without a guide"
+        );
+        // Four standard errors: 1 in 16,000 by chance.
+        let off = deviation(&context, &library, &scene, SEEDS);
+        assert!(
+            off.abs() < 4.0,
+            "sunlit: {is_sunlit}: {off} standard errors"
+        );
+        // Comparator that must fail: photons that are not weighed.
+        let weighed = "emitted.flux *= density / (";
+        let alike = "emitted.flux *= 1.0 + 0.0 / (";
+        let wrong = replaced(&library, "shared/photon_guide", weighed, alike);
+        let off = deviation(&context, &wrong, &scene, SEEDS);
+        assert!(off > 8.0, "sunlit: {is_sunlit}: {off} standard errors");
+    }
+}
+
+#[test]
+fn where_photons_are_of_use_by_chance_there_is_no_guide() {
+    let (context, library) = (context(), ShaderLibrary::embedded());
+    let mut corner = Mesh::default();
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 2.0 * HALF_M);
+    add_wall(&mut corner, DVec3::splat(-HALF_M), z, x);
+    add_wall(&mut corner, DVec3::splat(-HALF_M), x, y);
+    let scene = scene(corner, false);
+    let stored = |library, guided| f64::from(frame(&context, library, &scene, guided, 1).1);
+    let plain = stored(&library, Force::Off);
+    // A path's photons are a few: counts have a standard error of 2 sqrt(n) at most, their difference 1.4 times that.
+    let bound = 4.0 * 2.8 * plain.sqrt();
+    let off = (stored(&library, Force::On) - plain).abs();
+    assert!(off < bound, "{off} of {plain}");
+    // Comparator that must fail: a guide in any case.
+    let wrong = replaced(
+        &library,
+        "passes/guide_setup",
+        "MOST_VARIANCE: f32 = 0.5",
+        "MOST_VARIANCE: f32 = 1.0e9",
+    );
+    let off = (stored(&wrong, Force::On) - plain).abs();
+    assert!(off > bound, "{off} of {plain}");
+}
