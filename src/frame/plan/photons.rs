@@ -58,7 +58,7 @@ fn trace_pass(map: &MapLayout) -> &'static Pass {
 /// Number of the first pilot path, beyond those of all others; `shared/photon_guide.wesl` holds the same number.
 const FIRST_PILOT: u32 = 1 << 30;
 
-/// Pilot paths, whose photons are counted and forgotten, one in each cell of emission; then sums over the cells' weights. What
+/// Pilot paths, whose photons are looked at and forgotten, one in each cell of emission; then sums over the cells' weights. What
 /// they say holds for all shares of the paths.
 fn guide(steps: &mut Steps, map: &MapLayout) {
     let due = Only::BatchDue(0);
