@@ -5,10 +5,9 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux_report::statistics;
 
 use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::renderer::test_meshes::mesh;
 use crate::renderer::{Eye, Renderer};
-use crate::scene::{
-    Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
-};
+use crate::scene::{Environment, LightKind, Material, Mesh, Node, PunctualLight, Scene};
 use crate::settings::{Eyes, Force, RenderSettings, Reuse, Settings};
 use crate::xr::{Fov, View};
 
@@ -18,46 +17,37 @@ const PHOTONS: u32 = 1 << 17;
 /// Half the room's width.
 const HALF_M: f64 = 2.0;
 
-/// Adds the rectangle from `corner` along `across` and `up`, whose product is its normal.
-fn add_wall(mesh: &mut Mesh, corner: DVec3, across: DVec3, up: DVec3) {
-    let first = mesh.positions.len() as u32;
-    let normal = across.cross(up).normalize();
-    for point in [corner, corner + across, corner + across + up, corner + up] {
-        mesh.positions.push(point.as_vec3().to_array());
-        mesh.normals.push(normal.as_vec3().to_array());
-        let tangent = across.normalize().extend(1.0);
-        mesh.tangents.push(tangent.as_vec4().to_array());
-        mesh.uv0.push([0.0; 2]);
-        mesh.uv1.push([0.0; 2]);
-        mesh.colors.push([1.0; 4]);
-    }
-    for corners in [[0, 1, 2], [0, 2, 3]] {
-        mesh.triangles.push(MeshTriangle {
-            vertices: corners.map(|corner| first + corner),
-            material: 0,
-        });
-    }
+/// Points with their normals and triangles of rectangles, each from a corner along two sides whose product is the normal.
+fn walls(rectangles: &[[DVec3; 3]]) -> Mesh {
+    let corners = |&[corner, across, up]: &[DVec3; 3]| {
+        let normal = across.cross(up).normalize();
+        [DVec3::ZERO, across, across + up, up].map(|side| (corner + side, normal))
+    };
+    let points: Vec<_> = rectangles.iter().flat_map(corners).collect();
+    let firsts = (0..points.len() as u32).step_by(4);
+    let triangles = firsts.flat_map(|a| [[a, a + 1, a + 2], [a, a + 2, a + 3]]);
+    mesh(&points, triangles.collect(), 0)
 }
 
-/// A cube around the origin. `window_m`: width of a square window in its wall towards +X; 0 has none.
-fn room(window_m: f64) -> Mesh {
-    let mut mesh = Mesh::default();
-    let (h, all) = (HALF_M, 2.0 * HALF_M);
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
-    let low = DVec3::splat(-h);
-    add_wall(&mut mesh, low, y * all, z * all);
-    add_wall(&mut mesh, low, z * all, x * all);
-    add_wall(&mut mesh, low + y * all, x * all, z * all);
-    add_wall(&mut mesh, low, x * all, y * all);
-    add_wall(&mut mesh, low + z * all, y * all, x * all);
-    // Beside the window, below and above it.
-    let (at, side) = (low + x * all, h - 0.5 * window_m);
-    for near in [0.0, side + window_m] {
-        add_wall(&mut mesh, at + z * near, z * side, y * all);
-        let sill = at + z * side + y * near;
-        add_wall(&mut mesh, sill, z * window_m, y * side);
-    }
-    mesh
+/// A cube around the origin, with a square window in its wall towards +X.
+fn room() -> Mesh {
+    const WINDOW_M: f64 = 0.8;
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 2.0 * HALF_M);
+    let low = DVec3::splat(-HALF_M);
+    let (far, side) = (low + x, 0.5 - 0.25 * WINDOW_M / HALF_M);
+    let rest = 1.0 - side;
+    walls(&[
+        [low, y, z],
+        [low, z, x],
+        [low + y, x, z],
+        [low, x, y],
+        [low + z, y, x],
+        // Beside the window, below and above it.
+        [far, z * side, y],
+        [far + z * rest, z * side, y],
+        [far + z * side, z * (rest - side), y * side],
+        [far + z * side + y * rest, z * (rest - side), y * side],
+    ])
 }
 
 /// A room under an even sky, or in the sunlight that falls through its window.
@@ -158,7 +148,7 @@ fn guided_photons_are_as_bright_and_more_of_them_come_through_a_window() {
     const SEEDS: u32 = 12;
     let (context, library) = (context(), ShaderLibrary::embedded());
     for is_sunlit in [false, true] {
-        let scene = scene(room(0.8), is_sunlit);
+        let scene = scene(room(), is_sunlit);
         let [guided, plain] =
             [Force::Auto, Force::Off].map(|guided| frame(&context, &library, &scene, guided, 1).1);
         assert!(
@@ -183,11 +173,9 @@ fn guided_photons_are_as_bright_and_more_of_them_come_through_a_window() {
 #[test]
 fn where_photons_are_of_use_by_chance_there_is_no_guide() {
     let (context, library) = (context(), ShaderLibrary::embedded());
-    let mut corner = Mesh::default();
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 2.0 * HALF_M);
-    add_wall(&mut corner, DVec3::splat(-HALF_M), z, x);
-    add_wall(&mut corner, DVec3::splat(-HALF_M), x, y);
-    let scene = scene(corner, false);
+    let low = DVec3::splat(-HALF_M);
+    let scene = scene(walls(&[[low, z, x], [low, x, y]]), false);
     let stored = |library, guided| f64::from(frame(&context, library, &scene, guided, 1).1);
     let plain = stored(&library, Force::Off);
     // A path's photons are a few: counts have a standard error of 2 sqrt(n) at most, their difference 1.4 times that.

@@ -33,6 +33,8 @@ mod session;
 pub mod stats;
 pub mod still;
 pub mod submit;
+#[cfg(test)]
+mod test_meshes;
 
 use std::collections::VecDeque;
 use std::time::Instant;
