@@ -20,6 +20,8 @@ pub const SCAN_BLOCK: u64 = 2048;
 pub const RADIX_BLOCK: u32 = 256;
 /// Cells of the guide of emission, each tried by one path; `shared/guide_cells.wesl` holds the same number.
 pub const GUIDE_CELLS: u32 = 1 << 15;
+/// Number of the first pilot path, beyond those of all others; `shared/photon_guide.wesl` holds the same number.
+pub const FIRST_PILOT: u32 = 1 << 30;
 /// Bytes of the guide's sums: one more is that of all.
 pub const GUIDE_BYTES: u64 = (GUIDE_CELLS as u64 + 1) * 4;
 /// Paths per pilot path from which on the latter pay.

@@ -315,6 +315,8 @@ impl Step {
 pub(super) struct Steps {
     prefix: String,
     pub(super) owner: Owner,
+    /// When the steps that follow run.
+    pub(super) only: Only,
     dispatch_eye: u32,
     /// Number of slices, or of a thread's list entries, given to passes without slices.
     of: u32,
@@ -331,6 +333,7 @@ impl Steps {
                 map: MapKind::Photons,
                 batch: 0,
             },
+            only: Only::Always,
             dispatch_eye: eye.index(),
             of: 0,
             steps: Vec::new(),
@@ -362,7 +365,7 @@ impl Steps {
         self.steps.push(Step {
             label,
             owner: self.owner,
-            only: Only::Always,
+            only: self.only,
             action,
         });
         let last = self.steps.len() - 1;

@@ -2,7 +2,7 @@
 
 use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
-use crate::frame::photon_layout::{GUIDE_BYTES, MapKind, MapLayout, SCAN_BLOCK};
+use crate::frame::photon_layout::{FIRST_PILOT, GUIDE_BYTES, MapKind, MapLayout, SCAN_BLOCK};
 use crate::frame::step::{Only, Size, Step, Steps};
 use crate::renderer::records::photon::PhotonGrid;
 use crate::settings::{PhotonEstimate, PhotonSettings};
@@ -55,34 +55,28 @@ fn trace_pass(map: &MapLayout) -> &'static Pass {
     }
 }
 
-/// Number of the first pilot path, beyond those of all others; `shared/photon_guide.wesl` holds the same number.
-const FIRST_PILOT: u32 = 1 << 30;
-
 /// Pilot paths, whose photons are looked at and forgotten, one in each cell of emission; then sums over the cells' weights. What
 /// they say holds for all shares of the paths.
 fn guide(steps: &mut Steps, map: &MapLayout) {
-    let due = Only::BatchDue(0);
-    steps.clear(Moment::Guide).only(due);
+    steps.only = Only::BatchDue(0);
+    steps.clear(Moment::Guide);
     let paths = map.pilot_paths();
-    if paths == 0 {
-        return;
-    }
-    let threads = map.tracing_threads(paths);
-    for (pass, size) in [
-        (trace_pass(map), Size::Threads(threads)),
-        (&passes::guide_look, Size::Threads(paths)),
-    ] {
-        steps
-            .run(pass, size)
-            .words(FIRST_PILOT, paths, map.slots_per_path)
-            .names(&[
+    if paths > 0 {
+        let threads = map.tracing_threads(paths);
+        for (pass, size) in [
+            (trace_pass(map), Size::Threads(threads)),
+            (&passes::guide_look, Size::Threads(paths)),
+        ] {
+            let step = steps.run(pass, size);
+            step.words(FIRST_PILOT, paths, map.slots_per_path).names(&[
                 ("path_photons", "pilot_photons"),
                 ("path_counts", "pilot_counts"),
-            ])
-            .only(due);
+            ]);
+        }
+        steps.run(&passes::guide_setup, Size::Once);
+        scan(steps, "photon_guide", "guide_sums", GUIDE_BYTES);
     }
-    steps.run(&passes::guide_setup, Size::Once).only(due);
-    scan(steps, "photon_guide", "guide_sums", GUIDE_BYTES, due);
+    steps.only = Only::Always;
 }
 
 /// Paths store photons in their own slots; a prefix sum over their counts gives each path's place in the list.
@@ -96,19 +90,18 @@ fn photon_batch(
     steps.owner.batch = if map.keeps_batches() { batch } else { 0 };
     let slots = map.slots_per_path;
     let trace = trace_pass(map);
-    let due = Only::BatchDue(batch);
-    steps.clear(Moment::Batch).only(due);
+    steps.only = Only::BatchDue(batch);
+    steps.clear(Moment::Batch);
     steps
         .run(trace, Size::Threads(map.tracing_threads(count)))
-        .words(first, count, slots)
-        .only(due);
+        .words(first, count, slots);
     if corrects_edges {
         let threads = map.tracing_threads(count).div_ceil(PATHS_PER_TRIED);
         steps
             .run(&passes::photon_edges, Size::Threads(threads))
-            .words(first, count, slots)
-            .only(due);
+            .words(first, count, slots);
     }
+    steps.only = Only::Always;
     // The scan is in place, and counts that are kept serve again.
     let starts = if map.keeps_batches() {
         steps.copy("path_counts", "path_starts");
@@ -116,8 +109,7 @@ fn photon_batch(
     } else {
         "path_counts"
     };
-    let bytes = map.path_count_bytes();
-    scan(steps, starts, "path_sums", bytes, Only::Always);
+    scan(steps, starts, "path_sums", map.path_count_bytes());
     for (pass, size) in [
         (&passes::photon_append, Size::Threads(count)),
         (&passes::photon_count, Size::Once),
@@ -128,7 +120,7 @@ fn photon_batch(
 }
 
 /// Prefix sum over a buffer of `bytes` bytes.
-fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64, only: Only) {
+fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64) {
     let count = MapLayout::scan_values(bytes);
     let blocks = count.div_ceil(SCAN_BLOCK as u32);
     // A scan's first pass has one workgroup per block.
@@ -137,7 +129,6 @@ fn scan(steps: &mut Steps, values: &'static str, sums: &'static str, bytes: u64,
         values,
         sums,
         [Size::Groups(blocks), Size::Threads(count)],
-        only,
     );
 }
 
@@ -147,13 +138,12 @@ fn scan_over(
     values: &'static str,
     sums: &'static str,
     [blocks, all]: [Size; 2],
-    only: Only,
 ) {
     let sizes = [blocks, Size::Once, all];
     let scan = [&passes::scan_blocks, &passes::scan_sums, &passes::scan_add];
     for (pass, size) in scan.into_iter().zip(sizes) {
         let names = [("scan_values", values), ("scan_sums", sums)];
-        steps.run(pass, size).names(&names).only(only);
+        steps.run(pass, size).names(&names);
     }
 }
 
@@ -174,7 +164,7 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
         photon_grid(std::mem::offset_of!(PhotonGrid, block_groups)),
         photon_grid(std::mem::offset_of!(PhotonGrid, value_groups)),
     ];
-    scan_over(steps, "cell_starts", "cell_sums", in_use, Only::Always);
+    scan_over(steps, "cell_starts", "cell_sums", in_use);
     radix_sort(steps, map);
     steps
         .run(&passes::photon_reorder, PHOTONS)
@@ -210,7 +200,7 @@ fn radix_sort(steps: &mut Steps, map: &MapLayout) {
             steps.clear(Moment::Digit);
         }
         over_blocks(steps, &passes::radix_count);
-        scan_over(steps, "radix_table", "radix_sums", in_use, Only::Always);
+        scan_over(steps, "radix_table", "radix_sums", in_use);
         over_blocks(steps, &passes::radix_scatter);
     }
 }
@@ -243,8 +233,7 @@ fn kd_tree(steps: &mut Steps, map: &MapLayout) {
         };
         over(steps, &passes::kd_axis, Size::Threads(1 << level));
         over(steps, &passes::kd_flag, groups(0));
-        let sizes = [groups(1), groups(2)];
-        scan_over(steps, "kd_marks", "kd_mark_sums", sizes, Only::Always);
+        scan_over(steps, "kd_marks", "kd_mark_sums", [groups(1), groups(2)]);
         over(steps, &passes::kd_move, groups(0));
     }
     let last = orders[map.parted_levels() as usize % 2];

@@ -245,6 +245,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ("shared/nearest", "HEAP", nearest as f64),
         ("shared/records", "MATERIAL_WORDS", material_words),
     ];
+    let row_shift = ROW_TEXELS.trailing_zeros();
     let words: &[(&str, &[(&str, u32)])] = &[
         (
             "shared/stereo",
@@ -279,10 +280,9 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         ("shared/invocation", &[("ROW_GROUPS", ROW_GROUPS)]),
         ("shared/photon", named!(photon_layout: RADIX_BLOCK)),
-        (
-            "shared/records",
-            &[("ROW_SHIFT", ROW_TEXELS.trailing_zeros())],
-        ),
+        ("shared/guide_cells", named!(photon_layout: GUIDE_CELLS)),
+        ("shared/photon_guide", named!(photon_layout: FIRST_PILOT)),
+        ("shared/records", &[("ROW_SHIFT", row_shift)]),
         ("shared/math", &[("INVALID", records::NO_EMITTER)]),
         (
             "shared/traversal",
