@@ -7,10 +7,12 @@ use super::features::light_candidates;
 use super::radii::progressive_radius_m;
 use super::reconstruction::{pack_offset, pixel_offset};
 use crate::renderer::records::frame::{
-    Eye as EyeUniform, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV,
-    FRAME_RUSSIAN_ROULETTE, Frame,
+    Eye as EyeUniform, FRAME_ADAPTIVE_CAUSTIC_RADIUS, FRAME_ADAPTIVE_RADIUS, FRAME_DIRECT_FROM_MAP,
+    FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
 };
-use crate::settings::{DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method};
+use crate::settings::{
+    DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, PhotonSettings,
+};
 use crate::xr::View;
 
 /// GGX alpha up to which eye paths follow a reflection. Wider lobes gather photons.
@@ -43,6 +45,7 @@ impl Renderer {
             DensityKernel::Epanechnikov => FRAME_KERNEL_EPANECHNIKOV,
             DensityKernel::Cone => FRAME_KERNEL_CONE,
         };
+        flags |= adaptive_radii(&settings.photon);
         let radius_now_m = |first_radius_m| {
             let alpha = settings.photon.progressive_alpha;
             progressive_radius_m(first_radius_m, alpha, self.progressive_pass) as f32
@@ -95,6 +98,17 @@ impl Renderer {
         self.context
             .queue
             .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&shifted));
+    }
+}
+
+/// Flags of the radii that shrink where photons are dense: automatic ones; a caustic radius that follows a given one is given.
+fn adaptive_radii(photon: &PhotonSettings) -> u32 {
+    if !photon.adaptive_radius || photon.radius_m > 0.0 {
+        0
+    } else if photon.caustic_radius_m > 0.0 {
+        FRAME_ADAPTIVE_RADIUS
+    } else {
+        FRAME_ADAPTIVE_RADIUS | FRAME_ADAPTIVE_CAUSTIC_RADIUS
     }
 }
 

@@ -5,7 +5,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux_report::statistics;
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_meshes::mesh;
+use crate::renderer::test_meshes::walls;
 use crate::renderer::{Eye, Renderer};
 use crate::scene::{Environment, LightKind, Material, Mesh, Node, PunctualLight, Scene};
 use crate::settings::{Eyes, Force, RenderSettings, Reuse, Settings};
@@ -16,18 +16,6 @@ const SIZE: u32 = 8;
 const PHOTONS: u32 = 1 << 17;
 /// Half the room's width.
 const HALF_M: f64 = 2.0;
-
-/// Points with their normals and triangles of rectangles, each from a corner along two sides whose product is the normal.
-fn walls(rectangles: &[[DVec3; 3]]) -> Mesh {
-    let corners = |&[corner, across, up]: &[DVec3; 3]| {
-        let normal = across.cross(up).normalize();
-        [DVec3::ZERO, across, across + up, up].map(|side| (corner + side, normal))
-    };
-    let points: Vec<_> = rectangles.iter().flat_map(corners).collect();
-    let firsts = (0..points.len() as u32).step_by(4);
-    let triangles = firsts.flat_map(|a| [[a, a + 1, a + 2], [a, a + 2, a + 3]]);
-    mesh(&points, triangles.collect(), 0)
-}
 
 /// A cube around the origin, with a square window in its wall towards +X.
 fn room() -> Mesh {
@@ -122,7 +110,12 @@ fn frame(
 }
 
 /// The library with `text` in a module replaced, once.
-fn replaced(library: &ShaderLibrary, module: &str, text: &str, by: &str) -> ShaderLibrary {
+pub(super) fn replaced(
+    library: &ShaderLibrary,
+    module: &str,
+    text: &str,
+    by: &str,
+) -> ShaderLibrary {
     let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
     assert_eq!(source.matches(text).count(), 1, "{module}");
     let mut replaced = library.clone();

@@ -4,9 +4,13 @@
 //! photons if the map is missing or out of date, renders the left eye, reuses it in the right eye, renders the remaining
 //! pixels, and reads back counters. Images stay on the device until they are asked for.
 
+#[cfg(test)]
+mod adaptive_radius_tests;
 pub mod deform;
 pub mod driver_limits;
 mod editing;
+#[cfg(test)]
+mod emission_tests;
 pub mod features;
 mod frame_spec;
 mod frame_uniform;

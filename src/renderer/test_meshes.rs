@@ -22,3 +22,15 @@ pub(super) fn mesh(points: &[(DVec3, DVec3)], triangles: Vec<[u32; 3]>, material
         ..Mesh::default()
     }
 }
+
+/// Rectangles, each from a corner along two sides whose product is the normal.
+pub(super) fn walls(rectangles: &[[DVec3; 3]]) -> Mesh {
+    let corners = |&[corner, across, up]: &[DVec3; 3]| {
+        let normal = across.cross(up).normalize();
+        [DVec3::ZERO, across, across + up, up].map(|side| (corner + side, normal))
+    };
+    let points: Vec<_> = rectangles.iter().flat_map(corners).collect();
+    let firsts = (0..points.len() as u32).step_by(4);
+    let triangles = firsts.flat_map(|a| [[a, a + 1, a + 2], [a, a + 2, a + 3]]);
+    mesh(&points, triangles.collect(), 0)
+}

@@ -276,6 +276,8 @@ settings! {
             progressive_alpha: f64 = 0.7, between(0.0, 1.0);
             /// least cosine between a photon's surface normal and the gather point's for it to count
             normal_min_cos: f64 = 0.5, real(-1.0, 1.0), "cosine";
+            /// automatic radii are smaller where photons are dense; grid and direct loads only
+            adaptive_radius: bool = true;
             /// photons whose disc reaches over an edge carry more, so that no light is lost; not if estimated from the nearest
             edge_correction: bool = true;
             /// photon search structure; kd-tree is for comparison, caustics keep the grid

@@ -17,7 +17,7 @@ pub const PATH_PASSES: [&Pass; 6] = [
     &passes::photon_count,
 ];
 
-/// Paths of which one has its photons corrected at edges; `passes/photon_edges.wesl` holds the same number.
+/// Paths of which one has its photons corrected at edges; `shared/photon.wesl` holds the same number.
 const PATHS_PER_TRIED: u32 = 2;
 
 /// Traces paths batch by batch, then sorts their photons into a grid or a kd-tree.

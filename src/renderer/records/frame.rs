@@ -84,3 +84,7 @@ pub const FRAME_DIRECT_FROM_MAP: u32 = 2;
 pub const FRAME_KERNEL_EPANECHNIKOV: u32 = 4;
 /// Density kernel: cone.
 pub const FRAME_KERNEL_CONE: u32 = 8;
+/// Gathers make the radius smaller where photons are dense.
+pub const FRAME_ADAPTIVE_RADIUS: u32 = 16;
+/// The same for caustics.
+pub const FRAME_ADAPTIVE_CAUSTIC_RADIUS: u32 = 32;

@@ -32,7 +32,7 @@ shared_record! {
         pub direction: u32,
         /// Power, W, before division by the number of paths.
         pub flux: [f32; 3],
-        /// Normal (13 bits each) and segments from the light (6 bits).
+        /// Normal (11 bits each), halvings of the radius and trials that missed (2 bits each), segments from the light (6 bits).
         pub normal_depth: u32,
     }
 }
@@ -51,12 +51,12 @@ shared_record! {
         pub padding0: u32,
         /// Unit, to where it came from.
         pub towards_light: [f32; 3],
-        /// Unused.
-        pub padding1: u32,
+        /// Radius of its disc over the map's.
+        pub radius_share: f32,
         /// Power, W, before division by the number of paths.
         pub flux: [f32; 3],
-        /// Unused.
-        pub padding2: u32,
+        /// Share of it that is for what its disc loses over edges.
+        pub edge_share: f32,
     }
 }
 
@@ -81,7 +81,9 @@ shared_record! {
         /// Gather radius that the map was made for, metres.
         pub radius: f32,
         /// Indirect dispatch over photons.
-        pub photon_groups: [u32; 4],
+        pub photon_groups: [u32; 3],
+        /// Photons that the disc of a gather holds before it is made smaller; 0: any number.
+        pub most_gathered: f32,
         /// Indirect dispatch over blocks of the cells in use.
         pub block_groups: [u32; 4],
         /// Indirect dispatch over the cells in use.

@@ -205,16 +205,16 @@ fn brute_force(
     let mut sum = 0.0;
     for photon in photons {
         let at = DVec3::from(photon.position.map(f64::from));
-        let share = at.distance_squared(point) / (radius * radius);
+        let own_radius = radius * f64::from(photon.radius_share);
+        let share = at.distance_squared(point) / (own_radius * own_radius);
         let (direction, photon_normal) = directions(photon);
         let is_near = share <= 1.0 && on_one_surface(at - point, photon_normal, normal);
         if is_near && direction.dot(normal) < 0.0 {
-            sum += 2.0 * (1.0 - share) * f64::from(photon.flux[0]);
+            sum += 2.0 * (1.0 - share) * f64::from(photon.flux[0]) / own_radius.powi(2);
         }
     }
-    let area = std::f64::consts::PI * radius * radius;
-    let reflected = f64::from(material.base_color[0]) / std::f64::consts::PI * sum;
-    Some(f64::from(material.emission[0]) + reflected / (area * f64::from(paths)))
+    let reflected = f64::from(material.base_color[0]) / std::f64::consts::PI.powi(2) * sum;
+    Some(f64::from(material.emission[0]) + reflected / f64::from(paths))
 }
 
 /// Holds pixels of the left eye's image against the sum over these photons, where there is a sum and it is not black.
@@ -264,7 +264,7 @@ fn gathering_over_the_grid_is_a_sum_over_all_photons() {
         assert_eq!(grid(&renderer).0.hashed_rows > 0, cells == 2048);
         assert_eq!(grid(&renderer).0.columns > 1, cells > 16_384);
         // Positions agree to 1e-6 m, so a weight is off by 4 x 1e-6 / 0.03 = 1e-4 at most, single terms of a sum of
-        // several; normals packed in 13 bits and directions in 16 move photons over a threshold only at grazing
+        // several; normals packed in 11 bits and directions in 16 move photons over a threshold only at grazing
         // angles, where one of some twenty photons may be gained or lost: rare, and counted below.
         let pixels = (0..24 * 24).step_by(7);
         let what = format!("{cells} cells");

@@ -1,0 +1,111 @@
+//! Photons from triangles with a map of emission (`emission_place` in `shaders/shared/lights.wesl`).
+
+use glam::{DQuat, DVec3};
+
+use crate::frame::MapKind;
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::renderer::Renderer;
+use crate::renderer::guide_tests::replaced;
+use crate::renderer::test_meshes::walls;
+use crate::scene::{Image, Material, Node, Scene, Texture, TextureRef};
+use crate::settings::{DirectLight, Eyes, RenderSettings, Reuse, Settings};
+use crate::xr::{Fov, View};
+
+const PATHS: u32 = 1 << 15;
+const EMISSION: f32 = 3.0;
+/// Columns of the map, of which one shines.
+const COLUMNS: u32 = 8;
+
+/// A lamp of one square metre, close above a plate that catches all its light but a ten-thousandth.
+fn scene() -> Scene {
+    let square = |half_m: f64, z: f64, y: DVec3| {
+        let corner = DVec3::new(-half_m, 0.0, z) - half_m * y;
+        walls(&[[corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y]])
+    };
+    let mut lamp = square(0.5, 0.0, DVec3::NEG_Y);
+    lamp.uv0 = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    for triangle in &mut lamp.triangles {
+        triangle.material = 1;
+    }
+    let mut shining = Material::lambert("lamp", [0.0; 3]);
+    shining.emission = [EMISSION; 3];
+    shining.emissive_texture = Some(TextureRef {
+        texture: 0,
+        uv_set: 0,
+        texcoord_from_uv: TextureRef::IDENTITY,
+    });
+    let texel = |i| if i == 3 { [255; 4] } else { [0, 0, 0, 255] };
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    Scene {
+        materials: vec![Material::lambert("plate", [0.5; 3]), shining],
+        images: vec![Image {
+            name: "map".to_owned(),
+            width: COLUMNS,
+            height: 1,
+            rgba8: (0..COLUMNS).flat_map(texel).collect(),
+        }],
+        textures: vec![Texture::default()],
+        meshes: vec![square(5.0, -0.05, DVec3::Y), lamp],
+        nodes: vec![node(0), node(1)],
+        roots: vec![0, 1],
+        ..Scene::default()
+    }
+}
+
+/// Power of each photon that lands.
+fn landed(library: &ShaderLibrary) -> Vec<f64> {
+    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
+    let mut settings = RenderSettings {
+        reuse: Reuse::Off,
+        ..RenderSettings::default()
+    };
+    settings.photon.count = PATHS;
+    settings.photon.direct = DirectLight::Map;
+    settings.photon.max_depth = 2;
+    settings.photon.edge_correction = false;
+    let (scene, size) = (scene(), [8; 2]);
+    let mut renderer =
+        Renderer::new(context, library, &scene, &settings, Eyes::Left, size).unwrap();
+    let view = View {
+        position_in_world: DVec3::Z,
+        orientation: DQuat::IDENTITY,
+        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
+    };
+    renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+    let photons = renderer.read_photons(MapKind::Photons).unwrap().unwrap();
+    photons.iter().map(|p| f64::from(p.flux[0])).collect()
+}
+
+/// Mean power of a path over the lamp's, which is pi times its radiance and area, and the standard error.
+fn power(landed: &[f64]) -> (f64, f64) {
+    let expected = std::f64::consts::PI * f64::from(EMISSION) / f64::from(COLUMNS);
+    let paths = f64::from(PATHS);
+    let mean = landed.iter().sum::<f64>() / paths;
+    let square = landed.iter().map(|flux| flux * flux).sum::<f64>() / paths;
+    (
+        mean / expected,
+        ((square - mean * mean) / paths).sqrt() / expected,
+    )
+}
+
+#[test]
+fn maps_emit_photons_where_they_shine_and_as_much_light() {
+    let library = ShaderLibrary::embedded();
+    let found = landed(&library);
+    // Of eight places one at least shines: for independent ones 1 - (7 / 8)^8 = 0.66, one place alone 0.125.
+    let share = found.len() as f64 / f64::from(PATHS);
+    assert!(share > 0.66, "{share} of the paths carry light");
+    let (mean, error) = power(&found);
+    let what = format!("{mean} +- {error} of the lamp's power");
+    println!("{share}, {what}");
+    assert!((mean - 1.0).abs() < 5.0 * error + 1e-4, "{what}");
+    assert!(error < 0.01, "{what}");
+    // Photons that carry what their own place shines are too bright.
+    let weight = "sum / (f32(EMISSION_CANDIDATES) * shines)";
+    let unweighed = replaced(&library, "shared/lights", weight, "1.0");
+    let (wrong, error) = power(&landed(&unweighed));
+    assert!(wrong - 1.0 > 10.0 * error, "{wrong} +- {error}");
+}
