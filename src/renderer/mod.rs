@@ -6,6 +6,8 @@
 
 #[cfg(test)]
 mod adaptive_radius_tests;
+#[cfg(test)]
+mod blend_tests;
 pub mod deform;
 pub mod driver_limits;
 mod editing;

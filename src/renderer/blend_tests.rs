@@ -1,0 +1,117 @@
+//! Blended surfaces over frames (`shaders/shared/alpha.wesl`): a pixel meets them as often as they cover, panes one behind the
+//! other independently.
+
+use glam::{DQuat, DVec3};
+
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::renderer::guide_tests::replaced;
+use crate::renderer::test_meshes::walls;
+use crate::renderer::{Eye, Renderer};
+use crate::scene::{AlphaMode, Material, Node, Scene};
+use crate::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
+use crate::xr::{Fov, View};
+
+const SIZE: u32 = 32;
+const FRAMES: u32 = 16;
+const COVERED: f64 = 0.4;
+
+/// Black panes before a lamp.
+fn scene(panes: u32) -> Scene {
+    let square = |z: f64| {
+        let corner = DVec3::new(-9.0, -9.0, z);
+        walls(&[[corner, 18.0 * DVec3::X, 18.0 * DVec3::Y]])
+    };
+    let mut lamp = Material::lambert("lamp", [0.0; 3]);
+    lamp.emission = [1.0; 3];
+    let mut pane = Material::lambert("pane", [0.0; 3]);
+    pane.base_color[3] = COVERED as f32;
+    pane.alpha_mode = AlphaMode::Blend;
+    let mut meshes = vec![square(-4.0)];
+    meshes.extend((0..panes).map(|i| square(-1.0 - f64::from(i))));
+    for triangle in meshes[1..].iter_mut().flat_map(|mesh| &mut mesh.triangles) {
+        triangle.material = 1;
+    }
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    Scene {
+        materials: vec![lamp, pane],
+        nodes: (0..meshes.len()).map(node).collect(),
+        roots: (0..meshes.len()).collect(),
+        meshes,
+        ..Scene::default()
+    }
+}
+
+/// In how many of the frames each pixel sees the lamp.
+fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
+    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
+    let settings = RenderSettings {
+        method: Method::Path,
+        reuse: Reuse::Off,
+        ..RenderSettings::default()
+    };
+    let (scene, size) = (scene(panes), [SIZE; 2]);
+    let mut renderer =
+        Renderer::new(context, library, &scene, &settings, Eyes::Left, size).unwrap();
+    let view = View {
+        // No pixel lies on a diagonal, where both triangles may be met.
+        position_in_world: DVec3::new(0.013, 0.007, 0.0),
+        orientation: DQuat::IDENTITY,
+        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
+    };
+    let mut times = vec![0.0; (SIZE * SIZE) as usize];
+    for frame in 0..FRAMES {
+        renderer.render_frame(&[view; 2], frame, |_| {}).unwrap();
+        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        for (times, pixel) in times.iter_mut().zip(&picture) {
+            *times += f64::from(pixel[0]);
+        }
+    }
+    times
+}
+
+/// Greatest difference of a pixel's number from what is expected.
+fn farthest(times: &[f64], expected: f64) -> f64 {
+    let off = times.iter().map(|times| (times - expected).abs());
+    off.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_pixel_meets_a_pane_as_often_as_it_covers() {
+    let library = ShaderLibrary::embedded();
+    let seen = times_seen(&library, 1);
+    let expected = f64::from(FRAMES) * (1.0 - COVERED);
+    // The most over all first numbers, by going through them: 1.6, 1.4, 2.4 and 2.4 frames for the four steps.
+    let off = farthest(&seen, expected);
+    assert!(off < 2.5, "{off} frames of {FRAMES}");
+    // By chance one pixel in a thousand is off by three deviations, sqrt(16 * 0.4 * 0.6) = 2.0 frames.
+    let chance = replaced(
+        &library,
+        "shared/alpha",
+        "* (key & ALPHA_TURNS)",
+        "* hash_combine(key, key)",
+    );
+    let off = farthest(&times_seen(&chance, 1), expected);
+    assert!(off > 4.0, "{off} frames of {FRAMES} by chance");
+}
+
+#[test]
+fn panes_one_behind_the_other_are_met_independently() {
+    for panes in [1, 2] {
+        let seen = times_seen(&ShaderLibrary::embedded(), panes);
+        let count = seen.len() as f64;
+        let share = (1.0 - COVERED).powi(panes as i32);
+        let mean = seen.iter().sum::<f64>() / (count * f64::from(FRAMES));
+        // Pixels are independent, each within a deviation of independent frames'.
+        let error = (share * (1.0 - share) / (count * f64::from(FRAMES))).sqrt();
+        assert!(
+            (mean - share).abs() < 5.0 * error,
+            "{panes}: {mean}, not {share} +- {error}"
+        );
+        // And each pixel for itself: two sequences of independent steps within twice what one is off by, plus chance's half.
+        let off = farthest(&seen, f64::from(FRAMES) * share);
+        assert!(off < 5.0, "{panes}: {off} frames of {FRAMES}");
+    }
+}
