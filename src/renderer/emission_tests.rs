@@ -104,7 +104,7 @@ fn maps_emit_photons_where_they_shine_and_as_much_light() {
     assert!((mean - 1.0).abs() < 5.0 * error + 1e-4, "{what}");
     assert!(error < 0.01, "{what}");
     // Photons that carry what their own place shines are too bright.
-    let weight = "sum / (f32(EMISSION_CANDIDATES) * shines)";
+    let weight = "mean / shines[chosen]";
     let unweighed = replaced(&library, "shared/lights", weight, "1.0");
     let (wrong, error) = power(&landed(&unweighed));
     assert!(wrong - 1.0 > 10.0 * error, "{wrong} +- {error}");

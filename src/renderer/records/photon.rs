@@ -51,8 +51,8 @@ shared_record! {
         pub padding0: u32,
         /// Unit, to where it came from.
         pub towards_light: [f32; 3],
-        /// Radius of its disc over the map's.
-        pub radius_share: f32,
+        /// The map's radius over that of its own disc.
+        pub narrower_by: f32,
         /// Power, W, before division by the number of paths.
         pub flux: [f32; 3],
         /// Share of it that is for what its disc loses over edges.

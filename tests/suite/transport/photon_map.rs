@@ -205,7 +205,7 @@ fn brute_force(
     let mut sum = 0.0;
     for photon in photons {
         let at = DVec3::from(photon.position.map(f64::from));
-        let own_radius = radius * f64::from(photon.radius_share);
+        let own_radius = radius / f64::from(photon.narrower_by);
         let share = at.distance_squared(point) / (own_radius * own_radius);
         let (direction, photon_normal) = directions(photon);
         let is_near = share <= 1.0 && on_one_surface(at - point, photon_normal, normal);
