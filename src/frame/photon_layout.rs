@@ -18,6 +18,8 @@ pub const SCAN_LIMIT: u64 = 2048 * 2048;
 pub const SCAN_BLOCK: u64 = 2048;
 /// Photons of a block of the radix sort, and threads of a workgroup that sorts one; `shared/photon.wesl` holds the same number.
 pub const RADIX_BLOCK: u32 = 256;
+/// Paths of which one has its photons corrected at edges; `shared/photon.wesl` holds the same number.
+pub const PATHS_PER_TRIED: u32 = 2;
 /// Cells of the guide of emission, each tried by one path; `shared/guide_cells.wesl` holds the same number.
 pub const GUIDE_CELLS: u32 = 1 << 15;
 /// Number of the first pilot path, beyond those of all others; `shared/photon_guide.wesl` holds the same number.

@@ -2,14 +2,13 @@
 
 use std::f64::consts::PI;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_meshes::walls;
+use crate::renderer::test_support::{context, direct_from_map, looking_ahead, nodes_of, walls};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::{LightKind, Material, Node, PunctualLight, Scene};
-use crate::settings::{DirectLight, Eyes, Force, RenderSettings, Reuse, Settings};
-use crate::xr::{Fov, View};
+use crate::settings::{Eyes, Force};
 
 const PATHS: u32 = 1 << 19;
 const SEEDS: u32 = 4;
@@ -32,16 +31,17 @@ fn scene() -> Scene {
         [beside, 2.0 * DVec3::Z, y]
     });
     let rectangles: Vec<_> = [[corner, x, y]].into_iter().chain(sheets).collect();
-    let node = |mesh, light| Node {
-        mesh,
-        light,
+    let meshes = vec![walls(&rectangles, 0)];
+    let mut nodes = nodes_of(&meshes);
+    nodes.push(Node {
+        light: Some(0),
         ..Node::default()
-    };
+    });
     Scene {
         materials: vec![Material::lambert("grey", [ALBEDO; 3])],
         roots: vec![0, 1],
-        meshes: vec![walls(&rectangles)],
-        nodes: vec![node(Some(0), None), node(None, Some(0))],
+        meshes,
+        nodes,
         lights: vec![PunctualLight {
             name: "sun".to_owned(),
             kind: LightKind::Directional,
@@ -60,23 +60,13 @@ struct Found {
 }
 
 fn found(context: &GpuContext, adaptive: bool, corrected: bool) -> Found {
-    let mut settings = RenderSettings {
-        reuse: Reuse::Off,
-        ..RenderSettings::default()
-    };
-    settings.photon.count = PATHS;
-    settings.photon.direct = DirectLight::Map;
-    settings.photon.max_depth = 2;
+    let mut settings = direct_from_map(PATHS);
     settings.photon.adaptive_radius = adaptive;
     settings.photon.edge_correction = corrected;
     settings.force.guided_photons = Force::Off;
     let (scene, library) = (scene(), ShaderLibrary::embedded());
     let half = (0.5 * SIDE_M / DISTANCE_M).atan().to_degrees();
-    let view = View {
-        position_in_world: DVec3::ZERO,
-        orientation: DQuat::IDENTITY,
-        fov: Fov::from_degrees(-half, half, half, -half),
-    };
+    let view = looking_ahead(DVec3::ZERO, half);
     let mut found = Found {
         picture: vec![0.0; SIZE * SIZE],
         photons_per_m2: 0.0,
@@ -115,7 +105,7 @@ fn within_edge(edge: f64) -> f64 {
 
 #[test]
 fn a_disc_holds_as_many_photons_as_it_may_and_even_light_stays_as_bright() {
-    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
+    let context = context();
     let found = [false, true].map(|adaptive| found(&context, adaptive, false));
     let pixel_m = SIDE_M / SIZE as f64;
     let mut apart = 0;
@@ -155,7 +145,7 @@ fn a_disc_holds_as_many_photons_as_it_may_and_even_light_stays_as_bright() {
 
 #[test]
 fn a_smaller_disc_needs_less_of_the_correction_at_edges() {
-    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
+    let context = context();
     let [lost, kept] = [false, true].map(|corrected| {
         let found = found(&context, true, corrected);
         let sum: f64 = found.picture.iter().sum();

@@ -1,15 +1,13 @@
 //! Blended surfaces over frames (`shaders/shared/alpha.wesl`): a pixel meets them as often as they cover, panes one behind the
 //! other independently.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
-use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::guide_tests::replaced;
-use crate::renderer::test_meshes::walls;
+use crate::gpu::ShaderLibrary;
+use crate::renderer::test_support::{context, looking_ahead, nodes_of, replaced, walls};
 use crate::renderer::{Eye, Renderer};
-use crate::scene::{AlphaMode, Material, Node, Scene};
-use crate::settings::{Eyes, Method, RenderSettings, Reuse, Settings};
-use crate::xr::{Fov, View};
+use crate::scene::{AlphaMode, Material, Scene};
+use crate::settings::{Eyes, Method, RenderSettings, Reuse};
 
 const SIZE: u32 = 32;
 const FRAMES: u32 = 16;
@@ -17,27 +15,20 @@ const COVERED: f64 = 0.4;
 
 /// Black panes before a lamp.
 fn scene(panes: u32) -> Scene {
-    let square = |z: f64| {
+    let square = |z: f64, material| {
         let corner = DVec3::new(-9.0, -9.0, z);
-        walls(&[[corner, 18.0 * DVec3::X, 18.0 * DVec3::Y]])
+        walls(&[[corner, 18.0 * DVec3::X, 18.0 * DVec3::Y]], material)
     };
     let mut lamp = Material::lambert("lamp", [0.0; 3]);
     lamp.emission = [1.0; 3];
     let mut pane = Material::lambert("pane", [0.0; 3]);
     pane.base_color[3] = COVERED as f32;
     pane.alpha_mode = AlphaMode::Blend;
-    let mut meshes = vec![square(-4.0)];
-    meshes.extend((0..panes).map(|i| square(-1.0 - f64::from(i))));
-    for triangle in meshes[1..].iter_mut().flat_map(|mesh| &mut mesh.triangles) {
-        triangle.material = 1;
-    }
-    let node = |mesh| Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    };
+    let mut meshes = vec![square(-4.0, 0)];
+    meshes.extend((0..panes).map(|i| square(-1.0 - f64::from(i), 1)));
     Scene {
         materials: vec![lamp, pane],
-        nodes: (0..meshes.len()).map(node).collect(),
+        nodes: nodes_of(&meshes),
         roots: (0..meshes.len()).collect(),
         meshes,
         ..Scene::default()
@@ -46,7 +37,6 @@ fn scene(panes: u32) -> Scene {
 
 /// In how many of the frames each pixel sees the lamp.
 fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
-    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
     let settings = RenderSettings {
         method: Method::Path,
         reuse: Reuse::Off,
@@ -54,13 +44,9 @@ fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
     };
     let (scene, size) = (scene(panes), [SIZE; 2]);
     let mut renderer =
-        Renderer::new(context, library, &scene, &settings, Eyes::Left, size).unwrap();
-    let view = View {
-        // No pixel lies on a diagonal, where both triangles may be met.
-        position_in_world: DVec3::new(0.013, 0.007, 0.0),
-        orientation: DQuat::IDENTITY,
-        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
-    };
+        Renderer::new(context(), library, &scene, &settings, Eyes::Left, size).unwrap();
+    // No pixel lies on a diagonal, where both triangles may be met.
+    let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 45.0);
     let mut times = vec![0.0; (SIZE * SIZE) as usize];
     for frame in 0..FRAMES {
         renderer.render_frame(&[view; 2], frame, |_| {}).unwrap();

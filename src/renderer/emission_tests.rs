@@ -1,15 +1,15 @@
 //! Photons from triangles with a map of emission (`emission_place` in `shaders/shared/lights.wesl`).
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use crate::frame::MapKind;
-use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::gpu::ShaderLibrary;
 use crate::renderer::Renderer;
-use crate::renderer::guide_tests::replaced;
-use crate::renderer::test_meshes::walls;
-use crate::scene::{Image, Material, Node, Scene, Texture, TextureRef};
-use crate::settings::{DirectLight, Eyes, RenderSettings, Reuse, Settings};
-use crate::xr::{Fov, View};
+use crate::renderer::test_support::{
+    context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
+};
+use crate::scene::{Image, Material, Scene, Texture, TextureRef};
+use crate::settings::Eyes;
 
 const PATHS: u32 = 1 << 15;
 const EMISSION: f32 = 3.0;
@@ -18,15 +18,16 @@ const COLUMNS: u32 = 8;
 
 /// A lamp of one square metre, close above a plate that catches all its light but a ten-thousandth.
 fn scene() -> Scene {
-    let square = |half_m: f64, z: f64, y: DVec3| {
+    let square = |half_m: f64, z: f64, y: DVec3, material| {
         let corner = DVec3::new(-half_m, 0.0, z) - half_m * y;
-        walls(&[[corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y]])
+        walls(
+            &[[corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y]],
+            material,
+        )
     };
-    let mut lamp = square(0.5, 0.0, DVec3::NEG_Y);
+    let mut lamp = square(0.5, 0.0, DVec3::NEG_Y, 1);
     lamp.uv0 = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    for triangle in &mut lamp.triangles {
-        triangle.material = 1;
-    }
+    let meshes = vec![square(5.0, -0.05, DVec3::Y, 0), lamp];
     let mut shining = Material::lambert("lamp", [0.0; 3]);
     shining.emission = [EMISSION; 3];
     shining.emissive_texture = Some(TextureRef {
@@ -35,10 +36,6 @@ fn scene() -> Scene {
         texcoord_from_uv: TextureRef::IDENTITY,
     });
     let texel = |i| if i == 3 { [255; 4] } else { [0, 0, 0, 255] };
-    let node = |mesh| Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    };
     Scene {
         materials: vec![Material::lambert("plate", [0.5; 3]), shining],
         images: vec![Image {
@@ -48,32 +45,21 @@ fn scene() -> Scene {
             rgba8: (0..COLUMNS).flat_map(texel).collect(),
         }],
         textures: vec![Texture::default()],
-        meshes: vec![square(5.0, -0.05, DVec3::Y), lamp],
-        nodes: vec![node(0), node(1)],
+        nodes: nodes_of(&meshes),
         roots: vec![0, 1],
+        meshes,
         ..Scene::default()
     }
 }
 
 /// Power of each photon that lands.
 fn landed(library: &ShaderLibrary) -> Vec<f64> {
-    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
-    let mut settings = RenderSettings {
-        reuse: Reuse::Off,
-        ..RenderSettings::default()
-    };
-    settings.photon.count = PATHS;
-    settings.photon.direct = DirectLight::Map;
-    settings.photon.max_depth = 2;
+    let mut settings = direct_from_map(PATHS);
     settings.photon.edge_correction = false;
     let (scene, size) = (scene(), [8; 2]);
     let mut renderer =
-        Renderer::new(context, library, &scene, &settings, Eyes::Left, size).unwrap();
-    let view = View {
-        position_in_world: DVec3::Z,
-        orientation: DQuat::IDENTITY,
-        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
-    };
+        Renderer::new(context(), library, &scene, &settings, Eyes::Left, size).unwrap();
+    let view = looking_ahead(DVec3::Z, 45.0);
     renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
     let photons = renderer.read_photons(MapKind::Photons).unwrap().unwrap();
     photons.iter().map(|p| f64::from(p.flux[0])).collect()

@@ -5,11 +5,10 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux_report::statistics;
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_meshes::walls;
+use crate::renderer::test_support::{context, looking_ahead, replaced, walls};
 use crate::renderer::{Eye, Renderer};
 use crate::scene::{Environment, LightKind, Material, Mesh, Node, PunctualLight, Scene};
-use crate::settings::{Eyes, Force, RenderSettings, Reuse, Settings};
-use crate::xr::{Fov, View};
+use crate::settings::{Eyes, Force, RenderSettings, Reuse};
 
 const SIZE: u32 = 8;
 /// Four for each pilot: the least that is guided.
@@ -24,18 +23,21 @@ fn room() -> Mesh {
     let low = DVec3::splat(-HALF_M);
     let (far, side) = (low + x, 0.5 - 0.25 * WINDOW_M / HALF_M);
     let rest = 1.0 - side;
-    walls(&[
-        [low, y, z],
-        [low, z, x],
-        [low + y, x, z],
-        [low, x, y],
-        [low + z, y, x],
-        // Beside the window, below and above it.
-        [far, z * side, y],
-        [far + z * rest, z * side, y],
-        [far + z * side, z * (rest - side), y * side],
-        [far + z * side + y * rest, z * (rest - side), y * side],
-    ])
+    walls(
+        &[
+            [low, y, z],
+            [low, z, x],
+            [low + y, x, z],
+            [low, x, y],
+            [low + z, y, x],
+            // Beside the window, below and above it.
+            [far, z * side, y],
+            [far + z * rest, z * side, y],
+            [far + z * side, z * (rest - side), y * side],
+            [far + z * side + y * rest, z * (rest - side), y * side],
+        ],
+        0,
+    )
 }
 
 /// A room under an even sky, or in the sunlight that falls through its window.
@@ -76,10 +78,6 @@ fn scene(mesh: Mesh, is_sunlit: bool) -> Scene {
     scene
 }
 
-fn context() -> GpuContext {
-    GpuContext::open(Some(&Settings::default().adapter)).unwrap()
-}
-
 /// Mean of a frame's picture, and photons in the map.
 fn frame(
     context: &GpuContext,
@@ -98,29 +96,11 @@ fn frame(
     let size = [SIZE; 2];
     let mut renderer =
         Renderer::new(context.clone(), library, scene, &settings, Eyes::Left, size).unwrap();
-    let view = View {
-        position_in_world: DVec3::new(0.2, 0.1, 0.3),
-        orientation: DQuat::IDENTITY,
-        fov: Fov::from_degrees(-45.0, 45.0, 45.0, -45.0),
-    };
+    let view = looking_ahead(DVec3::new(0.2, 0.1, 0.3), 45.0);
     let result = renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
     let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
     let sum: f64 = picture.iter().map(|pixel| f64::from(pixel[1])).sum();
     (sum / picture.len() as f64, result.photons.map.stored)
-}
-
-/// The library with `text` in a module replaced, once.
-pub(super) fn replaced(
-    library: &ShaderLibrary,
-    module: &str,
-    text: &str,
-    by: &str,
-) -> ShaderLibrary {
-    let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
-    assert_eq!(source.matches(text).count(), 1, "{module}");
-    let mut replaced = library.clone();
-    replaced.insert(module, source.replace(text, by));
-    replaced
 }
 
 /// Mean difference between guided and other pictures, in standard errors; `library` guides.
@@ -168,7 +148,7 @@ fn where_photons_are_of_use_by_chance_there_is_no_guide() {
     let (context, library) = (context(), ShaderLibrary::embedded());
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 2.0 * HALF_M);
     let low = DVec3::splat(-HALF_M);
-    let scene = scene(walls(&[[low, z, x], [low, x, y]]), false);
+    let scene = scene(walls(&[[low, z, x], [low, x, y]], 0), false);
     let stored = |library, guided| f64::from(frame(&context, library, &scene, guided, 1).1);
     let plain = stored(&library, Force::Off);
     // A path's photons are a few: counts have a standard error of 2 sqrt(n) at most, their difference 1.4 times that.

@@ -40,7 +40,7 @@ pub mod stats;
 pub mod still;
 pub mod submit;
 #[cfg(test)]
-mod test_meshes;
+mod test_support;
 
 use std::collections::VecDeque;
 use std::time::Instant;

@@ -2,7 +2,9 @@
 
 use crate::frame::buffers::Moment;
 use crate::frame::passes::{self, Pass};
-use crate::frame::photon_layout::{FIRST_PILOT, GUIDE_BYTES, MapKind, MapLayout, SCAN_BLOCK};
+use crate::frame::photon_layout::{
+    FIRST_PILOT, GUIDE_BYTES, MapKind, MapLayout, PATHS_PER_TRIED, SCAN_BLOCK,
+};
 use crate::frame::step::{Only, Size, Step, Steps};
 use crate::renderer::records::photon::PhotonGrid;
 use crate::settings::{PhotonEstimate, PhotonSettings};
@@ -16,9 +18,6 @@ pub const PATH_PASSES: [&Pass; 6] = [
     &passes::photon_append,
     &passes::photon_count,
 ];
-
-/// Paths of which one has its photons corrected at edges; `shared/photon.wesl` holds the same number.
-const PATHS_PER_TRIED: u32 = 2;
 
 /// Traces paths batch by batch, then sorts their photons into a grid or a kd-tree.
 pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {

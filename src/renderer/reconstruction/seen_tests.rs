@@ -4,7 +4,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_meshes::mesh;
+use crate::renderer::test_support::mesh;
 use crate::renderer::{Eye, InstanceId, Renderer};
 use crate::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
 use crate::settings::{Eyes, Kept, Method, RenderSettings, Reuse, Settings};

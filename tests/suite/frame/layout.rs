@@ -280,6 +280,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         ("shared/invocation", &[("ROW_GROUPS", ROW_GROUPS)]),
         ("shared/photon", named!(photon_layout: RADIX_BLOCK)),
+        ("shared/photon", named!(photon_layout: PATHS_PER_TRIED)),
         ("shared/guide_cells", named!(photon_layout: GUIDE_CELLS)),
         ("shared/photon_guide", named!(photon_layout: FIRST_PILOT)),
         ("shared/records", &[("ROW_SHIFT", row_shift)]),

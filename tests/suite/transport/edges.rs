@@ -118,7 +118,6 @@ fn found(scene: &Scene, lit: [f64; 2], kernel: Kernel, corrected: bool) -> f64 {
 #[test]
 fn a_plate_keeps_the_light_that_its_edges_lose() {
     let open = (plate(SIDE_M, false), [SIDE_M, SIDE_M]);
-    let bar = (plate(BAR_M, false), [SIDE_M, BAR_M]);
     // Without the block's hiding it, the floor under it would count as lit.
     let walled = (plate(SIDE_M, true), [SIDE_M / 2.0, SIDE_M]);
     for ((scene, lit), kernel) in [
@@ -126,7 +125,7 @@ fn a_plate_keeps_the_light_that_its_edges_lose() {
         (&open, Kernel::Epanechnikov),
         (&open, Kernel::Cone),
         (&walled, Kernel::Constant),
-        (&bar, Kernel::Constant),
+        (&(plate(BAR_M, false), [SIDE_M, BAR_M]), Kernel::Constant),
     ] {
         let [lost, _] = kept(*lit, kernel, false);
         let [right, square] = kept(*lit, kernel, true);

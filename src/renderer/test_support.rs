@@ -1,0 +1,89 @@
+//! What the renderer's own tests share: meshes, views, settings, shaders that are wrong on purpose.
+
+use glam::{DQuat, DVec3};
+
+use crate::gpu::{GpuContext, ShaderLibrary};
+use crate::scene::{Mesh, MeshTriangle, Node};
+use crate::settings::{DirectLight, RenderSettings, Reuse, Settings};
+use crate::xr::{Fov, View};
+
+/// A mesh of points and their normals, without textures.
+pub(super) fn mesh(points: &[(DVec3, DVec3)], triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
+    let array = |v: DVec3| v.as_vec3().to_array();
+    let tangent = |n: DVec3| n.any_orthonormal_vector().extend(1.0).as_vec4().to_array();
+    Mesh {
+        positions: points.iter().map(|(p, _)| array(*p)).collect(),
+        normals: points.iter().map(|(_, n)| array(*n)).collect(),
+        tangents: points.iter().map(|(_, n)| tangent(*n)).collect(),
+        uv0: vec![[0.0; 2]; points.len()],
+        uv1: vec![[0.0; 2]; points.len()],
+        colors: vec![[1.0; 4]; points.len()],
+        triangles: triangles
+            .into_iter()
+            .map(|vertices| MeshTriangle { vertices, material })
+            .collect(),
+        ..Mesh::default()
+    }
+}
+
+/// Rectangles, each from a corner along two sides whose product is the normal.
+pub(super) fn walls(rectangles: &[[DVec3; 3]], material: u32) -> Mesh {
+    let corners = |&[corner, across, up]: &[DVec3; 3]| {
+        let normal = across.cross(up).normalize();
+        [DVec3::ZERO, across, across + up, up].map(|side| (corner + side, normal))
+    };
+    let points: Vec<_> = rectangles.iter().flat_map(corners).collect();
+    let firsts = (0..points.len() as u32).step_by(4);
+    let triangles = firsts.flat_map(|a| [[a, a + 1, a + 2], [a, a + 2, a + 3]]);
+    mesh(&points, triangles.collect(), material)
+}
+
+/// A node for each mesh, in the root's place.
+pub(super) fn nodes_of(meshes: &[Mesh]) -> Vec<Node> {
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    (0..meshes.len()).map(node).collect()
+}
+
+/// A square view along -Z.
+pub(super) fn looking_ahead(position_in_world: DVec3, half_degrees: f64) -> View {
+    let half = half_degrees;
+    View {
+        position_in_world,
+        orientation: DQuat::IDENTITY,
+        fov: Fov::from_degrees(-half, half, half, -half),
+    }
+}
+
+/// Photons that come from the lights on their own, gathered as direct light.
+pub(super) fn direct_from_map(paths: u32) -> RenderSettings {
+    let mut settings = RenderSettings {
+        reuse: Reuse::Off,
+        ..RenderSettings::default()
+    };
+    settings.photon.count = paths;
+    settings.photon.direct = DirectLight::Map;
+    settings.photon.max_depth = 2;
+    settings
+}
+
+/// The adapter that tests run on.
+pub(super) fn context() -> GpuContext {
+    GpuContext::open(Some(&Settings::default().adapter)).unwrap()
+}
+
+/// The library with `text` in a module replaced, once.
+pub(super) fn replaced(
+    library: &ShaderLibrary,
+    module: &str,
+    text: &str,
+    by: &str,
+) -> ShaderLibrary {
+    let (_, source) = library.sources().find(|(name, _)| *name == module).unwrap();
+    assert_eq!(source.matches(text).count(), 1, "{module}");
+    let mut replaced = library.clone();
+    replaced.insert(module, source.replace(text, by));
+    replaced
+}
