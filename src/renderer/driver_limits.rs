@@ -66,14 +66,18 @@ pub fn eye_paths_per_thread(
     settings: &RenderSettings,
     features: &ShaderFeatures,
     hierarchy_depth: u32,
+    light_tree_depth: u32,
 ) -> u32 {
     let per_light = if features.environment {
         ENVIRONMENT_TURNS
     } else {
         1
     };
+    // A light for each sample, and the chance of one that was met; lamps that move may make the tree deeper.
+    let per_pick = 2 * light_tree_depth;
+    let candidates = settings.path.light_candidates;
     let per_segment =
-        2 * turns_per_ray(hierarchy_depth) + settings.path.light_candidates * per_light;
+        2 * turns_per_ray(hierarchy_depth) + candidates * (per_light + per_pick) + per_pick;
     paths_per_thread(features, per_segment, settings.path.max_depth)
 }
 
@@ -151,7 +155,7 @@ mod tests {
             environment: true,
             ..ShaderFeatures::default()
         };
-        let paths = |max_depth, features: &ShaderFeatures, depth| {
+        let paths_among = |max_depth, features: &ShaderFeatures, depth, lights| {
             let path = PathSettings {
                 max_depth,
                 light_candidates: 16,
@@ -161,9 +165,14 @@ mod tests {
                 path,
                 ..RenderSettings::default()
             };
-            eye_paths_per_thread(&settings, features, depth)
+            eye_paths_per_thread(&settings, features, depth, lights)
+        };
+        let paths = |max_depth, features: &ShaderFeatures, depth| {
+            paths_among(max_depth, features, depth, 0)
         };
         let lamps = ShaderFeatures::default();
+        // Down 10 levels for each sample, and up: 176 turns and 340 more.
+        assert_eq!(paths_among(12, &lamps, 6, 10), 5);
         assert_eq!(paths(12, &lamps, 5), 16);
         // 65,535 turns, halved, over 12 segments of 176.
         assert_eq!(paths(12, &lamps, 6), 15);

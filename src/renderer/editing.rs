@@ -391,7 +391,12 @@ impl Renderer {
             self.is_bound &= *run <= paths;
             *run = paths.min(*run);
         }
-        let paths = eye_paths_per_thread(settings, self.frame.features(), depth);
+        let paths = eye_paths_per_thread(
+            settings,
+            self.frame.features(),
+            depth,
+            self.scene.light_tree_depth(),
+        );
         self.is_bound &= self.eye_paths_per_thread <= paths;
         self.eye_paths_per_thread = paths.min(self.eye_paths_per_thread);
     }

@@ -22,6 +22,8 @@ mod guide_tests;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;
+#[cfg(test)]
+mod light_tree_tests;
 pub mod mirror;
 pub mod packing;
 mod parts;
@@ -282,7 +284,12 @@ impl Renderer {
             steers: VecDeque::new(),
             frame: FrameRun::new(features),
             reuse,
-            eye_paths_per_thread: eye_paths_per_thread(settings, &features, depth),
+            eye_paths_per_thread: eye_paths_per_thread(
+                settings,
+                &features,
+                depth,
+                buffers.light_tree_depth(),
+            ),
             work_limits: WorkLimits::of(context.adapter.is_software()),
             sample_ms: None,
             gather_slices: GatherSlices::ONE,

@@ -23,7 +23,7 @@ use crate::renderer::packing::{
     TriangleOrder, pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
-use crate::scene::{Scene, ScenePose};
+use crate::scene::{Bounds, Scene, ScenePose};
 
 pub(super) use edits::{Edited, SceneChange};
 pub use parts::{PartPreparation, PreparedPart};
@@ -280,8 +280,16 @@ impl SceneBuffers {
         for shape in reshaped {
             self.hierarchies.meshes[shape.mesh].bounds = Some(shape.bounds);
             self.table.note_mesh(shape.mesh as u32);
+            let bounds = Bounds {
+                min: shape.bounds.min.as_dvec3(),
+                max: shape.bounds.max.as_dvec3(),
+            };
+            self.packed_lights.reshape_mesh(shape.mesh, bounds);
             if let Some(id) = self.instance_of_node(shape.node) {
                 self.place_instance(id, shape.world_from_object);
+                // Also where it has only changed its shape.
+                self.packed_lights
+                    .place_instance(id.0, &shape.world_from_object);
             }
         }
         for (node, world_from_node) in pose.world_from_node.iter().enumerate() {
@@ -417,8 +425,10 @@ impl SceneBuffers {
             self.lights_repowered = changed.alias;
             uploads.all(&mut self.top_nodes, self.top.nodes())?;
             uploads.all(&mut self.instances, self.top.instances())?;
-            let records = &self.packed_lights.records;
-            uploads.range(&mut self.lights, records, changed.records)?;
+            let words = self.packed_lights.words();
+            for range in self.packed_lights.changed_words(&changed) {
+                uploads.range(&mut self.lights, words, range)?;
+            }
             if changed.alias || self.light_alias.buffer().is_none() {
                 uploads.all(&mut self.light_alias, &self.packed_lights.alias)?;
             }
@@ -611,6 +621,11 @@ impl SceneBuffers {
     /// Total emitted power, W.
     pub fn total_power_w(&self) -> [f64; 3] {
         self.packed_lights.total_power
+    }
+
+    /// Levels of the tree by which lights are picked; 0 without.
+    pub fn light_tree_depth(&self) -> u32 {
+        self.packed_lights.tree_depth()
     }
 
     /// Number of lights, every emissive triangle of every instance counted.

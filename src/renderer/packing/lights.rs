@@ -8,7 +8,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::renderer::records::light::{
     LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, Light,
@@ -21,9 +21,11 @@ use super::environment::PackedEnvironment;
 use super::textures::sample_image;
 
 mod motion;
+mod tree;
 
 pub use motion::LightUploads;
 use motion::{Emitter, Placed};
+use tree::{Cluster, HEADER_WORDS, LightTree, MOST_REGROUPED};
 
 /// [`emitter_ordinals`]: the triangle does not emit.
 const NO_EMITTER: u32 = u32::MAX;
@@ -137,6 +139,13 @@ pub struct PackedLights {
     /// Power of each record, W, and its weight in the pick.
     powers: Vec<[f64; 3]>,
     weights: Vec<f64>,
+    /// Where each record is and how it shines, and what lights are picked by for a point.
+    shapes: Vec<LightShape>,
+    tree: LightTree,
+    /// Boxes of meshes that have changed their shape, object space.
+    reshaped: Vec<Option<Bounds>>,
+    origin_in_world: DVec3,
+    words: Vec<[u32; 4]>,
     /// The box that lights at infinity shine through: as packed, and in use.
     packed_box: SceneBox,
     scene_box: SceneBox,
@@ -149,6 +158,50 @@ pub struct PackedLights {
     kinds: LightKinds,
     /// [`PackedEnvironment::through_planes`] of the surroundings.
     environment: Option<[[f64; 3]; 3]>,
+}
+
+/// What the tree knows of a light besides its weight.
+#[derive(Clone, Copy, Debug)]
+struct LightShape {
+    /// Where it is, world space; none for light from afar.
+    bounds: Option<Bounds>,
+    /// Power over the mean of its intensity over all directions, sr; from afar over its irradiance, m^2.
+    spread: f64,
+}
+
+impl LightShape {
+    fn near(bounds: Bounds) -> Self {
+        Self {
+            bounds: Some(bounds),
+            spread: 4.0 * PI,
+        }
+    }
+
+    fn at(position_in_world: DVec3) -> Self {
+        Self::near(Bounds {
+            min: position_in_world,
+            max: position_in_world,
+        })
+    }
+
+    fn afar(area_m2: f64) -> Self {
+        Self {
+            bounds: None,
+            spread: area_m2,
+        }
+    }
+
+    fn cluster(&self, weight: f64) -> Cluster {
+        let intensity = if weight > 0.0 {
+            weight / self.spread
+        } else {
+            0.0
+        };
+        Cluster {
+            bounds: self.bounds,
+            intensity,
+        }
+    }
 }
 
 /// For each triangle of a mesh its ordinal among those whose material emits, in the mesh's own order, or `0xffffffff`.
@@ -202,6 +255,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
         SceneBox::around(bounds, origin_in_world),
     );
     packed.set_origin(origin_in_world);
+    packed.finish();
     packed
 }
 
@@ -240,6 +294,7 @@ impl PackedLights {
             kinds: self.kinds,
             environment: self.environment,
             emitters: std::mem::take(&mut self.emitters),
+            reshaped: std::mem::take(&mut self.reshaped),
             ..Self::default()
         };
         if self.environment.is_some() {
@@ -250,7 +305,8 @@ impl PackedLights {
             });
             self.positions_in_world.push(scene_box.center);
             self.nodes.push(usize::MAX);
-            self.push(self.power_from_afar(&record), 1.0, record);
+            let shape = self.shape_of(&record, scene_box.center);
+            self.push(self.power_from_afar(&record), 1.0, record, shape);
         }
         self.push_punctual(scene);
         self.origin_dependent = self.records.len();
@@ -262,8 +318,9 @@ impl PackedLights {
         self.pick_anew();
     }
 
-    fn push(&mut self, power: [f64; 3], boost: f64, record: Light) {
+    fn push(&mut self, power: [f64; 3], boost: f64, record: Light, shape: LightShape) {
         self.records.push(record);
+        self.shapes.push(shape);
         self.powers.push([0.0; 3]);
         self.weights.push(0.0);
         self.set_power(self.records.len() - 1, power, boost);
@@ -287,6 +344,20 @@ impl PackedLights {
             }
         }
         power
+    }
+
+    /// The shape of any light but a triangle.
+    fn shape_of(&self, record: &Light, position_in_world: DVec3) -> LightShape {
+        let faces = DVec3::from(self.scene_box.faces());
+        match record.kind {
+            LIGHT_DIRECTIONAL => {
+                let direction = Vec3::from(record.direction).as_dvec3();
+                LightShape::afar(faces.dot(direction.abs()))
+            }
+            // In by both faces across an axis.
+            LIGHT_ENVIRONMENT => LightShape::afar(2.0 * faces.element_sum()),
+            _ => LightShape::at(position_in_world),
+        }
     }
 
     fn set_power(&mut self, record: usize, power: [f64; 3], boost: f64) {
@@ -402,7 +473,8 @@ impl PackedLights {
             };
             self.positions_in_world.push(position);
             self.nodes.push(placed.node);
-            self.push(power, 1.0, record);
+            let shape = self.shape_of(&record, position);
+            self.push(power, 1.0, record, shape);
         }
     }
 }

@@ -150,7 +150,7 @@ impl SceneUpload {
         upload!("triangles", &triangles);
         upload!("triangle_vertices", &triangle_vertices);
         upload!("instances", &instances);
-        upload!("lights", &lights.records);
+        upload!("lights", lights.words());
         upload!("light_alias", &lights.alias);
         let (texels, cdf) = environment
             .as_ref()

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use super::*;
 
+/// Words of four of a record.
+const WORDS_PER_LIGHT: usize = size_of::<Light>() / size_of::<[u32; 4]>();
 /// Emissive triangles shine with another power where their area changes by more than this share.
 const SAME_AREA: f64 = 1e-9;
 
@@ -13,7 +15,8 @@ pub(super) struct Emitter {
     triangle: usize,
     /// Index in leaf order.
     leaf: u32,
-    /// Edges from the first corner, object space.
+    /// First corner, and the edges from it, object space.
+    corner: DVec3,
     edges: [DVec3; 2],
     mean: [f64; 3],
     boost: f64,
@@ -26,6 +29,7 @@ impl Emitter {
         Self {
             triangle: glow.triangle,
             leaf,
+            corner: a,
             edges: [b - a, c - a],
             mean: glow.mean,
             boost: glow.boost,
@@ -37,6 +41,16 @@ impl Emitter {
         let [first, second] = self.edges.map(|edge| world_from_object.matrix3 * edge);
         let area = 0.5 * first.cross(second).length();
         self.mean.map(|mean| PI * area * self.sides * mean)
+    }
+
+    fn shape(&self, world_from_object: &DAffine3) -> LightShape {
+        let corner = world_from_object.transform_point3(self.corner);
+        let [first, second] = self.edges.map(|edge| world_from_object.matrix3 * edge);
+        let (second, third) = (corner + first, corner + second);
+        LightShape::near(Bounds {
+            min: corner.min(second).min(third),
+            max: corner.max(second).max(third),
+        })
     }
 }
 
@@ -56,6 +70,8 @@ pub struct LightUploads {
     pub records: Range<usize>,
     /// The table of picks.
     pub alias: bool,
+    /// All of the tree; its header follows the origin anyway.
+    pub tree: bool,
 }
 
 impl LightUploads {
@@ -74,6 +90,7 @@ impl PackedLights {
         for (record, position) in self.records.iter_mut().zip(&self.positions_in_world) {
             record.position = (*position - origin_in_world).as_vec3().to_array();
         }
+        self.origin_in_world = origin_in_world;
         self.uploads.add(0..self.origin_dependent);
     }
 
@@ -88,17 +105,44 @@ impl PackedLights {
             let record = &mut self.records[index];
             let direction = direction_of(&world_from_light);
             let turned = record.direction != direction;
-            moved |= turned;
             record.direction = direction;
+            let mut has_moved = turned;
             if record.kind != LIGHT_DIRECTIONAL {
-                moved |= self.positions_in_world[index] != world_from_light.translation;
+                has_moved |= self.positions_in_world[index] != world_from_light.translation;
                 self.positions_in_world[index] = world_from_light.translation;
             } else if turned {
                 // The box shows it another face.
                 self.weigh_from_afar(index);
             }
+            if has_moved {
+                self.shape_anew(index);
+            }
+            moved |= has_moved;
         }
         moved
+    }
+
+    fn shape_anew(&mut self, index: usize) {
+        self.shapes[index] = self.shape_of(&self.records[index], self.positions_in_world[index]);
+        self.uploads.tree = true;
+    }
+
+    /// A mesh changes its shape; its emissive triangles lie in `bounds` (object space). Instances follow with the next
+    /// [`PackedLights::place_instance`].
+    pub fn reshape_mesh(&mut self, mesh: usize, bounds: Bounds) {
+        if self.emits(mesh) {
+            self.reshaped
+                .resize(self.reshaped.len().max(mesh + 1), None);
+            self.reshaped[mesh] = Some(bounds);
+        }
+    }
+
+    /// Where an emissive triangle is: of a mesh that changes its shape that is known no closer than the mesh.
+    fn emitter_shape(&self, mesh: usize, at: usize, world_from_object: &DAffine3) -> LightShape {
+        match self.reshaped.get(mesh).copied().flatten() {
+            Some(bounds) => LightShape::near(bounds.transformed(world_from_object)),
+            None => self.emitters[mesh][at].shape(world_from_object),
+        }
     }
 
     /// Follows an instance to a new placement. Turning and moving leaves powers alone; what changes areas makes
@@ -107,6 +151,10 @@ impl PackedLights {
         let Some(Some(placed)) = self.placed.get(instance as usize).copied() else {
             return;
         };
+        for at in 0..self.emitters[placed.mesh].len() {
+            self.shapes[placed.first + at] = self.emitter_shape(placed.mesh, at, world_from_object);
+        }
+        self.uploads.tree = true;
         let gram = gram(world_from_object);
         if is_close(&gram, &placed.gram) {
             return;
@@ -161,8 +209,9 @@ impl PackedLights {
             Some(at) => self.holes.swap_remove(at).0,
             None => {
                 let first = self.records.len();
-                for _ in 0..count {
-                    self.push([0.0; 3], 0.0, Light::default());
+                for at in 0..count {
+                    let shape = self.emitter_shape(mesh, at, world);
+                    self.push([0.0; 3], 0.0, Light::default(), shape);
                 }
                 first
             }
@@ -176,8 +225,11 @@ impl PackedLights {
                 triangle: emitter.leaf,
                 ..Light::default()
             };
+            self.shapes[first + at] = self.emitter_shape(mesh, at, world);
             self.set_power(first + at, emitter.power(world), emitter.boost);
         }
+        // Where a hole was filled, too: other lights may have been far from it.
+        self.tree = LightTree::default();
         self.placed[slot] = Some(Placed {
             mesh,
             first,
@@ -244,6 +296,9 @@ impl PackedLights {
         if let Some(emitters) = self.emitters.get_mut(mesh) {
             *emitters = Vec::new();
         }
+        if let Some(reshaped) = self.reshaped.get_mut(mesh) {
+            *reshaped = None;
+        }
     }
 
     /// Whether a mesh has emissive triangles.
@@ -287,6 +342,7 @@ impl PackedLights {
                 self.records[index] = scene_box.shone_through(self.records[index]);
                 self.positions_in_world[index] = scene_box.center;
                 self.weigh_from_afar(index);
+                self.shape_anew(index);
             }
         }
     }
@@ -297,13 +353,67 @@ impl PackedLights {
         self.uploads.alias = true;
     }
 
-    /// Weighs all lights anew if any power has changed, and says what to upload.
+    /// Weighs all lights anew if any power has changed, takes the tree along, and says what to upload.
     pub fn finish(&mut self) -> LightUploads {
         if self.uploads.alias {
             self.pick_anew();
             self.uploads.records = 0..self.records.len();
         }
-        std::mem::take(&mut self.uploads)
+        // By where they are now alone: frames are the same in whatever order they come.
+        let regroups = self.uploads.tree && self.records.len() <= MOST_REGROUPED;
+        let is_new = self.tree.lights() != self.records.len() || regroups;
+        if is_new || self.uploads.alias || self.uploads.tree {
+            let shapes = self.shapes.iter().zip(&self.weights);
+            let clusters: Vec<Cluster> = shapes
+                .map(|(shape, weight)| shape.cluster(*weight))
+                .collect();
+            if is_new {
+                self.tree = LightTree::new(&clusters);
+            }
+            if is_new || self.uploads.alias {
+                self.tree.weigh(&self.weights);
+            }
+            self.tree.follow(&clusters);
+            self.uploads.tree = self.tree.picks();
+        }
+        self.tree.set_origin(self.origin_in_world);
+        let uploads = std::mem::take(&mut self.uploads);
+        let parts: [&[[u32; 4]]; 2] = [bytemuck::cast_slice(&self.records), self.tree.words()];
+        let count = parts[0].len() + parts[1].len();
+        if self.words.len() == count {
+            let [records, tree] = self.changed_words(&uploads);
+            self.words[records.clone()].copy_from_slice(&parts[0][records]);
+            let changed = &parts[1][..tree.len()];
+            self.words[tree].copy_from_slice(changed);
+        } else {
+            self.words = parts.concat();
+        }
+        uploads
+    }
+
+    /// What the shaders know as `lights`: all records, and behind them the tree.
+    pub fn words(&self) -> &[[u32; 4]] {
+        &self.words
+    }
+
+    /// Levels of the tree; 0 where lights are picked by power.
+    pub fn tree_depth(&self) -> u32 {
+        self.tree.depth()
+    }
+
+    /// Which of [`PackedLights::words`] have to be uploaded after a call of [`PackedLights::finish`].
+    pub fn changed_words(&self, uploads: &LightUploads) -> [Range<usize>; 2] {
+        let first = WORDS_PER_LIGHT * self.records.len();
+        let Range { start, end } = uploads.records;
+        let tree = if uploads.tree {
+            self.tree.words().len()
+        } else {
+            HEADER_WORDS
+        };
+        [
+            WORDS_PER_LIGHT * start..WORDS_PER_LIGHT * end,
+            first..first + tree,
+        ]
     }
 }
 

@@ -305,7 +305,11 @@ fn turning_a_lamp_asks_for_no_new_table() {
         DVec3::new(9.0, 0.0, 1.0),
     );
     lights.place_instance(0, &turned);
-    assert_eq!(lights.finish(), LightUploads::default());
+    let of_tree = LightUploads {
+        tree: true,
+        ..LightUploads::default()
+    };
+    assert_eq!(lights.finish(), of_tree);
     lights.place_instance(0, &(turned * DAffine3::from_scale(DVec3::splat(1.001))));
     assert!(lights.finish().alias);
 }
@@ -352,4 +356,63 @@ fn a_larger_box_carries_more_of_the_light_from_afar() {
     lights.set_box(packed);
     lights.finish();
     assert!((lights.total_power[0] - before).abs() < 1e-5 * sun);
+}
+
+/// Middles and radii of the tree's clusters, world space.
+fn clusters(lights: &PackedLights, origin: DVec3) -> Vec<(DVec3, f32)> {
+    let tree = &lights.words()[4 * lights.records.len()..];
+    let number = |bits: &u32| f32::from_bits(*bits);
+    let place =
+        |words: &[u32; 4]| Vec3::new(number(&words[0]), number(&words[1]), number(&words[2]));
+    let middle = place(&tree[0]).as_dvec3() + origin;
+    let pairs = tree[1..][..3 * tree[0][3] as usize].chunks(3);
+    pairs
+        .flat_map(|pair| &pair[..2])
+        .map(|words| (place(words).as_dvec3() + middle, number(&words[3])))
+        .collect()
+}
+
+#[test]
+fn clusters_lie_where_lights_are_whatever_moves() {
+    let mut lights = packed(&scene());
+    let origin = DVec3::new(0.0, 5.0, 0.0);
+    // Two placements of a mesh from (0, 0) to (1, 1) and (2, 2), and a lamp at y = 7.
+    let has = |lights: &PackedLights, origin, at: DVec3, radius: f32| {
+        let near =
+            |(middle, r): (DVec3, f32)| middle.distance(at) < 1e-5 && (r - radius).abs() < 1e-5;
+        clusters(lights, origin).into_iter().any(near)
+    };
+    let lamp = DVec3::new(0.0, 7.0, 0.0);
+    let half = 0.5f32.sqrt();
+    assert!(has(&lights, origin, lamp, 0.0));
+    assert!(has(&lights, origin, DVec3::new(0.5, 0.5, 0.0), half));
+    assert!(has(&lights, origin, DVec3::new(1.0, 1.0, 0.0), 2.0 * half));
+    // The head goes, a mesh too; another one's shape is known by a box alone.
+    let head = DVec3::new(-3.0, 2.0, 8.0);
+    lights.set_origin(head);
+    lights.place_instance(0, &DAffine3::from_translation(DVec3::new(0.0, 0.0, -9.0)));
+    let finished = lights.finish();
+    assert!(finished.tree && finished.records == (0..lights.origin_dependent));
+    assert!(has(&lights, head, lamp, 0.0));
+    assert!(has(&lights, head, DVec3::new(0.5, 0.5, -9.0), half));
+    lights.reshape_mesh(
+        0,
+        Bounds {
+            min: DVec3::splat(4.0),
+            max: DVec3::splat(5.0),
+        },
+    );
+    lights.place_instance(1, &DAffine3::from_scale(DVec3::splat(2.0)));
+    lights.finish();
+    assert!(has(&lights, head, DVec3::splat(9.0), 3f32.sqrt()));
+    // Lamps in one place are all as near.
+    let mut lamps = scene();
+    lamps.nodes = vec![node(None, Some(0), DAffine3::IDENTITY); 9];
+    lamps.roots = (0..9).collect();
+    assert_eq!(clusters(&packed(&lamps), origin), []);
+    // Where there are few, no tree.
+    let mut few = scene();
+    few.nodes.truncate(2);
+    few.roots.truncate(2);
+    assert_eq!(clusters(&packed(&few), origin), []);
 }
