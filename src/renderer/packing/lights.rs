@@ -191,9 +191,10 @@ impl LightShape {
         }
     }
 
-    fn cluster(&self, weight: f64) -> Cluster {
-        let intensity = if weight > 0.0 {
-            weight / self.spread
+    /// `share` of all lights' power.
+    fn cluster(&self, share: f64) -> Cluster {
+        let intensity = if share > 0.0 {
+            share / self.spread
         } else {
             0.0
         };

@@ -363,10 +363,10 @@ impl PackedLights {
         let regroups = self.uploads.tree && self.records.len() <= MOST_REGROUPED;
         let is_new = self.tree.lights() != self.records.len() || regroups;
         if is_new || self.uploads.alias || self.uploads.tree {
-            let shapes = self.shapes.iter().zip(&self.weights);
-            let clusters: Vec<Cluster> = shapes
-                .map(|(shape, weight)| shape.cluster(*weight))
-                .collect();
+            let shares = probabilities(&self.weights);
+            let shapes = self.shapes.iter().zip(shares);
+            let clusters: Vec<Cluster> =
+                shapes.map(|(shape, share)| shape.cluster(share)).collect();
             if is_new {
                 self.tree = LightTree::new(&clusters);
             }

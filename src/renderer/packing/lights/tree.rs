@@ -35,7 +35,7 @@ const MOST_UNBALANCED: u32 = 24;
 pub struct Cluster {
     /// Where they are, world space; none for light from afar.
     pub bounds: Option<Bounds>,
-    /// Mean over all directions, W/sr; from afar irradiance, W/m^2.
+    /// Mean over all directions, W/sr; from afar irradiance, W/m^2; of all lights' power together as 1 W, for f32's sake.
     pub intensity: f64,
 }
 
@@ -73,9 +73,10 @@ impl Cluster {
         self.intensity * self.extent() * self.extent()
     }
 
-    /// Middle and radius in the tree's space; from afar the radius is below 0.
+    /// Middle and radius in the tree's space; from afar the radius is below 0, of what does not shine 0.
     fn place(&self, anchor: DVec3) -> [u32; 4] {
-        let (middle, radius) = self.bounds.map_or((DVec3::ZERO, -1.0), |bounds| {
+        let afar = if self.intensity > 0.0 { -1.0 } else { 0.0 };
+        let (middle, radius) = self.bounds.map_or((DVec3::ZERO, afar), |bounds| {
             (bounds.center() - anchor, 0.5 * self.extent())
         });
         middle
