@@ -286,10 +286,11 @@ impl SceneBuffers {
             };
             self.packed_lights.reshape_mesh(shape.mesh, bounds);
             if let Some(id) = self.instance_of_node(shape.node) {
-                self.place_instance(id, shape.world_from_object);
-                // Also where it has only changed its shape.
-                self.packed_lights
-                    .place_instance(id.0, &shape.world_from_object);
+                let place = shape.world_from_object;
+                if !self.place_instance(id, place) {
+                    // Lights lie elsewhere where only the shape has changed, too.
+                    self.packed_lights.place_instance(id.0, &place);
+                }
             }
         }
         for (node, world_from_node) in pose.world_from_node.iter().enumerate() {

@@ -606,8 +606,7 @@ impl App {
         let scene = self.document.scene();
         let all = self.selected.nodes().iter();
         let boxes = all.filter_map(|node| scene.bounds_below(*node));
-        let corners = boxes.flat_map(|bounds| [bounds.min, bounds.max]);
-        let Some(bounds) = Bounds::of_points(corners) else {
+        let Some(bounds) = Bounds::around(boxes) else {
             return;
         };
         let radius_m = 0.5 * bounds.size().length();

@@ -231,6 +231,12 @@ impl Bounds {
         Self::of_points(corners).unwrap_or(*self)
     }
 
+    /// The smallest box that holds `boxes`; none if there are none.
+    pub fn around(boxes: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let corners = boxes.into_iter().flat_map(|one| [one.min, one.max]);
+        Self::of_points(corners)
+    }
+
     /// The smallest box that holds `points`; none if there are none.
     pub fn of_points(points: impl IntoIterator<Item = DVec3>) -> Option<Self> {
         points
@@ -399,7 +405,7 @@ impl Scene {
     /// Box around every triangle in the world; none for a scene without triangles.
     pub fn bounds_in_world(&self) -> Option<Bounds> {
         let rest = self.rest_pose();
-        let corners = self.instances().into_iter().filter_map(|instance| {
+        let boxes = self.instances().into_iter().filter_map(|instance| {
             let mesh = &self.meshes[instance.mesh];
             if self.deforms(instance.node) {
                 return Bounds::of_points(self.positions_in_world(instance.node, mesh, &rest));
@@ -410,7 +416,7 @@ impl Scene {
                     .transform_point3(as_dvec3(*position))
             }))
         });
-        Bounds::of_points(corners.flat_map(|bounds| [bounds.min, bounds.max]))
+        Bounds::around(boxes)
     }
 
     /// Middle of the box around the triangles that hang on a node and below it, in their rest pose; the node's origin if
@@ -434,8 +440,7 @@ impl Scene {
                 (*child, world_from_node * parent_from_child)
             }));
         }
-        let all = Bounds::of_points(boxes.iter().flat_map(|bounds| [bounds.min, bounds.max]));
-        all.map_or(world_from_node.translation, |bounds| bounds.center())
+        Bounds::around(boxes).map_or(world_from_node.translation, |bounds| bounds.center())
     }
 
     /// Area of all triangles in the world, m^2, front sides only.

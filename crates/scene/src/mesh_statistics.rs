@@ -128,8 +128,7 @@ pub fn loose_bounds(scene: &Scene, bounds_of: impl Fn(usize) -> Option<Bounds>) 
         }
         Some(bounds_of(instance.mesh)?.transformed(&instance.world_from_object))
     });
-    let boxes: Vec<Bounds> = boxes.collect();
-    Bounds::of_points(boxes.iter().flat_map(|bounds| [bounds.min, bounds.max]))
+    Bounds::around(boxes)
 }
 
 impl MeshStatistics {

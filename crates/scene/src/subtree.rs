@@ -48,7 +48,7 @@ impl Scene {
             );
             own.map(|bounds| bounds.transformed(&world[index]))
         });
-        Bounds::of_points(boxes.flat_map(|bounds| [bounds.min, bounds.max]))
+        Bounds::around(boxes)
     }
 
     /// Which nodes are `node` or hang below it, by index.

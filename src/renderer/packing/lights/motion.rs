@@ -209,9 +209,9 @@ impl PackedLights {
             Some(at) => self.holes.swap_remove(at).0,
             None => {
                 let first = self.records.len();
-                for at in 0..count {
-                    let shape = self.emitter_shape(mesh, at, world);
-                    self.push([0.0; 3], 0.0, Light::default(), shape);
+                for _ in 0..count {
+                    let nowhere = LightShape::at(DVec3::ZERO);
+                    self.push([0.0; 3], 0.0, Light::default(), nowhere);
                 }
                 first
             }

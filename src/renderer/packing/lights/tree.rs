@@ -53,9 +53,8 @@ impl Cluster {
         if self.intensity == 0.0 {
             return other;
         }
-        let corners = [self, other].into_iter().filter_map(|one| one.bounds);
         Self {
-            bounds: Bounds::of_points(corners.flat_map(|bounds| [bounds.min, bounds.max])),
+            bounds: Bounds::around(self.bounds.into_iter().chain(other.bounds)),
             intensity: self.intensity + other.intensity,
         }
     }
@@ -135,9 +134,8 @@ impl LightTree {
         if near <= MOST_LIGHTS_BY_POWER {
             return tree;
         }
-        let boxes = lights.iter().filter_map(|light| light.bounds);
         let all = Cluster {
-            bounds: Bounds::of_points(boxes.flat_map(|bounds| [bounds.min, bounds.max])),
+            bounds: Bounds::around(lights.iter().filter_map(|light| light.bounds)),
             intensity: 1.0,
         };
         tree.anchor = all.center();
@@ -165,8 +163,7 @@ impl LightTree {
         let boxes = chosen
             .iter()
             .filter_map(|light| lights[*light as usize].bounds);
-        let around = Bounds::of_points(boxes.flat_map(|bounds| [bounds.min, bounds.max]));
-        let extent = around.map_or(0.0, |around| around.size().length());
+        let extent = Bounds::around(boxes).map_or(0.0, |around| around.size().length());
         if is_afar || chosen.len() == 1 || extent <= group_extent {
             let first = members.start as u32;
             self.depth = self.depth.max(depth);
