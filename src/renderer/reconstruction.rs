@@ -49,8 +49,18 @@ fn differ(before_w: [f64; 3], after_w: [f64; 3]) -> bool {
         .any(|(before, after)| (before - after).abs() > SWITCHED_SHARE * before.max(after))
 }
 
-/// Share of the mean of `frames` still frames in the picture. Where nothing else averages over frames, all of it.
-fn still_share(settings: &ReconstructSettings, frames: u32) -> f32 {
+/// How many of `frames` still frames are in their mean. The first, which any frame of a moving head is, counts where nothing else
+/// averages over frames.
+fn still_summed(settings: &ReconstructSettings, frames: u32) -> u32 {
+    match (settings.still.is_on(), settings.follows_motion()) {
+        (false, _) => 0,
+        (true, false) => frames,
+        (true, true) => frames - 1,
+    }
+}
+
+/// Share of the mean of `summed` still frames in the picture. Where nothing else averages over frames, all of it.
+fn still_share(settings: &ReconstructSettings, summed: u32) -> f32 {
     if !settings.still.is_on() {
         return 0.0;
     }
@@ -58,7 +68,7 @@ fn still_share(settings: &ReconstructSettings, frames: u32) -> f32 {
         return 1.0;
     }
     let [from, until] = [settings.still_from, settings.still_until].map(f64::from);
-    ((f64::from(frames) - from) / (until - from).max(1.0)).clamp(0.0, 1.0) as f32
+    ((f64::from(summed) - from) / (until - from).max(1.0)).clamp(0.0, 1.0) as f32
 }
 
 /// The memory from frame to frame.
@@ -178,6 +188,7 @@ impl Reconstruction {
             self.switched_frames_left.saturating_sub(1)
         };
         let own = &settings.reconstruct;
+        let summed = still_summed(own, self.still_frames);
         let uniform = Uniform {
             left: now.left,
             right: now.right,
@@ -190,7 +201,7 @@ impl Reconstruction {
             sigma_normal: own.sigma_normal as f32,
             sigma_plane: own.sigma_plane_px as f32,
             still_frames: (self.still_frames - 1) as f32,
-            still_share: still_share(own, self.still_frames),
+            still_share: still_share(own, summed),
             exposure: settings.output.exposure as f32,
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
@@ -209,8 +220,8 @@ impl Reconstruction {
             origin_moved: (origin_in_world - before.origin_in_world)
                 .as_vec3()
                 .to_array(),
-            padding_1: 0,
-            padding_2: 0,
+            still_summed: summed as f32,
+            padding: 0,
         };
         context
             .queue

@@ -28,7 +28,7 @@ shared_record! {
         pub sigma_normal: f32,
         /// Pixel widths from the tangent plane at which a weight is 1/e.
         pub sigma_plane: f32,
-        /// Frames in the still mean before this one.
+        /// Still frames before this one.
         pub still_frames: f32,
         /// The still mean's share in the picture.
         pub still_share: f32,
@@ -46,12 +46,12 @@ shared_record! {
         pub rest_share: f32,
         /// Frames before, at most, whose light samples are taken.
         pub light_history: f32,
-        /// Unused.
-        pub padding_1: u32,
+        /// Frames in the mean over still frames, this one included; 0 while nothing is summed.
+        pub still_summed: f32,
         /// From the render space of the frame before to this one's, world axes, m.
         pub origin_moved: [f32; 3],
         /// Unused.
-        pub padding_2: u32,
+        pub padding: u32,
     }
 }
 
