@@ -18,7 +18,7 @@ use super::{
 };
 use crate::bvh::MaterialMarks;
 use crate::gpu::features::{DecidedBy, MEANINGS, ShaderFeatures, WORDS};
-use crate::renderer::packing::{LightKinds, pack_environment};
+use crate::renderer::packing::{LightKinds, PackedEnvironment, pack_environment};
 use crate::scene::mesh_statistics::MeshStatistics;
 use crate::scene::{Material, Needs, Player, PunctualLight, Scene, ScenePose, SceneStatistics};
 
@@ -183,6 +183,15 @@ impl Renderer {
     /// # Errors
     /// More instances or lights than the adapter binds.
     pub fn apply_scene(&mut self, scene: &Scene) -> Result<Applied, RenderError> {
+        self.apply_with(scene, None)
+    }
+
+    /// The same, with other surroundings.
+    fn apply_with(
+        &mut self,
+        scene: &Scene,
+        surroundings: Option<&PackedEnvironment>,
+    ) -> Result<Applied, RenderError> {
         if let Some(why) = self.edit_base.why_rebuild(scene) {
             return Ok(Applied::NeedsRebuild { why });
         }
@@ -202,12 +211,23 @@ impl Renderer {
         }
         let needs = Needs::with_statistics(scene, &self.edit_base.statistics);
         let changes = self.changes_of_meshes(scene, &other_paint);
-        if let Some(why) = self.why_rebuild(scene, &needs, &changes) {
+        let refused = self.why_rebuild(scene, &needs, &changes);
+        let written = match surroundings {
+            Some(packed) if refused.is_none() => {
+                self.scene.write_environment(&self.context, packed)
+            }
+            _ => Ok(false),
+        };
+        if refused.is_some() || written.is_err() {
             for (index, statistics) in kept {
                 self.edit_base.statistics.meshes[index] = statistics;
             }
+        }
+        self.is_bound &= !written?;
+        if let Some(why) = refused {
             return Ok(Applied::NeedsRebuild { why });
         }
+        self.edit_base.relights |= surroundings.is_some();
         self.take_over(scene, &needs, &changes)
             .map(Applied::InPlace)
     }
@@ -456,9 +476,7 @@ impl Renderer {
             let why = "there were no surroundings that shine, or none are left".to_owned();
             return Ok(Applied::NeedsRebuild { why });
         };
-        self.is_bound &= !self.scene.write_environment(&self.context, &packed)?;
-        self.edit_base.relights = true;
-        self.apply_scene(scene)
+        self.apply_with(scene, Some(&packed))
     }
 
     /// Shows the scene in another pose from the next frame on: instances and lights of nodes go where it has them. Work

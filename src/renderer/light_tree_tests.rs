@@ -216,6 +216,32 @@ fn lights_are_picked_for_a_point_as_probably_as_they_say() {
 }
 
 #[test]
+fn few_lamps_and_lamps_at_one_place_have_their_chance_beside_the_sun() {
+    let context = context();
+    let library = ShaderLibrary::embedded();
+    for lamps in [1, 5] {
+        let mut scene = scene(true);
+        // The lamps of triangles are what the sun shines on.
+        scene.materials[0].emission = [0.0; 3];
+        scene.nodes.retain(|node| node.light != Some(0));
+        let lamp = Node {
+            light: Some(0),
+            parent_from_node: at(DVec3::Y),
+            ..Node::default()
+        };
+        scene.nodes.extend((0..lamps).map(|_| lamp.clone()));
+        scene.roots = (0..scene.nodes.len()).collect();
+        scene.lights[1].intensity = [1e6; 3];
+        let mut buffers = SceneBuffers::new(&context, &scene, &features_of(&scene)).unwrap();
+        let picked = picked(&context, &library, &scene, &mut buffers, [DVec3::ZERO; 2]);
+        assert_eq!(fault(&picked), None);
+        // All lamps together, however weak they are.
+        let sun = picked.probabilities[0];
+        assert!((sun - 0.75).abs() < 1e-6, "{lamps}: {sun}");
+    }
+}
+
+#[test]
 fn a_pick_that_misjudges_its_probability_is_noticed() {
     let context = context();
     let library = ShaderLibrary::embedded();

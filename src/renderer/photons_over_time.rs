@@ -146,7 +146,8 @@ impl Renderer {
             .filter(|origin| origin.distance(self.origin_in_world) <= reach_m);
         let missing = self.maps.iter().any(|map| map.traced_at().is_none());
         let refines = self.progressive_pass > self.traced_pass;
-        if anew || missing || refines || (moved && (shares == 1 || kept.is_none())) {
+        let is_outdated = moved || self.refresh.outdated > 0;
+        if anew || missing || refines || (is_outdated && (shares == 1 || kept.is_none())) {
             self.refresh.outdated = 0;
             return Some((Due::All, self.origin_in_world));
         }

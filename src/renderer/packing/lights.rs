@@ -118,6 +118,13 @@ pub struct LightSources<'a> {
     pub kinds: LightKinds,
 }
 
+/// Where there are lamps and light from afar, photons begin at either at least this often.
+const LEAST_CHANCE_OF_KIND: f64 = 0.1;
+/// Least chance of a light with power, over the mean of all.
+const LEAST_CHANCE: f64 = 1.0 / 1024.0;
+/// How many random numbers there are from 0 to 1.
+const NUMBERS: f32 = 16_777_216.0;
+
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct PackedLights {
@@ -381,11 +388,30 @@ impl PackedLights {
                 *total += channel;
             }
         }
-        let probabilities = probabilities(&self.weights);
-        for (record, probability) in self.records.iter_mut().zip(&probabilities) {
-            record.pick_pdf = *probability as f32;
+        let (alias, chances) = alias_table(&self.chances());
+        for (record, chance) in self.records.iter_mut().zip(chances) {
+            record.pick_pdf = chance as f32;
         }
-        self.alias = alias_table(&probabilities);
+        self.alias = alias;
+    }
+
+    /// How likely each light is to be picked: by its weight, but that lamps in a house have a chance beside the sun over a landscape.
+    fn chances(&self) -> Vec<f64> {
+        let mut chances = chances(&self.weights);
+        let is_afar = |index: usize| self.shapes[index].bounds.is_none();
+        let all = chances.iter().enumerate();
+        let afar: f64 = all
+            .filter(|(index, _)| is_afar(*index))
+            .map(|(_, chance)| chance)
+            .sum();
+        if afar > 0.0 && afar < 1.0 {
+            let wanted = afar.clamp(LEAST_CHANCE_OF_KIND, 1.0 - LEAST_CHANCE_OF_KIND);
+            let [from_afar, near] = [wanted / afar, (1.0 - wanted) / (1.0 - afar)];
+            for (index, chance) in chances.iter_mut().enumerate() {
+                *chance *= if is_afar(index) { from_afar } else { near };
+            }
+        }
+        chances
     }
 }
 
@@ -629,8 +655,19 @@ fn probabilities(weights: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Vose 1991, "A linear algorithm for generating random numbers with a given distribution", behind a header entry.
-fn alias_table(probabilities: &[f64]) -> Vec<LightAlias> {
+/// The same, but that every light with power has a chance that numbers of 24 bits can tell from none.
+fn chances(weights: &[f64]) -> Vec<f64> {
+    let mut chances = probabilities(weights);
+    let least = LEAST_CHANCE / weights.len().max(1) as f64;
+    for chance in chances.iter_mut().filter(|chance| **chance > 0.0) {
+        *chance = chance.max(least);
+    }
+    probabilities(&chances)
+}
+
+/// Vose 1991, "A linear algorithm for generating random numbers with a given distribution", behind a header entry. Thresholds are whole
+/// steps of the numbers that they are compared with, and the chances that come with the table are those with which it picks.
+fn alias_table(probabilities: &[f64]) -> (Vec<LightAlias>, Vec<f64>) {
     let count = probabilities.len();
     // Without power nothing can be picked.
     let usable = if probabilities.iter().any(|probability| *probability > 0.0) {
@@ -678,8 +715,17 @@ fn alias_table(probabilities: &[f64]) -> Vec<LightAlias> {
             }
         }
     }
+    // What is left of a random number of 24 bits behind the slot that it picks.
+    let steps = (NUMBERS / count.next_power_of_two() as f32).max(1.0);
+    let mut chances = vec![0.0; count];
+    for (index, entry) in entries.iter_mut().enumerate() {
+        entry.threshold = ((entry.threshold * steps).ceil() / steps).min(1.0);
+        let own = f64::from(entry.threshold) / count as f64;
+        chances[index] += own;
+        chances[entry.alias_index as usize] += 1.0 / count as f64 - own;
+    }
     table.append(&mut entries);
-    table
+    (table, chances)
 }
 
 #[cfg(test)]

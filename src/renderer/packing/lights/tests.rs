@@ -173,24 +173,82 @@ fn the_alias_table_gives_every_light_its_share() {
         vec![1.0, 2.0, 3.0, 0.0],
         (0..10_000).map(|i| f64::from(i * i)).collect(),
     ] {
-        let wanted = probabilities(&weights);
-        let table = alias_table(&wanted);
+        let wanted = chances(&weights);
+        let (table, stated) = alias_table(&wanted);
         assert_eq!(table.len(), weights.len() + 1);
-        for (index, (given, wanted)) in table_probabilities(&table).iter().zip(&wanted).enumerate()
-        {
-            // Thresholds are f32: 2^-25 of a slot each.
+        // A threshold is rounded up by less than a step of what is left of 24 bits behind the slot.
+        let count = weights.len() as f64;
+        let step = count.log2().ceil().exp2() / 2f64.powi(24) / count;
+        let mut slots = vec![1.0; weights.len()];
+        for entry in &table[1..] {
+            slots[entry.alias_index as usize] += 1.0;
+        }
+        for (index, given) in table_probabilities(&table).into_iter().enumerate() {
+            assert!((given - stated[index]).abs() < 1e-12, "light {index}");
+            // And f32 rounds it before, by 2^-25 of a slot.
+            let bound = slots[index] * (step + 3e-8 / count) + 1e-12;
             assert!(
-                (given - wanted).abs() <= 6e-8,
-                "light {index}: {given} for {wanted}"
+                (given - wanted[index]).abs() <= bound,
+                "light {index}: {given} for {}",
+                wanted[index]
             );
-            assert!(
-                *wanted > 0.0 || *given == 0.0,
-                "light {index} has no power and is picked"
-            );
+            let shines = weights[index] > 0.0;
+            assert_eq!(shines, given > 0.0, "light {index}");
+            assert!(!shines || given >= step, "light {index}");
         }
     }
-    assert_eq!(alias_table(&probabilities(&[0.0, 0.0]))[0].alias_index, 0);
-    assert_eq!(alias_table(&[])[0].alias_index, 0);
+    assert_eq!(alias_table(&chances(&[0.0, 0.0])).0[0].alias_index, 0);
+    assert_eq!(alias_table(&[]).0[0].alias_index, 0);
+}
+
+#[test]
+fn faint_lights_have_a_chance_that_random_numbers_can_meet() {
+    let weights = [1.0, 1e-12, 0.0];
+    let (table, stated) = alias_table(&chances(&weights));
+    assert!(stated[1] > 1e-4 && stated[1] < 1e-3, "{stated:?}");
+    assert_eq!(stated[2], 0.0);
+    // As the shader picks, by all numbers that lie evenly on 24 bits.
+    let mut picked = [0u32; 3];
+    for number in 0..1u32 << 24 {
+        let scaled = number as f32 / 16_777_216.0 * 3.0;
+        let slot = (scaled as usize).min(2);
+        let entry = table[slot + 1];
+        let is_own = scaled - (slot as f32) < entry.threshold;
+        picked[if is_own {
+            slot
+        } else {
+            entry.alias_index as usize
+        }] += 1;
+    }
+    for (picked, stated) in picked.iter().zip(&stated) {
+        // The product is rounded: by half a step at most, at both ends of each slot's two parts.
+        let given = f64::from(*picked) / 2f64.powi(24);
+        assert!(
+            (given - stated).abs() <= 4.0 * 2f64.powi(-24),
+            "{given} {stated}"
+        );
+    }
+}
+
+#[test]
+fn a_lamp_has_its_chance_beside_the_sun() {
+    let mut scene = scene();
+    scene.lights.push(PunctualLight {
+        kind: LightKind::Directional,
+        intensity: [1e9; 3],
+        ..scene.lights[0].clone()
+    });
+    scene.nodes.push(node(None, Some(1), DAffine3::IDENTITY));
+    scene.roots.push(scene.nodes.len() - 1);
+    let lights = packed(&scene);
+    let chances: f64 = lights
+        .records
+        .iter()
+        .filter(|record| record.kind != LIGHT_DIRECTIONAL)
+        .map(|record| f64::from(record.pick_pdf))
+        .sum();
+    assert!((chances - LEAST_CHANCE_OF_KIND).abs() < 1e-6, "{chances}");
+    assert!(lights.tree_depth() > 0);
 }
 
 #[test]

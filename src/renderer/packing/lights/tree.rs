@@ -7,10 +7,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{alias_table, probabilities};
+use super::{alias_table, chances};
 use crate::scene::Bounds;
 
-/// So many lights near by are picked by power: the samples that a surface chooses from meet all of them, if they are alike.
+/// So many lights near by are picked by power where none shines from afar: the samples that a surface chooses from meet all of
+/// them, if they are alike.
 const MOST_LIGHTS_BY_POWER: usize = 4;
 /// So many lights are grouped anew where any of them moves; more stay in the groups that they had, however far they go.
 pub const MOST_REGROUPED: usize = 512;
@@ -72,11 +73,13 @@ impl Cluster {
         self.intensity * self.extent() * self.extent()
     }
 
-    /// Middle and radius in the tree's space; from afar the radius is below 0, of what does not shine 0.
+    /// Middle and radius in the tree's space, above 0 by which sign tells light near by; from afar the radius is below 0, of what does
+    /// not shine 0.
     fn place(&self, anchor: DVec3) -> [u32; 4] {
         let afar = if self.intensity > 0.0 { -1.0 } else { 0.0 };
         let (middle, radius) = self.bounds.map_or((DVec3::ZERO, afar), |bounds| {
-            (bounds.center() - anchor, 0.5 * self.extent())
+            let radius = (0.5 * self.extent()).max(f32::MIN_POSITIVE.into());
+            (bounds.center() - anchor, radius)
         });
         middle
             .as_vec3()
@@ -85,9 +88,10 @@ impl Cluster {
             .map(f32::to_bits)
     }
 
-    /// The upper half of f32, to the nearest.
+    /// The upper half of f32, to the nearest; of what shines never 0.
     fn rough_intensity(&self) -> u32 {
-        ((self.intensity as f32).to_bits() + 0x8000) >> 16
+        let rough = ((self.intensity as f32).to_bits() + 0x8000) >> 16;
+        rough.max(u32::from(self.intensity > 0.0))
     }
 }
 
@@ -131,7 +135,8 @@ impl LightTree {
         let is_afar = |light: &u32| lights[*light as usize].bounds.is_none();
         tree.order.sort_by_key(is_afar);
         let near = tree.order.partition_point(|light| !is_afar(light));
-        if near <= MOST_LIGHTS_BY_POWER {
+        let is_near_alone = near == lights.len();
+        if near == 0 || is_near_alone && near <= MOST_LIGHTS_BY_POWER {
             return tree;
         }
         let all = Cluster {
@@ -140,7 +145,7 @@ impl LightTree {
         };
         tree.anchor = all.center();
         let group_extent = all.extent() * GROUP_EXTENT;
-        if near == lights.len() {
+        if is_near_alone {
             tree.split(lights, group_extent, 0..near, NO_CLUSTER, 0);
         } else {
             let halves = [0..near, near..lights.len()];
@@ -215,8 +220,7 @@ impl LightTree {
                 .iter()
                 .map(|light| weights[*light as usize])
                 .collect();
-            let probabilities = probabilities(&own);
-            let table = alias_table(&probabilities);
+            let (table, chances) = alias_table(&chances(&own));
             for (at, (light, entry)) in lights.iter().zip(&table[1..]).enumerate() {
                 let other = lights[entry.alias_index as usize];
                 self.words[first_entry + group.members.start + at] = [
@@ -229,7 +233,7 @@ impl LightTree {
                     *light as usize / SHARES_PER_WORD,
                     *light as usize % SHARES_PER_WORD,
                 );
-                let share = (probabilities[at] as f32).to_bits();
+                let share = (chances[at] as f32).to_bits();
                 self.words[first_share + word][2 * half..][..2]
                     .copy_from_slice(&[group.own_cluster, share]);
             }
