@@ -41,6 +41,9 @@ pub enum OutputError {
     Image(#[from] ImageError),
 }
 
+/// Statistics, a line per frame.
+const STATS: &str = "stats.jsonl";
+
 /// How files are written.
 #[derive(Debug, Clone)]
 pub struct Style {
@@ -157,7 +160,7 @@ impl OutputFolder {
                 removed += 1;
             }
         }
-        let stats = File::create(path.join("stats.jsonl")).map_err(fail)?;
+        let stats = File::create(path.join(STATS)).map_err(fail)?;
         Ok(Self {
             path: path.to_owned(),
             style,
@@ -182,7 +185,7 @@ impl OutputFolder {
     /// # Errors
     /// [`OutputError::File`].
     pub fn append_stats(&mut self, stats: &impl Serialize) -> Result<(), OutputError> {
-        let path = self.path.join("stats.jsonl");
+        let path = self.path.join(STATS);
         let fail = |reason: String| OutputError::File { path, reason };
         let mut line = match serde_json::to_string(stats) {
             Ok(line) => line,
@@ -444,7 +447,12 @@ fn add_layer(file: &mut ExrFile, layer: &Inspected, view: &str, half: bool) {
     }
 }
 
-/// Whether a run names its files so.
+/// Whether a run clears or writes a file of such a name.
+pub(crate) fn is_taken(name: &str) -> bool {
+    name == STATS || is_of_a_run(name)
+}
+
+/// Whether a run names its files so, besides its statistics.
 fn is_of_a_run(name: &str) -> bool {
     if ["run.json", "trace.json"].contains(&name) {
         return true;

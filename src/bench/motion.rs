@@ -324,7 +324,7 @@ fn settings_of(settings: &Settings, method: Method, change: &Change) -> RenderSe
     render.gpu.timestamps = true.into();
     render.output.kept = Kept::Depth;
     change(&mut render);
-    render.decide_reconstruction(true);
+    render.decide_switches(true);
     render
 }
 

@@ -94,7 +94,7 @@ fn settings_of(settings: &Settings, method: Method) -> Settings {
     render.photon.every_frame = true;
     render.output.work = true;
     render.gpu.timestamps = false.into();
-    render.decide_reconstruction(true);
+    render.decide_switches(true);
     settings
 }
 

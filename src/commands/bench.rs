@@ -52,7 +52,7 @@ fn tell(outcome: &Outcome) {
             "; {rows} rows have errors that their reference was too noisy for, see --reference-spp"
         ),
     };
-    eprintln!(
+    eprint_line!(
         "{} rows{resumed}; report in {}{unsettled}",
         outcome.rows,
         outcome.report.display()
@@ -95,9 +95,10 @@ impl Bar {
         }
         let [done, all] = self.groups;
         let left = left(self.frames, self.began.elapsed().as_secs_f64());
-        eprintln!(
+        eprint_line!(
             "{done} of {all}: {}: {} {what}{left}",
-            plan.suite, plan.name
+            plan.suite,
+            plan.name
         );
     }
 }
@@ -127,7 +128,7 @@ impl BenchProgress for Bar {
     fn says(&mut self, what: &str) {
         self.bar.set_message(what.to_owned());
         if !self.is_terminal {
-            eprintln!("{what}");
+            eprint_line!("{what}");
         }
     }
 
@@ -139,7 +140,7 @@ impl BenchProgress for Bar {
         let [_, groups] = self.groups;
         let [_, frames] = self.frames;
         self.bar.suspend(|| {
-            eprintln!(
+            eprint_line!(
                 "bench {}: {groups} groups, {variants} variants, {frames} frames, which take about {} and their references on top; \
                  stopped, it goes on with the same command",
                 suite.word(),

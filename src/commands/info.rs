@@ -8,7 +8,7 @@ use super::{Failure, load_scene, print_line};
 use crate::frame::listing::{list, memory};
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::shader_library;
-use crate::gpu::context::{AdapterSummary, adapters};
+use crate::gpu::context::{AdapterSummary, adapters, check_wanted};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
 use crate::printable;
@@ -21,6 +21,9 @@ use crate::xr::Headset;
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
     let adapters = adapters();
+    if !options.settings.adapter.is_empty() {
+        check_wanted(&adapters, &options.settings.adapter)?;
+    }
     // The one that would be chosen, as far as can be known without opening it.
     let is_software = adapters.first().is_some_and(AdapterSummary::is_software);
     let mut report = json!({
@@ -150,7 +153,7 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
         light,
     } = load_scene(settings)?;
     // As `run` does.
-    settings.render.decide_reconstruction(true);
+    settings.render.decide_switches(true);
     let settings = &settings;
     let needs = Needs::of(&scene);
     let features = shader_features(&needs, &settings.render);

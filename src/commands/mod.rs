@@ -1,6 +1,14 @@
 //! What each command does, once its options are known to be usable.
 
 #[cfg(feature = "bench")]
+/// A line on stderr. That nobody reads it any more is no reason to end, as it is for `eprintln!`.
+macro_rules! eprint_line {
+    ($($part:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($part)*);
+    }};
+}
+
 mod bench;
 mod compare;
 mod info;
@@ -71,14 +79,14 @@ fn start_with<T>(
                 let _ = write!(std::io::stdout(), "{}", exit.text);
                 return ExitCode::SUCCESS;
             }
-            eprintln!("{}", exit.text.trim_end());
+            eprint_line!("{}", exit.text.trim_end());
             return ExitCode::from(exit.status);
         }
     };
     match execute(options) {
         Ok(status) => ExitCode::from(status),
         Err(failure) => {
-            eprintln!("error: {}", failure.message);
+            eprint_line!("error: {}", failure.message);
             ExitCode::from(failure.status)
         }
     }

@@ -47,7 +47,7 @@ impl Bar {
     }
 
     pub(super) fn print(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
+        self.bar.suspend(|| eprint_line!("{line}"));
     }
 
     pub(super) fn finish(&self) {
@@ -63,7 +63,7 @@ impl Bar {
         self.last_line = Some(Instant::now());
         let elapsed_s = self.began.elapsed().as_secs_f64();
         let line = progress_line([frame, done], [self.frames, Some(self.samples)], elapsed_s);
-        eprintln!("{line}");
+        eprint_line!("{line}");
     }
 }
 

@@ -32,7 +32,7 @@ use crate::xr::{
 pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     let headset = headset(&options.settings)?;
     let mut loaded = load_scene(&options.settings)?;
-    loaded.settings.render.decide_reconstruction(true);
+    loaded.settings.render.decide_switches(true);
     let start = options.session.pose;
     let start = start.unwrap_or_else(|| start_pose(&loaded, &headset));
     OutputFolder::check(&options.shared.out)?;
@@ -126,7 +126,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
         headset = headset.with_ipd(ipd_m)?;
     }
     let mut loaded = load_scene(&options.settings)?;
-    loaded.settings.render.decide_reconstruction(false);
+    loaded.settings.render.decide_switches(false);
     decide_output(&mut loaded.settings, false);
     let scene = &loaded.scene;
     let size = options.settings.size.unwrap_or(headset.size);
@@ -351,7 +351,7 @@ fn render_session(
     // The first error is the one to tell.
     if ended.is_ok() || interrupt::requested() {
         written?;
-        eprintln!("{}", run.summary_line(output.path()));
+        eprint_line!("{}", run.summary_line(output.path()));
     }
     ended
 }

@@ -15,7 +15,7 @@ use crate::xr::{Headset, ReplaySession, Validated};
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
     let mut settings = options.settings.clone();
-    settings.render.decide_reconstruction(true);
+    settings.render.decide_switches(true);
     // Faults of shaders and of passes of the user's own are told before a window opens.
     shader_library(&settings.gpu.shader_folder, &settings.render.user_passes)
         .map_err(Failure::unusable)?;
@@ -26,7 +26,7 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         light,
     } = LoadedDocument::open(&settings, false)?;
     if let Some(light) = &light {
-        eprintln!("light: {light}");
+        eprint_line!("light: {light}");
     }
     document.scene().clip(&settings.render.animation.clip)?;
     OutputFolder::check(&options.shared.out)?;

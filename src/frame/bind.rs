@@ -61,8 +61,7 @@ pub fn meaning(name: &str, owner: Owner) -> Option<Meaning> {
         return of_eye(rest, owner.eye.other());
     }
     let now = meaning(name.strip_suffix("_before")?, owner)?;
-    let takes_turns = buffers::row(now.place.1)?.holds == Holds::Turns;
-    takes_turns.then_some(Meaning {
+    buffers::row(now.place.1)?.takes_turns().then_some(Meaning {
         is_before: true,
         ..now
     })

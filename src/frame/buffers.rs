@@ -85,6 +85,8 @@ pub enum Holds {
     Always,
     /// Double-buffered: shaders call the previous frame's `NAME_before`.
     Turns,
+    /// The same, and neither half ever holds anything else: frames do not write all of it.
+    AlwaysInTurns,
 }
 
 /// One buffer.
@@ -135,10 +137,16 @@ impl BufferRow {
         is_of_map && self.holds == Holds::Within
     }
 
+    /// Whether it is double-buffered.
+    #[must_use]
+    pub fn takes_turns(&self) -> bool {
+        matches!(self.holds, Holds::Turns | Holds::AlwaysInTurns)
+    }
+
     /// Buffers that it has: two if they take turns.
     #[must_use]
     pub fn turns(&self) -> u64 {
-        if self.holds == Holds::Turns { 2 } else { 1 }
+        if self.takes_turns() { 2 } else { 1 }
     }
 }
 
@@ -195,7 +203,7 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "indirect_light", 16),
     per_pixel!(Eye, "direct_irradiance", 8),
     // Light samples for the next frame: `shaders/shared/kept_light.wesl`.
-    per_pixel!(Eye, "kept_lights", 16).holds(Holds::Turns),
+    per_pixel!(Eye, "kept_lights", 16).holds(Holds::AlwaysInTurns),
     // Share of the pixel that surfaces cover, where the rest lets the room through: `shaders/shared/coverage.wesl`.
     per_pixel!(Eye, "coverage", 4).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),

@@ -107,9 +107,7 @@ impl Room {
 
     fn takes_turns(&self) -> bool {
         match self.home {
-            Home::In { host, .. } => {
-                buffers::row(host.1).is_some_and(|row| row.holds == Holds::Turns)
-            }
+            Home::In { host, .. } => buffers::row(host.1).is_some_and(BufferRow::takes_turns),
             _ => false,
         }
     }
@@ -164,7 +162,7 @@ pub fn settle(
             }
             Holds::Within if now == ALWAYS => {}
             Holds::Within if usage.is_kept => room(false, [now[0], u32::MAX]),
-            Holds::Always => {}
+            Holds::Always | Holds::AlwaysInTurns => {}
             Holds::Within => guests.push((place, row, bytes, now)),
         }
     }

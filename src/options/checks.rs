@@ -1,12 +1,16 @@
 //! What concerns several flags together, and the settings that they make.
 
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
 use super::cli::{
     BenchOptions, InfoOptions, LayerArgs, Options, RunOptions, SessionChoice, SessionOptions,
-    Suite, TraceOptions,
+    SharedOptions, Suite, TraceOptions,
 };
 use super::layers::Layers;
 use super::{OptionsError, quoted};
-use crate::settings::Light;
+use crate::output::is_taken;
+use crate::settings::{Light, Settings};
 
 impl Options {
     /// Checks the flags as a whole, and fills the settings in.
@@ -20,6 +24,8 @@ impl Options {
                 let layers = options.shared.layers.read()?;
                 options.names_headset = layers.is_set("headset");
                 options.settings = layers.finish()?;
+                let inputs = options.shared.inputs(&options.settings);
+                keeps_inputs(&inputs, None, &options.shared.out)?;
             }
             Self::Compare(options) => options.limits = options.layers.read()?.finish()?.limits,
             Self::Bench(options) => options.check()?,
@@ -37,6 +43,83 @@ impl Options {
         }
         Ok(())
     }
+}
+
+impl SharedOptions {
+    /// Files that are read, and what names them.
+    fn inputs<'a>(&'a self, settings: &'a Settings) -> Vec<(&'static str, &'a Path)> {
+        let config = self
+            .layers
+            .config
+            .iter()
+            .map(|path| ("--config", path.as_path()));
+        let named = [
+            ("--scene", &settings.scene),
+            ("environment.path", &settings.environment.path),
+            ("headset", &settings.headset),
+        ];
+        let named = named.map(|(name, path)| (name, Path::new(path)));
+        config.chain(named).collect()
+    }
+}
+
+/// Refuses a recording over what is read, and what is read, or recorded, under names in `out` that a run clears and writes itself.
+fn keeps_inputs(
+    inputs: &[(&'static str, &Path)],
+    record: Option<&Path>,
+    out: &Path,
+) -> Result<(), OptionsError> {
+    let out_itself = resolved(out);
+    let is_lost = |path: &Path| {
+        let taken = path
+            .file_name()
+            .and_then(OsStr::to_str)
+            .is_some_and(is_taken);
+        taken && path.parent() == Some(&out_itself)
+    };
+    let refused = |name: &str, path: &Path, why: &str| {
+        let path = quoted(&path.to_string_lossy());
+        Err(OptionsError::Conflict(format!("{name} {path} {why}")))
+    };
+    let recorded = record.map(|path| (path, resolved(path)));
+    if let Some((path, file)) = &recorded
+        && is_lost(file)
+    {
+        return refused(
+            "--record",
+            path,
+            "is a file that the run writes to --out itself; give it another name",
+        );
+    }
+    for (name, path) in inputs.iter().filter(|(_, path)| path.is_file()) {
+        let file = resolved(path);
+        if let Some((path, recorded)) = &recorded
+            && file == *recorded
+        {
+            let why = format!("is the file that {name} reads; give --record another name");
+            return refused("--record", path, &why);
+        }
+        if is_lost(&file) {
+            return refused(
+                name,
+                path,
+                "lies in --out under a name that a run clears and writes; give --out another folder",
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The file or folder itself, whatever leads to it; one that is still to be made by the folder that it will be in.
+fn resolved(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| {
+        let folder = path.parent().filter(|folder| *folder != Path::new(""));
+        let folder = folder.unwrap_or(Path::new(".")).canonicalize();
+        match (folder, path.file_name()) {
+            (Ok(folder), Some(name)) => folder.join(name),
+            _ => path.to_owned(),
+        }
+    })
 }
 
 impl<const FLAGS: usize> LayerArgs<FLAGS> {
@@ -60,7 +143,18 @@ impl RunOptions {
         self.session.check()?;
         self.names_reuse = layers.is_set("reuse");
         self.settings = layers.finish()?;
-        Ok(())
+        let recording = &self.session.recording;
+        let trace = recording
+            .trace
+            .iter()
+            .map(|path| ("--trace", path.as_path()));
+        let inputs: Vec<_> = self
+            .shared
+            .inputs(&self.settings)
+            .into_iter()
+            .chain(trace)
+            .collect();
+        keeps_inputs(&inputs, self.session.record.as_deref(), &self.shared.out)
     }
 }
 
@@ -134,13 +228,7 @@ impl SessionOptions {
             );
         }
         self.recording.check()?;
-        match (&self.record, &self.recording.trace) {
-            (Some(record), Some(trace)) if record == trace => Err(OptionsError::Conflict(format!(
-                "--record {} is the file that --trace reads; give --record another name",
-                quoted(&record.to_string_lossy())
-            ))),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 
@@ -202,5 +290,51 @@ impl InfoOptions {
         self.names_scene = layers.is_set("scene");
         self.settings = layers.finish()?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_is_read_is_written_over() {
+        let folder = std::env::temp_dir().join(format!("stereolux-inputs-{}", std::process::id()));
+        let at = |name: &str| folder.join(name);
+        std::fs::create_dir_all(at("out")).unwrap();
+        for name in ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        let [trace, cleared, kept] =
+            ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"].map(at);
+        let check = |input: &Path, record: Option<&Path>| {
+            keeps_inputs(&[("--trace", input)], record, &at("out")).map_err(|e| e.to_string())
+        };
+        let says = |found: Result<(), String>, what: &str| {
+            let message = found.unwrap_err();
+            assert!(message.contains(what), "{message}");
+        };
+        assert_eq!(check(&trace, Some(&at("other.jsonl"))), Ok(()));
+        // By whatever name.
+        for alias in ["walk.jsonl", "./walk.jsonl", "out/../walk.jsonl"] {
+            says(check(&trace, Some(&at(alias))), "that --trace reads");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(&trace, at("link.jsonl")).unwrap();
+            says(check(&trace, Some(&at("link.jsonl"))), "that --trace reads");
+        }
+        says(check(&trace, Some(&at("out/stats.jsonl"))), "itself");
+        says(check(&cleared, None), "clears");
+        assert_eq!(check(&kept, Some(&at("out/walk.jsonl"))), Ok(()));
+        // A builtin scene is no file, nor is a folder that is still to be made one in the way.
+        let new = at("new");
+        assert_eq!(
+            keeps_inputs(&[("--scene", Path::new("builtin:cornell"))], None, &new),
+            Ok(())
+        );
+        let record = new.join("run.json");
+        assert!(keeps_inputs(&[], Some(&record), &new).is_err());
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -181,7 +181,12 @@ impl Layers {
             });
         };
         let (key, value) = (key.trim(), value.trim());
-        self.put(key, &loose(value), value, &Place::Set)
+        let raw = match registry::find(key).map(|setting| setting.kind) {
+            // Text that looks like a number, such as one of a clip.
+            Some(Kind::Text { .. }) if !loose(value).is_string() => Value::from(value),
+            _ => loose(value),
+        };
+        self.put(key, &raw, value, &Place::Set)
     }
 
     /// Puts one flag's value on, taken as `--set` takes it.

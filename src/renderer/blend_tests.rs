@@ -1,13 +1,15 @@
 //! Blended surfaces over frames (`shaders/shared/alpha.wesl`): a pixel meets them as often as they cover, panes one behind the
-//! other independently.
+//! other independently; photons light them as lamps do.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::gpu::ShaderLibrary;
-use crate::renderer::test_support::{context, looking_ahead, nodes_of, replaced, walls};
+use crate::renderer::test_support::{
+    context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
+};
 use crate::renderer::{Eye, Renderer};
-use crate::scene::{AlphaMode, Material, Scene};
-use crate::settings::{Eyes, Method, RenderSettings, Reuse};
+use crate::scene::{AlphaMode, LightKind, Material, Node, PunctualLight, Scene};
+use crate::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse};
 
 const SIZE: u32 = 32;
 const FRAMES: u32 = 16;
@@ -100,4 +102,83 @@ fn panes_one_behind_the_other_are_met_independently() {
         let off = farthest(&seen, f64::from(FRAMES) * share);
         assert!(off < 5.0, "{panes}: {off} frames of {FRAMES}");
     }
+}
+
+/// Mean radiance of a lit pane in each of some frames, whose photons differ.
+fn lit(library: &ShaderLibrary, settings: &RenderSettings) -> Vec<f64> {
+    let corner = DVec3::new(-2.0, -2.0, -3.0);
+    let mut pane = Material::lambert("pane", [0.8; 3]);
+    pane.base_color[3] = COVERED as f32;
+    pane.alpha_mode = AlphaMode::Blend;
+    let lamp = Node {
+        light: Some(0),
+        parent_from_node: DAffine3::from_translation(DVec3::new(0.0, 0.0, -1.0)),
+        ..Node::default()
+    };
+    let meshes = vec![walls(&[[corner, 4.0 * DVec3::X, 4.0 * DVec3::Y]], 0)];
+    let nodes: Vec<Node> = nodes_of(&meshes).into_iter().chain([lamp]).collect();
+    let scene = Scene {
+        materials: vec![pane],
+        roots: (0..nodes.len()).collect(),
+        nodes,
+        meshes,
+        lights: vec![PunctualLight {
+            name: String::new(),
+            kind: LightKind::Point,
+            intensity: [1.0; 3],
+        }],
+        ..Scene::default()
+    };
+    let mut renderer =
+        Renderer::new(context(), library, &scene, settings, Eyes::Left, [SIZE; 2]).unwrap();
+    let view = looking_ahead(DVec3::ZERO, 10.0);
+    let of_frame = |frame| {
+        renderer.render_frame(&[view; 2], frame, |_| {}).unwrap();
+        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        let sum: f64 = picture.iter().map(|pixel| f64::from(pixel[0])).sum();
+        sum / picture.len() as f64
+    };
+    (0..FRAMES).map(of_frame).collect()
+}
+
+#[test]
+fn photons_light_a_pane_as_lamps_do() {
+    let library = ShaderLibrary::embedded();
+    // Once by photons that meet the pane and once by its coverage: light would count by its square.
+    let wrong = replaced(
+        &library,
+        "shared/photon_path",
+        "flux /= select(1.0, coverage, coverage > 0.0);",
+        "",
+    );
+    let settings = |direct, edge_correction| {
+        let mut settings = direct_from_map(1 << 16);
+        settings.photon.direct = direct;
+        settings.photon.every_frame = true;
+        settings.photon.radius_m = 0.1;
+        settings.photon.edge_correction = edge_correction;
+        settings
+    };
+    let by_lamp = moments(&lit(&library, &settings(DirectLight::Nee, false)));
+    for edge_correction in [true, false] {
+        let by_photons = |library| {
+            let found = lit(library, &settings(DirectLight::Map, edge_correction));
+            let [mean, error] = moments(&found);
+            // Irradiance 1 / d^2 cos^3 is even within a radius to r^2 / d^2 = 0.25 %, and pixels' coverage differs by their errors.
+            let bound = 4.0 * (error + by_lamp[1]) + 0.0025 * by_lamp[0];
+            ((mean - by_lamp[0]).abs() <= bound, mean / by_lamp[0])
+        };
+        let (is_right, ratio) = by_photons(&library);
+        assert!(is_right, "{ratio}");
+        let (is_right, ratio) = by_photons(&wrong);
+        assert!(!is_right, "{ratio}");
+    }
+}
+
+/// Mean and its standard error.
+fn moments(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    [mean, (squares / (count - 1.0) / count).sqrt()]
 }

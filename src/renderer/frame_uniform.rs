@@ -8,7 +8,7 @@ use super::radii::progressive_radius_m;
 use super::reconstruction::{pack_offset, pixel_offset};
 use crate::renderer::records::frame::{
     Eye as EyeUniform, FRAME_ADAPTIVE_CAUSTIC_RADIUS, FRAME_ADAPTIVE_RADIUS, FRAME_DIRECT_FROM_MAP,
-    FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV, FRAME_RUSSIAN_ROULETTE, Frame,
+    FRAME_KERNEL_CONE, FRAME_KERNEL_EPANECHNIKOV, FRAME_PROGRESSIVE, FRAME_RUSSIAN_ROULETTE, Frame,
 };
 use crate::settings::{
     DirectLight, Eyes as EyeChoice, Kernel as DensityKernel, Method, PhotonSettings,
@@ -39,6 +39,9 @@ impl Renderer {
         }
         if settings.photon.direct == DirectLight::Map {
             flags |= FRAME_DIRECT_FROM_MAP;
+        }
+        if settings.photon.progressive {
+            flags |= FRAME_PROGRESSIVE;
         }
         flags |= match settings.photon.kernel {
             DensityKernel::Constant => 0,

@@ -121,6 +121,7 @@ features! {
         from_list: "a pass over a list of pixels",
         from_tiles: "a pass over the tiles in which a surface is seen",
         inspects: "the inspection pass: counts BVH nodes, treats alpha-blended surfaces deterministically",
+        meets_blended: "rays that meet alpha-blended surfaces wherever they are",
         encodes: "a target with hardware sRGB encoding",
         of_seen: "depth from what the filters keep of surfaces",
     }

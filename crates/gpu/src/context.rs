@@ -249,6 +249,29 @@ pub fn adapters() -> Vec<AdapterSummary> {
         .collect()
 }
 
+/// Whether an adapter's name holds `wanted`, in any case.
+fn is_wanted(name: &str, wanted: &str) -> bool {
+    name.to_lowercase().contains(&wanted.to_lowercase())
+}
+
+/// Whether the name of any of `adapters` holds `wanted` (any case).
+///
+/// # Errors
+/// [`GpuError::NoMatchingAdapter`].
+pub fn check_wanted(adapters: &[AdapterSummary], wanted: &str) -> Result<(), GpuError> {
+    if adapters
+        .iter()
+        .any(|adapter| is_wanted(&adapter.name, wanted))
+    {
+        return Ok(());
+    }
+    let names: Vec<&str> = adapters.iter().map(|adapter| &*adapter.name).collect();
+    Err(GpuError::NoMatchingAdapter {
+        wanted: wanted.to_owned(),
+        available: names.join(", "),
+    })
+}
+
 impl GpuContext {
     /// Opens the preferred adapter, or the first whose name holds `wanted` (any case). One that cannot be used is passed over
     /// with a warning, if another can.
@@ -264,18 +287,9 @@ impl GpuContext {
         }
         found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
         if let Some(wanted) = wanted.filter(|name| !name.is_empty()) {
-            let names: Vec<String> = found
-                .iter()
-                .map(|adapter| adapter.get_info().name)
-                .collect();
-            let needle = wanted.to_lowercase();
-            found.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&needle));
-            if found.is_empty() {
-                return Err(GpuError::NoMatchingAdapter {
-                    wanted: wanted.to_owned(),
-                    available: names.join(", "),
-                });
-            }
+            let summary = |adapter: &wgpu::Adapter| AdapterSummary::of(&adapter.get_info());
+            check_wanted(&found.iter().map(summary).collect::<Vec<_>>(), wanted)?;
+            found.retain(|adapter| is_wanted(&adapter.get_info().name, wanted));
         }
         first_usable(found, |adapter| {
             Self::from_adapter(instance.clone(), adapter)

@@ -141,7 +141,7 @@ pub fn kernels_of(
             method,
             ..RenderSettings::default()
         };
-        settings.decide_reconstruction(true);
+        settings.decide_switches(true);
         let PlannedScene {
             stages, features, ..
         } = plan_of_scene(scene, &settings, false)?;

@@ -40,7 +40,7 @@ impl Quality {
                 Method::Photon => settings.photon.max_depth,
             },
             light_candidates: settings.path.light_candidates,
-            half_rate: settings.photon.half_rate,
+            half_rate: settings.photon.half_rate.is_on(),
             filter_passes: settings.reconstruct.atrous_passes,
             reuse: settings.reuse != Reuse::Off,
         }
@@ -55,7 +55,7 @@ impl Quality {
             Method::Photon => settings.photon.max_depth = self.max_depth,
         }
         settings.path.light_candidates = self.light_candidates;
-        settings.photon.half_rate = self.half_rate;
+        settings.photon.half_rate = self.half_rate.into();
         settings.reconstruct.atrous_passes = self.filter_passes;
     }
 

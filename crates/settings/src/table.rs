@@ -290,8 +290,8 @@ settings! {
             schedule: Schedule = Schedule::Split;
             /// photons loaded per thread, or per workgroup through shared memory; cooperative is for comparison
             loads: Loads = Loads::Direct;
-            /// gather at every other pixel in each direction and interpolate irradiance; caustics at full rate
-            half_rate: bool = false;
+            /// gather at every other pixel in each direction and interpolate irradiance, caustics at full rate; auto: where svgf filters
+            half_rate: Switch = Switch::Auto;
             /// in moving pictures: frames before, at most, whose light samples direct light is chosen from, too; 0 has none
             light_history: u32 = 0, whole(0, 255), "frames";
         }
@@ -549,7 +549,7 @@ impl PhotonSettings {
     /// # Errors
     /// One line: which cannot, and what to change.
     pub fn check_gather(&self) -> Result<(), String> {
-        if self.half_rate && self.schedule == Schedule::Fused {
+        if self.half_rate.is_on() && self.schedule == Schedule::Fused {
             return Err(
                 "photon.half_rate needs photon.schedule = \"split\"; change one of them".to_owned(),
             );
@@ -685,15 +685,21 @@ impl RenderSettings {
             && self.reconstruct.follows_motion()
     }
 
-    /// Decides what reconstruction leaves to `auto`, for a sequence or for frames that stand alone. With several samples per
-    /// pixel it is off.
-    pub fn decide_reconstruction(&mut self, is_sequence: bool) {
+    /// Decides which switches that are left to `auto` are on, for a sequence or for frames that stand alone: with several samples
+    /// per pixel, or alone, none.
+    pub fn decide_switches(&mut self, is_sequence: bool) {
         let auto = is_sequence && self.spp == 1;
         let own = &mut self.reconstruct;
         for switch in [&mut own.svgf, &mut own.taa, &mut own.still] {
             if *switch == Switch::Auto {
                 *switch = auto.into();
             }
+        }
+        // What lies between gathered pixels the filter would mix as well.
+        let half_rate = &mut self.photon.half_rate;
+        if *half_rate == Switch::Auto {
+            let is_split = self.photon.schedule == Schedule::Split;
+            *half_rate = (is_split && own.svgf.is_on()).into();
         }
     }
 }

@@ -62,7 +62,7 @@ fn variations(settings: &RenderSettings) -> Vec<RenderSettings> {
             return all;
         }
         let mut other = settings.clone();
-        other.photon.half_rate = !photon.half_rate;
+        other.photon.half_rate = (!photon.half_rate.is_on()).into();
         all.push(other);
     }
     if settings.path.light_candidates != 1 {
@@ -87,7 +87,11 @@ fn path(settings: RenderSettings) -> Candidate {
 fn photon(settings: RenderSettings, radius_m: f64) -> Candidate {
     let photon = &settings.photon;
     let (kernel, direct) = (photon.kernel, photon.direct);
-    let rate = if photon.half_rate { "half" } else { "full" };
+    let rate = if photon.half_rate.is_on() {
+        "half"
+    } else {
+        "full"
+    };
     let candidates = settings.path.light_candidates;
     let name = format!(
         "photon {} r {radius_m} {kernel} {direct} {} spp, {rate} rate, {candidates} light candidates",

@@ -81,7 +81,7 @@ fn whole_eye(steps: &mut Steps, frame: &FrameSpec<'_>) {
     }
     let hits = Size::List(List::HITS);
     eye_paths(steps, frame, hits);
-    if frame.settings.photon.half_rate {
+    if frame.settings.photon.half_rate.is_on() {
         gather_at_half_rate(steps, frame);
     } else {
         gather(steps, frame, hits);

@@ -88,3 +88,5 @@ pub const FRAME_KERNEL_CONE: u32 = 8;
 pub const FRAME_ADAPTIVE_RADIUS: u32 = 16;
 /// The same for caustics.
 pub const FRAME_ADAPTIVE_CAUSTIC_RADIUS: u32 = 32;
+/// Photon maps follow one another with smaller radii.
+pub const FRAME_PROGRESSIVE: u32 = 64;

@@ -22,7 +22,7 @@ const CYCLE: u32 = 64;
 /// What `auto` switches on.
 fn sequence(kind: Method, reuse: Reuse) -> RenderSettings {
     let mut settings = method(kind, reuse);
-    settings.decide_reconstruction(true);
+    settings.decide_switches(true);
     settings
 }
 
@@ -134,7 +134,7 @@ fn a_still_head_converges_to_the_mean_over_the_pixels_area() {
             let mut settings = method(Method::Path, Reuse::Off);
             settings.seed = seed;
             settings.spp = spp;
-            settings.decide_reconstruction(true);
+            settings.decide_switches(true);
             let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
             play(&mut renderer, &views, 0..frames);
             radiance(&renderer, Eye::Right)

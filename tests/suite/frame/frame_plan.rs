@@ -46,9 +46,9 @@ const WAYS: &[(&str, Change)] = &[
     }),
     ("cooperative", |s| s.photon.loads = Loads::Cooperative),
     ("fused", |s| s.photon.schedule = Schedule::Fused),
-    ("half rate", |s| s.photon.half_rate = true),
+    ("half rate", |s| s.photon.half_rate = true.into()),
     ("half rate without reuse", |s| {
-        s.photon.half_rate = true;
+        s.photon.half_rate = true.into();
         s.reuse = Reuse::Off;
     }),
     ("shares", |s| s.photon.shares = 3),

@@ -86,7 +86,7 @@ fn made_so(quality: &Quality, settings: &RenderSettings) -> (RenderSettings, [u3
     settings.path.max_depth = quality.max_depth;
     settings.photon.max_depth = quality.max_depth;
     settings.path.light_candidates = quality.light_candidates;
-    settings.photon.half_rate = quality.half_rate;
+    settings.photon.half_rate = quality.half_rate.into();
     settings.reconstruct.atrous_passes = quality.filter_passes;
     if !quality.reuse {
         settings.reuse = Reuse::Off;
@@ -152,7 +152,7 @@ fn photons_and_lookup() {
     let every_frame = |estimate, search| {
         settings(|s| {
             s.reuse = Reuse::Lookup;
-            s.photon.half_rate = true;
+            s.photon.half_rate = true.into();
             s.photon.shares = 4;
             s.photon.every_frame = true;
             s.photon.estimate = estimate;

@@ -16,7 +16,7 @@ fn both_rates(change: impl Fn(&mut RenderSettings)) -> [RenderSettings; 2] {
     [false, true].map(|half_rate| {
         settings(|s| {
             s.reuse = Reuse::Off;
-            s.photon.half_rate = half_rate;
+            s.photon.half_rate = half_rate.into();
             change(s);
         })
     })
@@ -161,7 +161,7 @@ fn half_rate_is_about_as_true_as_full_rate() {
 #[test]
 fn one_kernel_does_not_gather_at_half_rate() {
     let refused = settings(|s| {
-        s.photon.half_rate = true;
+        s.photon.half_rate = true.into();
         s.photon.schedule = Schedule::Fused;
     });
     let error = refused.photon.check_gather().unwrap_err();
