@@ -1,6 +1,5 @@
 //! What each command does, once its options are known to be usable.
 
-#[cfg(feature = "bench")]
 /// A line on stderr. That nobody reads it any more is no reason to end, as it is for `eprintln!`.
 macro_rules! eprint_line {
     ($($part:tt)*) => {{
@@ -9,6 +8,7 @@ macro_rules! eprint_line {
     }};
 }
 
+#[cfg(feature = "bench")]
 mod bench;
 mod compare;
 mod info;
