@@ -12,6 +12,8 @@ pub mod deform;
 pub mod driver_limits;
 mod editing;
 #[cfg(test)]
+mod editing_tests;
+#[cfg(test)]
 mod emission_tests;
 pub mod features;
 mod frame_spec;
