@@ -91,7 +91,7 @@ fn keeps_inputs(
             "is a file that the run writes to --out itself; give it another name",
         );
     }
-    for (name, path) in inputs.iter().filter(|(_, path)| path.is_file()) {
+    for (name, path) in inputs {
         let file = resolved(path);
         if let Some((path, recorded)) = &recorded
             && file == *recorded
@@ -99,7 +99,7 @@ fn keeps_inputs(
             let why = format!("is the file that {name} reads; give --record another name");
             return refused("--record", path, &why);
         }
-        if is_lost(&file) {
+        if path.is_file() && is_lost(&file) {
             return refused(
                 name,
                 path,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stereolux::frame::bind::meaning;
-use stereolux::frame::buffers::{Holds, row};
+use stereolux::frame::buffers::row;
 use stereolux::frame::homes::{Home, Homes, settle};
 use stereolux::frame::listing::{memory, uses};
 use stereolux::frame::plan::on_demand;
@@ -182,7 +182,7 @@ fn two_frames<'a>(stages: &'a [PlannedStage], features: &ShaderFeatures) -> Vec<
 /// Passes that read an image whose memory another one has been written to since.
 fn read_too_late(stages: &[PlannedStage], homes: &Homes, features: &ShaderFeatures) -> Vec<String> {
     let library = ShaderLibrary::embedded();
-    let takes_turns = |name| row(name).is_some_and(|row| row.holds == Holds::Turns);
+    let takes_turns = |name| row(name).is_some_and(|row| row.takes_turns());
     let mut holds = BTreeMap::new();
     let mut faults = Vec::new();
     for (parity, step) in two_frames(stages, features) {
@@ -233,8 +233,7 @@ fn images_that_share_memory_are_read_before_another_one_is_written_there() {
             let faults = read_too_late(&stages, &homes, &features);
             assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
             let mut torn = stages.clone();
-            let left = torn.iter_mut().find(|planned| planned.stage == Stage::Left);
-            left.unwrap().steps.reverse();
+            torn.iter_mut().for_each(|planned| planned.steps.reverse());
             if settings.method == Method::Photon {
                 let faults = read_too_late(&torn, &homes, &features);
                 assert!(!faults.is_empty(), "{way} in {scene}");

@@ -263,7 +263,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         (
             "shared/frame",
-            named!(frame: FRAME_RUSSIAN_ROULETTE, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_EPANECHNIKOV, FRAME_KERNEL_CONE, FRAME_ADAPTIVE_RADIUS, FRAME_ADAPTIVE_CAUSTIC_RADIUS),
+            named!(frame: FRAME_RUSSIAN_ROULETTE, FRAME_DIRECT_FROM_MAP, FRAME_KERNEL_EPANECHNIKOV, FRAME_KERNEL_CONE, FRAME_ADAPTIVE_RADIUS, FRAME_ADAPTIVE_CAUSTIC_RADIUS, FRAME_PROGRESSIVE),
         ),
         (
             "shared/bvh_types",
