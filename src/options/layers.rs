@@ -181,10 +181,10 @@ impl Layers {
             });
         };
         let (key, value) = (key.trim(), value.trim());
-        let raw = match registry::find(key).map(|setting| setting.kind) {
+        let raw = match loose(value) {
             // Text that looks like a number, such as one of a clip.
-            Some(Kind::Text { .. }) if !loose(value).is_string() => Value::from(value),
-            _ => loose(value),
+            other if is_text(key) && !other.is_string() => Value::from(value),
+            raw => raw,
         };
         self.put(key, &raw, value, &Place::Set)
     }
@@ -200,9 +200,9 @@ impl Layers {
         value: &str,
     ) -> Result<(), OptionsError> {
         // A path or a name stays as typed, quotation marks and all.
-        let raw = match registry::find(key).map(|setting| setting.kind) {
-            Some(Kind::Text { .. }) => Value::from(value),
-            _ => loose(value.trim()),
+        let raw = match is_text(key) {
+            true => Value::from(value),
+            false => loose(value.trim()),
         };
         self.put(key, &raw, value, &Place::Flag(flag))
     }
@@ -334,6 +334,10 @@ fn line_of(bytes: &[u8], offset: usize) -> usize {
         .take(offset)
         .filter(|&&byte| byte == b'\n')
         .count()
+}
+
+fn is_text(key: &str) -> bool {
+    registry::find(key).is_some_and(|setting| matches!(setting.kind, Kind::Text { .. }))
 }
 
 /// The value of `--set` or a flag: TOML if it parses as that, else bare text.

@@ -534,11 +534,16 @@ impl SceneBuffers {
 
     /// Light from infinitely far comes in through a box around the scene; an instance may have left it.
     fn widen_infinite_lights(&mut self, origin_in_world: DVec3) {
-        if !self.has_moved || !self.packed_lights.has_infinite_lights() {
+        if !self.packed_lights.has_infinite_lights() {
             return;
         }
         // Function of this frame alone, so that frames can be rendered in any order.
         let packed = self.packed_lights.packed_box();
+        if !self.has_moved {
+            // Nor what had moved before an edit.
+            self.packed_lights.set_box(packed);
+            return;
+        }
         let center = packed.center - origin_in_world;
         let corners = (center - packed.half_size, center + packed.half_size);
         let (mut min, mut max) = corners;

@@ -24,7 +24,7 @@ mod motion;
 mod tree;
 
 pub use motion::LightUploads;
-use motion::{Emitter, Placed};
+use motion::{Emitter, Placed, is_afar};
 use tree::{Cluster, HEADER_WORDS, LightTree, MOST_REGROUPED};
 
 /// [`emitter_ordinals`]: the triangle does not emit.
@@ -398,17 +398,16 @@ impl PackedLights {
     /// How likely each light is to be picked: by its weight, but that lamps in a house have a chance beside the sun over a landscape.
     fn chances(&self) -> Vec<f64> {
         let mut chances = chances(&self.weights);
-        let is_afar = |index: usize| self.shapes[index].bounds.is_none();
-        let all = chances.iter().enumerate();
-        let afar: f64 = all
-            .filter(|(index, _)| is_afar(*index))
-            .map(|(_, chance)| chance)
+        let lights = || self.records.iter().map(|record| is_afar(record.kind));
+        let afar: f64 = lights()
+            .zip(&chances)
+            .filter_map(|(is_afar, chance)| is_afar.then_some(chance))
             .sum();
         if afar > 0.0 && afar < 1.0 {
             let wanted = afar.clamp(LEAST_CHANCE_OF_KIND, 1.0 - LEAST_CHANCE_OF_KIND);
             let [from_afar, near] = [wanted / afar, (1.0 - wanted) / (1.0 - afar)];
-            for (index, chance) in chances.iter_mut().enumerate() {
-                *chance *= if is_afar(index) { from_afar } else { near };
+            for (is_afar, chance) in lights().zip(&mut chances) {
+                *chance *= if is_afar { from_afar } else { near };
             }
         }
         chances

@@ -222,10 +222,6 @@ impl SceneBuffers {
                 self.table
                     .set_first_emitter(InstanceId(slot as u32), *first);
             }
-        } else {
-            // What had left it stands where the scene has it again.
-            let packed_box = self.packed_lights.packed_box();
-            self.packed_lights.set_box(packed_box);
         }
         // First the stored pose: powers are those of a scene that was just read.
         self.set_pose(&scene.rest_pose());

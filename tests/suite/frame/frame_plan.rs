@@ -233,7 +233,10 @@ fn images_that_share_memory_are_read_before_another_one_is_written_there() {
             let faults = read_too_late(&stages, &homes, &features);
             assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
             let mut torn = stages.clone();
-            torn.iter_mut().for_each(|planned| planned.steps.reverse());
+            // Nobody shares the memory of kept lights: there the filters' order is torn.
+            let stage = [Stage::Left, Stage::Reconstruct][usize::from(settings.keeps_lights())];
+            let one = torn.iter_mut().find(|planned| planned.stage == stage);
+            one.unwrap().steps.reverse();
             if settings.method == Method::Photon {
                 let faults = read_too_late(&torn, &homes, &features);
                 assert!(!faults.is_empty(), "{way} in {scene}");

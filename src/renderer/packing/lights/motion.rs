@@ -417,7 +417,8 @@ impl PackedLights {
     }
 }
 
-fn is_afar(kind: u32) -> bool {
+/// Whether lights of a kind are infinitely far.
+pub(super) fn is_afar(kind: u32) -> bool {
     kind == LIGHT_DIRECTIONAL || kind == LIGHT_ENVIRONMENT
 }
 
