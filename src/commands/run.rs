@@ -154,6 +154,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             announcement,
             lacks_room: false,
             size,
+            qualities: Vec::new(),
         },
         loaded,
         &mut SceneAlone,
@@ -238,6 +239,7 @@ fn render_session(
         announcement,
         lacks_room,
         size,
+        qualities,
     } = source;
     settings.render.surroundings.passthrough &= !lacks_room;
     let settings = &settings;
@@ -277,6 +279,11 @@ fn render_session(
         size,
         session.info(),
     )?;
+    for (frame, quality) in &qualities {
+        renderer
+            .check_quality(quality)
+            .map_err(|error| Failure::unusable(format!("{name}: frame {frame}: {error}")))?;
+    }
     // Everything that can be refused has been; only now do files appear.
     let mut session: Box<dyn XrSession> = match job.record {
         Some(path) => Box::new(Recorder::create(path, session)?),

@@ -6,8 +6,8 @@ use crate::mirror::MirrorWindow;
 use crate::options::{RunOptions, SessionChoice, TraceOptions};
 use crate::scene::Scene;
 use crate::xr::{
-    Actions, HandScript, Headset, Pacing, Pose, ReplayOptions, ReplaySession, SimulatedSession,
-    Validated, XrSession,
+    Actions, HandScript, Headset, Pacing, Pose, Quality, ReplayOptions, ReplaySession,
+    SimulatedSession, Validated, XrSession,
 };
 
 /// Frames of a simulated run without `--frames`.
@@ -24,6 +24,8 @@ pub(super) struct Source {
     /// The wearer's room was asked for, and the headset does not show it.
     pub(super) lacks_room: bool,
     pub(super) size: [u32; 2],
+    /// Qualities that a recording will set, each with its frame.
+    pub(super) qualities: Vec<(usize, Quality)>,
 }
 
 /// Opens the session that the options ask for.
@@ -48,7 +50,22 @@ pub(super) fn source(
         },
         SessionChoice::Simulated | SessionChoice::Replay | SessionChoice::Desktop => None,
     };
-    let (session, name) = session(options, headset, start, hands, actions)?;
+    let Opened {
+        session,
+        frames,
+        qualities,
+    } = open(options, headset, start, hands, actions)?;
+    let name = session.info().source.clone();
+    if let Some(range) = &options.session.range
+        && u64::from(range.start) >= frames
+    {
+        return Err(Failure::unusable(format!(
+            "--range {}..{}: {name} has {frames} frame{}, counted from 0; begin below that",
+            range.start,
+            range.end,
+            if frames == 1 { "" } else { "s" },
+        )));
+    }
     let size = options
         .settings
         .size
@@ -61,6 +78,7 @@ pub(super) fn source(
         lacks_room: false,
         name,
         size,
+        qualities,
     })
 }
 
@@ -96,6 +114,7 @@ pub(super) fn desktop_source(
         announcement: None,
         lacks_room: false,
         size,
+        qualities: Vec::new(),
     })
 }
 
@@ -149,6 +168,7 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
         name,
         announcement: None,
         size,
+        qualities: Vec::new(),
     })
 }
 
@@ -159,13 +179,21 @@ fn openxr_source(_: &RunOptions, _: Pose, _: &Actions) -> Result<Source, Failure
     ))
 }
 
-fn session(
+/// A session that no runtime paces.
+struct Opened {
+    session: Box<dyn XrSession>,
+    /// How many it will have.
+    frames: u64,
+    qualities: Vec<(usize, Quality)>,
+}
+
+fn open(
     options: &RunOptions,
     headset: &Headset,
     start: Pose,
     hands: HandScript,
     actions: &Actions,
-) -> Result<(Box<dyn XrSession>, String), Failure> {
+) -> Result<Opened, Failure> {
     let pacing = if options.session.realtime {
         Pacing::RealTime
     } else {
@@ -178,8 +206,11 @@ fn session(
             replay.frame_limit = options.session.frames.map(u64::from);
             replay.pacing = pacing;
             let session = ReplaySession::open(path, replay)?;
-            let source = session.info().source.clone();
-            Ok((Box::new(Validated::new(session)), source))
+            Ok(Opened {
+                frames: session.frame_count(),
+                qualities: session.qualities(),
+                session: Box::new(Validated::new(session)),
+            })
         }
         (SessionChoice::Replay, None) => Err(Failure::unusable(
             "--session replay needs a recording: give one with --trace FILE",
@@ -200,8 +231,11 @@ fn session(
                 .with_hands(hands)
                 .with_actions(actions.clone())
                 .with_pacing(pacing);
-            let source = session.info().source.clone();
-            Ok((Box::new(session), source))
+            Ok(Opened {
+                session: Box::new(session),
+                frames,
+                qualities: Vec::new(),
+            })
         }
     }
 }

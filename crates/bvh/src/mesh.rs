@@ -23,8 +23,7 @@ use crate::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
 pub struct MaterialMarks {
     /// Its triangles are numbered as area lights.
     pub emits: bool,
-    /// [`TRIANGLE_ALPHA`](crate::records::TRIANGLE_ALPHA) and
-    /// [`TRIANGLE_DOUBLE_SIDED`](crate::records::TRIANGLE_DOUBLE_SIDED).
+    /// [`TRIANGLE_ALPHA`](crate::records::TRIANGLE_ALPHA).
     pub flags: u32,
 }
 

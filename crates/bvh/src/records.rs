@@ -50,8 +50,6 @@ pub const INSTANCE_MIRRORED: u32 = 1;
 pub const INSTANCE_NUMBER_SHIFT: u32 = 1;
 /// [`Triangle::flags`]: the material may let rays pass (alpha mask or blend).
 pub const TRIANGLE_ALPHA: u32 = 1;
-/// [`Triangle::flags`]: the material is double sided.
-pub const TRIANGLE_DOUBLE_SIDED: u32 = 2;
 
 shared_record! {
     /// An inner node that holds the bounds of both its children: 64 bytes, one cache line.
@@ -146,7 +144,7 @@ shared_record! {
         pub emitter: u32,
         /// Third vertex.
         pub v2: [f32; 3],
-        /// [`TRIANGLE_ALPHA`], [`TRIANGLE_DOUBLE_SIDED`].
+        /// [`TRIANGLE_ALPHA`].
         pub flags: u32,
     }
 }

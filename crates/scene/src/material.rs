@@ -1,7 +1,7 @@
 //! Materials, textures and images as the importer hands them to the renderer.
 
 use stereolux_bvh::MaterialMarks;
-use stereolux_bvh::records::{TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED};
+use stereolux_bvh::records::TRIANGLE_ALPHA;
 
 /// A reference from a material slot to a texture, with its coordinate set and KHR_texture_transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -243,17 +243,13 @@ pub struct Image {
 impl From<&Material> for MaterialMarks {
     /// A material emits where any channel's factor is above 0.
     fn from(material: &Material) -> Self {
-        let alpha = match material.alpha_mode {
+        let flags = match material.alpha_mode {
             AlphaMode::Opaque => 0,
             AlphaMode::Mask { .. } | AlphaMode::Blend => TRIANGLE_ALPHA,
         };
-        let sides = match material.double_sided {
-            true => TRIANGLE_DOUBLE_SIDED,
-            false => 0,
-        };
         Self {
             emits: material.emission.iter().any(|&channel| channel > 0.0),
-            flags: alpha | sides,
+            flags,
         }
     }
 }

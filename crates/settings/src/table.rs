@@ -494,53 +494,34 @@ settings! {
             allow_outside: bool = false;
         }
     }
-}
 
-/// The section `force`, whose settings are all alike, and its list by the features' names.
-macro_rules! forced_features {
-    ($( $(#[doc = $sentence:literal])+ $feature:ident; )+) => {
-        settings! {
-            /// Shader features forced on or off (`force.*`).
-            struct ForceSettings at (render force) "force." {
-                rows FORCE {
-                    $( $(#[doc = $sentence])+ $feature: Force = Force::Auto; )+
-                }
-            }
+    /// Shader features forced on or off (`force.*`).
+    struct ForceSettings at (render force) "force." {
+        rows FORCE {
+            /// glossy and metallic lobes in the shaders: if the scene needs them, always, never
+            glossy: Force = Force::Auto;
+            /// glass in the shaders
+            dielectric: Force = Force::Auto;
+            /// textures in the shaders
+            textures: Force = Force::Auto;
+            /// normal maps in the shaders; on also turns textures on, textures = off also turns normal maps off
+            normal_maps: Force = Force::Auto;
+            /// alpha mask and blend in the shaders
+            alpha: Force = Force::Auto;
+            /// vertex colours in the shaders
+            vertex_colors: Force = Force::Auto;
+            /// the environment map in the shaders
+            environment: Force = Force::Auto;
+            /// a photon map of its own for caustics
+            caustics: Force = Force::Auto;
+            /// photons are emitted more where a first few were of use; auto: where light comes from afar
+            guided_photons: Force = Force::Auto;
+            /// texture copies of the scene's buffers, which software adapters read faster; auto: on those
+            record_texels: Force = Force::Auto;
+            /// one path per thread, sorts and scans by whole workgroups, as graphics cards want it; auto: on those
+            wide_machine: Force = Force::Auto;
         }
-
-        impl ForceSettings {
-            /// Shader feature names with their setting.
-            #[must_use]
-            pub fn by_feature(&self) -> Vec<(&'static str, Force)> {
-                vec![$( (stringify!($feature), self.$feature), )+]
-            }
-        }
-    };
-}
-
-forced_features! {
-    /// glossy and metallic lobes in the shaders: if the scene needs them, always, never
-    glossy;
-    /// glass in the shaders
-    dielectric;
-    /// textures in the shaders
-    textures;
-    /// normal maps in the shaders; on also turns textures on, textures = off also turns normal maps off
-    normal_maps;
-    /// alpha mask and blend in the shaders
-    alpha;
-    /// vertex colours in the shaders
-    vertex_colors;
-    /// the environment map in the shaders
-    environment;
-    /// a photon map of its own for caustics
-    caustics;
-    /// photons are emitted more where a first few were of use; auto: where light comes from afar
-    guided_photons;
-    /// texture copies of the scene's buffers, which software adapters read faster; auto: on those
-    record_texels;
-    /// one path per thread, sorts and scans by whole workgroups, as graphics cards want it; auto: on those
-    wide_machine;
+    }
 }
 
 impl PhotonSettings {

@@ -8,7 +8,7 @@ use super::trajectory::{HeadMotion, RecordedTrajectory, TraceBody, TraceUp};
 use super::view::Pose;
 use super::{
     ArgumentError, ControllerModel, FrameState, FrameSubmission, Headset, Input, InputError,
-    LocatedViews, QualityFrom, RenderTargets, SessionInfo, Side, XrError, XrSession,
+    LocatedViews, Quality, QualityFrom, RenderTargets, SessionInfo, Side, XrError, XrSession,
 };
 use std::collections::VecDeque;
 use std::path::Path;
@@ -177,6 +177,19 @@ impl ReplaySession {
     #[must_use]
     pub fn frame_count(&self) -> u64 {
         self.frame_limit
+    }
+
+    /// Every quality that this replay will set, with the number of its frame from 0.
+    #[must_use]
+    pub fn qualities(&self) -> Vec<(usize, Quality)> {
+        let Recording::Native(trace) = &self.recording else {
+            return Vec::new();
+        };
+        let frames = trace.frames.iter().enumerate();
+        frames
+            .take_while(|(number, _)| (*number as u64) < self.frame_limit)
+            .filter_map(|(number, frame)| Some((number, frame.quality?)))
+            .collect()
     }
 
     /// What the user should know about the file.

@@ -267,7 +267,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         (
             "shared/bvh_types",
-            named!(records: INSTANCE_MIRRORED, INSTANCE_NUMBER_SHIFT, TRIANGLE_ALPHA, TRIANGLE_DOUBLE_SIDED),
+            named!(records: INSTANCE_MIRRORED, INSTANCE_NUMBER_SHIFT, TRIANGLE_ALPHA),
         ),
         (
             "shared/material_types",

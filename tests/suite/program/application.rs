@@ -313,6 +313,23 @@ fn quality_is_recorded_and_replayed_to_the_bit() {
         // Also of reuse: filtered light is shared between the eyes.
         assert_eq!((0..7).find(differs), Some(5), "{name}");
     }
+    // What the renderer is not made for is refused before anything is lost.
+    let text = text.replace("\"photons_per_frame\":1024", "\"photons_per_frame\":4096");
+    let beyond = at("beyond.jsonl");
+    std::fs::write(&beyond, text).unwrap();
+    let kept = exrs(&at("other"));
+    let words = [with_trace("trace", &beyond)];
+    let words = words.each_ref().map(String::as_str);
+    let refused = run(&mut idle, &scene, &at("other"), &words);
+    assert_eq!(refused, ExitCode::from(2));
+    assert!(exrs(&at("other")) == kept);
+    // Of frames that the replay does not come to there is nothing to say.
+    run_well(
+        &mut idle,
+        &scene,
+        &at("short"),
+        &[&words[..], &["--frames=2"]].concat(),
+    );
     // A recording without any leaves it to the application.
     let plain = at("plain.jsonl");
     let record = with_trace("record", &plain);

@@ -91,6 +91,10 @@ fn filters_need_the_frames_before_them() {
         (&["--warm-up", "3"], "--range"),
         (&["--range", "0..3", "--session", "openxr"], "--range"),
         (&["--range", "0..3", "--record", "x.jsonl"], "--record"),
+        (
+            &["--range", "5..9", "--frames", "5"],
+            "has 5 frames, counted from 0",
+        ),
     ] {
         let output = stereolux(&[&["run"], args].concat());
         assert_eq!(output.status.code(), Some(2), "{args:?}");

@@ -109,24 +109,21 @@ impl<'a> Document<'a> {
                 "not glTF: the JSON is not an object",
             ));
         };
-        let version = top
-            .get("asset")
-            .and_then(|asset| asset.get("version"))
-            .and_then(Value::as_str);
-        match version {
-            None => {
-                return Err(SceneError::invalid(
-                    path,
-                    "not glTF 2.0: 'asset.version' is missing",
-                ));
-            }
-            Some(version) if version.split('.').next() != Some("2") => {
-                return Err(SceneError::invalid(
-                    path,
-                    format!("glTF version {version} is not supported; version 2.0 is"),
-                ));
-            }
-            Some(_) => {}
+        let stated = |key: &str| top.get("asset")?.get(key)?.as_str();
+        let Some(version) = stated("version") else {
+            return Err(SceneError::invalid(
+                path,
+                "not glTF 2.0: 'asset.version' is missing",
+            ));
+        };
+        // Of later 2.x a reader of 2.0 understands what it must; `minVersion` says where that is not so (section 3.2).
+        let needed = stated("minVersion").filter(|needed| *needed != "2.0");
+        let major = version.split('.').next();
+        if let Some(version) = needed.or((major != Some("2")).then_some(version)) {
+            return Err(SceneError::invalid(
+                path,
+                format!("glTF version {version} is not supported; version 2.0 is"),
+            ));
         }
         let motion = RawMotion::take(top).map_err(|what| SceneError::invalid(path, what))?;
         // A scene may leave its list of nodes out (glTF 2.0, section 5.27); gltf-json demands one.

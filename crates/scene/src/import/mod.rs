@@ -133,7 +133,7 @@ pub(super) fn from_bytes(
         animations,
         ..Scene::default()
     };
-    nodes::check_placements(&document, &scene)?;
+    nodes::check_placements(&document, &scene, &mut notes)?;
     demand::take(&scene, budget).map_err(|error| SceneError::over(path, &error))?;
     brightness::check(&scene, &mut notes);
     (scene.warnings, scene.source) = notes.into_warnings();

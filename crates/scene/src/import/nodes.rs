@@ -296,27 +296,30 @@ fn transform_of(
             .ok_or_else(|| fault("the rotation quaternion has no length"))?
             .parent_from_node()
     };
-    match transform_fault(&affine) {
-        Some(what) => Err(fault(what)),
-        None => Ok((affine, parts)),
+    if affine.is_finite() {
+        Ok((affine, parts))
+    } else {
+        Err(fault(NOT_FINITE))
     }
 }
+
+const NOT_FINITE: &str = "the transform is not finite";
 
 /// Why a local transform cannot be used, if it cannot.
 pub fn transform_fault(affine: &DAffine3) -> Option<&'static str> {
     if !affine.is_finite() {
-        return Some("the transform is not finite");
+        return Some(NOT_FINITE);
     }
+    is_flat(affine).then_some("the transform is singular: it flattens space (is a scale 0?)")
+}
+
+fn is_flat(affine: &DAffine3) -> bool {
     let axes = affine.matrix3;
     let volume = axes.x_axis.length() * axes.y_axis.length() * axes.z_axis.length();
     // Written so that a NaN from overflow fails too.
-    if !(axes.determinant().abs() > SINGULAR_BELOW * volume
+    !(axes.determinant().abs() > SINGULAR_BELOW * volume
         && volume > 0.0
         && affine.inverse().is_finite())
-    {
-        return Some("the transform is singular: it flattens space (is a scale 0?)");
-    }
-    None
 }
 
 fn import_camera(index: usize, camera: &json::Camera, notes: &mut Notes) -> Camera {
@@ -338,17 +341,30 @@ fn import_camera(index: usize, camera: &json::Camera, notes: &mut Notes) -> Came
 }
 
 /// Checks that nested transforms stay within what the renderer counts in: one scale after the other may each make sense and
-/// their product none.
-pub fn check_placements(document: &Document<'_>, scene: &Scene) -> Result<(), SceneError> {
+/// their product none. What is flattened is out of sight, as a scale of 0 on all axes means (glTF 2.0, section 3.5.3): files
+/// hide things by it until an animation shows them.
+pub fn check_placements(
+    document: &Document<'_>,
+    scene: &Scene,
+    notes: &mut Notes,
+) -> Result<(), SceneError> {
     let within = |x: f64| x.abs() <= f64::from(f32::MAX);
+    let mut flat = vec![false; scene.nodes.len()];
     for (index, world_from_node) in scene.placed_nodes() {
-        let is_usable = world_from_node.to_cols_array().into_iter().all(within)
-            && world_from_node.inverse().is_finite();
-        if !is_usable {
+        let node = &scene.nodes[index];
+        let label = format!("nodes[{index}] '{}'", node.name);
+        if !world_from_node.to_cols_array().into_iter().all(within) {
             return Err(document.fault(format!(
-                "nodes[{index}] '{}': with those of its parents its transform is beyond 32-bit floats, or flattens space (are nested scales meant?)",
-                scene.nodes[index].name
+                "{label}: with those of its parents its transform is beyond 32-bit floats (are nested scales meant?)"
             )));
+        }
+        let below_flat = node.parent.is_some_and(|parent| flat[parent]);
+        flat[index] =
+            below_flat || is_flat(&node.parent_from_node) || !world_from_node.inverse().is_finite();
+        if flat[index] && !below_flat {
+            notes.warn(format_args!(
+                "{label}: its transform flattens space (is a scale 0?): meshes there are out of sight while it does"
+            ));
         }
     }
     Ok(())
@@ -400,11 +416,14 @@ fn import_light(
                 .as_ref()
                 .ok_or_else(|| fault("a spot light without 'spot'"))?;
             let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);
-            let in_order =
-                0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
+            // The standard wants inner < outer; exporters write a hard edge as inner = outer.
+            let in_order = 0.0 <= inner
+                && inner <= outer
+                && 0.0 < outer
+                && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
             if !in_order {
                 return Err(fault(&format!(
-                    "cone angles must be 0 <= inner < outer <= pi/2, they are {inner} and {outer}"
+                    "cone angles must be 0 <= inner <= outer <= pi/2 and outer not 0, they are {inner} and {outer}"
                 )));
             }
             LightKind::Spot {

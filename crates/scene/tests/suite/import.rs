@@ -441,6 +441,7 @@ fn lights_cameras_and_the_start_pose() {
         doc.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
             { "type": "spot", "intensity": 4, "color": [1, 0.5, 0.25], "spot": { "innerConeAngle": 0.1, "outerConeAngle": 0.5 } },
             { "type": "directional" },
+            { "type": "spot", "spot": { "innerConeAngle": 0.5, "outerConeAngle": 0.5 } },
         ] } });
         let half = std::f64::consts::FRAC_1_SQRT_2;
         doc.json["nodes"] = json!([
@@ -468,6 +469,11 @@ fn lights_cameras_and_the_start_pose() {
         }
     );
     assert_eq!(scene.lights[0].intensity, [4.0, 2.0, 1.0]);
+    let hard_edge = LightKind::Spot {
+        inner_cone_rad: 0.5,
+        outer_cone_rad: 0.5,
+    };
+    assert_eq!(scene.lights[2].kind, hard_edge);
     let lights = Needs::of(&scene).lights;
     assert_eq!(
         (lights.spot, lights.directional),
@@ -482,6 +488,28 @@ fn lights_cameras_and_the_start_pose() {
         (1.0 - pose.position.y).max(pose.position.y) <= pose.position.z,
         "{pose:?}"
     );
+}
+
+#[test]
+fn what_has_no_room_is_loaded_and_told_once() {
+    for (key, flat) in [
+        ("scale", json!([0, 0, 0])),
+        ("scale", json!([1, 0, 1])),
+        (
+            "matrix",
+            json!([1, 2, 0, 0, 2, 4, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]),
+        ),
+    ] {
+        let doc = with(|doc| {
+            doc.json["nodes"] = json!([{ "name": "gone", "children": [1] }, { "mesh": 0 }]);
+            doc.json["nodes"][0][key] = flat;
+        });
+        let scene = doc.load().unwrap();
+        assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+        let says = "nodes[0] 'gone': its transform flattens space";
+        assert!(scene.warnings[0].starts_with(says), "{:?}", scene.warnings);
+        assert_eq!(scene.instances().len(), 1);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::*;
+use crate::scene::{MorphTarget, as_dvec3};
 
 /// Words of four of a record.
 const WORDS_PER_LIGHT: usize = size_of::<Light>() / size_of::<[u32; 4]>();
@@ -25,12 +26,12 @@ pub(super) struct Emitter {
 
 impl Emitter {
     pub(super) fn new(mesh: &Mesh, glow: Glow, leaf: u32) -> Self {
-        let [a, b, c] = mesh.corners(&mesh.triangles[glow.triangle]);
+        let (corner, edges) = lit_shape(mesh, glow.triangle);
         Self {
             triangle: glow.triangle,
             leaf,
-            corner: a,
-            edges: [b - a, c - a],
+            corner,
+            edges,
             mean: glow.mean,
             boost: glow.boost,
             sides: if glow.double_sided { 2.0 } else { 1.0 },
@@ -52,6 +53,29 @@ impl Emitter {
             max: corner.max(second).max(third),
         })
     }
+}
+
+/// First corner and edges of a triangle as the file has it; of one without area as the morph target has it that gives it most,
+/// since a triangle that grows must have power from the start.
+fn lit_shape(mesh: &Mesh, triangle: usize) -> (DVec3, [DVec3; 2]) {
+    let corners = mesh.corners(&mesh.triangles[triangle]);
+    let doubled_area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length();
+    let morphed = |target: &MorphTarget| {
+        let moved = mesh.triangles[triangle]
+            .vertices
+            .map(|vertex| target.positions.get(vertex as usize))
+            .map(|moved| moved.map_or(DVec3::ZERO, |moved| as_dvec3(*moved)));
+        std::array::from_fn(|corner| corners[corner] + moved[corner])
+    };
+    let targets = mesh.targets.iter().map(morphed);
+    let [a, b, c] = if doubled_area(&corners) > 0.0 {
+        corners
+    } else {
+        targets
+            .max_by(|one, other| doubled_area(one).total_cmp(&doubled_area(other)))
+            .unwrap_or(corners)
+    };
+    (a, [b - a, c - a])
 }
 
 /// Where an instance's emissive triangles lie in the records.

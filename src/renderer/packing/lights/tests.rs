@@ -1,6 +1,7 @@
 use super::*;
 use crate::scene::{
-    Filter, Image, Material, MeshTriangle, Node, PunctualLight, Texture, TextureRef, Wrap,
+    Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture, TextureRef,
+    Wrap,
 };
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
@@ -104,6 +105,23 @@ fn powers_are_pi_area_radiance_and_twice_that_for_two_sides() {
     let sum: f32 = lights.records.iter().map(|record| record.pick_pdf).sum();
     assert!((sum - 1.0).abs() < 1e-5);
     assert!((lights.records[6].pick_pdf / lights.records[3].pick_pdf - 4.0).abs() < 1e-5);
+}
+
+#[test]
+fn a_lamp_that_grows_out_of_nothing_has_power_from_the_start() {
+    let grown = scene();
+    let mut folded = grown.clone();
+    let mesh = &mut folded.meshes[0];
+    let corners = std::mem::replace(&mut mesh.positions, vec![[0.0; 3]; 3]);
+    assert_eq!(packed(&folded).records[1].pick_pdf, 0.0);
+    let mesh = &mut folded.meshes[0];
+    let sideways = MorphTarget::default();
+    let opened = MorphTarget {
+        positions: corners,
+        normals: vec![[0.0; 3]; 3],
+    };
+    mesh.targets = vec![sideways, opened];
+    assert_eq!(packed(&folded).total_power, packed(&grown).total_power);
 }
 
 #[test]
