@@ -114,7 +114,7 @@ fn cameras_without_a_usable_angle_are_said() {
 
 #[test]
 fn nested_transforms_stay_within_what_is_counted_in() {
-    for (scale, levels) in [(1e100, 4), (1e20, 3), (1e-100, 4)] {
+    let nested = |scale: f64, levels: usize| {
         let doc = with(|doc| {
             let mesh = doc.json["nodes"][0].take();
             let mut nodes: Vec<Value> = (0..levels)
@@ -124,11 +124,18 @@ fn nested_transforms_stay_within_what_is_counted_in() {
             doc.json["nodes"] = json!(nodes);
             doc.json["scenes"] = json!([{ "nodes": [0] }]);
         });
+        doc.load()
+    };
+    for (scale, levels) in [(1e100, 4), (1e20, 3)] {
         assert_fault(
-            doc.load(),
+            nested(scale, levels),
             "with those of its parents its transform is beyond",
         );
     }
+    // As good as a scale of 0.
+    let vanished = nested(1e-100, 4).unwrap();
+    let flat = vanished.warnings.iter().filter(|w| w.contains("flattens"));
+    assert_eq!(flat.count(), 1, "{:?}", vanished.warnings);
 }
 
 fn bright_scene(intensity: f64, lights: usize) -> String {
