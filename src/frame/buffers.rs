@@ -85,8 +85,6 @@ pub enum Holds {
     Always,
     /// Double-buffered: shaders call the previous frame's `NAME_before`.
     Turns,
-    /// The same, and neither half ever holds anything else: frames do not write all of it.
-    AlwaysInTurns,
 }
 
 /// One buffer.
@@ -140,7 +138,7 @@ impl BufferRow {
     /// Whether it is double-buffered.
     #[must_use]
     pub fn takes_turns(&self) -> bool {
-        matches!(self.holds, Holds::Turns | Holds::AlwaysInTurns)
+        self.holds == Holds::Turns
     }
 
     /// Buffers that it has: two if they take turns.
@@ -202,8 +200,6 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "direct_light", 16),
     per_pixel!(Eye, "indirect_light", 16),
     per_pixel!(Eye, "direct_irradiance", 8),
-    // Light samples for the next frame: `shaders/shared/kept_light.wesl`.
-    per_pixel!(Eye, "kept_lights", 16).holds(Holds::AlwaysInTurns),
     // Share of the pixel that surfaces cover, where the rest lets the room through: `shaders/shared/coverage.wesl`.
     per_pixel!(Eye, "coverage", 4).cleared(&[Moment::Frame]),
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),

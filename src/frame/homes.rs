@@ -162,7 +162,7 @@ pub fn settle(
             }
             Holds::Within if now == ALWAYS => {}
             Holds::Within if usage.is_kept => room(false, [now[0], u32::MAX]),
-            Holds::Always | Holds::AlwaysInTurns => {}
+            Holds::Always => {}
             Holds::Within => guests.push((place, row, bytes, now)),
         }
     }

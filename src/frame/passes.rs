@@ -139,8 +139,6 @@ passes! {
         "Follows primary rays over mirrors and through glass to the first surface that gathers photons.";
     eye_fused: Hits scene,
         "Follows the eye's paths and gathers photons where they end, in one kernel.";
-    past_lights: Hits scene,
-        "Finds the light samples that the frame before kept where the pixels' first surfaces were.";
     direct_light: Hits scene,
         "Direct light at the gathering surfaces, by light and BSDF samples.";
     followed_light: Hits scene,

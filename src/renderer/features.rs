@@ -25,7 +25,6 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         anti_aliased: settings.reconstruct.taa.is_on(),
         counts_work: settings.output.work,
         passthrough: settings.surroundings.passthrough,
-        keeps_lights: settings.keeps_lights(),
         still_mean: settings.reconstruct.still.is_on(),
         // Their code comes with the library that the renderer is given (`install_user_bsdfs`).
         user_bsdf: needs.bsdfs.contains(&"user"),

@@ -87,7 +87,6 @@ pub use ray_cast::RayHit;
 pub use read_back::{RadianceParts, SeenAndMotion};
 use rebuild::MadeWith;
 pub use rebuild::Rebuild;
-use reconstruction::Changes;
 pub use reconstruction::Reconstruction;
 pub use scene_buffers::{PartPreparation, PreparedPart, SceneBuffers};
 pub use stats::{
@@ -693,10 +692,7 @@ impl Renderer {
                 frame,
                 self.origin_in_world,
                 &self.settings,
-                Changes {
-                    any: self.scene.scene_moved() | self.scene.take_repainted_image(),
-                    lights: self.scene.lights_differ(),
-                },
+                self.scene.scene_moved() | self.scene.take_repainted_image(),
                 self.scene.total_power_w(),
             );
         }

@@ -91,15 +91,6 @@ struct Before {
     origin_in_world: DVec3,
 }
 
-/// What differs from the frame before, the head aside.
-#[derive(Clone, Copy)]
-pub(super) struct Changes {
-    /// Anything in the scene has moved or changed.
-    pub(super) any: bool,
-    /// A light has.
-    pub(super) lights: bool,
-}
-
 impl Before {
     fn of(frame: &Frame, origin_in_world: DVec3) -> Self {
         Self {
@@ -135,17 +126,6 @@ impl Reconstruction {
         }
     }
 
-    /// Frames before, at most, whose light samples this one takes. None where the mean of still frames is shown: what such
-    /// frames have in common stays in it. None where lights differ: one that the frames before could not have found would come
-    /// up only as they are forgotten.
-    fn light_history(&self, settings: &RenderSettings, changes: Changes) -> f32 {
-        let is_at_rest = settings.reconstruct.still.is_on() && self.still_frames > 1;
-        match self.before {
-            Some(_) if !is_at_rest && !changes.lights => settings.photon.light_history as f32,
-            _ => 0.0,
-        }
-    }
-
     /// From here on the buffers that take turns are those of the next frame.
     pub(super) fn take_turns(&mut self) {
         self.parity = 1 - self.parity;
@@ -163,19 +143,19 @@ impl Reconstruction {
     }
 
     /// Says what the frame that is about to be reconstructed has to do with the one before. `frame` has the eyes without the
-    /// frame's offset. `changes`: since then. `power_w`: all that its lights emit.
+    /// frame's offset. `changed`: anything in the scene has moved or changed since then. `power_w`: all that its lights emit.
     pub(super) fn begin_frame(
         &mut self,
         context: &GpuContext,
         frame: &Frame,
         origin_in_world: DVec3,
         settings: &RenderSettings,
-        changes: Changes,
+        changed: bool,
         power_w: [f64; 3],
     ) {
         let now = Before::of(frame, origin_in_world);
         let before = self.before.unwrap_or(now);
-        self.still_frames = if self.before == Some(now) && !changes.any {
+        self.still_frames = if self.before == Some(now) && !changed {
             self.still_frames.saturating_add(1)
         } else {
             1
@@ -216,12 +196,11 @@ impl Reconstruction {
             } else {
                 1.0
             },
-            light_history: self.light_history(settings, changes),
             origin_moved: (origin_in_world - before.origin_in_world)
                 .as_vec3()
                 .to_array(),
             still_summed: summed as f32,
-            padding: 0,
+            padding: [0; 2],
         };
         context
             .queue
@@ -232,5 +211,3 @@ impl Reconstruction {
 
 #[cfg(test)]
 mod seen_tests;
-#[cfg(test)]
-mod tests;

@@ -36,8 +36,6 @@ pub struct SceneBuffers {
     /// A light of a node has moved since the last frame.
     node_lights_moved: bool,
     lights_moved: bool,
-    /// Lights have other powers than in the frame before.
-    lights_repowered: bool,
     /// Any instance has left the place that it had in the scene.
     has_moved: bool,
     /// A texture has another picture since the last frame.
@@ -209,7 +207,6 @@ impl SceneBuffers {
             slot_of_node,
             node_lights_moved: false,
             lights_moved: false,
-            lights_repowered: false,
             has_moved: false,
             has_repainted_image: false,
             last_upload_bytes: 0,
@@ -413,7 +410,6 @@ impl SceneBuffers {
                 deformer?.first_position(mesh)
             });
         self.lights_moved = std::mem::take(&mut self.node_lights_moved);
-        self.lights_repowered = false;
         if begun.previous_is_new {
             uploads.all(&mut self.previous_instances, self.table.previous())?;
         }
@@ -423,7 +419,6 @@ impl SceneBuffers {
             self.widen_infinite_lights(origin_in_world);
             self.packed_lights.set_origin(origin_in_world);
             let changed = self.packed_lights.finish();
-            self.lights_repowered = changed.alias;
             uploads.all(&mut self.top_nodes, self.top.nodes())?;
             uploads.all(&mut self.instances, self.top.instances())?;
             let words = self.packed_lights.words();
@@ -574,15 +569,6 @@ impl SceneBuffers {
     /// Whether anything of the scene, the head aside, differs between the frame begun last and the one before.
     pub fn scene_moved(&self) -> bool {
         self.lights_moved || !self.table.moved().is_empty()
-    }
-
-    /// Whether any light came, went, moved or changed its power between these two frames.
-    pub(super) fn lights_differ(&self) -> bool {
-        let shines = |slot: &u32| {
-            let source = self.table.sources().get(*slot as usize);
-            source.is_some_and(|source| self.packed_lights.emits(source.mesh as usize))
-        };
-        self.lights_moved || self.lights_repowered || self.table.moved().iter().any(shines)
     }
 
     /// Numbers of the instances that came, went, moved or changed their shape between these two frames.

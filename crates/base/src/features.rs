@@ -102,7 +102,6 @@ features! {
         images: "what shows in mirrors and clear glass, compared where it appears",
         keeps_ends: "path ends of the fused pass, for later passes",
         passthrough: "surroundings that let the room through",
-        keeps_lights: "light samples of the frame before",
         counts_work: "counts of rays, nodes, triangles and photons",
         record_texels: "texture copies of records and photons",
         wide_machine: "one path per thread, sorts and scans by whole workgroups",

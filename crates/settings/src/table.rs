@@ -292,8 +292,6 @@ settings! {
             loads: Loads = Loads::Direct;
             /// gather at every other pixel in each direction and interpolate irradiance, caustics at full rate; auto: where svgf filters
             half_rate: Switch = Switch::Auto;
-            /// in moving pictures: frames before, at most, whose light samples direct light is chosen from, too; 0 has none
-            light_history: u32 = 0, whole(0, 255), "frames";
         }
     }
 
@@ -654,18 +652,6 @@ impl ReconstructSettings {
 }
 
 impl RenderSettings {
-    /// Whether direct light is chosen from light samples of the frame before, too: in reconstructed sequences, whose frames of one
-    /// sample each know what was where. Frames that stand alone and means of several samples take none.
-    #[must_use]
-    pub fn keeps_lights(&self) -> bool {
-        let photon = &self.photon;
-        photon.light_history > 0
-            && self.method == Method::Photon
-            && photon.direct == DirectLight::Nee
-            && self.spp == 1
-            && self.reconstruct.follows_motion()
-    }
-
     /// Decides which switches that are left to `auto` are on, for a sequence or for frames that stand alone: with several samples
     /// per pixel, or alone, none.
     pub fn decide_switches(&mut self, is_sequence: bool) {

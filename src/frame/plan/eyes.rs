@@ -116,9 +116,6 @@ fn followed_light(steps: &mut Steps, frame: &FrameSpec<'_>) {
 
 fn direct_light(steps: &mut Steps, frame: &FrameSpec<'_>, over: Size) {
     if frame.settings.photon.direct == DirectLight::Nee {
-        if frame.features.keeps_lights {
-            steps.run(&passes::past_lights, over);
-        }
         steps.run(&passes::direct_light, over);
     }
 }

@@ -40,18 +40,16 @@ shared_record! {
         pub taa_clip: f32,
         /// Frames of history up to which light is limited to its brightest neighbour's.
         pub firefly_frames: f32,
+        /// From the render space of the frame before to this one's, world axes, m.
+        pub origin_moved: [f32; 3],
         /// 1 while lights have come or gone a few frames ago.
         pub light_switched: f32,
         /// Greatest share of a new frame in a mean over still frames; 1 where there is none.
         pub rest_share: f32,
-        /// Frames before, at most, whose light samples are taken.
-        pub light_history: f32,
         /// Frames in the mean over still frames, this one included; 0 while nothing is summed.
         pub still_summed: f32,
-        /// From the render space of the frame before to this one's, world axes, m.
-        pub origin_moved: [f32; 3],
         /// Unused.
-        pub padding: u32,
+        pub padding: [u32; 2],
     }
 }
 

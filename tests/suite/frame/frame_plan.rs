@@ -73,11 +73,6 @@ const WAYS: &[(&str, Change)] = &[
     ("plain buffers", |s| s.force.record_texels = Force::Off),
     ("texels", |s| s.force.record_texels = Force::On),
     ("wide groups", |s| s.force.wide_machine = Force::On),
-    ("kept lights", |s| {
-        s.spp = 1;
-        s.photon.light_history = 20;
-        s.reconstruct.taa = true.into();
-    }),
 ];
 
 fn settings(change: Change) -> RenderSettings {
@@ -233,9 +228,7 @@ fn images_that_share_memory_are_read_before_another_one_is_written_there() {
             let faults = read_too_late(&stages, &homes, &features);
             assert!(faults.is_empty(), "{way} in {scene}: {faults:?}");
             let mut torn = stages.clone();
-            // Nobody shares the memory of kept lights: there the filters' order is torn.
-            let stage = [Stage::Left, Stage::Reconstruct][usize::from(settings.keeps_lights())];
-            let one = torn.iter_mut().find(|planned| planned.stage == stage);
+            let one = torn.iter_mut().find(|planned| planned.stage == Stage::Left);
             one.unwrap().steps.reverse();
             if settings.method == Method::Photon {
                 let faults = read_too_late(&torn, &homes, &features);
