@@ -8,7 +8,7 @@ mod images;
 mod stats;
 
 use std::collections::VecDeque;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 use crate::app::{AppError, Application, FrameInput, Held};
@@ -261,7 +261,7 @@ fn render(
     in_flight: usize,
     state: &FrameState,
     located: LocatedViews,
-    sample: impl FnMut(u32),
+    sample: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Eyed, LoopError> {
     let flight = renderer.prepare_frame(&located.views, index)?;
     let asked = Instant::now();
@@ -288,7 +288,7 @@ fn render(
 }
 
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
-/// it is in that frame; `sample` is told how many of the frame's samples are done. With more than one frame `in_flight`, 2
+/// it is in that frame; `sample` is told how many of the frame's samples are done, and may break the frame off. With more than one frame `in_flight`, 2
 /// or 3, the frame is on its way then, and as many less one may be before it.
 ///
 /// # Errors
@@ -300,7 +300,7 @@ pub fn step(
     index: u32,
     in_flight: usize,
     update: impl FnOnce(&mut dyn XrSession, &mut Renderer, FrameInput) -> Result<(), LoopError>,
-    sample: impl FnMut(u32),
+    sample: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Step, LoopError> {
     let began = Instant::now();
     let waits_before = renderer.context().host_waits();
@@ -437,7 +437,7 @@ impl<S: XrSession> FrameLoop<S> {
                     }
                     Ok(())
                 },
-                |_| {},
+                |_| ControlFlow::Continue(()),
             )?;
             match turn {
                 Step::Ended => return Ok(None),
@@ -613,12 +613,21 @@ fn run_frames(
             Role::WarmUp | Role::Written => {}
         }
         way.retire(renderer, options.in_flight - 1, progress)?;
-        let told = |done| progress.sample(index, done);
+        let told = |done| {
+            progress.sample(index, done);
+            match crate::interrupt::requested() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
         let in_flight = options.in_flight;
         let update = |session: &mut dyn XrSession, renderer: &mut Renderer, frame| {
             application.update(session, renderer, frame)
         };
-        let turn = step(session, renderer, library, index, in_flight, update, told)?;
+        let turn = match step(session, renderer, library, index, in_flight, update, told) {
+            Err(LoopError::Render(RenderError::Interrupted)) => return Ok(()),
+            turn => turn?,
+        };
         for pulse in application.take_pulses() {
             session.vibrate(&pulse)?;
         }

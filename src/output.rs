@@ -1,6 +1,6 @@
 //! Files under `--out`.
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -115,8 +115,6 @@ impl FrameImages {
 pub struct OutputFolder {
     path: PathBuf,
     style: Style,
-    /// Files of an older run that were removed.
-    removed: usize,
     stats: File,
     trace: Option<ChromeTrace>,
 }
@@ -140,16 +138,41 @@ impl OutputFolder {
         }
     }
 
-    /// Makes the folder if need be, removes what an older run has left in it, and starts `stats.jsonl`.
+    /// Makes the folder if need be and takes it for this run, by a lock on `stats.jsonl` where systems have locks that let others
+    /// read on. What an older run has left in it stays until [`OutputFolder::clear`].
     ///
     /// # Errors
-    /// [`OutputError::Folder`] if that is impossible.
-    pub fn create(path: &Path, style: Style) -> Result<Self, OutputError> {
+    /// [`OutputError::Folder`] if that is impossible, or another run writes there.
+    pub fn open(path: &Path, style: Style) -> Result<Self, OutputError> {
         let fail = |error: io::Error| OutputError::Folder {
             path: path.to_owned(),
             reason: error.to_string(),
         };
         fs::create_dir_all(path).map_err(fail)?;
+        let mut options = File::options();
+        let stats = options.create(true).write(true).truncate(false);
+        let stats = stats.open(path.join(STATS)).map_err(fail)?;
+        if cfg!(unix) && matches!(stats.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(fail(io::Error::other("another run writes to it")));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            style,
+            stats,
+            trace: None,
+        })
+    }
+
+    /// Removes what an older run has left, and returns how many files that were, besides its `stats.jsonl`.
+    ///
+    /// # Errors
+    /// [`OutputError::Folder`] if that is impossible.
+    pub fn clear(&mut self) -> Result<usize, OutputError> {
+        let path = &self.path;
+        let fail = |error: io::Error| OutputError::Folder {
+            path: path.clone(),
+            reason: error.to_string(),
+        };
         let mut removed = 0;
         for entry in fs::read_dir(path).map_err(fail)? {
             let entry = entry.map_err(fail)?;
@@ -160,19 +183,8 @@ impl OutputFolder {
                 removed += 1;
             }
         }
-        let stats = File::create(path.join(STATS)).map_err(fail)?;
-        Ok(Self {
-            path: path.to_owned(),
-            style,
-            removed,
-            stats,
-            trace: None,
-        })
-    }
-
-    /// Files of an older run that were removed, besides its `stats.jsonl`.
-    pub fn removed(&self) -> usize {
-        self.removed
+        self.stats.set_len(0).map_err(fail)?;
+        Ok(removed)
     }
 
     /// The folder.
@@ -452,8 +464,14 @@ pub(crate) fn is_taken(name: &str) -> bool {
     name == STATS || is_of_a_run(name)
 }
 
-/// Whether a run names its files so, besides its statistics.
+/// Whether a run names its files so, besides its statistics; those included that it was writing when it was killed.
 fn is_of_a_run(name: &str) -> bool {
+    let unfinished = name
+        .strip_prefix('.')
+        .and_then(|name| name.strip_suffix(".partial"))
+        .and_then(|name| name.rsplit_once('.'))
+        .filter(|(_, process)| process.bytes().all(|digit| digit.is_ascii_digit()));
+    let name = unfinished.map_or(name, |(name, _)| name);
     if ["run.json", "trace.json"].contains(&name) {
         return true;
     }
@@ -488,6 +506,8 @@ mod tests {
             "frame_0000_reuse.png",
             "frame_12345_left.exr",
             "frame_0001_right_albedo.exr",
+            ".frame_0044_left.exr.30223.partial",
+            ".run.json.7.partial",
         ] {
             assert!(is_of_a_run(name), "{name}");
         }
@@ -501,6 +521,8 @@ mod tests {
             "my_frame_0000.png",
             "view_0000.png",
             "run.json.bak",
+            ".mine.exr.7.partial",
+            ".run.json.old.partial",
             "stats.jsonl",
             "journal.jsonl",
         ] {

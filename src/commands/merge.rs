@@ -14,7 +14,15 @@ use crate::options::MergeOptions;
 use crate::output::OutputFolder;
 
 /// What must be the same in all runs.
-const SAME: [&str; 5] = ["version", "settings_hash", "size", "headset", "refresh_hz"];
+const SAME: [&str; 7] = [
+    "/version",
+    "/settings_hash",
+    "/settings/simulated",
+    "/session",
+    "/size",
+    "/headset",
+    "/refresh_hz",
+];
 
 /// Frames of a folder: the whole lines of `stats.jsonl`.
 fn frames(folder: &Path) -> Result<Vec<Value>, Failure> {
@@ -77,13 +85,15 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
         runs.push(run);
     }
     for (run, folder) in runs.iter().zip(&options.folders) {
-        if let Some(key) = SAME.iter().find(|key| run[**key] != runs[0][**key]) {
+        let differs = |key: &&str| run.pointer(key) != runs[0].pointer(key);
+        if let Some(key) = SAME.into_iter().find(differs) {
+            let [first, other] =
+                [&runs[0], run].map(|run| run.pointer(key).unwrap_or(&Value::Null));
             return Err(Failure::unusable(format!(
-                "{} and {} are not of one run: {key} is {} and {}",
+                "{} and {} are not of one run: {} is {first} and {other}",
                 options.folders[0].display(),
                 folder.display(),
-                runs[0][*key],
-                run[*key]
+                key[1..].replace('/', "."),
             )));
         }
     }

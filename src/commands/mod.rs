@@ -213,6 +213,7 @@ impl From<RenderError> for Failure {
             RenderError::Bvh(error) => Self::unusable(error),
             RenderError::Pack(error) => Self::unusable(error),
             RenderError::Settings(_) => Self::unusable(error),
+            RenderError::Interrupted => Self::failed(error),
         }
     }
 }

@@ -43,7 +43,18 @@ const FILES: &[(&str, &str)] = &[
 ];
 
 /// Words that cargo takes for something else than a crate.
-const TAKEN: [&str; 6] = ["stereolux", "test", "core", "std", "alloc", "proc_macro"];
+const TAKEN: [&str; 10] = [
+    "stereolux",
+    "test",
+    "core",
+    "std",
+    "alloc",
+    "proc_macro",
+    "build",
+    "deps",
+    "examples",
+    "incremental",
+];
 
 /// Writes the crate.
 pub fn new(options: &NewOptions) -> Result<(), Failure> {

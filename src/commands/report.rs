@@ -240,7 +240,7 @@ impl<'a> RunReport<'a> {
             ),
             false => String::new(),
         };
-        let what = if self.settings.output.images.is_on() {
+        let what = if self.settings.output.images.is_on() && self.frames > 0 {
             "pictures"
         } else {
             "statistics"

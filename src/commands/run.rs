@@ -67,7 +67,6 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
                 .as_ref()
                 .map(|range| (range, options.session.warm_up)),
             every: options.session.every,
-            frames: options.session.frames,
             out: &options.shared.out,
             record: options.session.record.as_deref(),
             hurries,
@@ -128,6 +127,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let mut loaded = load_scene(&options.settings)?;
     loaded.settings.render.decide_switches(false);
     decide_output(&mut loaded.settings, false);
+    interrupt::catch();
     let scene = &loaded.scene;
     let size = options.settings.size.unwrap_or(headset.size);
     let mut announcement = None;
@@ -154,6 +154,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             announcement,
             lacks_room: false,
             size,
+            frames: Some(1),
             qualities: Vec::new(),
         },
         loaded,
@@ -163,7 +164,6 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             eyes: options.view.eyes,
             range: None,
             every: 1,
-            frames: Some(1),
             out: &options.shared.out,
             record: None,
             hurries: false,
@@ -191,7 +191,6 @@ struct Job<'a> {
     eyes: Eyes,
     range: Option<(&'a Range<u32>, u32)>,
     every: u32,
-    frames: Option<u32>,
     out: &'a Path,
     record: Option<&'a Path>,
     /// Whether a headset or a clock waits for frames.
@@ -239,6 +238,7 @@ fn render_session(
         announcement,
         lacks_room,
         size,
+        frames,
         qualities,
     } = source;
     settings.render.surroundings.passthrough &= !lacks_room;
@@ -268,7 +268,7 @@ fn render_session(
     for aov in &aovs {
         render = inspection(*aov).settings_for(&render);
     }
-    let mut bar = Bar::new(settings.render.spp, job.frames);
+    let mut bar = Bar::new(settings.render.spp, frames);
     bar.say("compiling");
     let mut renderer = Renderer::for_session(
         context,
@@ -284,17 +284,25 @@ fn render_session(
             .check_quality(quality)
             .map_err(|error| Failure::unusable(format!("{name}: frame {frame}: {error}")))?;
     }
-    // Everything that can be refused has been; only now do files appear.
+    if interrupt::requested() {
+        return Err(Failure::failed(
+            "interrupted before the first frame; nothing was written",
+        ));
+    }
+    // Everything that can be refused has been; only now do files appear, and old ones go once the new can be written.
+    let style = Style::of(settings, &renderer.context().adapter.name);
+    let mut output = OutputFolder::open(job.out, style)?;
     let mut session: Box<dyn XrSession> = match job.record {
         Some(path) => Box::new(Recorder::create(path, session)?),
         None => session,
     };
-    warn_of_much_output(&settings.output, &render, &aovs, job, size);
-    let style = Style::of(settings, &renderer.context().adapter.name);
-    let mut output = OutputFolder::create(job.out, style)?;
-    if output.removed() > 0 {
-        let (count, out) = (output.removed(), job.out.display());
-        bar.print(&format!("removed {count} files of an older run from {out}"));
+    warn_of_much_output(&settings.output, &render, &aovs, job, frames, size);
+    let removed = output.clear()?;
+    if removed > 0 {
+        let out = job.out.display();
+        bar.print(&format!(
+            "removed {removed} files of an older run from {out}"
+        ));
     }
     if settings.render.output.chrome_trace {
         let clocks = renderer.compare_clocks()?;
@@ -372,12 +380,11 @@ fn warn_of_much_output(
     render: &RenderSettings,
     aovs: &[Aov],
     job: &Job<'_>,
+    frames: Option<u32>,
     size: [u32; 2],
 ) {
-    let frames = match job.range {
-        Some((range, _)) => Some(range.end - range.start),
-        None => job.frames,
-    };
+    let in_range = |(range, _): (&Range<u32>, u32)| range.end - range.start;
+    let frames = job.range.map(in_range).or(frames);
     let Some(frames) = frames.filter(|_| output.images.is_on()) else {
         return;
     };

@@ -24,6 +24,8 @@ pub(super) struct Source {
     /// The wearer's room was asked for, and the headset does not show it.
     pub(super) lacks_room: bool,
     pub(super) size: [u32; 2],
+    /// How many frames there will be at most, where that is known.
+    pub(super) frames: Option<u32>,
     /// Qualities that a recording will set, each with its frame.
     pub(super) qualities: Vec<(usize, Quality)>,
 }
@@ -78,6 +80,7 @@ pub(super) fn source(
         lacks_room: false,
         name,
         size,
+        frames: u32::try_from(frames).ok(),
         qualities,
     })
 }
@@ -98,6 +101,7 @@ pub(super) fn desktop_source(
         .bounds_in_world()
         .map_or(0.0, |bounds| bounds.size().max_element());
     let frames = options.session.frames.map(u64::from);
+    actions.warn_of_undriven();
     let session = crate::desktop::DesktopSession::new(
         headset.clone(),
         start,
@@ -114,6 +118,7 @@ pub(super) fn desktop_source(
         announcement: None,
         lacks_room: false,
         size,
+        frames: options.session.frames,
         qualities: Vec::new(),
     })
 }
@@ -168,6 +173,7 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
         name,
         announcement: None,
         size,
+        frames: options.session.frames,
         qualities: Vec::new(),
     })
 }
@@ -223,6 +229,7 @@ fn open(
             | SessionChoice::Desktop,
             _,
         ) => {
+            actions.warn_of_undriven();
             let frames = options.session.frames.map_or(SIMULATED_FRAMES, u64::from);
             let settings = &options.settings;
             let motion = settings.simulated.motion;

@@ -65,9 +65,11 @@ const COMPARE_HELP: &str = "\
 Keys of the JSON object (x the image, r the reference, s the mean of r^2):
   rel_mse        mean over pixels and channels of (x - r)^2 / (r^2 + 0.01 s)
   rmse           square root of the mean of (x - r)^2
-  mean_rel_bias  (mean x - mean r) / mean r, signed; null where the reference's mean is 0
+  mean_rel_bias  (mean x - mean r) / mean r, signed
   flip           mean FLIP difference of the tone-mapped pair, 0 to 1
   ..._se         standard error of each, from the spread over blocks of pixels
+                 (each is null where what it divides by is 0 and the images differ)
+  mean_luminance, reference_mean_luminance  of the pixels that are counted
   width, height, pixels (counted), non_finite (pixels left out because a channel is NaN or infinite)
 
 Examples:

@@ -104,9 +104,8 @@ fn panes_one_behind_the_other_are_met_independently() {
     }
 }
 
-/// Mean radiance of a lit pane in each of some frames, whose photons differ.
-fn lit(library: &ShaderLibrary, settings: &RenderSettings) -> Vec<f64> {
-    let corner = DVec3::new(-2.0, -2.0, -3.0);
+/// Mean radiance of a lit pane in each of some frames, whose photons differ; with a wall of its colour 2 mm behind it, as decals have.
+fn lit(library: &ShaderLibrary, settings: &RenderSettings, is_decal: bool) -> Vec<f64> {
     let mut pane = Material::lambert("pane", [0.8; 3]);
     pane.base_color[3] = COVERED as f32;
     pane.alpha_mode = AlphaMode::Blend;
@@ -115,10 +114,15 @@ fn lit(library: &ShaderLibrary, settings: &RenderSettings) -> Vec<f64> {
         parent_from_node: DAffine3::from_translation(DVec3::new(0.0, 0.0, -1.0)),
         ..Node::default()
     };
-    let meshes = vec![walls(&[[corner, 4.0 * DVec3::X, 4.0 * DVec3::Y]], 0)];
+    let square = |z: f64, material| {
+        let corner = DVec3::new(-2.0, -2.0, z);
+        walls(&[[corner, 4.0 * DVec3::X, 4.0 * DVec3::Y]], material)
+    };
+    let mut meshes = vec![square(-3.0, 0)];
+    meshes.extend(is_decal.then(|| square(-3.002, 1)));
     let nodes: Vec<Node> = nodes_of(&meshes).into_iter().chain([lamp]).collect();
     let scene = Scene {
-        materials: vec![pane],
+        materials: vec![pane, Material::lambert("wall", [0.8; 3])],
         roots: (0..nodes.len()).collect(),
         nodes,
         meshes,
@@ -145,11 +149,18 @@ fn lit(library: &ShaderLibrary, settings: &RenderSettings) -> Vec<f64> {
 fn photons_light_a_pane_as_lamps_do() {
     let library = ShaderLibrary::embedded();
     // Once by photons that meet the pane and once by its coverage: light would count by its square.
-    let wrong = replaced(
+    let squared = replaced(
         &library,
         "shared/photon_path",
         "flux /= select(1.0, coverage, coverage > 0.0);",
         "",
+    );
+    // Decal and wall by the photons of both.
+    let doubled = replaced(
+        &library,
+        "shared/gather_point",
+        "photon.is_blended != (*point).is_blended",
+        "false",
     );
     let settings = |direct, edge_correction| {
         let mut settings = direct_from_map(1 << 16);
@@ -159,20 +170,85 @@ fn photons_light_a_pane_as_lamps_do() {
         settings.photon.edge_correction = edge_correction;
         settings
     };
-    let by_lamp = moments(&lit(&library, &settings(DirectLight::Nee, false)));
-    for edge_correction in [true, false] {
-        let by_photons = |library| {
-            let found = lit(library, &settings(DirectLight::Map, edge_correction));
-            let [mean, error] = moments(&found);
-            // Irradiance 1 / d^2 cos^3 is even within a radius to r^2 / d^2 = 0.25 %, and pixels' coverage differs by their errors.
-            let bound = 4.0 * (error + by_lamp[1]) + 0.0025 * by_lamp[0];
-            ((mean - by_lamp[0]).abs() <= bound, mean / by_lamp[0])
-        };
-        let (is_right, ratio) = by_photons(&library);
-        assert!(is_right, "{ratio}");
-        let (is_right, ratio) = by_photons(&wrong);
-        assert!(!is_right, "{ratio}");
+    for (is_decal, wrong) in [(false, squared), (true, doubled)] {
+        let by_lamp = moments(&lit(&library, &settings(DirectLight::Nee, false), is_decal));
+        for edge_correction in [true, false] {
+            let by_photons = |library| {
+                let found = lit(
+                    library,
+                    &settings(DirectLight::Map, edge_correction),
+                    is_decal,
+                );
+                let [mean, error] = moments(&found);
+                // Irradiance 1 / d^2 cos^3 is even within a radius to r^2 / d^2 = 0.25 %, and pixels' coverage differs by their
+                // errors.
+                let bound = 4.0 * (error + by_lamp[1]) + 0.0025 * by_lamp[0];
+                ((mean - by_lamp[0]).abs() <= bound, mean / by_lamp[0])
+            };
+            let (is_right, ratio) = by_photons(&library);
+            assert!(is_right, "decal {is_decal}: {ratio}");
+            let (is_right, ratio) = by_photons(&wrong);
+            assert!(!is_right, "decal {is_decal}: {ratio}");
+        }
     }
+}
+
+/// Between walls that shine alike everything is as bright, whichever of a blended slab's faces a ray meets.
+#[test]
+fn blended_glass_keeps_the_light_of_a_furnace() {
+    let face = |z: f64, turned: bool, material| {
+        let [across, up] = [18.0 * DVec3::X, 18.0 * DVec3::Y];
+        let corner = DVec3::new(-9.0, -9.0, z);
+        let sides = if turned { [up, across] } else { [across, up] };
+        walls(&[[corner, sides[0], sides[1]]], material)
+    };
+    let mut lamp = Material::lambert("lamp", [0.0; 3]);
+    lamp.emission = [1.0; 3];
+    let mut glass = Material::lambert("glass", [1.0; 3]);
+    glass.base_color[3] = COVERED as f32;
+    glass.alpha_mode = AlphaMode::Blend;
+    glass.transmission = 1.0;
+    glass.ior = 1.5;
+    glass.roughness = 0.0;
+    let meshes = vec![
+        face(-4.0, false, 0),
+        face(4.0, true, 0),
+        face(-1.0, false, 1),
+        face(-1.5, true, 1),
+    ];
+    let scene = Scene {
+        materials: vec![lamp, glass],
+        nodes: nodes_of(&meshes),
+        roots: (0..meshes.len()).collect(),
+        meshes,
+        ..Scene::default()
+    };
+    let library = ShaderLibrary::embedded();
+    let wrong = replaced(
+        &library,
+        "shared/surface",
+        "select(bsdf.transmission_scale, 1.0, is_blended)",
+        "bsdf.transmission_scale",
+    );
+    let farthest_off = |library| {
+        let settings = RenderSettings {
+            method: Method::Path,
+            reuse: Reuse::Off,
+            ..RenderSettings::default()
+        };
+        let mut renderer =
+            Renderer::new(context(), library, &scene, &settings, Eyes::Left, [SIZE; 2]).unwrap();
+        let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 20.0);
+        renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        let lights: Vec<f64> = picture.iter().map(|pixel| f64::from(pixel[0])).collect();
+        farthest(&lights, 1.0)
+    };
+    // Whole paths weigh 1 but for rounding: a few steps of f32 per segment.
+    let off = farthest_off(&library);
+    assert!(off < 1e-5, "{off}");
+    let off = farthest_off(&wrong);
+    assert!(off > 0.5, "{off}");
 }
 
 /// Mean and its standard error.

@@ -47,6 +47,7 @@ pub mod submit;
 mod test_support;
 
 use std::collections::VecDeque;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -119,6 +120,9 @@ pub enum RenderError {
     /// Settings that cannot be combined.
     #[error("{0}")]
     Settings(String),
+    /// Whoever follows a frame's samples wants no more of them.
+    #[error("interrupted in the middle of a frame")]
+    Interrupted,
 }
 
 /// Renders images of one scene with one set of settings.
@@ -506,10 +510,14 @@ impl Renderer {
         views: &[View; 2],
         frame_index: u32,
         lands: bool,
-        progress: impl FnMut(u32),
+        mut progress: impl FnMut(u32),
     ) -> Result<Flight, RenderError> {
         let flight = self.prepare_frame(views, frame_index)?;
-        self.send_eyes(flight, views, frame_index, lands, progress)
+        let goes_on = |done| {
+            progress(done);
+            ControlFlow::Continue(())
+        };
+        self.send_eyes(flight, views, frame_index, lands, goes_on)
     }
 
     /// The first part of a frame, all but the eyes: moves the scene to the head, deforms meshes, traces photons.
@@ -605,7 +613,7 @@ impl Renderer {
         views: &[View; 2],
         frame_index: u32,
         lands: bool,
-        mut progress: impl FnMut(u32),
+        mut progress: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Flight, RenderError> {
         let began = Instant::now();
         self.update_hidden(views);
@@ -628,7 +636,9 @@ impl Renderer {
             self.render_samples(views, &frame, [first, count], &mut flight)?;
             flight.eyes_sent.get_or_insert_with(Instant::now);
             first += count;
-            progress(first);
+            if progress(first).is_break() && first < samples {
+                return Err(RenderError::Interrupted);
+            }
         }
         if lands {
             flight.land(&self.context)?;

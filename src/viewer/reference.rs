@@ -1,5 +1,7 @@
 //! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
 
+use std::ops::ControlFlow;
+
 use super::render_engine::{EngineError, library, mean_of};
 use super::session::DesktopSession;
 use crate::frame_loop;
@@ -79,7 +81,7 @@ impl Reference {
                 }
                 Ok(())
             },
-            |_| {},
+            |_| ControlFlow::Continue(()),
         )?;
         self.renderer.average(&self.library, None)?;
         Ok(())

@@ -1,6 +1,7 @@
 //! A scene with its edits, a renderer for it, and the frames that it has made: what the rendering thread keeps for each set
 //! of settings.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -299,7 +300,9 @@ impl RenderEngine {
             }
             Ok(())
         };
-        let step = frame_loop::step(session, renderer, library, index, 1, update, |_| {})?;
+        let step = frame_loop::step(session, renderer, library, index, 1, update, |_| {
+            ControlFlow::Continue(())
+        })?;
         let Step::Rendered(rendered) = step else {
             return Ok(None);
         };

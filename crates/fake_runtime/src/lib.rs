@@ -23,6 +23,7 @@
 //! | `refused_trackers` | its headset has joints of hands and gaze; making a tracker and binding the gaze fail |
 //! | `wild_joints` | joints of hands at no place |
 //! | `wild_hands` | hands that are tracked at no place, triggers pulled by NaN |
+//! | `lost_on_the_way` | a stick ahead, and in the fourth frame an orientation that is no number |
 //! | `wild_rates` | refresh rates that are no numbers, negative, infinite, and 75 Hz |
 //! | `no_rates` | no refresh rate that makes sense |
 //! | `wild_mask` | a visibility mask of 100,000 triangles, with indices and corners that make no sense |
@@ -637,10 +638,12 @@ unsafe extern "system" fn vector_state(
     _: *const xr::ActionStateGetInfo,
     out: *mut xr::ActionStateVector2f,
 ) -> R {
-    (*out).current_state = xr::Vector2f { x: 0.0, y: 0.0 };
+    let walks = asked_for("lost_on_the_way");
+    let y = if walks { 0.5 } else { 0.0 };
+    (*out).current_state = xr::Vector2f { x: 0.0, y };
     (*out).changed_since_last_sync = xr::FALSE;
     (*out).last_change_time = xr::Time::from_nanos(0);
-    (*out).is_active = xr::FALSE;
+    (*out).is_active = walks.into();
     R::SUCCESS
 }
 
@@ -1088,6 +1091,7 @@ unsafe extern "system" fn locate_views(
     }
     (*located).view_state_flags =
         xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID;
+    let is_nowhere = asked_for("lost_on_the_way") && state.session.waited == 4;
     let eyes: &[f32] = if asked_for("one_view") {
         &[-0.032]
     } else {
@@ -1096,7 +1100,7 @@ unsafe extern "system" fn locate_views(
     fill(eyes, capacity, count, |index, x| {
         (*out.add(index)).pose = xr::Posef {
             orientation: xr::Quaternionf {
-                x: 0.0,
+                x: if is_nowhere { f32::NAN } else { 0.0 },
                 y: 0.0,
                 z: 0.0,
                 w: 1.0,

@@ -53,16 +53,19 @@ impl Settings {
     pub fn picture_hash(&self) -> u64 {
         let elsewhere = ["simulated", "openxr", "gpu", "output", "limits"];
         let keys = ["headset", "adapter", "size", "force.record_texels"];
-        let mut hash = 0xcbf2_9ce4_8422_2325;
-        for setting in all() {
-            if elsewhere.contains(&section_of(setting.key)) || keys.contains(&setting.key) {
-                continue;
-            }
-            for byte in format!("{} = {}\n", setting.key, setting.value(self)).bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-            }
-        }
-        hash
+        let decides = |key: &str| {
+            key == "gpu.shader_folder"
+                || !(elsewhere.contains(&section_of(key)) || keys.contains(&key))
+        };
+        let settings = all().filter(|setting| decides(setting.key));
+        let mut words: Vec<String> = settings
+            .map(|setting| format!("{} = {}\n", setting.key, setting.value(self)))
+            .collect();
+        words.push(json!(self.render.user_passes).to_string());
+        let bytes = words.iter().flat_map(|word| word.bytes());
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
     }
 
     /// The value under a dotted key as JSON, `null` where it is unset or no such setting exists.
@@ -87,5 +90,31 @@ impl Serialize for Settings {
             tree[user_pass::KEY] = json!(self.render.user_passes);
         }
         tree.serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::user_pass::{UserDomain, UserPass};
+
+    #[test]
+    fn what_changes_pixels_changes_the_hash() {
+        let plain = Settings::default();
+        let changed = |change: fn(&mut Settings)| {
+            let mut settings = plain.clone();
+            change(&mut settings);
+            settings.picture_hash() != plain.picture_hash()
+        };
+        assert!(changed(|s| s.render.seed += 1));
+        assert!(changed(|s| s.gpu.shader_folder = "mine".into()));
+        assert!(changed(|s| s.render.user_passes.push(UserPass {
+            file: "a.wesl".into(),
+            name: "a".into(),
+            after: "remodulate".into(),
+            over: UserDomain::default(),
+        })));
+        assert!(!changed(|s| s.adapter = "another".into()));
+        assert!(!changed(|s| s.output.images = true.into()));
     }
 }

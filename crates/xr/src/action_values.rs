@@ -240,6 +240,24 @@ impl ActionValues {
     }
 }
 
+impl Actions {
+    /// Warns of sources that the controllers in simulated hands lack: nothing drives them there, and a runtime may refuse them.
+    pub fn warn_of_undriven(&self) {
+        for action in self.declared() {
+            let of_touch = action.bindings.iter();
+            let of_touch = of_touch.filter(|(profile, _)| *profile == TOUCH.path);
+            for (_, source) in of_touch.filter(|_| action.kind != ActionKind::Haptic) {
+                if source_value(&TOUCH, source, &<[Hand; 2]>::default()).is_none() {
+                    log::warn!(
+                        "action '{}': simulated hands have nothing at {source}, and a headset may refuse it",
+                        action.name
+                    );
+                }
+            }
+        }
+    }
+}
+
 /// What a source of a controller of `profile` says; `None` for one that it lacks.
 fn source_value(profile: &Profile, source: &str, hands: &[Hand; 2]) -> Option<ActionValue> {
     Side::BOTH.into_iter().zip(hands).find_map(|(side, hand)| {

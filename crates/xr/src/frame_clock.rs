@@ -3,6 +3,11 @@
 use super::{FrameState, XrError};
 use std::time::{Duration, Instant};
 
+use stereolux_base::interrupt;
+
+/// How long an end of the run may go unnoticed.
+const LONGEST_NAP: Duration = Duration::from_millis(50);
+
 /// Display time of frame `frame` at `refresh_hz`: `frame * 1e9 / refresh_hz` rounded to whole
 /// nanoseconds. Computed from the index, so that rounding does not add up.
 pub(super) fn display_time_ns(frame: u64, refresh_hz: f64) -> i64 {
@@ -50,7 +55,13 @@ impl Pacer {
             .get_or_insert_with(|| (Instant::now(), display_time_ns));
         let due_ns = display_time_ns.saturating_sub(first_ns);
         let due = Duration::from_nanos(u64::try_from(due_ns).unwrap_or(0));
-        std::thread::sleep(due.saturating_sub(start.elapsed()));
+        // A recording may pause for minutes; who ends the run then does not wait for it.
+        while let Some(left) = due.checked_sub(start.elapsed())
+            && !left.is_zero()
+            && !interrupt::requested()
+        {
+            std::thread::sleep(left.min(LONGEST_NAP));
+        }
     }
 }
 

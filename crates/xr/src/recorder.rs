@@ -59,13 +59,17 @@ impl<S: XrSession> Recorder<S> {
                 .clone()
                 .filter(|areas| !areas.iter().all(HiddenArea::is_empty)),
         };
-        let version = header.version();
         let written = File::create(path).and_then(|mut file| {
+            // In a pipe nothing is changed later: there the last version stands from the start.
+            let version = match file.stream_position() {
+                Ok(_) => header.version(),
+                Err(_) => trace::VERSIONS[1],
+            };
             file.write_all(trace::header_line(&header, version)?.as_bytes())?;
-            Ok(file)
+            Ok((file, version))
         });
         match written {
-            Ok(file) => Ok(Self {
+            Ok((file, version)) => Ok(Self {
                 inner,
                 path: path.to_owned(),
                 file,

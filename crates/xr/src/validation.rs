@@ -208,10 +208,11 @@ impl<S: XrSession> Validated<S> {
 
     /// `located` if it is valid, else the last good views.
     fn good(&mut self, located: Option<LocatedViews>) -> Option<LocatedViews> {
-        let Some(located) = located else {
-            return self.repeat_last();
+        let checked = match located {
+            Some(located) => check_views(&located),
+            None => Err(Fault::new("views", "no pose of both eyes is known")),
         };
-        match check_views(&located) {
+        match checked {
             Ok(good) => {
                 self.last_good = Some(good);
                 Some(good)

@@ -32,7 +32,7 @@ shared_record! {
         pub direction: u32,
         /// Power, W, before division by the number of paths.
         pub flux: [f32; 3],
-        /// Normal (11 bits each), halvings of the radius and trials that missed (2 bits each), segments from the light (6 bits).
+        /// Normal (11 and 10 bits), whether on a blended surface (1 bit), halvings of the radius and trials that missed (2 bits each), segments from the light (6 bits).
         pub normal_depth: u32,
     }
 }
@@ -47,8 +47,8 @@ shared_record! {
         pub depth: u32,
         /// Unit, geometric, on the side that was hit.
         pub normal: [f32; 3],
-        /// Unused.
-        pub padding0: u32,
+        /// 1 on a blended surface, else 0.
+        pub is_blended: u32,
         /// Unit, to where it came from.
         pub towards_light: [f32; 3],
         /// The map's radius over that of its own disc.

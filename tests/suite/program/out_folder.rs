@@ -30,12 +30,14 @@ fn files_of_an_older_run_go_and_others_stay() {
     // 3 frames of 2 eyes in 4 parts, 2 pictures each, run.json, trace.json.
     let old = folder.files().len();
     assert_eq!(old, 3 * (2 * 4 + 2) + 3);
+    // What a run that was killed was writing.
+    std::fs::write(folder.join("out/.frame_0002_left.exr.77.partial"), "half").unwrap();
     let mine = ["frame_0001_left_mine.exr", "notes.txt", "view_0000.png"];
     for name in mine {
         std::fs::write(folder.join("out").join(name), "mine").unwrap();
     }
     let second = run(&folder, "1", &[]);
-    let removed = format!("removed {} files of an older run", old - 1);
+    let removed = format!("removed {} files of an older run", old - 1 + 1);
     assert_says(&stderr(&second), &[&removed]);
     let left = ONE_FRAME.iter().chain(&mine);
     let mut left: Vec<String> = left.map(|name| format!("out/{name}")).collect();
@@ -56,6 +58,64 @@ fn a_run_that_fails_says_so_in_run_json() {
     assert_says(run["error"].as_str().unwrap(), &["frame_0002_left.exr"]);
     assert_eq!(run["frames"], 2);
     assert!(run["medians"]["left_ms"].is_f64());
+}
+
+#[test]
+fn a_run_that_is_refused_takes_nothing_away() {
+    let folder = Folder::new("refused-run");
+    let recording = folder.join("recording.jsonl");
+    std::fs::write(&recording, "mine").unwrap();
+    let record = ["--record", recording.to_str().unwrap()];
+    // Nobody can make a folder there.
+    let output = run_into(
+        std::path::Path::new("/proc/nothing-here/out"),
+        "run --session simulated --size 12x8 --photons 300 --frames 1",
+        &record,
+    );
+    assert_eq!(output.status.code(), Some(2));
+    assert_says(&stderr(&output), &["--out", "can be written to"]);
+    assert_eq!(std::fs::read_to_string(&recording).unwrap(), "mine");
+    // Another run is at work in the folder.
+    assert_success(&run(&folder, "1", &[]));
+    let before = folder.files();
+    let stats = std::fs::File::open(folder.join("out/stats.jsonl")).unwrap();
+    stats.lock().unwrap();
+    let output = run(&folder, "2", &record);
+    assert_eq!(output.status.code(), Some(2));
+    assert_says(&stderr(&output), &["another run writes to it"]);
+    assert_eq!(folder.files(), before);
+    assert_eq!(std::fs::read_to_string(&recording).unwrap(), "mine");
+    drop(stats);
+    assert_success(&run(&folder, "2", &[]));
+}
+
+/// A frame of so many samples takes long, and nobody waits for its end.
+#[test]
+fn a_frame_is_broken_off_between_its_samples() {
+    let folder = Folder::new("broken-off");
+    for command in ["render", "run --session simulated --frames 3"] {
+        let out = folder.join(&command[..3]);
+        let mut child = Command::new(env!("CARGO_BIN_EXE_stereolux"))
+            .args(words(command))
+            .args(words("--method path --size 32x32 --spp 65536"))
+            .args(["--adapter", adapter_name(), "--out"])
+            .arg(&out)
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        while !out.join("stats.jsonl").exists() {
+            assert!(child.try_wait().unwrap().is_none());
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let killed = Command::new("kill")
+            .args(["-TERM", &child.id().to_string()])
+            .status();
+        assert!(killed.unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert_says(&stderr(&output), &["interrupted after 0 frames"]);
+        assert_eq!(json(&out.join("run.json"))["frames"], 0);
+    }
 }
 
 #[test]

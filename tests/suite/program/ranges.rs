@@ -68,6 +68,11 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
         again(&whole, &first, "frame 0 is in");
         run(&second, scene, &["--range", "3..6", "--seed", "5"]);
         again(&first, &second, "settings_hash");
+        let hands = folder.join("hands.toml");
+        std::fs::write(&hands, "[[left]]\nat_s = 0.02\npress = ['primary']\n").unwrap();
+        let hands = format!("--set=simulated.hands={}", hands.display());
+        run(&second, scene, &["--range", "3..6", &hands]);
+        again(&first, &second, "settings.simulated");
     }
 }
 

@@ -23,7 +23,7 @@ const SIZE: [u32; 2] = [32, 32];
 /// A photon in f64, world space.
 struct Placed {
     position: DVec3,
-    /// To within a step of 2 / 2047 in each coordinate.
+    /// To within a step of 2 / 2047 in one coordinate and 2 / 1023 in the other.
     normal: DVec3,
     flux: DVec3,
     cell: [u32; 3],

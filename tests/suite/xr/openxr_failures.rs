@@ -424,6 +424,24 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
     }
 }
 
+/// A pose that is no number is repeated once, also under way: the walk does not go on from nowhere.
+#[test]
+fn who_is_lost_on_the_way_is_found_again() {
+    let folder = Folder::new("openxr-lost-on-the-way");
+    let (output, trace) = run_small(&folder, "lost_on_the_way", &[], 8);
+    assert_status(&output, 0);
+    let trace = Trace::read(&trace).unwrap();
+    let ahead = trace
+        .frames
+        .iter()
+        .map(|frame| -frame.views.midpoint_in_world().z);
+    let ahead: Vec<f64> = ahead.collect();
+    let stays: Vec<bool> = ahead.windows(2).map(|pair| pair[1] <= pair[0]).collect();
+    // The first frame has no head to walk by.
+    assert_eq!(stays.iter().filter(|stays| **stays).count(), 1, "{ahead:?}");
+    assert!(!stays[6], "{ahead:?}");
+}
+
 /// The display's rate and what the lenses hide change after five frames.
 #[test]
 fn a_headset_that_changes_is_followed_recorded_and_replayed() {

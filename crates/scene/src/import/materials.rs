@@ -122,6 +122,14 @@ impl MaterialImport<'_, '_> {
             ));
         }
 
+        if transmission.is_some_and(|t| t.transmission_factor.0 > 0.0) && volume.is_none() {
+            self.notes.warn(format_args!(
+                "{}: transmission without KHR_materials_volume is a thin wall by the standard; here it is solid glass, which \
+                 closed surfaces bound",
+                self.place
+            ));
+        }
+
         let strength = self.at_least("emissiveStrength", strength, 0.0)?;
         let mut emission = source.emissive_factor.0;
         for channel in &mut emission {

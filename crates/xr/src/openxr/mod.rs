@@ -57,6 +57,8 @@ const UNKNOWN_REFRESH_HZ: f64 = 90.0;
 const LONGEST_GOODBYE: Duration = Duration::from_secs(3);
 /// Pause between two looks at the events of a session that shows nothing.
 const IDLE_PAUSE: Duration = Duration::from_millis(10);
+/// After so long without frames the wearer is told what is waited for.
+const LONGEST_SILENCE: Duration = Duration::from_secs(2);
 /// Distance at which the depth image holds 1, metres.
 const NEAR_M: f32 = 0.05;
 
@@ -385,6 +387,7 @@ impl XrSession for OpenXrSession {
             self.finish()?;
             return Ok(None);
         }
+        let (began, mut told) = (Instant::now(), false);
         loop {
             // The one place where a session is replaced, whichever call said that it is lost.
             let loss = self.live.as_ref().and_then(|live| live.loss.clone());
@@ -397,6 +400,13 @@ impl XrSession for OpenXrSession {
                 return Ok(None);
             }
             if !self.is_running() {
+                if !told && began.elapsed() > LONGEST_SILENCE {
+                    told = true;
+                    log::warn!(
+                        "{} has not begun to show frames; put the headset on, or end with Ctrl-C",
+                        self.info.source
+                    );
+                }
                 std::thread::sleep(IDLE_PAUSE);
             } else if let Some(frame) = self.next_frame()? {
                 self.order.waited(&frame);
@@ -439,9 +449,8 @@ impl XrSession for OpenXrSession {
             },
             repeated: false,
         };
-        if flags
-            .contains(xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID)
-        {
+        // Walking by a head that is nowhere would leave the wearer nowhere for good.
+        if super::validation::check_views(&located).is_ok() {
             self.last_head = Some(Pose::new(
                 located.midpoint_in_world(),
                 located.views[0].orientation,
