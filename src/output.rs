@@ -115,6 +115,8 @@ impl FrameImages {
 pub struct OutputFolder {
     path: PathBuf,
     style: Style,
+    /// `stats.jsonl` was made for this run.
+    is_new: bool,
     stats: File,
     trace: Option<ChromeTrace>,
 }
@@ -149,6 +151,7 @@ impl OutputFolder {
             reason: error.to_string(),
         };
         fs::create_dir_all(path).map_err(fail)?;
+        let is_new = !path.join(STATS).exists();
         let mut options = File::options();
         let stats = options.create(true).write(true).truncate(false);
         let stats = stats.open(path.join(STATS)).map_err(fail)?;
@@ -158,9 +161,19 @@ impl OutputFolder {
         Ok(Self {
             path: path.to_owned(),
             style,
+            is_new,
             stats,
             trace: None,
         })
+    }
+
+    /// Lets go of a folder that was opened for nothing.
+    pub fn give_up(self) {
+        if self.is_new {
+            // What cannot be removed is an empty file.
+            let _ = fs::remove_file(self.path.join(STATS));
+            let _ = fs::remove_dir(&self.path);
+        }
     }
 
     /// Removes what an older run has left, and returns how many files that were, besides its `stats.jsonl`.

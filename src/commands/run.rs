@@ -293,7 +293,13 @@ fn render_session(
     let style = Style::of(settings, &renderer.context().adapter.name);
     let mut output = OutputFolder::open(job.out, style)?;
     let mut session: Box<dyn XrSession> = match job.record {
-        Some(path) => Box::new(Recorder::create(path, session)?),
+        Some(path) => match Recorder::create(path, session) {
+            Ok(recorder) => Box::new(recorder),
+            Err(error) => {
+                output.give_up();
+                return Err(error.into());
+            }
+        },
         None => session,
     };
     warn_of_much_output(&settings.output, &render, &aovs, job, frames, size);

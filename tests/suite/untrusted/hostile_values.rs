@@ -42,12 +42,12 @@ fn nothing_out_of_a_file_steers_the_terminal() {
     };
     let long = "x".repeat(100_000);
     let uri = data_uri("image/png", &[0; 100_000]);
-    let flat = |name: &str| json!({ "nodes": [{ "name": name, "scale": [0, 0, 0] }] });
+    let turned = |name: &str| json!({ "nodes": [{ "name": name, "rotation": [0, 0, 0, 0] }] });
     let wild_uri = format!("{STEERING}.bin");
     let outside = format!("../{STEERING}\n{long}");
     for (name, parts) in [
-        ("name", flat(STEERING)),
-        ("long", flat(&long)),
+        ("name", turned(STEERING)),
+        ("long", turned(&long)),
         ("extension", json!({ "extensionsRequired": [STEERING] })),
         (
             "uri",
