@@ -347,7 +347,9 @@ fn render_session(
     bar.finish();
     let traced = output.finish_trace();
     let ended = ended.map_err(Failure::from);
-    let ended = ended.and_then(|()| Ok(traced?)).and_then(|()| {
+    // The folder was writable when the run began.
+    let traced = traced.map_err(Failure::failed);
+    let ended = ended.and(traced).and_then(|()| {
         if interrupt::requested() {
             return Err(Failure::failed(format!(
                 "interrupted after {} frames; files written so far are complete",
@@ -371,7 +373,7 @@ fn render_session(
     let written = output.write_run(&run);
     // The first error is the one to tell.
     if ended.is_ok() || interrupt::requested() {
-        written?;
+        written.map_err(Failure::failed)?;
         eprint_line!("{}", run.summary_line(output.path()));
     }
     ended
