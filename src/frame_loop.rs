@@ -288,8 +288,8 @@ fn render(
 }
 
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
-/// it is in that frame; `sample` is told how many of the frame's samples are done, and may break the frame off. With more than one frame `in_flight`, 2
-/// or 3, the frame is on its way then, and as many less one may be before it.
+/// it is in that frame; `sample` is told how many of the frame's samples are done, and may break the frame off. With more than
+/// one frame `in_flight`, 2 or 3, the frame is on its way then, and as many less one may be before it.
 ///
 /// # Errors
 /// [`LoopError::Session`], [`LoopError::Render`], and those of `update`.
