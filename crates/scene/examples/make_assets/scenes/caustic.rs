@@ -37,6 +37,7 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
         metallic: 0.0,
         roughness: 0.0,
         transmission: 1.0,
+        thickness: 2.0 * RADIUS_M as f32,
         ior: IOR,
         ..Material::default()
     });

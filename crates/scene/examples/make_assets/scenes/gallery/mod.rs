@@ -145,6 +145,7 @@ fn palette(glb: &mut GlbWriter) -> Result<Palette, SceneError> {
         mirror: glb.material(&metal("mirror", [0.95, 0.94, 0.92], 0.05)),
         glass: glb.material(&Material {
             transmission: 1.0,
+            thickness: 0.6,
             roughness: 0.0,
             ior: 1.5,
             ..coated("glass", [1.0; 3], 0.0)
