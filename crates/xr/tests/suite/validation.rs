@@ -191,11 +191,12 @@ fn a_bad_pose_repeats_the_last_good_one_and_is_counted() {
     assert_eq!(next(), Some((1.0, true)));
     assert_eq!(next(), Some((1.0, true)));
     assert_eq!(next(), Some((2.0, false)));
-    assert_eq!(session.invalid_poses(), 3);
-    assert_eq!(session.last_fault().unwrap().field, "views[1].position");
+    // Nothing located is no good pose either.
+    assert_eq!(session.invalid_poses(), 5);
+    assert_eq!(session.last_fault().unwrap().field, "views");
     // A lost runtime is an error, not a bad pose.
     assert!(session.locate_views(0).is_err());
-    assert_eq!(session.invalid_poses(), 3);
+    assert_eq!(session.invalid_poses(), 5);
 }
 
 #[test]
