@@ -52,14 +52,10 @@ pub(super) fn source(
         },
         SessionChoice::Simulated | SessionChoice::Replay | SessionChoice::Desktop => None,
     };
-    let Opened {
-        session,
-        frames,
-        qualities,
-    } = open(options, headset, start, hands, actions)?;
-    let name = session.info().source.clone();
-    if let Some(range) = &options.session.range
-        && u64::from(range.start) >= frames
+    let mut source = unpaced_source(options, headset, start, hands, actions)?;
+    let name = &source.name;
+    if let (Some(range), Some(frames)) = (&options.session.range, source.frames)
+        && range.start >= frames
     {
         return Err(Failure::unusable(format!(
             "--range {}..{}: {name} has {frames} frame{}, counted from 0; begin below that",
@@ -68,21 +64,8 @@ pub(super) fn source(
             if frames == 1 { "" } else { "s" },
         )));
     }
-    let size = options
-        .settings
-        .size
-        .or(session.info().recommended_size)
-        .unwrap_or(headset.size);
-    Ok(Source {
-        session,
-        context: None,
-        announcement: unavailable.map(|reason| format!("session: {name}; {reason}")),
-        lacks_room: false,
-        name,
-        size,
-        frames: u32::try_from(frames).ok(),
-        qualities,
-    })
+    source.announcement = unavailable.map(|reason| format!("session: {name}; {reason}"));
+    Ok(source)
 }
 
 /// The desktop, with the window that it is seen in.
@@ -186,20 +169,27 @@ fn openxr_source(_: &RunOptions, _: Pose, _: &Actions) -> Result<Source, Failure
 }
 
 /// A session that no runtime paces.
-struct Opened {
-    session: Box<dyn XrSession>,
-    /// How many it will have.
-    frames: u64,
-    qualities: Vec<(usize, Quality)>,
-}
-
-fn open(
+fn unpaced_source(
     options: &RunOptions,
     headset: &Headset,
     start: Pose,
     hands: HandScript,
     actions: &Actions,
-) -> Result<Opened, Failure> {
+) -> Result<Source, Failure> {
+    let source = |session: Box<dyn XrSession>, frames: u64, qualities| {
+        let info = session.info();
+        let size = options.settings.size.or(info.recommended_size);
+        Source {
+            name: info.source.clone(),
+            session,
+            context: None,
+            announcement: None,
+            lacks_room: false,
+            size: size.unwrap_or(headset.size),
+            frames: u32::try_from(frames).ok(),
+            qualities,
+        }
+    };
     let pacing = if options.session.realtime {
         Pacing::RealTime
     } else {
@@ -212,11 +202,8 @@ fn open(
             replay.frame_limit = options.session.frames.map(u64::from);
             replay.pacing = pacing;
             let session = ReplaySession::open(path, replay)?;
-            Ok(Opened {
-                frames: session.frame_count(),
-                qualities: session.qualities(),
-                session: Box::new(Validated::new(session)),
-            })
+            let (frames, qualities) = (session.frame_count(), session.qualities());
+            Ok(source(Box::new(Validated::new(session)), frames, qualities))
         }
         (SessionChoice::Replay, None) => Err(Failure::unusable(
             "--session replay needs a recording: give one with --trace FILE",
@@ -238,11 +225,7 @@ fn open(
                 .with_hands(hands)
                 .with_actions(actions.clone())
                 .with_pacing(pacing);
-            Ok(Opened {
-                session: Box::new(session),
-                frames,
-                qualities: Vec::new(),
-            })
+            Ok(source(Box::new(session), frames, Vec::new()))
         }
     }
 }

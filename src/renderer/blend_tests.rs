@@ -10,6 +10,7 @@ use crate::renderer::test_support::{
 use crate::renderer::{Eye, Renderer};
 use crate::scene::{AlphaMode, LightKind, Material, Node, PunctualLight, Scene};
 use crate::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse};
+use crate::xr::View;
 
 const SIZE: u32 = 32;
 const FRAMES: u32 = 16;
@@ -37,27 +38,42 @@ fn scene(panes: u32) -> Scene {
     }
 }
 
-/// In how many of the frames each pixel sees the lamp.
-fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
-    let settings = RenderSettings {
+/// One channel of the left eye's picture in each of so many frames.
+fn pictures(
+    library: &ShaderLibrary,
+    scene: &Scene,
+    settings: &RenderSettings,
+    view: &View,
+    frames: u32,
+) -> Vec<Vec<f64>> {
+    let size = [SIZE; 2];
+    let mut renderer =
+        Renderer::new(context(), library, scene, settings, Eyes::Left, size).unwrap();
+    let of_frame = |frame| {
+        renderer.render_frame(&[*view; 2], frame, |_| {}).unwrap();
+        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        picture.iter().map(|pixel| f64::from(pixel[0])).collect()
+    };
+    (0..frames).map(of_frame).collect()
+}
+
+/// Paths of each eye by itself.
+fn paths() -> RenderSettings {
+    RenderSettings {
         method: Method::Path,
         reuse: Reuse::Off,
         ..RenderSettings::default()
-    };
-    let (scene, size) = (scene(panes), [SIZE; 2]);
-    let mut renderer =
-        Renderer::new(context(), library, &scene, &settings, Eyes::Left, size).unwrap();
+    }
+}
+
+/// In how many of the frames each pixel sees the lamp.
+fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
     // No pixel lies on a diagonal, where both triangles may be met.
     let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 45.0);
-    let mut times = vec![0.0; (SIZE * SIZE) as usize];
-    for frame in 0..FRAMES {
-        renderer.render_frame(&[view; 2], frame, |_| {}).unwrap();
-        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
-        for (times, pixel) in times.iter_mut().zip(&picture) {
-            *times += f64::from(pixel[0]);
-        }
-    }
-    times
+    let pictures = pictures(library, &scene(panes), &paths(), &view, FRAMES);
+    (0..pictures[0].len())
+        .map(|pixel| pictures.iter().map(|picture| picture[pixel]).sum())
+        .collect()
 }
 
 /// Greatest difference of a pixel's number from what is expected.
@@ -133,16 +149,10 @@ fn lit(library: &ShaderLibrary, settings: &RenderSettings, is_decal: bool) -> Ve
         }],
         ..Scene::default()
     };
-    let mut renderer =
-        Renderer::new(context(), library, &scene, settings, Eyes::Left, [SIZE; 2]).unwrap();
     let view = looking_ahead(DVec3::ZERO, 10.0);
-    let of_frame = |frame| {
-        renderer.render_frame(&[view; 2], frame, |_| {}).unwrap();
-        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
-        let sum: f64 = picture.iter().map(|pixel| f64::from(pixel[0])).sum();
-        sum / picture.len() as f64
-    };
-    (0..FRAMES).map(of_frame).collect()
+    let pictures = pictures(library, &scene, settings, &view, FRAMES);
+    let mean = |picture: &Vec<f64>| picture.iter().sum::<f64>() / picture.len() as f64;
+    pictures.iter().map(mean).collect()
 }
 
 #[test]
@@ -231,18 +241,8 @@ fn blended_glass_keeps_the_light_of_a_furnace() {
         "bsdf.transmission_scale",
     );
     let farthest_off = |library| {
-        let settings = RenderSettings {
-            method: Method::Path,
-            reuse: Reuse::Off,
-            ..RenderSettings::default()
-        };
-        let mut renderer =
-            Renderer::new(context(), library, &scene, &settings, Eyes::Left, [SIZE; 2]).unwrap();
         let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 20.0);
-        renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
-        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
-        let lights: Vec<f64> = picture.iter().map(|pixel| f64::from(pixel[0])).collect();
-        farthest(&lights, 1.0)
+        farthest(&pictures(library, &scene, &paths(), &view, 1)[0], 1.0)
     };
     // Whole paths weigh 1 but for rounding: a few steps of f32 per segment.
     let off = farthest_off(&library);

@@ -355,7 +355,7 @@ fn the_anti_aliased_picture_is_the_bounded_mean_of_linear_light() {
     let views = parallel_views(start_pose(&scene), IPD_M, square_fov(40.0));
     let mut settings = method(Method::Path, Reuse::Off);
     settings.reconstruct.taa = true.into();
-    settings.reconstruct.taa_clip = 1.0;
+    settings.reconstruct.taa_clip = 0.5;
     // White is at less light than the frame has, so that samples are limited too.
     settings.output.exposure = 1e4;
     let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
@@ -405,7 +405,7 @@ fn the_anti_aliased_picture_is_the_bounded_mean_of_linear_light() {
             let mut excess = 1.0_f64;
             for c in 0..3 {
                 let variance = sum_of_squares[c] / 9.0 - mean[c] * mean[c];
-                let allowed = variance.max(0.0).sqrt() + 4.0 * spread;
+                let allowed = 0.5 * variance.max(0.0).sqrt() + 4.0 * spread;
                 excess = excess.max((old[c] - mean[c]).abs() / allowed.max(1e-5));
             }
             clipped += usize::from(excess > 1.0);

@@ -352,10 +352,11 @@ pub fn check_placements(
     let mut flat = vec![false; scene.nodes.len()];
     for (index, world_from_node) in scene.placed_nodes() {
         let node = &scene.nodes[index];
-        let label = format!("nodes[{index}] '{}'", node.name);
+        let label = || format!("nodes[{index}] '{}'", node.name);
         if !world_from_node.to_cols_array().into_iter().all(within) {
             return Err(document.fault(format!(
-                "{label}: with those of its parents its transform is beyond 32-bit floats (are nested scales meant?)"
+                "{}: with those of its parents its transform is beyond 32-bit floats (are nested scales meant?)",
+                label()
             )));
         }
         let below_flat = node.parent.is_some_and(|parent| flat[parent]);
@@ -363,7 +364,8 @@ pub fn check_placements(
             below_flat || is_flat(&node.parent_from_node) || !world_from_node.inverse().is_finite();
         if flat[index] && !below_flat {
             notes.warn(format_args!(
-                "{label}: its transform flattens space (is a scale 0?): meshes there are out of sight while it does"
+                "{}: its transform flattens space (is a scale 0?): meshes there are out of sight while it does",
+                label()
             ));
         }
     }
