@@ -18,11 +18,14 @@ use crate::scene::mesh_statistics::loose_bounds;
 use crate::scene::{Bounds, Instance, LightKind, Mesh, Scene};
 
 use super::environment::PackedEnvironment;
-use super::textures::sample_image;
 
+mod alias;
+mod glow;
 mod motion;
 mod tree;
 
+use alias::{alias_table, chances};
+use glow::mesh_glows;
 pub use motion::LightUploads;
 use motion::{Emitter, Placed, is_afar};
 use tree::{Cluster, HEADER_WORDS, LightTree, MOST_REGROUPED};
@@ -33,10 +36,6 @@ const NO_EMITTER: u32 = u32::MAX;
 const BOX_MARGIN: f64 = 1.0e-4;
 /// Least cosine range of a spot's ramp (KHR_lights_punctual's own guard).
 const LEAST_RAMP: f64 = 1.0e-3;
-/// A textured emitter is sampled at most this finely, per edge.
-const MOST_STEPS: usize = 64;
-/// What a textured emitter's power is at least, as a share of its brightest sample.
-const LEAST_SHARE: f64 = 0.01;
 
 /// Which kinds of light take part: those whose shader features are on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,10 +119,6 @@ pub struct LightSources<'a> {
 
 /// Where there are lamps and light from afar, photons begin at either at least this often.
 const LEAST_CHANCE_OF_KIND: f64 = 0.1;
-/// Least chance of a light with power, over the mean of all.
-const LEAST_CHANCE: f64 = 1.0 / 1024.0;
-/// How many random numbers there are from 0 to 1.
-const NUMBERS: f32 = 16_777_216.0;
 
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
@@ -524,207 +519,6 @@ pub fn spot_solid_angle(scale: f64, offset: f64) -> f64 {
     let cos_outer = -offset * width;
     let ramp_end = ((1.0 - cos_outer) * scale).min(1.0);
     2.0 * PI * (ramp_end.powi(3) * width / 3.0 + (1.0 - cos_outer - width).max(0.0))
-}
-
-/// Mean emission of a triangle, and by how much its pick is raised above its power so that no glowing spot is missed.
-struct Glow {
-    triangle: usize,
-    mean: [f64; 3],
-    boost: f64,
-    double_sided: bool,
-}
-
-fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {
-    let ordinals = emitter_ordinals(scene, mesh);
-    (0..mesh.triangles.len())
-        .filter(|triangle| ordinals[*triangle] != NO_EMITTER)
-        .map(|triangle| glow_of(scene, mesh, triangle))
-        .collect()
-}
-
-/// Mean of the emissive texture over the triangle, by a barycentric grid about as fine as the texels. A triangle that
-/// the grid finds dark or dim keeps a share of the brightest sample: glow between the samples is then still picked.
-fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
-    let corners = mesh.triangles[triangle].vertices;
-    let material = &scene.materials[mesh.triangles[triangle].material as usize];
-    let factor = material.emission.map(|channel| f64::from(channel.max(0.0)));
-    let mut glow = Glow {
-        triangle,
-        mean: factor,
-        boost: 1.0,
-        double_sided: material.double_sided,
-    };
-    let Some(reference) = material.emissive_texture else {
-        return glow;
-    };
-    let uv_set = if reference.uv_set == 1 {
-        &mesh.uv1
-    } else {
-        &mesh.uv0
-    };
-    let m = reference.texcoord_from_uv.map(f64::from);
-    let texcoords = corners.map(|vertex| {
-        let [u, v] = uv_set
-            .get(vertex as usize)
-            .copied()
-            .unwrap_or_default()
-            .map(f64::from);
-        [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]]
-    });
-    let image = scene
-        .textures
-        .get(reference.texture as usize)
-        .and_then(|texture| scene.images.get(texture.image as usize));
-    let size = image.map_or([1.0; 2], |image| {
-        [f64::from(image.width), f64::from(image.height)]
-    });
-    let reach = |a: usize, b: usize| -> f64 {
-        (0..2)
-            .map(|axis| ((texcoords[a][axis] - texcoords[b][axis]) * size[axis]).abs())
-            .fold(0.0, f64::max)
-    };
-    let texels = reach(0, 1).max(reach(1, 2)).max(reach(2, 0));
-    // `as` saturates; NaN gives 0.
-    let steps = (texels.ceil() as usize).clamp(1, MOST_STEPS);
-    let is_coarse = texels > MOST_STEPS as f64;
-    let (mut sum, mut brightest, mut count) = ([0.0; 3], 0.0f64, 0.0);
-    let mut add = |first: f64, second: f64, weight: f64| {
-        let third = 1.0 - first - second;
-        let at = std::array::from_fn(|axis| {
-            first * texcoords[0][axis] + second * texcoords[1][axis] + third * texcoords[2][axis]
-        });
-        let texel = sample_image(scene, reference.texture, at, true);
-        let mut level = 0.0;
-        for channel in 0..3 {
-            sum[channel] += weight * texel[channel];
-            level += texel[channel] * factor[channel] / 3.0;
-        }
-        brightest = brightest.max(level);
-        count += weight;
-    };
-    let step = 1.0 / steps as f64;
-    for row in 0..steps {
-        for column in 0..steps - row {
-            // Centroids of the upright and of the inverted small triangles.
-            add(
-                (row as f64 + 1.0 / 3.0) * step,
-                (column as f64 + 1.0 / 3.0) * step,
-                1.0,
-            );
-            if column + 1 < steps - row {
-                add(
-                    (row as f64 + 2.0 / 3.0) * step,
-                    (column as f64 + 2.0 / 3.0) * step,
-                    1.0,
-                );
-            }
-        }
-    }
-    // Corners too: where only they touch what glows, the centroids may all be dark.
-    let mean_level = |mean: &[f64; 3]| (0..3).map(|channel| mean[channel]).sum::<f64>() / 3.0;
-    for corner in [(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)] {
-        add(corner.0, corner.1, 0.0);
-    }
-    let mean: [f64; 3] = std::array::from_fn(|channel| factor[channel] * sum[channel] / count);
-    if is_coarse {
-        brightest = brightest.max(mean_level(&factor) * LEAST_SHARE);
-    }
-    let level = mean_level(&mean);
-    let floor = brightest * LEAST_SHARE;
-    if level < floor {
-        // A dark triangle has no power to raise: lend it the floor.
-        glow.boost = if level > 0.0 { floor / level } else { 1.0 };
-        glow.mean = if level > 0.0 {
-            mean
-        } else {
-            factor.map(|channel| channel * LEAST_SHARE * LEAST_SHARE)
-        };
-    } else {
-        glow.mean = mean;
-    }
-    glow
-}
-
-/// Shares of the total; all 0 without power.
-fn probabilities(weights: &[f64]) -> Vec<f64> {
-    let total: f64 = weights.iter().sum();
-    weights
-        .iter()
-        .map(|weight| if total > 0.0 { weight / total } else { 0.0 })
-        .collect()
-}
-
-/// The same, but that every light with power has a chance that numbers of 24 bits can tell from none.
-fn chances(weights: &[f64]) -> Vec<f64> {
-    let mut chances = probabilities(weights);
-    let least = LEAST_CHANCE / weights.len().max(1) as f64;
-    for chance in chances.iter_mut().filter(|chance| **chance > 0.0) {
-        *chance = chance.max(least);
-    }
-    probabilities(&chances)
-}
-
-/// Vose 1991, "A linear algorithm for generating random numbers with a given distribution", behind a header entry. Thresholds are whole
-/// steps of the numbers that they are compared with, and the chances that come with the table are those with which it picks.
-fn alias_table(probabilities: &[f64]) -> (Vec<LightAlias>, Vec<f64>) {
-    let count = probabilities.len();
-    // Without power nothing can be picked.
-    let usable = if probabilities.iter().any(|probability| *probability > 0.0) {
-        count
-    } else {
-        0
-    };
-    let mut table = vec![LightAlias {
-        threshold: 0.0,
-        alias_index: usable as u32,
-    }];
-    let mut scaled: Vec<f64> = probabilities
-        .iter()
-        .map(|probability| probability * count as f64)
-        .collect();
-    let mut entries: Vec<LightAlias> = (0..count)
-        .map(|index| LightAlias {
-            threshold: 1.0,
-            alias_index: index as u32,
-        })
-        .collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) =
-        (0..count).partition(|index| scaled[*index] < 1.0);
-    while let (Some(less), Some(more)) = (small.pop(), large.last().copied()) {
-        entries[less] = LightAlias {
-            threshold: scaled[less] as f32,
-            alias_index: more as u32,
-        };
-        scaled[more] -= 1.0 - scaled[less];
-        if scaled[more] < 1.0 {
-            large.pop();
-            small.push(more);
-        }
-    }
-    // What is left is 1 up to rounding, except lights without power that rounding stranded.
-    if let Some(brightest) =
-        (0..count).max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))
-    {
-        for (index, entry) in entries.iter_mut().enumerate() {
-            if probabilities[index] == 0.0 && entry.threshold > 0.0 {
-                *entry = LightAlias {
-                    threshold: 0.0,
-                    alias_index: brightest as u32,
-                };
-            }
-        }
-    }
-    // What is left of a random number of 24 bits behind the slot that it picks.
-    let steps = (NUMBERS / count.next_power_of_two() as f32).max(1.0);
-    let mut chances = vec![0.0; count];
-    for (index, entry) in entries.iter_mut().enumerate() {
-        entry.threshold = ((entry.threshold * steps).ceil() / steps).min(1.0);
-        let own = f64::from(entry.threshold) / count as f64;
-        chances[index] += own;
-        chances[entry.alias_index as usize] += 1.0 / count as f64 - own;
-    }
-    table.append(&mut entries);
-    (table, chances)
 }
 
 #[cfg(test)]

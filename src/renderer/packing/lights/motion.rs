@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use super::alias::probabilities;
+use super::glow::Glow;
 use super::*;
 use crate::scene::{MorphTarget, as_dvec3};
 

@@ -1,3 +1,4 @@
+use super::glow::glow_of;
 use super::*;
 use crate::scene::{
     Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture, TextureRef,

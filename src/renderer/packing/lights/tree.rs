@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{alias_table, chances};
+use super::alias::{alias_table, chances};
 use crate::scene::Bounds;
 
 /// So many lights near by are picked by power where none shines from afar: the samples that a surface chooses from meet all of
