@@ -45,7 +45,7 @@
 //! head on the device. If the photon map is missing, photons are traced from the lights through the two-level
 //! hierarchy, stored, and sorted into a grid. The left eye's rays find the surfaces, next-event estimation lights
 //! them directly, photons within a radius light them indirectly. The left eye's hits are projected into the right eye;
-//! those that it sees, and whose light does not depend on the viewing direction, are reused; the pixels that are
+//! those that it sees are reused, glossy ones by scattering their light anew for it; the pixels that are
 //! still empty are listed and rendered by the same passes. `frame::plan()` lists all steps in order.
 //!
 //! # Modules
@@ -62,7 +62,7 @@
 //! - `metrics`, `images`, `tone`, `false_color`: errors against a reference, image files, pictures of views;
 //! - `bench`: speed against error.
 //!
-//! `settings`, `xr`, `gpu`, `scene`, `bvh`, `metrics` and `images` are crates of their own (`crates/`).
+//! `settings`, `xr`, `gpu`, `scene` and `bvh` are crates of their own (`crates/`), and so are `metrics` and `images` together.
 //!
 //! Matrix names read target_from_source; points and vectors carry their space in their names.
 

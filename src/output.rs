@@ -64,12 +64,11 @@ pub struct Style {
 impl Style {
     /// By the settings.
     pub fn of(settings: &Settings, adapter: &str) -> Self {
-        let OutputSettings {
-            exr, layout, tone, ..
-        } = settings.output;
+        let OutputSettings { exr, layout, .. } = settings.output;
+        let shown = &settings.render.output;
         Self {
-            exposure: settings.render.output.exposure,
-            tone,
+            exposure: shown.exposure,
+            tone: shown.tone,
             exr,
             layout,
             adapter: adapter.to_owned(),

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use super::{Failure, load_scene, print_line};
 use crate::frame::listing::{list, memory};
 use crate::frame::plan::on_demand;
-use crate::frame::user_passes::shader_library;
+use crate::frame::user_passes::{self, shader_library};
 use crate::gpu::context::{AdapterSummary, adapters, check_wanted};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
@@ -162,15 +162,17 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
         lower,
         features: frame_features,
         maps,
-    } = plan_of_scene(&scene, &settings.render, is_software).map_err(Failure::failed)?;
+    } = plan_of_scene(&scene, &settings.render, is_software)?;
     let size = match settings.size {
         Some(size) => size,
         None => Headset::load(&settings.headset)?.size,
     };
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
+    // Which buffers are given besides the frame's own, a renderer knows.
+    user_passes::check(passes, &stages, &library, &frame_features, |_| true)?;
     let plans = [&stages].into_iter().chain(&lower);
-    let memory = memory(plans, &frame_features, &library, size, &maps).map_err(Failure::failed)?;
+    let memory = memory(plans, &frame_features, &library, size, &maps)?;
     stages.extend(on_demand(&settings.render));
     Ok(json!({
         "name": settings.scene,
@@ -186,6 +188,6 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
         "needs": needs,
         "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
         "memory": memory,
-        "frame": list(&stages, &frame_features, &library).map_err(Failure::failed)?,
+        "frame": list(&stages, &frame_features, &library)?,
     }))
 }

@@ -42,6 +42,9 @@ const FILES: &[(&str, &str)] = &[
     ),
 ];
 
+/// Where this program's sources were when it was built. They are on no registry.
+const BUILT_FROM: &str = env!("CARGO_MANIFEST_DIR");
+
 /// Words that cargo takes for something else than a crate.
 const TAKEN: [&str; 10] = [
     "stereolux",
@@ -60,17 +63,11 @@ const TAKEN: [&str; 10] = [
 pub fn new(options: &NewOptions) -> Result<(), Failure> {
     let folder = &options.folder;
     let name = crate_name(folder)?;
-    let checkout = options.path.as_deref().map(checkout).transpose()?;
-    let stereolux = match &checkout {
-        Some(path) => format!(
-            "{{ path = {}, default-features = false }}",
-            toml::Value::from(path.display().to_string())
-        ),
-        None => format!(
-            "{{ version = \"={}\", default-features = false }}",
-            env!("CARGO_PKG_VERSION")
-        ),
-    };
+    let checkout = checkout(options.path.as_deref().unwrap_or(Path::new(BUILT_FROM)))?;
+    let stereolux = format!(
+        "{{ path = {}, default-features = false }}",
+        toml::Value::from(checkout.display().to_string())
+    );
     let is_free = match std::fs::read_dir(folder) {
         Ok(mut entries) => entries.next().is_none(),
         Err(error) => error.kind() == std::io::ErrorKind::NotFound,
@@ -83,7 +80,7 @@ pub fn new(options: &NewOptions) -> Result<(), Failure> {
     }
     // Written beside and moved, so that there is a whole crate or none.
     let partial = folder.with_file_name(format!(".{name}.part{}", std::process::id()));
-    let written = write(&partial, &name, &stereolux, checkout.as_deref())
+    let written = write(&partial, &name, &stereolux, &checkout)
         .and_then(|()| std::fs::rename(&partial, folder));
     if let Err(error) = written {
         // What cannot be removed either is named by the error that is told.
@@ -99,12 +96,7 @@ pub fn new(options: &NewOptions) -> Result<(), Failure> {
     ))
 }
 
-fn write(
-    folder: &Path,
-    name: &str,
-    stereolux: &str,
-    checkout: Option<&Path>,
-) -> std::io::Result<()> {
+fn write(folder: &Path, name: &str, stereolux: &str, checkout: &Path) -> std::io::Result<()> {
     for (file, text) in FILES {
         let path = folder.join(file);
         if let Some(parent) = path.parent() {
@@ -114,9 +106,8 @@ fn write(
         std::fs::write(path, text)?;
     }
     // The versions that the checkout was tested with; cargo leaves out what the crate does not need.
-    if let Some(lock) = checkout.map(|path| path.join("Cargo.lock"))
-        && lock.is_file()
-    {
+    let lock = checkout.join("Cargo.lock");
+    if lock.is_file() {
         std::fs::copy(lock, folder.join("Cargo.lock"))?;
     }
     Ok(())
@@ -146,10 +137,13 @@ fn crate_name(folder: &Path) -> Result<String, Failure> {
 
 /// The absolute path of stereolux's sources.
 fn checkout(path: &Path) -> Result<PathBuf, Failure> {
-    let refused = |why: String| Failure::unusable(format!("--path {}: {why}", path.display()));
+    let refused = |why: String| {
+        let mend = "name the folder of stereolux's sources with --path";
+        Failure::unusable(format!("{}: {why}; {mend}", path.display()))
+    };
     let manifest = path.join("Cargo.toml");
     let text = std::fs::read_to_string(&manifest)
-        .map_err(|error| refused(format!("no checkout of stereolux: Cargo.toml: {error}")))?;
+        .map_err(|error| refused(format!("Cargo.toml: {error}")))?;
     let parsed: Option<toml::Table> = text.parse().ok();
     let name = parsed
         .as_ref()

@@ -49,11 +49,11 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     };
     interrupt::catch();
     let in_headset = source.context.is_some();
-    decide_output(&mut loaded.settings, in_headset || is_desktop);
+    let hurries = is_desktop || options.session.realtime || in_headset;
+    decide_output(&mut loaded.settings, in_headset || is_desktop, hurries);
     if in_headset && !options.names_reuse {
         loaded.settings.render.reuse = Reuse::Lookup;
     }
-    let hurries = is_desktop || options.session.realtime || in_headset;
     render_session(
         source,
         loaded,
@@ -69,14 +69,14 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
             every: options.session.every,
             out: &options.shared.out,
             record: options.session.record.as_deref(),
-            hurries,
         },
         window,
     )
 }
 
 /// Decides what is written and timed where settings leave it to `auto`: a wearer, or a person before a window, waits for neither.
-fn decide_output(settings: &mut Settings, is_watched: bool) {
+/// And how many frames are on their way to the device at once, if a headset or a clock hurries them.
+fn decide_output(settings: &mut Settings, is_watched: bool, hurries: bool) {
     if settings.output.images == WriteImages::Auto {
         settings.output.images = (!is_watched).into();
     }
@@ -86,6 +86,13 @@ fn decide_output(settings: &mut Settings, is_watched: bool) {
             Timestamps::Stages
         } else {
             Timestamps::On
+        };
+    }
+    let in_flight = &mut settings.gpu.frames_in_flight;
+    if *in_flight == FramesInFlight::Auto {
+        *in_flight = match hurries && !settings.output.images.is_on() {
+            true => FramesInFlight::Two,
+            false => FramesInFlight::One,
         };
     }
 }
@@ -126,7 +133,7 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     }
     let mut loaded = load_scene(&options.settings)?;
     loaded.settings.render.decide_switches(false);
-    decide_output(&mut loaded.settings, false);
+    decide_output(&mut loaded.settings, false, false);
     interrupt::catch();
     let scene = &loaded.scene;
     let size = options.settings.size.unwrap_or(headset.size);
@@ -166,20 +173,18 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
             every: 1,
             out: &options.shared.out,
             record: None,
-            hurries: false,
         },
         None,
     )
 }
 
-/// How many frames are on their way to the device at once. `hurries`: a headset or a clock waits for them.
-fn in_flight(settings: &Settings, hurries: bool) -> usize {
+/// How many frames are on their way to the device at once.
+fn in_flight(settings: &Settings) -> usize {
     if settings.render.output.work {
         // Its log holds one frame.
         return 1;
     }
     match settings.gpu.frames_in_flight {
-        FramesInFlight::Auto if hurries && !settings.output.images.is_on() => 2,
         FramesInFlight::Auto | FramesInFlight::One => 1,
         FramesInFlight::Two => 2,
         FramesInFlight::Three => 3,
@@ -193,8 +198,6 @@ struct Job<'a> {
     every: u32,
     out: &'a Path,
     record: Option<&'a Path>,
-    /// Whether a headset or a clock waits for frames.
-    hurries: bool,
 }
 
 fn headset(settings: &Settings) -> Result<Headset, Failure> {
@@ -332,7 +335,7 @@ fn render_session(
             every: job.every,
             images: settings.output.images.is_on(),
             aovs: &aovs,
-            in_flight: in_flight(settings, job.hurries),
+            in_flight: in_flight(settings),
         },
         &mut bar,
         mirror.as_mut(),
@@ -433,15 +436,17 @@ mod tests {
             (false, WriteImages::On, Timestamps::On),
         ] {
             let mut settings = Settings::default();
-            decide_output(&mut settings, in_headset);
+            decide_output(&mut settings, in_headset, in_headset);
             let render = &settings.render;
             assert_eq!(settings.output.images, images);
             assert_eq!(render.gpu.timestamps, timestamps);
+            assert_eq!(in_flight(&settings), if in_headset { 2 } else { 1 });
             let mut settings = Settings::default();
             settings.output.images = true.into();
             settings.render.gpu.timestamps = false.into();
+            settings.gpu.frames_in_flight = FramesInFlight::Three;
             let given = settings.clone();
-            decide_output(&mut settings, in_headset);
+            decide_output(&mut settings, in_headset, in_headset);
             assert_eq!(settings, given);
         }
     }

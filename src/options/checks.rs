@@ -11,6 +11,7 @@ use super::layers::Layers;
 use super::{OptionsError, quoted};
 use crate::output::is_taken;
 use crate::settings::{Light, Settings};
+use crate::xr::trace::begins_as_recording;
 
 impl Options {
     /// Checks the flags as a whole, and fills the settings in.
@@ -90,6 +91,14 @@ fn keeps_inputs(
             path,
             "is a file that the run writes to --out itself; give it another name",
         );
+    }
+    // Whatever else the run may read, a script of hands or a scene's images, is none either.
+    if let Some((path, file)) = &recorded
+        && file.is_file()
+        && !begins_as_recording(file).unwrap_or(true)
+    {
+        let why = "is there and is not a recording; give --record another name";
+        return refused("--record", path, why);
     }
     for (name, path) in inputs {
         let file = resolved(path);
@@ -214,10 +223,6 @@ impl SessionOptions {
                     "--range renders some frames and --record writes down all; leave one out",
                 );
             }
-            if self.choice == SessionChoice::Auto {
-                // Not a headset that happens to be there.
-                self.choice = SessionChoice::Simulated;
-            }
             self.frames.get_or_insert(range.end);
         } else if self.warm_up != 0 {
             return conflict("--warm-up is for --range; leave it out, or say which range");
@@ -226,6 +231,11 @@ impl SessionOptions {
             return conflict(
                 "--realtime paces replay and simulation; an OpenXR runtime sets its own pace, leave it out",
             );
+        }
+        let wants_simulation = self.range.is_some() || self.realtime || self.flags.has("--motion");
+        if self.choice == SessionChoice::Auto && wants_simulation {
+            // Not a headset that happens to be there.
+            self.choice = SessionChoice::Simulated;
         }
         self.recording.check()?;
         Ok(())
@@ -305,6 +315,12 @@ mod tests {
         for name in ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"] {
             std::fs::write(at(name), "").unwrap();
         }
+        std::fs::write(at("hands.toml"), "[[left]]\n").unwrap();
+        std::fs::write(
+            at("old.jsonl"),
+            r#"{"format":"stereolux-trace","version":1}"#,
+        )
+        .unwrap();
         let [trace, cleared, kept] =
             ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"].map(at);
         let check = |input: &Path, record: Option<&Path>| {
@@ -315,6 +331,8 @@ mod tests {
             assert!(message.contains(what), "{message}");
         };
         assert_eq!(check(&trace, Some(&at("other.jsonl"))), Ok(()));
+        assert_eq!(check(&trace, Some(&at("old.jsonl"))), Ok(()));
+        says(check(&trace, Some(&at("hands.toml"))), "not a recording");
         // By whatever name.
         for alias in ["walk.jsonl", "./walk.jsonl", "out/../walk.jsonl"] {
             says(check(&trace, Some(&at(alias))), "that --trace reads");

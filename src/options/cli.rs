@@ -161,7 +161,7 @@ choices! {
         Pareto = "pareto",
         /// Cost against triangles, instances, lights, photons and pixels, with fitted exponents
         Scaling = "scaling",
-        /// A little of all of them, in about two minutes
+        /// A little of the four above, in about two minutes
         Smoke = "smoke",
         /// A moving head, raw and reconstructed: error, brightness, flicker, disagreement of the eyes, time
         Motion = "motion",
@@ -211,7 +211,7 @@ pub struct SessionOptions {
     /// Record the views used to this native trace (JSON Lines)
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Frames to run, 1 to 4294967295 [default: simulated 100; replay all; openxr until the session ends]
+    /// Frames to run, 1 to 4294967295 [default: simulated 100; replay all; openxr and desktop until the session ends]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub frames: Option<u32>,
     /// Render frames A to B-1 alone, as the whole run would; statistics and images keep their numbers. Frame 0 is
@@ -242,7 +242,7 @@ pub struct TraceOptions {
     /// EuRoC hold head poses; the headset profile adds the eyes
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
-    /// World axis that points up in the trace [default: z for TUM and EuRoC, y for native]
+    /// World axis that points up in the trace [default: z; native traces have y up, and take none]
     #[arg(long, value_parser = choice::<TraceUp>())]
     pub trace_up: Option<TraceUp>,
     /// Axes of the recorded body: openxr (x right, y up, z back), optical (x right, y down, z forward), or the
@@ -250,7 +250,7 @@ pub struct TraceOptions {
     #[arg(long, value_name = "openxr|optical|\"qx qy qz qw\"", value_parser = values::trace_body)]
     pub trace_body: Option<TraceBody>,
     /// Move the first pose onto the scene's starting pose, keeping gravity vertical
-    /// [default: true for TUM and EuRoC, false for native]
+    /// [default: true; native traces stay where they are, and take false alone]
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     pub trace_recenter: Option<bool>,
 }
@@ -350,8 +350,9 @@ pub struct BenchOptions {
     /// that was stopped
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Scene to measure, a glTF file or builtin:NAME; may be repeated
-    /// [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic; motion and work also builtin:gallery]
+    /// Scene to measure, a glTF file, builtin:NAME, bench:lights (10,000 of them) or bench:indirect (a room lit by what a wall
+    /// sends back); may be repeated [default: builtin:cornell; stereo and pareto also builtin:gallery and builtin:caustic,
+    /// pareto bench:indirect besides; motion and work also builtin:gallery]
     #[arg(long = "scene", value_name = "PATH|builtin:NAME", value_parser = values::scene)]
     pub scenes: Vec<String>,
     /// Measured rounds, each one frame of every variant in turn, 1 to 100000 [default: 8; smoke 3; motion 2]
@@ -413,7 +414,7 @@ pub struct NewOptions {
     /// Folder of the crate, which is named like it; must be new
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Sources of stereolux that the crate builds against; without it the published crate of this program's version
+    /// Sources of stereolux that the crate builds against [default: those that this program was built from]
     #[arg(long, value_name = "CHECKOUT")]
     pub path: Option<PathBuf>,
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use serde_json::Value;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{OptionsError, quoted};
@@ -102,11 +103,14 @@ impl Layers {
                 text.as_bytes(),
                 error.span().map_or(text.len(), |span| span.start),
             ),
-            reason: error
-                .message()
-                .split_whitespace()
-                .collect::<Vec<_>>()
-                .join(" "),
+            reason: format!(
+                "not valid TOML: {}",
+                error
+                    .message()
+                    .split_whitespace()
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            ),
         })?;
         self.add_table(table.get_ref(), "", text, name)
     }
@@ -122,7 +126,7 @@ impl Layers {
             let place = Place::Line(name, line_of(text.as_bytes(), key.span().start));
             let full = format!("{prefix}{}", key.get_ref());
             if full == user_pass::KEY {
-                self.add_passes(value.get_ref(), text, name)?;
+                self.add_passes(value, text, name)?;
                 continue;
             }
             if let DeValue::Table(inner) = value.get_ref()
@@ -140,7 +144,7 @@ impl Layers {
     /// Puts the passes of the user's own on: an array of tables.
     fn add_passes(
         &mut self,
-        passes: &DeValue<'_>,
+        passes: &Spanned<DeValue<'_>>,
         text: &str,
         name: &str,
     ) -> Result<(), OptionsError> {
@@ -150,10 +154,10 @@ impl Layers {
             reason,
         };
         let is_written = "passes are written as [[pass]], with file, name, after and over";
-        let DeValue::Array(passes) = passes else {
-            return Err(fault(0, is_written.to_owned()));
+        let DeValue::Array(each) = passes.get_ref() else {
+            return Err(fault(passes.span().start, is_written.to_owned()));
         };
-        for pass in passes {
+        for pass in each {
             let DeValue::Table(fields) = pass.get_ref() else {
                 return Err(fault(pass.span().start, is_written.to_owned()));
             };
@@ -253,8 +257,6 @@ impl Layers {
             .render
             .check()
             .map_err(OptionsError::Conflict)?;
-        let aovs = self.settings.output.aov_list();
-        aovs.map_err(OptionsError::Conflict)?;
         let Settings {
             light, environment, ..
         } = &self.settings;
@@ -337,7 +339,8 @@ fn line_of(bytes: &[u8], offset: usize) -> usize {
 }
 
 fn is_text(key: &str) -> bool {
-    registry::find(key).is_some_and(|setting| matches!(setting.kind, Kind::Text { .. }))
+    registry::find(key)
+        .is_some_and(|setting| matches!(setting.kind, Kind::Text { .. } | Kind::List { .. }))
 }
 
 /// The value of `--set` or a flag: TOML if it parses as that, else bare text.

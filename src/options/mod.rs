@@ -32,8 +32,8 @@ pub enum OptionsError {
         /// What went wrong.
         reason: String,
     },
-    /// The config file is not TOML.
-    #[error("{path}:{line}: not valid TOML: {reason}")]
+    /// The config file is not TOML, or a pass in it not written as one.
+    #[error("{path}:{line}: {reason}")]
     ConfigSyntax {
         /// Path as given.
         path: String,

@@ -13,6 +13,7 @@ use crate::scene::builtin;
 use crate::settings::Settings;
 use crate::settings::registry::{self, Setting};
 use crate::settings::user_pass::{self, UserPass};
+use crate::xr::Headset;
 
 /// Which settings a file holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,7 +26,7 @@ pub enum Extent {
 }
 
 /// Settings whose text is a path.
-const PATHS: [&str; 2] = ["environment.path", "gpu.shader_folder"];
+const PATHS: [&str; 3] = ["environment.path", "simulated.hands", "gpu.shader_folder"];
 
 /// Size that `config/example.toml` shows, where the default is the headset's.
 const EXAMPLE_SIZE: [u32; 2] = [512, 512];
@@ -74,7 +75,7 @@ pub trait SettingsFile: Sized {
     fn to_toml(&self, extent: Extent) -> String;
 
     /// The settings with relative paths made absolute, taken from `folder`: scene file, environment map, headset profile in
-    /// a file (`.toml`) and shader folder. Embedded scenes and profiles keep their names.
+    /// a file, script of hands and shader folder. Embedded scenes and profiles keep their names.
     #[must_use]
     fn with_paths_in(&self, folder: &Path) -> Self;
 
@@ -144,12 +145,13 @@ impl SettingsFile for Settings {
         if !settings.scene.starts_with("builtin:") {
             absolute(&mut settings.scene);
         }
-        if settings.headset.ends_with(".toml") {
+        if Headset::is_path(&settings.headset) {
             absolute(&mut settings.headset);
         }
         if !settings.environment.path.starts_with("builtin:") {
             absolute(&mut settings.environment.path);
         }
+        absolute(&mut settings.simulated.hands);
         absolute(&mut settings.gpu.shader_folder);
         for pass in &mut settings.render.user_passes {
             pass.file = folder.join(&pass.file);

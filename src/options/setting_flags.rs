@@ -48,7 +48,7 @@ const ROWS: [&[Row]; 5] = [
         ("--motion", "simulated.motion", "MOTION", ""),
     ],
     &[
-        ("--size", "size", "WxH", " [default: 256x256; smoke 32x32]"),
+        ("--size", "size", "WxH", " [default: 256x256; smoke 32x32; motion 96x96]"),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--adapter", "adapter", "NAME", " (discrete GPU, then integrated, then software)"),
     ],

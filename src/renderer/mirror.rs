@@ -133,9 +133,9 @@ impl MirrorPass {
                     scale: image[0] as f32 / place.width as f32,
                     light_scale: light.scale,
                     encode: u32::from(!self.format.is_srgb()),
+                    tone: light.tone,
                     unused_0: 0,
                     unused_1: 0,
-                    unused_2: 0,
                 };
                 context
                     .queue

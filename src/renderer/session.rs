@@ -6,6 +6,7 @@ use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
 use super::mirror::MirrorPass;
+use super::still;
 use super::submit::ShownLight;
 use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Submitter};
 use crate::frame::FrameRun;
@@ -143,9 +144,10 @@ impl Renderer {
     }
 
     fn shown_light(&self) -> ShownLight {
-        let exposure = self.settings.output.exposure;
+        let output = &self.settings.output;
         ShownLight {
-            scale: (exposure / f64::from(self.shown_samples())) as f32,
+            scale: (output.exposure / f64::from(self.shown_samples())) as f32,
+            tone: still::number(output.tone),
             parity: self.parity(),
         }
     }

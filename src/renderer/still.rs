@@ -48,7 +48,7 @@ pub(super) struct StillView {
 }
 
 /// As `shaders/shared/tone.wesl` numbers them.
-fn number(tone: Tone) -> u32 {
+pub(super) fn number(tone: Tone) -> u32 {
     match tone {
         Tone::Aces => 0,
         Tone::Agx => 1,

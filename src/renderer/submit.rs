@@ -14,8 +14,10 @@ use crate::settings::RenderSettings;
 /// How the values of an image become display light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ShownLight {
-    /// Factor before the filmic curve.
+    /// Factor before the tone curve.
     pub(super) scale: f32,
+    /// Tone curve, by its number in the shaders.
+    pub(super) tone: u32,
     /// Which of two buffers holds the last frame, where two take turns.
     pub(super) parity: usize,
 }
@@ -127,7 +129,7 @@ impl Submitter {
                     scale: light.scale,
                     near_m: targets.near_m,
                     eye: index as u32,
-                    padding: 0,
+                    tone: light.tone,
                 };
                 context
                     .queue

@@ -195,7 +195,7 @@ impl App {
             scene_time_ns: None,
             size,
             exposure: settings.render.output.exposure,
-            tone: settings.output.tone,
+            tone: settings.render.output.tone,
             view_mode: ViewMode::Picture,
             stands: false,
         };
@@ -749,7 +749,7 @@ impl App {
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
             exposure: self.settings.render.output.exposure,
-            tone: self.settings.output.tone,
+            tone: self.settings.render.output.tone,
             view_mode: self.view_mode,
             // No reason to send it again.
             stands: self.sent.as_ref().is_some_and(|sent| sent.stands),

@@ -22,7 +22,7 @@ use crate::renderer::{
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
-use crate::settings::{Eyes, Settings};
+use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::{View, XrSession};
 
 /// What can go wrong on the rendering thread.
@@ -554,15 +554,14 @@ pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, Engi
 
 /// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
-    let with_equal_exposure = |settings: &Settings| {
+    let shown_alike = |settings: &Settings| {
         let mut render = settings.render.clone();
         // Given with each frame.
         render.output.exposure = 1.0;
+        render.output.tone = Tone::Aces;
         render
     };
-    one.adapter == other.adapter
-        && one.gpu == other.gpu
-        && with_equal_exposure(one) == with_equal_exposure(other)
+    one.adapter == other.adapter && one.gpu == other.gpu && shown_alike(one) == shown_alike(other)
 }
 
 fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
@@ -588,6 +587,7 @@ mod tests {
         let mut other = base.clone();
         other.size = Some([3, 4]);
         other.render.output.exposure = 2.0;
+        other.render.output.tone = Tone::Neutral;
         other.environment.strength = 2.0;
         assert!(same_renderer(&base, &other));
         other.render.photon.count += 1;
@@ -612,7 +612,7 @@ mod tests {
             scene_time_ns: None,
             size,
             exposure: 2.0,
-            tone: crate::settings::Tone::Neutral,
+            tone: Tone::Neutral,
             view_mode: ViewMode::Picture,
             stands: false,
         };
@@ -637,7 +637,7 @@ mod tests {
         assert_eq!(found.radiance, mean.pixels[63]);
         let left = PicturePlace { eye: 0, ..place };
         assert_eq!(engine.radiance_at(left).unwrap(), None, "not rendered");
-        let host = crate::tone::tone_map_by(&mean, 2.0, crate::settings::Tone::Neutral);
+        let host = crate::tone::tone_map_by(&mean, 2.0, Tone::Neutral);
         let shown = engine.pictures[1].as_ref().unwrap();
         for (device, host) in shown.pixels.iter().zip(&host.pixels) {
             let [r, g, b, _] = device.to_array();

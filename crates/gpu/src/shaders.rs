@@ -96,18 +96,26 @@ impl ShaderLibrary {
     /// The embedded sources with every `.wesl` file below `folder` put in place of its namesake.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] if a file cannot be read.
+    /// [`GpuError::Shader`] if a file cannot be read, or none is there.
     pub fn with_folder(folder: &Path) -> Result<Self, GpuError> {
         let mut library = Self::embedded();
+        let refused = |path: &Path, reason: String| GpuError::Shader {
+            shader: path.display().to_string(),
+            reason,
+        };
+        let mut found = 0;
         for (name, _) in EMBEDDED {
             let path = folder.join(format!("{name}.wesl"));
             if path.is_file() {
-                let source = std::fs::read_to_string(&path).map_err(|error| GpuError::Shader {
-                    shader: path.display().to_string(),
-                    reason: error.to_string(),
-                })?;
+                let source = std::fs::read_to_string(&path);
+                let source = source.map_err(|error| refused(&path, error.to_string()))?;
                 library.insert(name, source);
+                found += 1;
             }
+        }
+        if found == 0 {
+            let reason = "no folder with files like passes/taa.wesl".to_owned();
+            return Err(refused(folder, reason));
         }
         Ok(library)
     }

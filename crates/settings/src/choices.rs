@@ -208,7 +208,7 @@ choices! {
 
     /// What the device's timestamps enclose (`gpu.timestamps`).
     pub enum Timestamps {
-        /// Each pass; in an OpenXR session each stage
+        /// Each pass; in an OpenXR session and on the desktop each stage
         Auto = "auto",
         /// Each pass; true says the same
         On = "on",
@@ -260,7 +260,7 @@ choices! {
         Instance = "instance",
     }
 
-    /// Curve of PNG files from radiance to what is shown (`output.tone`).
+    /// Curve from radiance to what is shown (`output.tone`).
     pub enum Tone {
         /// ACES filmic, by the fit of Narkowicz 2015
         Aces = "aces",

@@ -41,6 +41,11 @@ pub enum Kind {
         /// Whether the empty text is allowed.
         empty: bool,
     },
+    /// Any of some words, separated by commas; none are none.
+    List {
+        /// The words.
+        words: &'static [&'static str],
+    },
     /// Width and height in pixels, each in `1..=max`; may be unset.
     Size {
         /// Largest width or height.
@@ -72,6 +77,7 @@ impl Kind {
             },
             Self::Text { empty: true } => "text".to_owned(),
             Self::Text { empty: false } => "text that is not empty".to_owned(),
+            Self::List { words } => format!("words of {}, separated by commas", words.join(", ")),
             Self::Size { max } => {
                 format!("[width, height] or \"WIDTHxHEIGHT\", each from 1 to {max} pixels")
             }
@@ -87,6 +93,7 @@ impl Kind {
             Self::Real { .. } => "real",
             Self::Choice { .. } => "choice",
             Self::Text { .. } => "text",
+            Self::List { .. } => "list",
             Self::Size { .. } => "size",
         }
     }
@@ -129,12 +136,22 @@ impl Kind {
                 .as_str()
                 .filter(|text| (empty || !text.trim().is_empty()) && !text.contains('\0'))
                 .map(Value::from),
+            Self::List { words } => value
+                .as_str()
+                .filter(|list| listed(list).all(|word| words.contains(&word)))
+                .map(Value::from),
             Self::Size { .. } if value.is_null() => Some(Value::Null),
             Self::Size { max } => sides(value)
                 .filter(|sides| sides.iter().all(|side| (1..=u64::from(max)).contains(side)))
                 .map(|sides| json!(sides)),
         }
     }
+}
+
+/// The words of a list.
+pub(crate) fn listed(list: &str) -> impl Iterator<Item = &str> {
+    let words = list.split(',').map(str::trim);
+    words.filter(|word| !word.is_empty())
 }
 
 /// Width and height from `[width, height]` or `"WIDTHxHEIGHT"`.

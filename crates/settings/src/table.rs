@@ -10,7 +10,7 @@ use super::choices::{
     Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
     Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
-use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection};
+use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection, listed};
 use super::user_pass::UserPass;
 use stereolux_base::limits::LoadLimits;
 
@@ -43,6 +43,7 @@ const POSITIVE: Kind = between(0.0, 1e9);
 const NOT_NEGATIVE: Kind = real(0.0, 1e9);
 const TEXT: Kind = Kind::Text { empty: true };
 const NAME: Kind = Kind::Text { empty: false };
+const AOVS: Kind = Kind::List { words: Aov::WORDS };
 
 fn to_json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).unwrap_or(Value::Null)
@@ -298,7 +299,7 @@ settings! {
     /// Settings of stereo reuse (`stereo.*`).
     struct StereoSettings at (render stereo) "stereo." {
         rows STEREO {
-            /// most view dependence that is reused; 0 reuses only what looks the same from everywhere
+            /// most view dependence with which light is taken over as it is; surfaces of more scatter it anew (max_lobe_shift)
             max_view_dependence: f64 = 0.0, SHARE;
             /// glossy surfaces take light over where their lobe moves by no more between the eyes; 0 never
             max_lobe_shift: f64 = 1.0, NOT_NEGATIVE, "lobe widths";
@@ -389,6 +390,8 @@ settings! {
         rows EXPOSURE {
             /// exposure factor of what is shown: PNG files, headset, mirror; EXR files are never scaled
             exposure: f64 = 1.0, NOT_NEGATIVE;
+            /// curve from radiance to what is shown: PNG files, headset, mirror
+            tone: Tone = Tone::Aces;
         }
         rows PARTS {
             /// also write direct light, indirect light and albedo of each eye: frame_NNNN_EYE_{direct,indirect,albedo}.exr
@@ -414,10 +417,8 @@ settings! {
             exr: ExrPrecision = ExrPrecision::F32;
             /// EXR files per eye, or one per frame with both eyes as views
             layout: ExrLayout = ExrLayout::Files;
-            /// further layers of EXR files, separated by commas, of depth, normal, albedo, motion, instance
-            aovs: String = String::new(), TEXT;
-            /// curve of a run's PNG files from radiance to what is shown
-            tone: Tone = Tone::Aces;
+            /// further layers of EXR files
+            aovs: String = String::new(), AOVS;
         }
     }
 
@@ -426,7 +427,7 @@ settings! {
         rows SIMULATED {
             /// motion of the simulated headset
             motion: Motion = Motion::Sway;
-            /// TOML file of what the simulated hands do (docs/recordings.md); empty: there are none
+            /// TOML file of what the simulated hands do (docs/applications.md); empty: there are none
             hands: String = String::new(), TEXT;
         }
     }
@@ -620,17 +621,11 @@ impl OutputSettings {
     /// One line: a word that is none of them.
     pub fn aov_list(&self) -> Result<Vec<Aov>, String> {
         let mut list = Vec::new();
-        for word in self.aovs.split(',').map(str::trim) {
+        for word in listed(&self.aovs) {
             match Aov::from_word(word) {
                 Some(aov) if list.contains(&aov) => {}
                 Some(aov) => list.push(aov),
-                None if word.is_empty() => {}
-                None => {
-                    let known = Aov::WORDS.join(", ");
-                    return Err(format!(
-                        "output.aovs = {word}: must be words of {known}, separated by commas"
-                    ));
-                }
+                None => return Err(format!("output.aovs = {word}: must be {}", AOVS.allowed())),
             }
         }
         Ok(list)

@@ -61,15 +61,19 @@ impl Headset {
         PROFILES.iter().map(|(name, _)| *name).collect()
     }
 
+    /// Whether a headset is named by the path of a file.
+    #[must_use]
+    pub fn is_path(name_or_path: &str) -> bool {
+        name_or_path.ends_with(".toml") || name_or_path.contains(['/', std::path::MAIN_SEPARATOR])
+    }
+
     /// A profile by name, or from a file if the argument ends in `.toml` or holds a path separator.
     ///
     /// # Errors
     /// An unknown name (the message lists the known ones), an unreadable file, or a fault in it, with
     /// file, line and field.
     pub fn load(name_or_path: &str) -> Result<Self, XrError> {
-        let is_path = name_or_path.ends_with(".toml")
-            || name_or_path.contains(['/', std::path::MAIN_SEPARATOR]);
-        if is_path {
+        if Self::is_path(name_or_path) {
             let (file, text) = toml_files::read(Path::new(name_or_path), "headset profile")?;
             return Ok(Self::from_toml(&file, &text)?);
         }

@@ -24,7 +24,8 @@ use super::{InputError, LocatedViews, Quality, ViewFlags};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Map, Value};
-use std::io::BufRead;
+use std::fs::File;
+use std::io::{BufRead, Read as _};
 use std::path::Path;
 
 /// The header's `format`.
@@ -33,8 +34,10 @@ pub const FORMAT: &str = "stereolux-trace";
 /// changes of headset, and is what a file with `hidden` or `switch_reuse` states too (files of version 1 with these two, which
 /// earlier releases wrote, are read).
 pub const VERSIONS: [u64; 2] = [1, 2];
+/// How every native trace begins.
+const BEGINNING: &str = r#"{"format":"stereolux-trace","version":"#;
 /// Where the header's version stands in a file that [`header_line`] began, bytes.
-pub(super) const VERSION_AT: usize = r#"{"format":"stereolux-trace","version":"#.len();
+pub(super) const VERSION_AT: usize = BEGINNING.len();
 
 /// First line of a native trace.
 #[derive(Clone, Debug, PartialEq)]
@@ -594,6 +597,17 @@ pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_j
         hidden: hidden_json(&header.hidden),
     })?;
     Ok(line + "\n")
+}
+
+/// Whether a file, as far as it goes, begins as [`header_line`] does: a recording, or one that was just begun.
+///
+/// # Errors
+/// That of reading it.
+pub fn begins_as_recording(path: &Path) -> std::io::Result<bool> {
+    let mut found = Vec::new();
+    let most = BEGINNING.len() as u64;
+    File::open(path)?.take(most).read_to_end(&mut found)?;
+    Ok(BEGINNING.as_bytes().starts_with(&found))
 }
 
 /// A frame's line, with its line feed. The views must have passed [`validation::check_views`], the input

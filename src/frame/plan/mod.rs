@@ -133,6 +133,8 @@ fn photons_when(settings: &RenderSettings) -> &'static str {
         "every frame"
     } else if settings.photon.progressive {
         "every sample"
+    } else if settings.photon.refine_at_rest && settings.reconstruct.still.is_on() {
+        "when the map is missing or something has moved: all, or a share per frame; at rest anew, with smaller radii"
     } else {
         "when the map is missing or something has moved: all, or a share per frame"
     }

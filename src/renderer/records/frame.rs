@@ -60,11 +60,11 @@ shared_record! {
         pub photon_frame_index: u32,
         /// Least cosine between a photon's normal and that of the surface that gathers it.
         pub normal_min_cos: f32,
-        /// Dependence on the viewing direction (0 Lambert, 1 mirror) up to which a surface is reused.
+        /// Dependence on the viewing direction (0 Lambert, 1 mirror) up to which light is taken over as it is.
         pub reuse_max_view_dependence: f32,
         /// GGX alpha below which eye paths follow a reflection instead of gathering.
         pub follow_max_alpha: f32,
-        /// Share of its width by which a lobe may move between the eyes for its indirect light to be reused.
+        /// Share of its width by which a lobe may move between the eyes for its light to be reused.
         pub reuse_max_lobe_shift: f32,
         /// Photons that the estimate from the nearest takes.
         pub nearest_photons: u32,

@@ -10,15 +10,15 @@ shared_record! {
         pub corner: [f32; 2],
         /// Image pixels per window pixel.
         pub scale: f32,
-        /// Factor on light before the filmic curve.
+        /// Factor on light before the tone curve.
         pub light_scale: f32,
         /// 1 if the window's format does not encode sRGB by itself.
         pub encode: u32,
+        /// Tone curve, by its number in `shaders/shared/tone.wesl`.
+        pub tone: u32,
         /// Fills the block.
         pub unused_0: u32,
         /// Fills the block.
         pub unused_1: u32,
-        /// Fills the block.
-        pub unused_2: u32,
     }
 }

@@ -79,10 +79,10 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
             output.exposure = stops.exp2();
         }
         ComboBox::from_id_salt("tone")
-            .selected_text(format!("{} curve", settings.output.tone))
+            .selected_text(format!("{} curve", output.tone))
             .show_ui(ui, |ui| {
                 for tone in [Tone::Aces, Tone::Agx, Tone::Neutral, Tone::Linear] {
-                    ui.selectable_value(&mut settings.output.tone, tone, tone.to_string());
+                    ui.selectable_value(&mut output.tone, tone, tone.to_string());
                 }
             })
             .response

@@ -232,7 +232,7 @@ fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) 
             let response = ui.add(field.update_while_editing(false));
             response.changed().then(|| json!(number))
         }
-        Kind::Text { .. } | Kind::Size { .. } => {
+        Kind::Text { .. } | Kind::List { .. } | Kind::Size { .. } => {
             let mut text = match &app.fields.setting {
                 Some((key, text)) if *key == setting.key => text.clone(),
                 _ => size_words(value),

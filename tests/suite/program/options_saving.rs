@@ -47,6 +47,10 @@ fn random_value(random: &mut Random, kind: Kind) -> Value {
             }
             json!(text)
         }
+        Kind::List { words } => {
+            let listed = words.iter().filter(|_| random.below(2) == 0);
+            json!(listed.copied().collect::<Vec<_>>().join(","))
+        }
         Kind::Size { max } => {
             let mut side = || 1 + random.bits() % u64::from(max);
             json!([side(), side()])
@@ -193,10 +197,12 @@ fn a_saved_file_works_from_another_folder() {
         ..Settings::default()
     };
     settings.environment.path = "/absolute/sky.hdr".to_owned();
+    settings.simulated.hands = "hands.toml".to_owned();
     let placed = settings.with_paths_in(Path::new("/home/me"));
     assert_eq!(placed.scene, "/home/me/scenes/room.glb");
     assert_eq!(placed.headset, "/home/me/mine.toml");
     assert_eq!(placed.environment.path, "/absolute/sky.hdr");
+    assert_eq!(placed.simulated.hands, "/home/me/hands.toml");
     assert_eq!(placed.gpu.shader_folder, "");
     let names = Settings::default();
     assert_eq!(names.with_paths_in(Path::new("/home/me")), names);

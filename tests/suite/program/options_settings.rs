@@ -63,10 +63,10 @@ fn each_default_is_in_its_own_range_and_each_bound_is_taken() {
                 true => (owned(&words.join(" ")), owned("other 1")),
                 false => (owned(&words.join(" ")), owned("other true false")),
             },
-            // A list of words; `exr_output` has one that is refused.
-            Kind::Text { .. } if setting.key == "output.aovs" => {
-                (owned("depth,normal motion"), vec![])
-            }
+            Kind::List { words } => (
+                vec![words.join(" , "), words[0].to_owned(), String::new()],
+                owned(&format!("{},other 1", words[0])),
+            ),
             Kind::Text { .. } => (vec!["some text".into()], vec![]),
             Kind::Size { max } => {
                 let beyond = format!("[1, {}]", max + 1);

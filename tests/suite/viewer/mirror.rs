@@ -230,10 +230,7 @@ fn without_a_display_the_mirror_is_refused_in_one_line() {
         assert_status(&output, 2);
         let text = stderr(&output);
         assert_eq!(text.lines().count(), 1, "{text}");
-        assert_begins(
-            &text,
-            &format!("error: --mirror: no window can be opened ({says}"),
-        );
+        assert_begins(&text, &format!("error: no window can be opened ({says}"));
         assert_says(&text, &["the run works without it"]);
         assert!(!out.exists(), "a refused run leaves no files");
     }

@@ -45,7 +45,7 @@ fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
     assert_eq!(viewer.state().settings().render.output.exposure, 2.0);
 
     choose(&mut viewer, "aces curve", "linear");
-    assert_eq!(viewer.state().settings().output.tone, Tone::Linear);
+    assert_eq!(viewer.state().settings().render.output.tone, Tone::Linear);
     until_shown(&mut viewer, "the linear curve", |app| {
         corner(app) == byte(0.4)
     });

@@ -5,7 +5,8 @@ use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::images::{Image, ImageRgb8, aces_filmic, tone_map};
 use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Material, Scene};
-use stereolux::settings::{Eyes, Kept, Method, Reuse, Switch};
+use stereolux::settings::{Eyes, Kept, Method, Reuse, Switch, Tone};
+use stereolux::tone::tone_map_by;
 use stereolux::xr::view::Fov;
 use stereolux::xr::{Headset, HiddenArea, RuntimeTargets, SessionInfo, View};
 
@@ -99,9 +100,9 @@ fn half(bits: u16) -> f64 {
     if sign == 1 { -magnitude } else { magnitude }
 }
 
-/// What the PNG shows of these pixels.
-fn png_of(pixels: Vec<[f32; 3]>, exposure: f64) -> ImageRgb8 {
-    tone_map(&Image::new(SIZE[0], SIZE[1], pixels).unwrap(), exposure)
+/// What the PNG shows of these pixels at an exposure of 1.5.
+fn png_of(pixels: Vec<[f32; 3]>, tone: Tone) -> ImageRgb8 {
+    tone_map_by(&Image::new(SIZE[0], SIZE[1], pixels).unwrap(), 1.5, tone)
 }
 
 /// Asymmetric and canted.
@@ -175,6 +176,7 @@ fn images_hold_what_the_png_shows_encoded_once() {
 fn runtime_and_mirror_get_the_reconstructed_picture() {
     let mut settings = method(Method::Path, Reuse::Off);
     settings.output.exposure = 1.5;
+    settings.output.tone = Tone::Agx;
     settings.reconstruct.svgf = true.into();
     settings.reconstruct.taa = true.into();
     let mut renderer = renderer(&builtin("cornell"), &settings, SIZE);
@@ -183,7 +185,8 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
     // What is shown changes places from frame to frame: an even and an odd one.
     for index in 0..4 {
         renderer.render_frame(&views(), index, |_| {}).unwrap();
-        let pictures = both(&renderer).map(|shown| png_of(shown, 1.5));
+        let pictures = both(&renderer).map(|shown| png_of(shown, Tone::Agx));
+        let aces = both(&renderer).map(|shown| png_of(shown, Tone::Aces));
         let targets = targets(renderer.context(), format, false);
         renderer.submit_to(&library, &targets).unwrap();
         let window = target_texture(renderer.context(), [2 * SIZE[0], SIZE[1]], format);
@@ -204,10 +207,11 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
                     off.max().unwrap()
                 };
                 assert!(furthest(picture) <= 1, "{what}, frame {index}, eye {eye}");
-                // The other eye's picture and the frame without reconstruction are others.
+                // The other eye's picture, another curve's and the frame without reconstruction are others.
                 assert!(furthest(&pictures[1 - eye]) > 20, "{what}");
+                assert!(furthest(&aces[eye]) > 20, "{what}");
                 let raw = renderer.read_samples(Eye::BOTH[eye]).unwrap().unwrap();
-                let raw = png_of(raw, 1.5);
+                let raw = png_of(raw, Tone::Agx);
                 assert!(index == 0 || furthest(&raw) > 20, "{what}, frame {index}");
             }
         }

@@ -19,12 +19,6 @@ const SUPPORTED: [&str; 9] = [
     "KHR_texture_transform",
 ];
 
-/// Extensions that a file may require although they are only approximated, with what happens instead.
-const APPROXIMATED: [(&str, &str); 1] = [(
-    "KHR_materials_unlit",
-    "unlit materials are shaded as lit surfaces, because light transport has no unlit surface",
-)];
-
 /// Compressions: without them there is no geometry at all.
 const COMPRESSIONS: [(&str, &str); 3] = [
     (
@@ -53,6 +47,9 @@ fn consequence(name: &str) -> &'static str {
         "KHR_materials_anisotropy" => "highlights are isotropic",
         "KHR_materials_dispersion" => "glass refracts all colours alike",
         "KHR_materials_diffuse_transmission" => "thin surfaces let no diffuse light through",
+        "KHR_materials_unlit" => {
+            "unlit materials are shaded as lit surfaces, because light transport has no unlit surface"
+        }
         "KHR_materials_variants" => "the default variant is shown",
         "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
             "textures are read from their PNG or JPEG fallback, or left out"
@@ -68,14 +65,8 @@ fn consequence(name: &str) -> &'static str {
 
 /// Refuses files that require what is not supported, and warns of the rest.
 pub fn check(document: &Document<'_>, notes: &mut Notes) -> Result<(), SceneError> {
-    let approximated = |name: &str| {
-        APPROXIMATED
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map(|(_, what)| *what)
-    };
     for name in &document.root.extensions_required {
-        if SUPPORTED.contains(&name.as_str()) || approximated(name).is_some() {
+        if SUPPORTED.contains(&name.as_str()) {
             continue;
         }
         let advice = COMPRESSIONS
@@ -91,7 +82,7 @@ pub fn check(document: &Document<'_>, notes: &mut Notes) -> Result<(), SceneErro
         if SUPPORTED.contains(&name.as_str()) || !seen.insert(name) {
             continue;
         }
-        let why = approximated(name).unwrap_or_else(|| consequence(name));
+        let why = consequence(name);
         notes.warn(format_args!("extension {name} is not supported: {why}"));
         notes.leave_out(name, why);
     }

@@ -14,8 +14,10 @@ fn unsupported_extensions_are_errors_if_required_and_warnings_if_used() {
         required.load(),
         "requires the extension KHR_draco_mesh_compression",
     );
-    let required = with(|doc| doc.json["extensionsRequired"] = json!(["ACME_something"]));
-    assert_fault(required.load(), "ACME_something");
+    for name in ["ACME_something", "KHR_materials_unlit"] {
+        let required = with(|doc| doc.json["extensionsRequired"] = json!([name]));
+        assert_fault(required.load(), name);
+    }
     let used = with(|doc| {
         doc.json["extensionsUsed"] = json!(["KHR_materials_sheen", "KHR_lights_punctual"])
     });
