@@ -30,16 +30,12 @@ fn pass(name: &str, after: &str, file: &str) -> String {
 fn green(read: &str) -> String {
     format!(
         "import package::shared::math::{{INVALID}};
-         import package::shared::pixel::{{pixel_of_thread}};
+         import package::shared::pixel::{{Thread, pixel_of_thread}};
          @group(0) @binding(90) var<storage, read> {read}: array<vec4<f32>>;
          @group(0) @binding(33) var<storage, read_write> radiance_sum: array<vec4<f32>>;
          @compute @workgroup_size(64)
-         fn main(
-             @builtin(global_invocation_id) global_id: vec3<u32>,
-             @builtin(workgroup_id) group_id: vec3<u32>,
-             @builtin(local_invocation_index) thread: u32,
-         ) {{
-             let pixel = pixel_of_thread(global_id, group_id, thread);
+         fn main(thread: Thread) {{
+             let pixel = pixel_of_thread(thread);
              if pixel == INVALID {{ return; }}
              radiance_sum[pixel] = vec4<f32>(0.0, 0.5 + 0.0 * {read}[pixel].x, 0.0, 1.0);
          }}"
@@ -115,6 +111,31 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
         let errors = error.lines().filter(|line| line.contains("error"));
         assert_eq!(errors.count(), 1, "{case}: {error}");
         assert!(!folder.join("out").exists(), "{case} left files");
+        let config = folder.join("own.toml");
+        // `info` shows the frame of `run`, which has filters where `render` has none.
+        let [svgf, taa, still] =
+            ["svgf", "taa", "still"].map(|key| format!("reconstruct.{key}=off"));
+        let config = config.to_str().unwrap();
+        let info = stereolux(&[
+            "info",
+            "--scene=builtin:cornell",
+            "--config",
+            config,
+            "--set",
+            &svgf,
+            "--set",
+            &taa,
+            "--set",
+            &still,
+        ]);
+        // Which buffers there are besides the frame's own, a renderer knows.
+        let status = if case == "no such buffer" { 0 } else { 2 };
+        assert_eq!(
+            info.status.code(),
+            Some(status),
+            "{case}: {}",
+            stderr(&info)
+        );
     };
     let refused = |case: &str, passes: &str, words: &[&str]| faults(case, passes, &good, words);
     refused(
@@ -151,7 +172,7 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
     faults("no entry point", &mine, &no_main, &["main"]);
     refused("no such file", &no_file, &["other.wesl", "cannot be read"]);
     refused("a misspelt key", &misspelt, &["own.toml:1", "afther"]);
-    refused("no table", "pass = 3\n", &["[[pass]]"]);
+    refused("no table", "\npass = 3\n", &["own.toml:2", "[[pass]]"]);
 }
 
 #[test]
