@@ -69,7 +69,7 @@ fn run(name: &str, folder: &Path, size: [u32; 2], environment: Option<&str>) -> 
         renderer.render_frame(&views(&scene, f64::from(frame)), frame, |_| {})?;
     }
     for eye in [Eye::Left, Eye::Right] {
-        for &view in Inspection::ALL {
+        for view in Inspection::ALL {
             if view == Inspection::Provenance && eye == Eye::Left {
                 continue;
             }

@@ -5,83 +5,47 @@ use crate::settings::{Force, Kept, Method, RenderSettings, Reuse, Search};
 
 use super::{Eye, InstanceId};
 
-/// A view of what a frame is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Inspection {
-    /// Emission and surroundings seen, and light scattered once, W/(m² sr): [`super::RadianceParts::direct`].
-    Direct,
-    /// The rest of the radiance, W/(m² sr): [`super::RadianceParts::indirect`]. With [`Inspection::Direct`] it adds up to
-    /// the samples' radiance.
-    Indirect,
-    /// Light from the map of caustics alone, W/(m² sr), where the path of the pixel's centre ends after mirrors and glass.
-    Caustic,
-    /// Base colour of the surface: factor, vertex colours, texture; linear, 0 to 1.
-    Albedo,
-    /// Shading normal of the surface in world axes, on the side that is seen; unit length.
-    Normal,
-    /// Distance from the eye along the ray, metres.
-    Depth,
-    /// Number of the instance ([`InstanceId`]).
-    Instance,
-    /// Photons of the map (without that of caustics) within the gather radius that lie on the surface's side, over the
-    /// disc's area, 1/m².
-    PhotonDensity,
-    /// Photons of both maps that the eye sees in the pixel; those behind surfaces do not count.
-    PhotonDots,
-    /// Photons of the map (without that of caustics) in the cell of the grid in which the surface's point lies.
-    GridOccupancy,
-    /// Inner nodes of the hierarchies, both levels, that the pixel's ray entered; also where it met nothing.
-    BvhSteps,
-    /// Where the surface was in the frame before less where it is, pixels: x to the right, y down. Surroundings move with the
-    /// head alone.
-    Motion,
-    /// Variance of the luminance of light over albedo, direct and indirect light added, as SVGF has accumulated it,
-    /// (W/(m² sr))².
-    Variance,
-    /// Where the right eye's pixel came from in the frame's last sample ([`super::Provenance`]).
-    Provenance,
+stereolux_base::words! {
+    /// A view of what a frame is made of.
+    #[derive(Hash)]
+    pub enum Inspection: name {
+        /// Emission and surroundings seen, and light scattered once, W/(m² sr): [`super::RadianceParts::direct`].
+        Direct = "direct",
+        /// The rest of the radiance, W/(m² sr): [`super::RadianceParts::indirect`]. With [`Inspection::Direct`] it adds up
+        /// to the samples' radiance.
+        Indirect = "indirect",
+        /// Light from the map of caustics alone, W/(m² sr), where the path of the pixel's centre ends after mirrors and
+        /// glass.
+        Caustic = "caustic",
+        /// Base colour of the surface: factor, vertex colours, texture; linear, 0 to 1.
+        Albedo = "albedo",
+        /// Shading normal of the surface in world axes, on the side that is seen; unit length.
+        Normal = "normal",
+        /// Distance from the eye along the ray, metres.
+        Depth = "depth",
+        /// Number of the instance ([`InstanceId`]).
+        Instance = "instance",
+        /// Photons of the map (without that of caustics) within the gather radius that lie on the surface's side, over
+        /// the disc's area, 1/m².
+        PhotonDensity = "photon-density",
+        /// Photons of both maps that the eye sees in the pixel; those behind surfaces do not count.
+        PhotonDots = "photon-dots",
+        /// Photons of the map (without that of caustics) in the cell of the grid in which the surface's point lies.
+        GridOccupancy = "grid-occupancy",
+        /// Inner nodes of the hierarchies, both levels, that the pixel's ray entered; also where it met nothing.
+        BvhSteps = "bvh-steps",
+        /// Where the surface was in the frame before less where it is, pixels: x to the right, y down. Surroundings move
+        /// with the head alone.
+        Motion = "motion",
+        /// Variance of the luminance of light over albedo, direct and indirect light added, as SVGF has accumulated it,
+        /// (W/(m² sr))².
+        Variance = "variance",
+        /// Where the right eye's pixel came from in the frame's last sample ([`super::Provenance`]).
+        Provenance = "provenance",
+    }
 }
 
 impl Inspection {
-    /// All of them, in the order in which a list shows them.
-    pub const ALL: &[Self] = &[
-        Self::Direct,
-        Self::Indirect,
-        Self::Caustic,
-        Self::Albedo,
-        Self::Normal,
-        Self::Depth,
-        Self::Instance,
-        Self::PhotonDensity,
-        Self::PhotonDots,
-        Self::GridOccupancy,
-        Self::BvhSteps,
-        Self::Motion,
-        Self::Variance,
-        Self::Provenance,
-    ];
-
-    /// Name for lists, keys and files: lower case, words joined by `-`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Direct => "direct",
-            Self::Indirect => "indirect",
-            Self::Caustic => "caustic",
-            Self::Albedo => "albedo",
-            Self::Normal => "normal",
-            Self::Depth => "depth",
-            Self::Instance => "instance",
-            Self::PhotonDensity => "photon-density",
-            Self::PhotonDots => "photon-dots",
-            Self::GridOccupancy => "grid-occupancy",
-            Self::BvhSteps => "bvh-steps",
-            Self::Motion => "motion",
-            Self::Variance => "variance",
-            Self::Provenance => "provenance",
-        }
-    }
-
     /// One line for tooltips.
     #[must_use]
     pub fn doc(self) -> &'static str {
@@ -246,7 +210,7 @@ mod tests {
         };
         poor.photon.search = Search::KdTree;
         poor.force.caustics = Force::Off;
-        for &view in Inspection::ALL {
+        for view in Inspection::ALL {
             let changed = view.settings_for(&poor);
             assert_eq!(view.missing(&changed), None, "{view:?}");
             // What has all that it needs stays as it is.
@@ -274,7 +238,7 @@ mod tests {
 
     #[test]
     fn names_are_distinct() {
-        let mut names: Vec<_> = Inspection::ALL.iter().map(|view| view.name()).collect();
+        let mut names = Inspection::ALL.map(Inspection::name).to_vec();
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), Inspection::ALL.len());

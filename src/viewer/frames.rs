@@ -28,7 +28,7 @@ impl ViewMode {
     pub fn all() -> impl Iterator<Item = Self> {
         [Self::Picture]
             .into_iter()
-            .chain(Inspection::ALL.iter().copied().map(Self::Inspection))
+            .chain(Inspection::ALL.into_iter().map(Self::Inspection))
             .chain([Self::Error])
     }
 

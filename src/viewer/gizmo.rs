@@ -18,29 +18,17 @@ use geometry::Geometry;
 
 use crate::xr::View;
 
-/// Which handles are shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
-    /// Arrows and planes.
-    #[default]
-    Move,
-    /// Rings.
-    Turn,
-    /// Boxes.
-    Scale,
-}
-
-impl Mode {
-    /// All, in the order of the keys.
-    pub const ALL: [Self; 3] = [Self::Move, Self::Turn, Self::Scale];
-
-    /// Name for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Move => "Move",
-            Self::Turn => "Turn",
-            Self::Scale => "Scale",
-        }
+stereolux_base::words! {
+    /// Which handles are shown.
+    #[derive(Default)]
+    pub enum Mode: name {
+        /// Arrows and planes.
+        #[default]
+        Move = "Move",
+        /// Rings.
+        Turn = "Turn",
+        /// Boxes.
+        Scale = "Scale",
     }
 }
 

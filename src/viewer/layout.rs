@@ -5,58 +5,36 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::Eyes;
 
-/// What the picture area shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Layout {
-    /// The left eye's picture.
-    Left,
-    /// The right eye's picture.
-    Right,
-    /// Both, the left eye's on the left.
-    #[default]
-    SideBySide,
-    /// Both, the left eye's on the right: crossing one's eyes fuses them.
-    CrossEye,
-    /// Red from the left eye, green and blue from the right, for red-cyan glasses.
-    Anaglyph,
-    /// How far the two pictures are apart, pixel by pixel.
-    Difference,
-    /// The left eye under two methods or settings, with a divider between them.
-    Split,
+stereolux_base::words! {
+    /// What the picture area shows.
+    #[derive(Default, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Layout: name {
+        /// The left eye's picture.
+        Left = "Left eye",
+        /// The right eye's picture.
+        Right = "Right eye",
+        /// Both, the left eye's on the left.
+        #[default]
+        SideBySide = "Side by side",
+        /// Both, the left eye's on the right: crossing one's eyes fuses them.
+        CrossEye = "Cross-eye",
+        /// Red from the left eye, green and blue from the right, for red-cyan glasses.
+        Anaglyph = "Anaglyph",
+        /// How far the two pictures are apart, pixel by pixel.
+        Difference = "Difference",
+        /// The left eye under two methods or settings, with a divider between them.
+        Split = "Split",
+    }
 }
 
 impl Layout {
-    /// All of them, in the order of the menu.
-    pub const ALL: [Self; 7] = [
-        Self::Left,
-        Self::Right,
-        Self::SideBySide,
-        Self::CrossEye,
-        Self::Anaglyph,
-        Self::Difference,
-        Self::Split,
-    ];
-
     /// The eyes that it shows. A right eye that `reuses` needs the left one.
     pub fn eyes(self, reuses: bool) -> Eyes {
         match self {
             Self::Left | Self::Split => Eyes::Left,
             Self::Right if !reuses => Eyes::Right,
             _ => Eyes::Both,
-        }
-    }
-
-    /// Name for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Left => "Left eye",
-            Self::Right => "Right eye",
-            Self::SideBySide => "Side by side",
-            Self::CrossEye => "Cross-eye",
-            Self::Anaglyph => "Anaglyph",
-            Self::Difference => "Difference",
-            Self::Split => "Split",
         }
     }
 

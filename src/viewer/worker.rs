@@ -615,7 +615,7 @@ impl Inner {
     /// for. Those that it can make itself it makes; those that need another renderer are left out. Ends as soon as something
     /// is asked for, and goes on after the next frame.
     fn stock_views(&mut self, wanted: &Wanted, size: [u32; 2]) -> Result<(), EngineError> {
-        for &inspection in Inspection::ALL {
+        for inspection in Inspection::ALL {
             let mode = ViewMode::Inspection(inspection);
             let is_there = mode == wanted.view_mode
                 || Seen::holds(inspection)

@@ -5,7 +5,8 @@
 //! - [`interrupt`]: what Ctrl-C asks for;
 //! - [`features`]: the words that shaders are specialised by;
 //! - [`quantiles`]: medians of measured figures;
-//! - [`pose`]: where something is and how it is turned.
+//! - [`pose`]: where something is and how it is turned;
+//! - [`mod@words`]: enums with a word per value.
 //!
 //! Nothing here knows scenes, devices or images.
 
@@ -18,3 +19,4 @@ pub mod limits;
 pub mod pose;
 pub mod printable;
 pub mod quantiles;
+pub mod words;

@@ -23,25 +23,19 @@ const MANIFEST: &str = "/usr/share/vulkan/icd.d/radeon_icd.x86_64.json";
 /// The argument that makes this program open a device and end.
 pub const PROBE: &str = "--probe";
 
-/// A generation of cards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Family {
-    /// RDNA 2: Navi 21, RX 6800.
-    Rdna2,
-    /// RDNA 3: Navi 31, RX 7900.
-    Rdna3,
+stereolux_base::words! {
+    /// A generation of cards.
+    #[derive(PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Family: name {
+        /// RDNA 2: Navi 21, RX 6800.
+        Rdna2 = "rdna2",
+        /// RDNA 3: Navi 31, RX 7900.
+        Rdna3 = "rdna3",
+    }
 }
 
 impl Family {
-    /// As text.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Rdna2 => "rdna2",
-            Self::Rdna3 => "rdna3",
-        }
-    }
-
     /// Waves of 64 lanes that a SIMD unit holds, of 16: as many as fit into its registers (of AMD's instruction set
     /// references: 1,024 and 1,536 for 32 lanes), and whose groups fit into the 128 KiB of workgroup memory that four
     /// units share.

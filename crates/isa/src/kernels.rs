@@ -16,25 +16,16 @@ use stereolux::{
     TextureRef, Wrap, load_environment,
 };
 
-/// The frame that a kernel is a part of by default.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Frame {
-    /// Of `run` with photons.
-    Photon,
-    /// Of `run` with the path tracer.
-    Path,
-    /// None: a setting asks for it.
-    Other,
-}
-
-impl Frame {
-    /// As text.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Photon => "photon",
-            Self::Path => "path",
-            Self::Other => "other",
-        }
+stereolux_base::words! {
+    /// The frame that a kernel is a part of by default.
+    #[derive(PartialOrd, Ord)]
+    pub enum Frame: name {
+        /// Of `run` with photons.
+        Photon = "photon",
+        /// Of `run` with the path tracer.
+        Path = "path",
+        /// None: a setting asks for it.
+        Other = "other",
     }
 }
 

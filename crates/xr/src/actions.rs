@@ -28,33 +28,21 @@ use stereolux_base::printable::{did_you_mean, line};
 /// Longest name that OpenXR takes, bytes.
 const LONGEST_NAME: usize = 63;
 
-/// What an action's value is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ActionKind {
-    /// Held or not.
-    Bool,
-    /// -1 to 1; triggers from 0.
-    Float,
-    /// Right and forward, each -1 to 1.
-    Vec2,
-    /// A place that is tracked, or is not.
-    Pose,
-    /// A vibration; it has no value (`World::vibrate_action`).
-    Haptic,
-}
-
-impl ActionKind {
-    /// Its name in files.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Bool => "bool",
-            Self::Float => "float",
-            Self::Vec2 => "vec2",
-            Self::Pose => "pose",
-            Self::Haptic => "haptic",
-        }
+stereolux_base::words! {
+    /// What an action's value is.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum ActionKind: word {
+        /// Held or not.
+        Bool = "bool",
+        /// -1 to 1; triggers from 0.
+        Float = "float",
+        /// Right and forward, each -1 to 1.
+        Vec2 = "vec2",
+        /// A place that is tracked, or is not.
+        Pose = "pose",
+        /// A vibration; it has no value (`World::vibrate_action`).
+        Haptic = "haptic",
     }
 }
 

@@ -128,47 +128,25 @@ pub struct Joint {
     pub radius_m: f64,
 }
 
-/// A button of a controller. What a controller lacks is never pressed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Button {
-    /// Under the index finger; `select` of a simple controller, a pinch of a tracked hand.
-    Trigger,
-    /// Under the middle finger; a tracked hand's fist.
-    Squeeze,
-    /// The stick or the pad, pushed in.
-    Stick,
-    /// X on the left, A on the right.
-    Primary,
-    /// Y on the left, B on the right.
-    Secondary,
-    /// Menu.
-    Menu,
+stereolux_base::words! {
+    /// A button of a controller. What a controller lacks is never pressed.
+    pub enum Button: word {
+        /// Under the index finger; `select` of a simple controller, a pinch of a tracked hand.
+        Trigger = "trigger",
+        /// Under the middle finger; a tracked hand's fist.
+        Squeeze = "squeeze",
+        /// The stick or the pad, pushed in.
+        Stick = "stick",
+        /// X on the left, A on the right.
+        Primary = "primary",
+        /// Y on the left, B on the right.
+        Secondary = "secondary",
+        /// Menu.
+        Menu = "menu",
+    }
 }
 
 impl Button {
-    /// All of them.
-    pub const ALL: [Self; 6] = [
-        Self::Trigger,
-        Self::Squeeze,
-        Self::Stick,
-        Self::Primary,
-        Self::Secondary,
-        Self::Menu,
-    ];
-
-    /// Its name in files.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Trigger => "trigger",
-            Self::Squeeze => "squeeze",
-            Self::Stick => "stick",
-            Self::Primary => "primary",
-            Self::Secondary => "secondary",
-            Self::Menu => "menu",
-        }
-    }
-
     /// The button of that name, or which names there are.
     pub fn named(word: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|button| button.word() == word);

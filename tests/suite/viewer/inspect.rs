@@ -346,7 +346,7 @@ fn looking_leaves_the_frames_as_they_are() {
             assert!(alike == other, "frame {index} {eye:?}");
             // By other kernels, which a card's driver may round otherwise.
             assert!(plain == other || !is_software, "frame {index} {eye:?}");
-            for &view in Inspection::ALL {
+            for view in Inspection::ALL {
                 let has_none = (view, eye) == (Inspection::Provenance, Eye::Left);
                 if view != Inspection::Variance && !has_none {
                     inspected(&mut looked_at, view, eye);
@@ -376,7 +376,7 @@ fn what_is_missing_is_named_and_settings_for_a_view_make_it_work() {
     let too_early = renderer.inspect_surfaces(&library, Eye::Left).unwrap_err();
     assert_says(&too_early.to_string(), &["render a frame"]);
     frame(&mut renderer, &views);
-    for &view in Inspection::ALL {
+    for view in Inspection::ALL {
         let found = renderer.inspect(&library, view, Eye::Right);
         let Some(missing) = view.missing(&poor) else {
             found.unwrap();

@@ -30,7 +30,7 @@ fn views_of_surfaces_are_the_renderers_by_what_pixels_see() {
         .unwrap();
     for eye in [Eye::Left, Eye::Right] {
         let seen = Seen::of(SIZE, &surfaces(&mut renderer, eye));
-        for &view in Inspection::ALL {
+        for view in Inspection::ALL {
             let by_seen = seen.inspected(view, eye);
             assert_eq!(by_seen.is_some(), Seen::holds(view), "{view:?}");
             if let Some(by_seen) = by_seen {
@@ -46,7 +46,10 @@ fn a_view_stands_with_the_next_pass_and_the_frame_of_it_is_no_other() {
     let mut viewer = open("builtin:cornell", &folder, |_| {});
     let picture = pixels(viewer.state());
     let index = shown(viewer.state()).index;
-    for &inspection in Inspection::ALL.iter().filter(|view| Seen::holds(**view)) {
+    for inspection in Inspection::ALL
+        .into_iter()
+        .filter(|view| Seen::holds(*view))
+    {
         let mode = ViewMode::Inspection(inspection);
         viewer.state_mut().set_view_mode(mode);
         viewer.step();

@@ -2,19 +2,21 @@
 
 use super::super::{AlphaMode, Material};
 
-/// A kind of material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum MaterialPreset {
-    /// Ideal Lambert.
-    Diffuse,
-    /// A coloured base under a smooth layer, as lacquer or plastic.
-    Glossy,
-    /// Metal.
-    Metal,
-    /// Clear glass.
-    Glass,
-    /// A lamp's surface.
-    Emissive,
+stereolux_base::words! {
+    /// A kind of material.
+    #[derive(Hash)]
+    pub enum MaterialPreset: name {
+        /// Ideal Lambert.
+        Diffuse = "diffuse",
+        /// A coloured base under a smooth layer, as lacquer or plastic.
+        Glossy = "glossy",
+        /// Metal.
+        Metal = "metal",
+        /// Clear glass.
+        Glass = "glass",
+        /// A lamp's surface.
+        Emissive = "emissive",
+    }
 }
 
 /// Roughness of a gloss or a metal that was not asked for: shows highlights and blurs what it mirrors.
@@ -25,27 +27,6 @@ const RADIANCE: f32 = 5.0;
 const GLASS_IOR: f32 = 1.5;
 
 impl MaterialPreset {
-    /// All of them, in the order of a menu.
-    pub const ALL: [Self; 5] = [
-        Self::Diffuse,
-        Self::Glossy,
-        Self::Metal,
-        Self::Glass,
-        Self::Emissive,
-    ];
-
-    /// The word in a menu.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Diffuse => "diffuse",
-            Self::Glossy => "glossy",
-            Self::Metal => "metal",
-            Self::Glass => "glass",
-            Self::Emissive => "emissive",
-        }
-    }
-
     /// The kind that a material is nearest to.
     #[must_use]
     pub fn of(material: &Material) -> Self {
