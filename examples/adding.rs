@@ -10,7 +10,7 @@ use glam::{DAffine3, DVec3};
 use stereolux::gpu::{GpuContext, ShaderLibrary};
 use stereolux::renderer::{Applied, Renderer};
 use stereolux::scene::edit::Placement;
-use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
+use stereolux::scene::{Material, Mesh, Node, Scene, ScenePart};
 use stereolux::settings::{Eyes, RenderSettings};
 use stereolux::xr::{Fov, View};
 
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let middle = scene.bounds_in_world().ok_or("nothing is placed")?.center();
     let to = DAffine3::from_scale_rotation_translation(DVec3::splat(0.2), head.orientation, middle);
-    let part = ball(rings);
+    let part = ball(rings, 0.0);
     println!(
         "{spec}: {} triangles, {} more",
         scene.triangle_count(),
@@ -116,8 +116,8 @@ fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// A ball of radius 1 and `4 rings^2` triangles.
-fn ball(rings: u32) -> Scene {
+/// A ball of radius 1 and `4 rings^2` triangles, of one material.
+pub fn ball(rings: u32, emission: f32) -> Scene {
     let angle = |step: u32| f64::from(step) * std::f64::consts::PI / f64::from(rings);
     let around = 2 * rings + 1;
     let points: Vec<[f32; 3]> = (0..=rings)
@@ -132,32 +132,26 @@ fn ball(rings: u32) -> Scene {
     let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |along| ring * around + along));
     let triangles = quads.flat_map(|a| {
         let [b, c, d] = [a + 1, a + around, a + around + 1];
-        [[a, b, c], [b, d, c]].map(|vertices| MeshTriangle {
-            vertices,
-            material: 0,
-        })
+        [[a, b, c], [b, d, c]]
     });
-    let count = points.len();
+    let name = || "ball".to_owned();
     Scene {
         nodes: vec![Node {
+            name: name(),
             mesh: Some(0),
             ..Node::default()
         }],
         roots: vec![0],
         meshes: vec![Mesh {
-            normals: points.clone(),
-            positions: points,
-            tangents: vec![[1.0, 0.0, 0.0, 1.0]; count],
-            uv0: vec![[0.0; 2]; count],
-            uv1: vec![[0.0; 2]; count],
-            colors: vec![[1.0; 4]; count],
-            triangles: triangles.collect(),
-            ..Mesh::default()
+            name: name(),
+            ..Mesh::plain(points.clone(), points, triangles, 0)
         }],
         materials: vec![Material {
+            name: name(),
             base_color: [0.2, 0.7, 0.4, 1.0],
             metallic: 0.0,
             specular: 0.0,
+            emission: [emission; 3],
             ..Material::default()
         }],
         ..Scene::default()

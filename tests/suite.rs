@@ -29,6 +29,11 @@ mod suite {
     #[path = "../../assets/template/src/main.rs"]
     pub mod template;
 
+    /// A part that comes and goes.
+    #[allow(dead_code)]
+    #[path = "../../examples/adding.rs"]
+    pub mod adding_example;
+
     /// The tour of the gallery.
     #[allow(dead_code)]
     #[path = "../../examples/gallery_tour.rs"]

@@ -11,9 +11,7 @@ use stereolux_report::records::GENERATED;
 
 use super::BenchError;
 use crate::limits::LoadBudget;
-use crate::scene::{
-    Camera, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene, SceneError,
-};
+use crate::scene::{Camera, LightKind, Material, Mesh, Node, PunctualLight, Scene, SceneError};
 use crate::scene_loading::Loaded;
 use crate::settings::Settings;
 
@@ -411,27 +409,16 @@ fn mesh(
     triangles: Vec<[u32; 3]>,
     material: u32,
 ) -> Mesh {
-    let count = vertices.len();
-    let (positions, normals): (Vec<_>, Vec<_>) = vertices.into_iter().unzip();
+    let (positions, normals): (_, Vec<[f32; 3]>) = vertices.into_iter().unzip();
+    let tangent = |normal: &[f32; 3]| {
+        let across = glam::Vec3::from_array(*normal).any_orthonormal_vector();
+        across.extend(1.0).to_array()
+    };
     Mesh {
         name: name.to_owned(),
-        tangents: normals
-            .iter()
-            .map(|normal: &[f32; 3]| {
-                let tangent = glam::Vec3::from_array(*normal).any_orthonormal_vector();
-                [tangent.x, tangent.y, tangent.z, 1.0]
-            })
-            .collect(),
-        positions,
-        normals,
-        uv0: vec![[0.0; 2]; count],
-        uv1: vec![[0.0; 2]; count],
-        colors: vec![[1.0; 4]; count],
-        triangles: triangles
-            .into_iter()
-            .map(|vertices| MeshTriangle { vertices, material })
-            .collect(),
-        ..Mesh::default()
+        // As they always were, to the bit: the scene's fingerprint has them.
+        tangents: normals.iter().map(tangent).collect(),
+        ..Mesh::plain(positions, normals, triangles, material)
     }
 }
 

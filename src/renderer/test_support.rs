@@ -3,27 +3,15 @@
 use glam::{DQuat, DVec3};
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::scene::{Mesh, MeshTriangle, Node};
+use crate::scene::{Mesh, Node};
 use crate::settings::{DirectLight, RenderSettings, Reuse, Settings};
 use crate::xr::{Fov, View};
 
 /// A mesh of points and their normals, without textures.
 pub(super) fn mesh(points: &[(DVec3, DVec3)], triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
-    let array = |v: DVec3| v.as_vec3().to_array();
-    let tangent = |n: DVec3| n.any_orthonormal_vector().extend(1.0).as_vec4().to_array();
-    Mesh {
-        positions: points.iter().map(|(p, _)| array(*p)).collect(),
-        normals: points.iter().map(|(_, n)| array(*n)).collect(),
-        tangents: points.iter().map(|(_, n)| tangent(*n)).collect(),
-        uv0: vec![[0.0; 2]; points.len()],
-        uv1: vec![[0.0; 2]; points.len()],
-        colors: vec![[1.0; 4]; points.len()],
-        triangles: triangles
-            .into_iter()
-            .map(|vertices| MeshTriangle { vertices, material })
-            .collect(),
-        ..Mesh::default()
-    }
+    let arrays = |point: &(DVec3, DVec3)| [point.0, point.1].map(|v| v.as_vec3().to_array());
+    let (positions, normals) = points.iter().map(arrays).map(<(_, _)>::from).unzip();
+    Mesh::plain(positions, normals, triangles, material)
 }
 
 /// Rectangles, each from a corner along two sides whose product is the normal.

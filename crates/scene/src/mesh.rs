@@ -6,6 +6,7 @@ pub use stereolux_bvh::MeshTriangle;
 
 use stereolux_bvh::MeshSource;
 
+use super::import::tangents::any_tangent;
 use super::{MorphTarget, VertexJoints, as_dvec3};
 
 /// One glTF mesh, its primitives merged. Every vertex array has `positions.len()` entries.
@@ -60,6 +61,27 @@ impl MeshSource for Mesh {
 }
 
 impl Mesh {
+    /// White, of one material, without textures; any tangents.
+    pub fn plain(
+        positions: Vec<[f32; 3]>,
+        normals: Vec<[f32; 3]>,
+        triangles: impl IntoIterator<Item = [u32; 3]>,
+        material: u32,
+    ) -> Self {
+        let count = positions.len();
+        let triangle = |vertices| MeshTriangle { vertices, material };
+        Self {
+            positions,
+            tangents: normals.iter().copied().map(any_tangent).collect(),
+            normals,
+            uv0: vec![[0.0; 2]; count],
+            uv1: vec![[0.0; 2]; count],
+            colors: vec![[1.0; 4]; count],
+            triangles: triangles.into_iter().map(triangle).collect(),
+            ..Self::default()
+        }
+    }
+
     /// Corners of a triangle in object space.
     pub fn corners(&self, triangle: &MeshTriangle) -> [DVec3; 3] {
         triangle

@@ -12,9 +12,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::world::{World, WorldError};
 use crate::pose::Pose;
-use crate::scene::{
-    Image, Material, Mesh, MeshTriangle, Node, Scene, ScenePart, Texture, TextureRef, Wrap,
-};
+use crate::scene::{Image, Material, Mesh, Node, Scene, ScenePart, Texture, TextureRef, Wrap};
 use crate::xr::{Button, Side};
 use canvas::Canvas;
 
@@ -101,20 +99,13 @@ impl PanelSpec {
         let half_x = 0.5 * self.width_m as f32;
         let half_y = half_x * height as f32 / width as f32;
         let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-        let triangle = |vertices| MeshTriangle {
-            vertices,
-            material: 0,
-        };
+        let positions = corners.map(|[x, y]| [x * half_x, y * half_y, 0.0]).into();
+        let normals = vec![[0.0, 0.0, 1.0]; 4];
         let mesh = Mesh {
             name: self.name.clone(),
-            positions: corners.map(|[x, y]| [x * half_x, y * half_y, 0.0]).into(),
-            normals: vec![[0.0, 0.0, 1.0]; 4],
             tangents: vec![[1.0, 0.0, 0.0, 1.0]; 4],
             uv0: corners.map(|[x, y]| [0.5 + 0.5 * x, 0.5 - 0.5 * y]).into(),
-            uv1: vec![[0.0; 2]; 4],
-            colors: vec![[1.0; 4]; 4],
-            triangles: vec![triangle([0, 1, 2]), triangle([0, 2, 3])],
-            ..Mesh::default()
+            ..Mesh::plain(positions, normals, [[0, 1, 2], [0, 2, 3]], 0)
         };
         Scene {
             name: self.name.clone(),

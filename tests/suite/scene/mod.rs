@@ -1,7 +1,7 @@
 //! Scenes: edited, saved and met by rays, with what is rendered of them.
 
 // What the tests here take from other subjects.
-use crate::suite::{bvh::trace_probe, support};
+use crate::suite::{adding_example, bvh::trace_probe, support};
 
 pub mod edited_frames;
 /// From the tests of edits themselves.

@@ -7,10 +7,11 @@ use glam::{DAffine3, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Applied, Renderer};
 use stereolux::scene::edit::{Edit, NewContent, NewNode, Placement};
-use stereolux::scene::{Material, Mesh, MeshTriangle, Node, Scene, ScenePart};
+use stereolux::scene::{Scene, ScenePart};
 use stereolux::settings::{Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
+use super::adding_example::ball;
 use super::edited_frames::{assert_same, image};
 use super::support::{
     assert_says, assert_success, builtin, parallel_views, renderer, resident_kb, settings,
@@ -99,59 +100,6 @@ impl Live {
             _ => 0,
         };
         names.into_iter().map(size).sum()
-    }
-}
-
-/// A ball of `rings * rings * 4` triangles, of one material.
-fn ball(rings: u32, emission: f32) -> Scene {
-    let point = |ring: u32, along: u32| {
-        let polar = f64::from(ring) * std::f64::consts::PI / f64::from(rings);
-        let turn = f64::from(along) * std::f64::consts::PI / f64::from(rings);
-        let (x, z) = (polar.sin() * turn.cos(), polar.sin() * turn.sin());
-        DVec3::new(x, polar.cos(), z)
-    };
-    let places = || (0..=rings).flat_map(|ring| (0..=2 * rings).map(move |along| (ring, along)));
-    let normals = places().map(|(r, a)| point(r, a).as_vec3().to_array());
-    let normals: Vec<[f32; 3]> = normals.collect();
-    let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |along| (ring, along)));
-    let triangles = quads.flat_map(|(ring, along)| {
-        let at = |ring: u32, along: u32| ring * (2 * rings + 1) + along;
-        let [a, b] = [at(ring, along), at(ring, along + 1)];
-        let [c, d] = [at(ring + 1, along), at(ring + 1, along + 1)];
-        [[a, b, c], [b, d, c]]
-    });
-    let triangle = |vertices| MeshTriangle {
-        vertices,
-        material: 0,
-    };
-    let count = normals.len();
-    Scene {
-        nodes: vec![Node {
-            name: "ball".to_owned(),
-            mesh: Some(0),
-            ..Node::default()
-        }],
-        roots: vec![0],
-        meshes: vec![Mesh {
-            name: "ball".to_owned(),
-            positions: normals.clone(),
-            normals,
-            tangents: vec![[1.0, 0.0, 0.0, 1.0]; count],
-            uv0: vec![[0.0; 2]; count],
-            uv1: vec![[0.0; 2]; count],
-            colors: vec![[1.0; 4]; count],
-            triangles: triangles.map(triangle).collect(),
-            ..Mesh::default()
-        }],
-        materials: vec![Material {
-            name: "ball".to_owned(),
-            base_color: [0.2, 0.7, 0.4, 1.0],
-            metallic: 0.0,
-            specular: 0.0,
-            emission: [emission; 3],
-            ..Material::default()
-        }],
-        ..Scene::default()
     }
 }
 

@@ -9,7 +9,7 @@ use stereolux::renderer::packing::{
     LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
     pack_lights, pack_materials, pack_textures, pack_vertices,
 };
-use stereolux::scene::{LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene};
+use stereolux::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
 
 use super::trace_probe::{ask, features, probe_source};
 
@@ -253,24 +253,12 @@ pub fn add_triangles(
     world_from_object: DAffine3,
 ) {
     let all = corners.iter().flatten();
-    let positions: Vec<[f32; 3]> = all.map(|corner| corner.as_vec3().to_array()).collect();
-    let count = positions.len();
+    let positions = all.map(|corner| corner.as_vec3().to_array()).collect();
+    let normals = vec![[0.0, 1.0, 0.0]; 3 * corners.len()];
+    let triangles = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
     scene.meshes.push(Mesh {
-        normals: vec![[0.0, 1.0, 0.0]; count],
-        tangents: vec![[1.0, 0.0, 0.0, 1.0]; count],
-        uv0: (0..count)
-            .map(|i| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3])
-            .collect(),
-        uv1: vec![[0.0; 2]; count],
-        colors: vec![[1.0; 4]; count],
-        positions,
-        triangles: (0..corners.len() as u32)
-            .map(|i| MeshTriangle {
-                vertices: [3 * i, 3 * i + 1, 3 * i + 2],
-                material: scene.materials.len() as u32,
-            })
-            .collect(),
-        ..Mesh::default()
+        uv0: [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].repeat(corners.len()),
+        ..Mesh::plain(positions, normals, triangles, scene.materials.len() as u32)
     });
     scene.materials.push(material);
     scene.roots.push(scene.nodes.len());

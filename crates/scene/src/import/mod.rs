@@ -16,7 +16,7 @@ mod materials;
 mod motion;
 mod nodes;
 mod resources;
-mod tangents;
+pub(crate) mod tangents;
 
 use std::fmt::Display;
 use std::path::Path;
