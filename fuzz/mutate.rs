@@ -1,8 +1,9 @@
 //! Changes to bytes and to JSON, the same for the same seed.
 
 use serde_json::Value;
+use stereolux_base::random;
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
+/// Random numbers, and choices by them.
 pub struct Random(u64);
 
 impl Random {
@@ -13,10 +14,7 @@ impl Random {
 
     /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        random::bits(&mut self.0)
     }
 
     /// A number below `count`; 0 if that is 0.

@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 
+use base64::prelude::{BASE64_STANDARD_NO_PAD, Engine as _};
 use glam::DVec3;
 use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
@@ -87,7 +88,8 @@ pub fn documents() -> Vec<Value> {
     bytes.extend(pictures(ImageFormat::Png).swap_remove(0));
     let png_length = bytes.len() - png;
     let view = |offset: usize, length: usize| json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
-    let uri = format!("data:application/octet-stream;base64,{}", base64(&bytes));
+    let data = BASE64_STANDARD_NO_PAD.encode(&bytes);
+    let uri = format!("data:application/octet-stream;base64,{data}");
     let accessor = |view: usize, component: u32, count: u32, kind: &str| json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
     let whole = json!({
         "asset": { "version": "2.0" },
@@ -259,17 +261,4 @@ pub fn journals() -> Vec<Vec<u8>> {
         "version": "0", "code": "c",
     });
     vec![format!("{row}\n{row}\n").into_bytes()]
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::new();
-    for group in bytes.chunks(3) {
-        let at = |index: usize| u32::from(group.get(index).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..=group.len() {
-            text.push(char::from(DIGITS[(bits >> (18 - 6 * digit) & 63) as usize]));
-        }
-    }
-    text
 }

@@ -5,6 +5,7 @@
 //! - [`interrupt`]: what Ctrl-C asks for;
 //! - [`features`]: the words that shaders are specialised by;
 //! - [`quantiles`]: medians of measured figures;
+//! - [`random`]: random numbers from a seed;
 //! - [`pose`]: where something is and how it is turned;
 //! - [`mod@words`]: enums with a word per value.
 //!
@@ -19,4 +20,5 @@ pub mod limits;
 pub mod pose;
 pub mod printable;
 pub mod quantiles;
+pub mod random;
 pub mod words;

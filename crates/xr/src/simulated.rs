@@ -13,6 +13,7 @@ use super::{
 };
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
+use stereolux_base::random;
 use stereolux_settings::Motion;
 
 /// Yaw sweep amplitude: 30 degrees to each side, radians.
@@ -55,14 +56,14 @@ struct Noise {
 }
 
 impl Noise {
-    fn new(random: &mut SplitMix64) -> Self {
+    fn new(random_state: &mut u64) -> Self {
         let [low, high] = SWAY_BAND_HZ;
         let sines = std::array::from_fn(|i| {
             // One frequency in each of SINES equal steps of the band on a log scale.
-            let step = (i as f64 + random.unit()) / SINES as f64;
+            let step = (i as f64 + random::unit(random_state)) / SINES as f64;
             let hertz = low * (high / low).powf(step);
             // Equal energy per octave: slow sway is wide, fast sway narrow, as in postural records.
-            (low / hertz, TAU * hertz, TAU * random.unit())
+            (low / hertz, TAU * hertz, TAU * random::unit(random_state))
         });
         let sum: f64 = sines.iter().map(|s: &(f64, f64, f64)| s.0).sum();
         Self {
@@ -81,24 +82,6 @@ impl Noise {
     }
 }
 
-/// Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators", figure 16.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In [0, 1).
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
 fn source(motion: Motion, seed: u64) -> String {
     match motion {
         Motion::Sway => format!("simulated ({motion}, seed {seed})"),
@@ -108,8 +91,8 @@ fn source(motion: Motion, seed: u64) -> String {
 
 /// Noise of x, y, z, yaw, pitch and roll.
 fn sway_noise(seed: u64) -> [Noise; 6] {
-    let mut random = SplitMix64(seed);
-    std::array::from_fn(|_| Noise::new(&mut random))
+    let mut random_state = seed;
+    std::array::from_fn(|_| Noise::new(&mut random_state))
 }
 
 /// A simulated headset: display times at the profile's refresh rate from 0 on, head poses from a

@@ -188,7 +188,7 @@ impl Twin {
     }
 }
 
-/// Seeded random directions and materials (SplitMix64; Steele et al. 2014).
+/// Seeded random directions and materials.
 pub struct Dice(u64);
 
 impl Dice {
@@ -198,12 +198,7 @@ impl Dice {
 
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^= bits >> 31;
-        (bits >> 11) as f64 / (1u64 << 53) as f64
+        stereolux_base::random::unit(&mut self.0)
     }
 
     /// Uniform direction, with z above or (if `both`) anywhere but on the horizon.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use base64::prelude::{BASE64_STANDARD_NO_PAD, Engine as _};
 use serde_json::{Value, json};
 
 use crate::suite::support::{Folder, assert_begins};
@@ -147,16 +148,8 @@ fn sphere(rows: u32, columns: u32) -> Value {
 
 /// `bytes` as a data URI, in base64.
 pub fn data_uri(kind: &str, bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = format!("data:{kind};base64,");
-    for group in bytes.chunks(3) {
-        let at = |index: usize| u32::from(group.get(index).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..=group.len() {
-            text.push(char::from(DIGITS[(bits >> (18 - 6 * digit) & 63) as usize]));
-        }
-    }
-    text
+    let text = BASE64_STANDARD_NO_PAD.encode(bytes);
+    format!("data:{kind};base64,{text}")
 }
 
 /// A PNG of one bit per pixel, all black: a deflate stream of one zero and copies of it.

@@ -1,18 +1,15 @@
 //! Random numbers, and triangles made of them.
 
 use glam::{DQuat, DVec3, Vec3};
+use stereolux_base::random;
 use stereolux_bvh::MeshTriangle;
 
-/// SplitMix64 (Steele, Lea and Flood, 2014).
+/// Random numbers and what is made of them.
 pub struct Random(pub u64);
 
 impl Random {
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        random::bits(&mut self.0)
     }
 
     pub fn below(&mut self, count: usize) -> usize {
@@ -20,7 +17,7 @@ impl Random {
     }
 
     pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+        random::unit(&mut self.0)
     }
 
     pub fn signed(&mut self) -> f64 {

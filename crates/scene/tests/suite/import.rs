@@ -1,30 +1,10 @@
 //! glTF import: what is read from well-formed files.
 
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 use stereolux_scene::{AlphaMode, Filter, LightKind, Needs, Scene, Wrap};
 
 use crate::folders::Folder;
-
-/// Base64 (RFC 4648) with padding, independent of the decoder under test.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::new();
-    for chunk in bytes.chunks(3) {
-        let word = chunk
-            .iter()
-            .fold(0_u32, |word, byte| (word << 8) | u32::from(*byte))
-            << (8 * (3 - chunk.len()));
-        for digit in 0..4 {
-            let is_padding = digit > chunk.len();
-            text.push(if is_padding {
-                '='
-            } else {
-                char::from(DIGITS[(word >> (18 - 6 * digit)) as usize & 63])
-            });
-        }
-    }
-    text
-}
 
 fn bytes_of(values: &[f32]) -> Vec<u8> {
     values
@@ -107,7 +87,8 @@ impl Doc {
     pub fn load(&self) -> Result<Scene, String> {
         let mut json = self.json.clone();
         if json.get("buffers").is_none() {
-            let uri = format!("data:application/octet-stream;base64,{}", base64(&self.bin));
+            let data = BASE64_STANDARD.encode(&self.bin);
+            let uri = format!("data:application/octet-stream;base64,{data}");
             json["buffers"] = json!([{ "byteLength": self.bin.len(), "uri": uri }]);
         }
         Scene::from_bytes("test.gltf", json.to_string().as_bytes())
@@ -359,7 +340,7 @@ fn tangents_follow_u_and_normals_are_repaired() {
 #[test]
 fn materials_are_read_in_full() {
     let doc = with(|doc| {
-        let png = base64(&png_1x1());
+        let png = BASE64_STANDARD.encode(png_1x1());
         doc.json["images"] =
             json!([{ "uri": format!("data:image/png;base64,{png}"), "name": "dot" }]);
         doc.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }]);
@@ -528,7 +509,7 @@ fn what_must_hold_all_itself_names_no_file() {
     let mut doc = Doc::square();
     let text = |doc: &Doc| doc.json.to_string().into_bytes();
     let load = |doc: &Doc| Scene::self_contained("model", &text(doc));
-    doc.json["buffers"] = json!([{ "byteLength": doc.bin.len(), "uri": format!("data:;base64,{}", base64(&doc.bin)) }]);
+    doc.json["buffers"] = json!([{ "byteLength": doc.bin.len(), "uri": format!("data:;base64,{}", BASE64_STANDARD.encode(&doc.bin)) }]);
     assert_eq!(load(&doc).unwrap().triangle_count(), 2);
     // A file that is there.
     doc.json["images"] = json!([{ "uri": "Cargo.toml" }]);
