@@ -6,7 +6,7 @@ use crate::renderer::records::mirror::Mirror;
 use super::submit::ShownLight;
 use crate::frame::plan::present;
 use crate::frame::{FrameRun, Step, passes};
-use crate::gpu::raster::Raster;
+use crate::gpu::raster::{Raster, from_black};
 use crate::settings::RenderSettings;
 
 /// Where an eye's image lies in the window.
@@ -116,15 +116,7 @@ impl MirrorPass {
                     });
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some(&passes::mirror.name),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
+                color_attachments: &[from_black(view)],
                 ..Default::default()
             });
             for (eye, place) in self.eyes.iter().zip(places.iter().flatten()) {

@@ -8,7 +8,7 @@ use crate::xr::RuntimeTargets;
 use crate::frame::plan::present;
 use crate::frame::run::specialised;
 use crate::frame::{FrameRun, Step, passes};
-use crate::gpu::raster::Raster;
+use crate::gpu::raster::{Raster, from_black, from_infinity};
 use crate::settings::RenderSettings;
 
 /// How the values of an image become display light.
@@ -136,15 +136,7 @@ impl Submitter {
                     .write_buffer(&eye.uniform, 0, bytemuck::bytes_of(&uniform));
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                     label: Some(&passes::xr_submit.name),
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: &targets.color[index],
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
+                    color_attachments: &[from_black(&targets.color[index])],
                     ..Default::default()
                 });
                 pass.set_scissor_rect(0, 0, width, height);
@@ -157,14 +149,7 @@ impl Submitter {
                 };
                 let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                     label: Some(&passes::xr_submit_depth.name),
-                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                        view: &views[index],
-                        depth_ops: Some(wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(0.0),
-                            store: wgpu::StoreOp::Store,
-                        }),
-                        stencil_ops: None,
-                    }),
+                    depth_stencil_attachment: from_infinity(&views[index], wgpu::StoreOp::Store),
                     ..Default::default()
                 });
                 pass.set_scissor_rect(0, 0, width, height);

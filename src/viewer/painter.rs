@@ -10,8 +10,9 @@ use bytemuck::{Pod, Zeroable};
 use egui::TextureId;
 use egui::epaint::{ClippedPrimitive, Primitive, textures::TextureFilter, textures::TexturesDelta};
 
-use crate::gpu::ShaderFeatures;
-use crate::gpu::{GpuContext, GpuError, ShaderLibrary};
+use crate::gpu::kernel::layouts;
+use crate::gpu::raster::from_black;
+use crate::gpu::{GpuContext, GpuError, GrowingBuffer, ShaderFeatures, ShaderLibrary};
 
 const LABEL: &str = "window";
 
@@ -45,8 +46,8 @@ pub struct Painter {
     nearest: wgpu::Sampler,
     linear: wgpu::Sampler,
     pipeline: wgpu::RenderPipeline,
-    corners: Growing,
-    indices: Growing,
+    corners: GrowingBuffer,
+    indices: GrowingBuffer,
 }
 
 impl Painter {
@@ -68,23 +69,14 @@ impl Painter {
                 ty,
                 count: None,
             };
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(LABEL),
-                entries: &[
-                    entry(
-                        0,
-                        wgpu::BindingType::Texture {
-                            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-                            view_dimension: wgpu::TextureViewDimension::D2,
-                            multisampled: false,
-                        },
-                    ),
-                    entry(
-                        1,
-                        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-                    ),
-                ],
-            });
+            let picture = wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            };
+            let filter = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+            let entries = [entry(0, picture), entry(1, filter)];
+            let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
             Ok(Self {
                 textures: egui_wgpu::Renderer::new(
                     device,
@@ -92,12 +84,12 @@ impl Painter {
                     egui_wgpu::RendererOptions::default(),
                 ),
                 groups: HashMap::new(),
-                pipeline: pipeline(device, &layout, &shader.wgsl, format),
+                pipeline: pipeline(device, &pipeline_layout, &shader.wgsl, format),
                 layout,
                 nearest: sampler(device, wgpu::FilterMode::Nearest),
                 linear: sampler(device, wgpu::FilterMode::Linear),
-                corners: Growing::new(wgpu::BufferUsages::VERTEX),
-                indices: Growing::new(wgpu::BufferUsages::INDEX),
+                corners: GrowingBuffer::with_usage(LABEL, wgpu::BufferUsages::VERTEX),
+                indices: GrowingBuffer::with_usage(LABEL, wgpu::BufferUsages::INDEX),
             })
         })
     }
@@ -123,7 +115,7 @@ impl Painter {
                 self.bind(&gpu.device, *id);
             }
             if let Some(target) = target {
-                self.draw(gpu, jobs, target);
+                self.draw(gpu, jobs, target)?;
             }
             for id in &changes.free {
                 self.groups.remove(id);
@@ -178,7 +170,12 @@ impl Painter {
         })
     }
 
-    fn draw(&mut self, gpu: &GpuContext, jobs: &[ClippedPrimitive], target: &Target<'_>) {
+    fn draw(
+        &mut self,
+        gpu: &GpuContext,
+        jobs: &[ClippedPrimitive],
+        target: &Target<'_>,
+    ) -> Result<(), GpuError> {
         let points = target
             .size
             .map(|edge| edge as f32 / target.pixels_per_point);
@@ -203,23 +200,15 @@ impl Painter {
                 ranges.push((first..indices.len() as u32, base, group, scissor));
             }
         }
-        let corners = self.corners.fill(gpu, bytemuck::cast_slice(&corners));
-        let indices = self.indices.fill(gpu, bytemuck::cast_slice(&indices));
+        self.corners.upload(gpu, &corners)?;
+        self.indices.upload(gpu, &indices)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target.view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[from_black(target.view)],
             ..Default::default()
         });
-        if !ranges.is_empty() {
+        if let (Some(corners), Some(indices)) = (self.corners.buffer(), self.indices.buffer()) {
             pass.set_pipeline(&self.pipeline);
             pass.set_vertex_buffer(0, corners.slice(..));
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -231,6 +220,7 @@ impl Painter {
         }
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
+        Ok(())
     }
 }
 
@@ -245,7 +235,7 @@ fn sampler(device: &wgpu::Device, filter: wgpu::FilterMode) -> wgpu::Sampler {
 
 fn pipeline(
     device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
+    layout: &wgpu::PipelineLayout,
     wgsl: &str,
     format: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
@@ -253,14 +243,9 @@ fn pipeline(
         label: Some(LABEL),
         source: wgpu::ShaderSource::Wgsl(wgsl.into()),
     });
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(LABEL),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(LABEL),
-        layout: Some(&pipeline_layout),
+        layout: Some(layout),
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vertex_main"),
@@ -298,36 +283,4 @@ fn scissor(clip: egui::Rect, target: &Target<'_>) -> Option<[u32; 4]> {
     let (left, right) = (pixel(clip.min.x, width), pixel(clip.max.x, width));
     let (top, bottom) = (pixel(clip.min.y, height), pixel(clip.max.y, height));
     (left < right && top < bottom).then(|| [left, top, right - left, bottom - top])
-}
-
-/// A buffer that is replaced by a larger one when it must be.
-struct Growing {
-    buffer: Option<wgpu::Buffer>,
-    usage: wgpu::BufferUsages,
-}
-
-impl Growing {
-    fn new(usage: wgpu::BufferUsages) -> Self {
-        Self {
-            buffer: None,
-            usage: usage | wgpu::BufferUsages::COPY_DST,
-        }
-    }
-
-    fn fill(&mut self, gpu: &GpuContext, bytes: &[u8]) -> &wgpu::Buffer {
-        let needed = bytes.len() as u64;
-        let kept = self.buffer.take().filter(|buffer| buffer.size() >= needed);
-        let buffer = kept.unwrap_or_else(|| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(LABEL),
-                size: needed.next_power_of_two().max(4096),
-                usage: self.usage,
-                mapped_at_creation: false,
-            })
-        });
-        if !bytes.is_empty() {
-            gpu.queue.write_buffer(&buffer, 0, bytes);
-        }
-        self.buffer.insert(buffer)
-    }
 }

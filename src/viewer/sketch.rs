@@ -12,6 +12,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, Mat4, Vec4};
 
 use super::frames::{FrameReport, ViewMode};
+use crate::gpu::kernel::layouts;
+use crate::gpu::raster::{from_black, from_infinity};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
 use crate::scene::{Material, Scene};
 use crate::xr::View;
@@ -161,29 +163,27 @@ impl Sketcher {
                 },
                 count: None,
             };
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(LABEL),
-                entries: &[
-                    wgpu::BindGroupLayoutEntry {
-                        binding: 0,
-                        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-                        ty: wgpu::BindingType::Buffer {
-                            ty: wgpu::BufferBindingType::Uniform,
-                            has_dynamic_offset: true,
-                            min_binding_size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
-                        },
-                        count: None,
+            let entries = [
+                wgpu::BindGroupLayoutEntry {
+                    binding: 0,
+                    visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+                    ty: wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Uniform,
+                        has_dynamic_offset: true,
+                        min_binding_size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
                     },
-                    texture(1, true),
-                    texture(2, false),
-                    wgpu::BindGroupLayoutEntry {
-                        binding: 3,
-                        visibility: wgpu::ShaderStages::FRAGMENT,
-                        ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-                        count: None,
-                    },
-                ],
-            });
+                    count: None,
+                },
+                texture(1, true),
+                texture(2, false),
+                wgpu::BindGroupLayoutEntry {
+                    binding: 3,
+                    visibility: wgpu::ShaderStages::FRAGMENT,
+                    ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+                    count: None,
+                },
+            ];
+            let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(LABEL),
                 source: wgpu::ShaderSource::Wgsl(compiled.wgsl.as_str().into()),
@@ -194,7 +194,7 @@ impl Sketcher {
                 min_filter: wgpu::FilterMode::Linear,
                 ..Default::default()
             });
-            let pipeline = |name, depth| pipeline(device, &layout, &module, name, depth);
+            let pipeline = |name, depth| pipeline(device, &pipeline_layout, &module, name, depth);
             Ok(Self {
                 surface: pipeline("surface", Some(true)),
                 sky: pipeline("sky", Some(false)),
@@ -376,28 +376,10 @@ impl Sketcher {
             bind(&images.drawn[eye], distances),
         ];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let color = |view| {
-            Some(wgpu::RenderPassColorAttachment {
-                view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                    store: wgpu::StoreOp::Store,
-                },
-            })
-        };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(LABEL),
-            color_attachments: &[color(&images.drawn[eye])],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &images.depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
+            color_attachments: &[from_black(&images.drawn[eye])],
+            depth_stencil_attachment: from_infinity(&images.depth, wgpu::StoreOp::Discard),
             ..Default::default()
         });
         pass.set_pipeline(&self.sky);
@@ -416,7 +398,7 @@ impl Sketcher {
         drop(pass);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(LABEL),
-            color_attachments: &[color(&images.rimmed[eye])],
+            color_attachments: &[from_black(&images.rimmed[eye])],
             ..Default::default()
         });
         pass.set_pipeline(&self.rim);
@@ -580,16 +562,11 @@ fn buffer(gpu: &GpuContext, usage: wgpu::BufferUsages, bytes: &[u8]) -> wgpu::Bu
 /// `depth`: whether it is written; none where there is none.
 fn pipeline(
     device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
+    layout: &wgpu::PipelineLayout,
     module: &wgpu::ShaderModule,
     name: &str,
     depth: Option<bool>,
 ) -> wgpu::RenderPipeline {
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(LABEL),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
     let positions = [Some(wgpu::VertexBufferLayout {
         array_stride: 12,
         step_mode: wgpu::VertexStepMode::Vertex,
@@ -598,7 +575,7 @@ fn pipeline(
     let is_surface = depth == Some(true);
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(LABEL),
-        layout: Some(&pipeline_layout),
+        layout: Some(layout),
         vertex: wgpu::VertexState {
             module,
             entry_point: Some(&format!("{name}_vertex")),

@@ -11,6 +11,7 @@ use super::context::{GpuContext, GpuError};
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
     .union(wgpu::BufferUsages::COPY_SRC)
     .union(wgpu::BufferUsages::COPY_DST);
+const EMPTY_STORAGE: wgpu::BufferUsages = STORAGE.union(wgpu::BufferUsages::INDIRECT);
 
 /// Bytes that a storage buffer of `bytes` bytes is given: whole units of 16, and at least one, as WebGPU binds nothing smaller
 /// than the struct it holds.
@@ -28,13 +29,22 @@ pub fn storage_buffer(
     label: &str,
     bytes: u64,
 ) -> Result<wgpu::Buffer, GpuError> {
+    empty_buffer(context, label, bytes, EMPTY_STORAGE)
+}
+
+fn empty_buffer(
+    context: &GpuContext,
+    label: &str,
+    bytes: u64,
+    usage: wgpu::BufferUsages,
+) -> Result<wgpu::Buffer, GpuError> {
     check_size(context, label, bytes)?;
     context.count_made();
     context.guarded(label, || {
         Ok(context.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: allocated_bytes(bytes),
-            usage: STORAGE | wgpu::BufferUsages::INDIRECT,
+            usage,
             mapped_at_creation: false,
         }))
     })
@@ -195,17 +205,24 @@ impl GpuContext {
     }
 }
 
-/// A storage buffer that is made anew, larger, when an upload no longer fits.
+/// A buffer that is made anew, larger, when an upload no longer fits.
 pub struct GrowingBuffer {
     label: &'static str,
+    usage: wgpu::BufferUsages,
     buffer: Option<wgpu::Buffer>,
 }
 
 impl GrowingBuffer {
-    /// Nothing allocated yet.
+    /// A storage buffer; nothing allocated yet.
     pub const fn new(label: &'static str) -> Self {
+        Self::with_usage(label, EMPTY_STORAGE)
+    }
+
+    /// As [`GrowingBuffer::new`], for another use.
+    pub const fn with_usage(label: &'static str, usage: wgpu::BufferUsages) -> Self {
         Self {
             label,
+            usage: usage.union(wgpu::BufferUsages::COPY_DST),
             buffer: None,
         }
     }
@@ -228,11 +245,8 @@ impl GrowingBuffer {
             // A quarter more, so that a scene that grows by one instance does not reallocate every frame.
             let capacity =
                 (bytes.len() as u64 + bytes.len() as u64 / 4).min(context.max_binding_bytes);
-            self.buffer = Some(storage_buffer(
-                context,
-                self.label,
-                capacity.max(bytes.len() as u64).max(256),
-            )?);
+            let capacity = capacity.max(bytes.len() as u64).max(256);
+            self.buffer = Some(empty_buffer(context, self.label, capacity, self.usage)?);
         }
         if let Some(buffer) = &self.buffer
             && !bytes.is_empty()

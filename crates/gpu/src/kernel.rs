@@ -196,6 +196,23 @@ pub fn layout_entries(
         .collect()
 }
 
+/// Layouts of a group of bindings, and of pipelines that have it alone.
+pub fn layouts(
+    device: &wgpu::Device,
+    label: &str,
+    entries: &[wgpu::BindGroupLayoutEntry],
+) -> (wgpu::BindGroupLayout, wgpu::PipelineLayout) {
+    let label = Some(label);
+    let group =
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries });
+    let pipeline = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label,
+        bind_group_layouts: &[Some(&group)],
+        immediate_size: 0,
+    });
+    (group, pipeline)
+}
+
 /// A bind group of what `resource_of` finds for each of a pass's `bindings`.
 ///
 /// # Errors
@@ -296,15 +313,7 @@ impl Kernel {
         context.guarded(pass, || {
             let device = &context.device;
             let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(pass),
-                entries: &entries,
-            });
-            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(pass),
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
+            let (layout, pipeline_layout) = layouts(device, pass, &entries);
             let module = if shader.is_embedded {
                 module_of_embedded(context, pass, shader, &bindings)?
             } else {

@@ -1,7 +1,35 @@
 //! Passes over the fragments of one triangle, which write textures of others: a runtime's, a window's.
 
-use super::kernel::{Binding, bind_group, layout_entries, reflect_bindings};
+use super::kernel::{Binding, bind_group, layout_entries, layouts, reflect_bindings};
 use super::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
+
+/// A colour attachment that begins black.
+pub fn from_black(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachment<'_>> {
+    Some(wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations {
+            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+            store: wgpu::StoreOp::Store,
+        },
+    })
+}
+
+/// An attachment of reversed depth that begins infinitely far away.
+pub fn from_infinity(
+    view: &wgpu::TextureView,
+    store: wgpu::StoreOp,
+) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+    Some(wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations {
+            load: wgpu::LoadOp::Clear(0.0),
+            store,
+        }),
+        stencil_ops: None,
+    })
+}
 
 /// A render pipeline over the fragments of one triangle, its bindings found by name.
 pub struct Raster {
@@ -31,15 +59,7 @@ impl Raster {
         context.guarded(name, || {
             let device = &context.device;
             let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(name),
-                entries: &entries,
-            });
-            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(name),
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
+            let (layout, pipeline_layout) = layouts(device, name, &entries);
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
