@@ -60,6 +60,9 @@ mod suite {
     #[path = "../../crates/gpu/tests/shared/adapter.rs"]
     pub mod adapter;
 
+    #[path = "../../crates/gpu/tests/shared/textures.rs"]
+    pub mod textures;
+
     #[path = "../../crates/gpu/tests/shared/uniform_branches.rs"]
     pub mod branches;
 

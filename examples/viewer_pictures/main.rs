@@ -3,6 +3,11 @@
 //!
 //! `cargo run --release --example viewer_pictures -- docs/viewer`
 
+// What tests read textures back by.
+#[allow(clippy::unwrap_used)]
+#[path = "../../crates/gpu/tests/shared/textures.rs"]
+mod textures;
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -35,27 +40,14 @@ struct Canvas {
     egui: Context,
     painter: Painter,
     gpu: GpuContext,
-    texture: wgpu::Texture,
+    view: wgpu::TextureView,
     began: Instant,
 }
 
 impl Canvas {
     fn new(app: App) -> Outcome<Self> {
         let gpu = GpuContext::open(None)?;
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("canvas"),
-            size: wgpu::Extent3d {
-                width: WINDOW[0],
-                height: WINDOW[1],
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let view = textures::target_texture(&gpu, WINDOW, FORMAT);
         let painter = Painter::new(&gpu, FORMAT)?;
         let egui = Context::default();
         theme::apply(&egui);
@@ -64,7 +56,7 @@ impl Canvas {
             egui,
             painter,
             gpu,
-            texture,
+            view,
             began: Instant::now(),
         })
     }
@@ -81,9 +73,8 @@ impl Canvas {
         let app = &mut self.app;
         let output = self.egui.run_ui(input, |ui| app.ui(ui));
         let jobs = self.egui.tessellate(output.shapes, output.pixels_per_point);
-        let view = self.texture.create_view(&Default::default());
         let target = Target {
-            view: &view,
+            view: &self.view,
             size: WINDOW,
             pixels_per_point: output.pixels_per_point,
         };
@@ -121,36 +112,9 @@ impl Canvas {
     }
 
     fn image(&self) -> Outcome<ImageRgb8> {
-        let row = (4 * WINDOW[0]).next_multiple_of(256);
-        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("canvas"),
-            size: u64::from(row) * u64::from(WINDOW[1]),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_texture_to_buffer(
-            self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &buffer,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(row),
-                    rows_per_image: None,
-                },
-            },
-            self.texture.size(),
-        );
-        self.gpu.queue.submit([encoder.finish()]);
-        buffer.slice(..).map_async(wgpu::MapMode::Read, |_| ());
-        self.gpu.wait("canvas")?;
-        let bytes = buffer.slice(..).get_mapped_range()?;
-        let pixels = (0..WINDOW[1] * WINDOW[0])
-            .map(|i| {
-                let at = ((i / WINDOW[0]) * row + 4 * (i % WINDOW[0])) as usize;
-                [bytes[at], bytes[at + 1], bytes[at + 2]]
-            })
-            .collect();
+        let bytes = textures::bytes(&self.gpu, &self.view, 4);
+        let texels = bytes.chunks_exact(4);
+        let pixels = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
         Ok(Image::new(WINDOW[0], WINDOW[1], pixels)?)
     }
 

@@ -12,10 +12,10 @@ use x11rb::wrapper::ConnectionExt as _;
 
 use super::openxr_picture::{Screen, block_scene, fault};
 use super::openxr_runtime::{VALIDATION, complaints};
-use super::openxr_submit::{bytes, target_texture};
 use super::openxr_support::{
     PROGRAM, all_output, assert_status, frames_so_far, monado, stderr, wait_until,
 };
+use super::textures::{bytes, target_texture};
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
 use crate::suite::support::{
     Folder, assert_begins, assert_says, bits, both, builtin, frame, method, parallel_views,

@@ -2,9 +2,8 @@
 
 // What the tests here take from other subjects.
 use crate::suite::{
-    bvh::bvh_reference, support, transport::bsdf_probe, transport::hard_support,
-    transport::photon_map, xr::openxr_picture, xr::openxr_runtime, xr::openxr_submit,
-    xr::openxr_support,
+    bvh::bvh_reference, support, textures, transport::bsdf_probe, transport::hard_support,
+    transport::photon_map, xr::openxr_picture, xr::openxr_runtime, xr::openxr_support,
 };
 
 pub mod drag;

@@ -4,7 +4,7 @@ use egui::{Color32, ColorImage, Context, RawInput, Rect, TextureOptions, pos2, v
 use stereolux::gpu::GpuContext;
 use stereolux::viewer::painter::{Painter, Target};
 
-use super::openxr_submit::{bytes, target_texture};
+use super::textures::{bytes, target_texture};
 use crate::suite::support::adapter_name;
 
 const SIZE: [u32; 2] = [192, 128];

@@ -8,7 +8,7 @@ use stereolux::viewer::frames::FrameReport;
 use stereolux::viewer::sketch::{Sketcher, Source, Stand, Wish};
 use stereolux::xr::View;
 
-use super::openxr_submit::bytes;
+use super::textures::bytes;
 use super::viewer_support::{SIZE, Viewer, node_of, open, path_tracing, shown};
 use crate::suite::support::{Folder, adapter_name, pixel_ray};
 
