@@ -194,8 +194,6 @@ impl App {
                 .eyes(settings.render.reuse != Reuse::Off),
             scene_time_ns: None,
             size,
-            exposure: settings.render.output.exposure,
-            tone: settings.render.output.tone,
             view_mode: ViewMode::Picture,
             stands: false,
         };
@@ -500,10 +498,15 @@ impl App {
         }
     }
 
-    pub(super) fn ask(&mut self, request: Request) {
+    /// The worker is asked for something: counted, and unanswered for now.
+    fn note_asked(&mut self) {
         self.asked += 1;
         self.is_stopped = false;
         self.unanswered.get_or_insert((self.asked, Instant::now()));
+    }
+
+    pub(super) fn ask(&mut self, request: Request) {
+        self.note_asked();
         match &request {
             Request::Edit(_) => self.changes += 1,
             Request::Scene(_) => {
@@ -748,8 +751,6 @@ impl App {
             rendered: self.rendered(),
             scene_time_ns: self.clock.seconds.map(|seconds| (seconds * 1e9) as i64),
             size: self.size,
-            exposure: self.settings.render.output.exposure,
-            tone: self.settings.render.output.tone,
             view_mode: self.view_mode,
             // No reason to send it again.
             stands: self.sent.as_ref().is_some_and(|sent| sent.stands),
@@ -757,9 +758,7 @@ impl App {
         if self.sent.as_ref() == Some(&now) && told == self.asked {
             return;
         }
-        self.asked += 1;
-        self.is_stopped = false;
-        self.unanswered.get_or_insert((self.asked, Instant::now()));
+        self.note_asked();
         now.number = self.asked;
         let shown = self.frame.as_ref().map(|frame| frame.view_mode);
         now.stands = shown == Some(self.view_mode) && !self.is_behind();

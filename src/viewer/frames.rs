@@ -8,7 +8,7 @@ use super::view_pictures::ViewPictures;
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
 use crate::renderer::{Inspection, InstanceId, SeenSurface};
-use crate::settings::{Eyes, Settings, Tone};
+use crate::settings::{Eyes, Settings};
 use crate::xr::View;
 
 /// What is shown of a frame.
@@ -63,7 +63,7 @@ impl ViewMode {
 pub struct Wanted {
     /// Grows with every change of what follows and with every request that came before it.
     pub number: u64,
-    /// Settings of the renderer. Its `size`, `output.exposure` and tone do not count: those below do.
+    /// Settings of the renderer, and exposure and curve of pictures. Its `size` does not count: that below does.
     pub settings: Arc<Settings>,
     /// The other settings of a split view.
     pub other: Option<Arc<Settings>>,
@@ -75,10 +75,6 @@ pub struct Wanted {
     pub scene_time_ns: Option<i64>,
     /// Pixels per eye of a view that stands still.
     pub size: [u32; 2],
-    /// Exposure of pictures.
-    pub exposure: f64,
-    /// Curve of pictures.
-    pub tone: Tone,
     /// What is shown of the frames.
     pub view_mode: ViewMode,
     /// The window has a picture of it already: frames need not begin small for its sake.

@@ -314,8 +314,8 @@ impl RenderEngine {
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.
     fn average(&mut self, wanted: &Wanted) -> Result<usize, EngineError> {
         let display = Display {
-            exposure: wanted.exposure,
-            tone: wanted.tone,
+            exposure: wanted.settings.render.output.exposure,
+            tone: wanted.settings.render.output.tone,
         };
         let compiled = self.compiled()?;
         let shown = compiled
@@ -599,6 +599,8 @@ mod tests {
         let scene = Scene::builtin("cornell").unwrap();
         let mut settings = Settings::default();
         settings.render.method = crate::settings::Method::Path;
+        settings.render.output.exposure = 2.0;
+        settings.render.output.tone = Tone::Neutral;
         let settings = Arc::new(settings);
         let headset = crate::xr::Headset::load(&settings.headset).unwrap();
         let views = headset.views_from_head(&scene.start_pose());
@@ -611,8 +613,6 @@ mod tests {
             rendered: Eyes::Right,
             scene_time_ns: None,
             size,
-            exposure: 2.0,
-            tone: Tone::Neutral,
             view_mode: ViewMode::Picture,
             stands: false,
         };

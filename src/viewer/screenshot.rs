@@ -53,7 +53,8 @@ pub fn write(
     })?;
     // Last: its name marks the number as taken.
     let path = folder.join(format!("{name}.png"));
-    let shown = |mean: &ImageRgb| tone_map_by(mean, wanted.exposure, wanted.tone);
+    let output = &wanted.settings.render.output;
+    let shown = |mean: &ImageRgb| tone_map_by(mean, output.exposure, output.tone);
     let picture = match &means {
         [Some(left), Some(right)] => Image::side_by_side(&shown(left), &shown(right))?,
         [Some(only), None] | [None, Some(only)] => shown(only),
