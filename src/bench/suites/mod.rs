@@ -11,11 +11,11 @@ use serde_json::Value;
 
 use super::BenchError;
 use super::instance_motion::InstanceMotion;
-use super::measure::{Candidate, GroupPlan};
+use super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::scenes::SceneSource;
 use crate::options::{BenchOptions, Suite};
 use crate::scene::Scene;
-use crate::settings::{RenderSettings, Settings};
+use crate::settings::{Eyes, RenderSettings, Settings};
 use crate::xr::{Fov, Headset};
 
 pub use super::scenes::INDIRECT_SCENE;
@@ -46,6 +46,33 @@ pub struct SuiteBase {
     pub frames: u32,
     /// Full or smoke.
     pub extent: Extent,
+}
+
+impl SuiteBase {
+    /// A group as most are: one eye from the start, without a reference.
+    fn group(
+        &self,
+        suite: &'static str,
+        name: String,
+        scene: SceneSource,
+        (headset, headset_label): &(Headset, String),
+        candidates: Vec<Candidate>,
+    ) -> GroupPlan {
+        GroupPlan {
+            suite,
+            name,
+            scene,
+            headset: headset.clone(),
+            headset_label: headset_label.clone(),
+            views: ViewPlan::Start,
+            size: self.size,
+            eyes: Eyes::Left,
+            filter: None,
+            candidates,
+            rounds: self.rounds,
+            warm_up: self.warm_up,
+        }
+    }
 }
 
 /// Rounds without `--rounds`.

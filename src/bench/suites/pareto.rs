@@ -4,14 +4,14 @@
 use serde_json::json;
 
 use super::super::BenchError;
-use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::measure::{Candidate, GroupPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{
     Extent, INDIRECT_SCENE, SuiteBase, candidate, framing_headset, scene_of, three_digits,
 };
 use crate::renderer::automatic_radius_m;
-use crate::settings::{DirectLight, Eyes, Kernel, Method, RenderSettings, Reuse};
+use crate::settings::{DirectLight, Kernel, Method, RenderSettings, Reuse};
 
 /// Variants of a group beside the first: each holds a device of its own, so there cannot be many.
 const GROUP: usize = 5;
@@ -119,7 +119,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             Extent::Smoke => SMOKE,
         };
         let loaded = scene_of(scene, base)?;
-        let (headset, headset_label) = framing_headset(&base.settings, base.size, &loaded)?;
+        let view = framing_headset(&base.settings, base.size, &loaded)?;
         let automatic = automatic_radius_m(&loaded, RADIUS_PHOTONS);
         let settings = RenderSettings {
             reuse: Reuse::Off,
@@ -166,22 +166,13 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
             [("method", json!("anchor")), ("spp", json!(1))],
         );
         for (index, chunk) in all.chunks(GROUP).enumerate() {
+            let name = format!("{scene}, group {}", index + 1);
+            let source = SceneSource::Named(scene.clone());
+            let candidates = [std::slice::from_ref(&anchor), chunk].concat();
             plans.push(GroupPlan {
-                suite: "pareto",
-                name: format!("{scene}, group {}", index + 1),
-                scene: SceneSource::Named(scene.clone()),
-                headset: headset.clone(),
-                headset_label: headset_label.clone(),
-                views: ViewPlan::Start,
-                size: base.size,
-                eyes: Eyes::Left,
                 // The picture that everyone wants is filtered, so a single sample's jagged edges count as error.
                 filter: Some(PixelFilter::Box),
-                candidates: std::iter::once(anchor.clone())
-                    .chain(chunk.iter().cloned())
-                    .collect(),
-                rounds: base.rounds,
-                warm_up: base.warm_up,
+                ..base.group("pareto", name, source, &view, candidates)
             });
         }
     }

@@ -10,7 +10,7 @@ use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::{Generated, SceneSource};
 use super::{Extent, SuiteBase, candidate, framing_headset, scene_of};
-use crate::settings::{Eyes, Method, RenderSettings, Reuse};
+use crate::settings::{Method, RenderSettings, Reuse};
 use crate::xr::Headset;
 
 /// What is varied.
@@ -100,29 +100,6 @@ impl Scaling<'_> {
         settings
     }
 
-    fn group(
-        &self,
-        name: String,
-        scene: SceneSource,
-        (headset, headset_label): &(Headset, String),
-        candidates: Vec<Candidate>,
-    ) -> GroupPlan {
-        GroupPlan {
-            suite: "scaling",
-            name,
-            scene,
-            headset: headset.clone(),
-            headset_label: headset_label.clone(),
-            views: ViewPlan::Start,
-            size: self.base.size,
-            eyes: Eyes::Left,
-            filter: None,
-            candidates,
-            rounds: self.base.rounds,
-            warm_up: self.base.warm_up,
-        }
-    }
-
     fn candidates(&self, series: &'static str, value: f64, variants: &[Variant]) -> Vec<Candidate> {
         let candidate = |&(name, method, motion): &Variant| Candidate {
             motion,
@@ -137,11 +114,9 @@ impl Scaling<'_> {
 
     /// The series over generated rooms, seen from one place by a head that moves.
     fn generated(&self) -> Result<Vec<GroupPlan>, BenchError> {
-        let room = framing_headset(
-            &self.base.settings,
-            self.base.size,
-            &Generated::default().scene(),
-        )?;
+        let base = self.base;
+        let scene = Generated::default().scene();
+        let room = framing_headset(&base.settings, base.size, &scene)?;
         let mut plans = Vec::new();
         let mut add = |series: &'static str,
                        values: &[u32],
@@ -152,9 +127,10 @@ impl Scaling<'_> {
                 made(&mut generated, value);
                 let scene = SceneSource::Generated(generated);
                 let candidates = self.candidates(series, f64::from(value), variants);
+                let name = format!("{series} {value}");
                 plans.push(GroupPlan {
                     views: ViewPlan::Jitter,
-                    ..self.group(format!("{series} {value}"), scene, &room, candidates)
+                    ..base.group("scaling", name, scene, &room, candidates)
                 });
             }
         };
@@ -176,11 +152,8 @@ impl Scaling<'_> {
     /// The series of photons and pixels over one scene.
     fn named(&self, scene: &str) -> Result<Vec<GroupPlan>, BenchError> {
         let source = SceneSource::Named(scene.to_owned());
-        let view = framing_headset(
-            &self.base.settings,
-            self.base.size,
-            &scene_of(scene, self.base)?,
-        )?;
+        let base = self.base;
+        let view = framing_headset(&base.settings, base.size, &scene_of(scene, base)?)?;
         let with_photons = |&count: &u32| {
             candidate(
                 format!("photon {count}"),
@@ -192,10 +165,10 @@ impl Scaling<'_> {
         let photons = format!("photons, {scene}");
         let mut plans = vec![GroupPlan {
             filter: Some(PixelFilter::Center),
-            ..self.group(photons, source.clone(), &view, candidates)
+            ..base.group("scaling", photons, source.clone(), &view, candidates)
         }];
         let mut sizes: Vec<[u32; 2]> = self.axes.sides.iter().map(|&side| [side; 2]).collect();
-        if self.base.extent == Extent::Full {
+        if base.extent == Extent::Full {
             sizes.push(Headset::load(LARGEST_HEADSET)?.size);
         }
         for size in sizes {
@@ -204,7 +177,7 @@ impl Scaling<'_> {
             let name = format!("pixels {}x{}, {scene}", size[0], size[1]);
             plans.push(GroupPlan {
                 size,
-                ..self.group(name, source.clone(), &view, candidates)
+                ..base.group("scaling", name, source.clone(), &view, candidates)
             });
         }
         Ok(plans)

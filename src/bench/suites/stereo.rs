@@ -67,32 +67,27 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                 ViewPlan::Ahead(metres) => format!("still, {metres} m ahead"),
                 ViewPlan::Trace => "sway".to_owned(),
             };
+            let factors = [
+                ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
+                ("headset", json!(label)),
+                ("motion", json!(motion)),
+                ("diffuse", json!(diffuse)),
+            ];
+            let candidates = candidates(&base.settings.render, &factors);
+            let name = format!("{scene}, {name}");
+            let source = SceneSource::Named(scene.clone());
+            let view = (headset, label.to_owned());
             GroupPlan {
-                suite: "stereo",
-                name: format!("{scene}, {name}"),
-                scene: SceneSource::Named(scene.clone()),
-                candidates: candidates(
-                    &base.settings.render,
-                    &[
-                        ("ipd_mm", json!((headset.ipd_m * 1e4).round() / 10.0)),
-                        ("headset", json!(label)),
-                        ("motion", json!(motion)),
-                        ("diffuse", json!(diffuse)),
-                    ],
-                ),
-                headset,
-                headset_label: label.to_owned(),
                 rounds: if views == ViewPlan::Trace {
                     base.frames
                 } else {
                     base.rounds
                 },
                 views,
-                size: base.size,
                 eyes: Eyes::Both,
                 // A frame of one sample looks through the pixels' centres, and so does what it is judged by.
                 filter: Some(PixelFilter::Center),
-                warm_up: base.warm_up,
+                ..base.group("stereo", name, source, &view, candidates)
             }
         };
         let ipds: &[f64] = match base.extent {

@@ -8,7 +8,7 @@ use stereolux_report::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY};
 use stereolux_report::report_2020::photons_and_radii;
 
 use super::super::BenchError;
-use super::super::measure::{Candidate, GroupPlan, ViewPlan};
+use super::super::measure::{Candidate, GroupPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
 use super::{Extent, SuiteBase, candidate, framing_headset, scene_of, stereo, three_digits};
@@ -60,7 +60,7 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;
         let diffuse = stereo::is_diffuse(&loaded);
-        let (headset, headset_label) = framing_headset(&base.settings, base.size, &loaded)?;
+        let view = framing_headset(&base.settings, base.size, &loaded)?;
         let width_m = loaded
             .bounds_in_world()
             .map_or(BOX_WIDTH_IN_TABLE_UNITS, |bounds| bounds.size().x);
@@ -95,19 +95,11 @@ pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
                     ways(&settings, &factors),
                 ),
             ] {
+                let source = SceneSource::Named(scene.clone());
                 plans.push(GroupPlan {
-                    suite: "tables",
-                    name,
-                    scene: SceneSource::Named(scene.clone()),
-                    headset: headset.clone(),
-                    headset_label: headset_label.clone(),
-                    views: ViewPlan::Start,
-                    size: base.size,
                     eyes,
                     filter: Some(PixelFilter::Center),
-                    candidates,
-                    rounds: base.rounds,
-                    warm_up: base.warm_up,
+                    ..base.group("tables", name, source, &view, candidates)
                 });
             }
         }
