@@ -129,29 +129,17 @@ fn print_line(text: &str) -> Result<(), Failure> {
     }
 }
 
-impl From<SceneError> for Failure {
-    fn from(error: SceneError) -> Self {
-        Self::unusable(error)
-    }
+macro_rules! unusable {
+    ($($error:ty),+) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::unusable(error)
+            }
+        }
+    )+};
 }
 
-impl From<OutputError> for Failure {
-    fn from(error: OutputError) -> Self {
-        Self::unusable(error)
-    }
-}
-
-impl From<ImageError> for Failure {
-    fn from(error: ImageError) -> Self {
-        Self::unusable(error)
-    }
-}
-
-impl From<CompareError> for Failure {
-    fn from(error: CompareError) -> Self {
-        Self::unusable(error)
-    }
-}
+unusable! { SceneError, OutputError, ImageError, CompareError, MirrorError }
 
 impl From<XrError> for Failure {
     fn from(error: XrError) -> Self {
@@ -184,12 +172,6 @@ impl From<crate::viewer::ViewError> for Failure {
             ViewError::NoWindow(_) | ViewError::CannotShow { .. } => Self::unusable(error),
             ViewError::Ended(_) => Self::failed(error),
         }
-    }
-}
-
-impl From<MirrorError> for Failure {
-    fn from(error: MirrorError) -> Self {
-        Self::unusable(error)
     }
 }
 

@@ -175,20 +175,10 @@ impl SessionOptions {
             (SessionChoice::Replay, false) => {
                 return conflict("--session replay needs a recording; add --trace FILE");
             }
-            (SessionChoice::Simulated, true) => {
-                return conflict(
-                    "--trace and --session simulated exclude each other; give --session replay or leave one out",
-                );
-            }
-            (SessionChoice::Desktop, true) => {
-                return conflict(
-                    "--trace and --session desktop exclude each other; give --session replay or leave one out",
-                );
-            }
-            (SessionChoice::Openxr, true) => {
-                return conflict(
-                    "--trace and --session openxr exclude each other; give --session replay or leave one out",
-                );
+            (chosen, true) if chosen != SessionChoice::Replay => {
+                return conflict(&format!(
+                    "--trace and --session {chosen} exclude each other; give --session replay or leave one out"
+                ));
             }
             (chosen, _) => chosen,
         };

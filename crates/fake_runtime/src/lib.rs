@@ -185,6 +185,15 @@ impl State {
     }
 }
 
+/// Ends a call for a session that is not there.
+macro_rules! check {
+    ($state:ident, $session:ident) => {
+        if let Err(error) = $state.check($session) {
+            return error;
+        }
+    };
+}
+
 fn asked_for(what: &str) -> bool {
     std::env::var("FAKE_RUNTIME").is_ok_and(|asked| asked == what)
 }
@@ -621,30 +630,30 @@ unsafe extern "system" fn suggest_bindings(
     R::SUCCESS
 }
 
-unsafe extern "system" fn boolean_state(
-    _: xr::Session,
-    _: *const xr::ActionStateGetInfo,
-    out: *mut xr::ActionStateBoolean,
-) -> R {
-    (*out).current_state = xr::FALSE;
-    (*out).changed_since_last_sync = xr::FALSE;
-    (*out).last_change_time = xr::Time::from_nanos(0);
-    (*out).is_active = xr::FALSE;
-    R::SUCCESS
+/// Functions that give an action's value and whether it is active; it has not changed.
+macro_rules! action_states {
+    ($($name:ident: $kind:ty = $answer:expr;)+) => {$(
+        unsafe extern "system" fn $name(
+            _: xr::Session,
+            _: *const xr::ActionStateGetInfo,
+            out: *mut $kind,
+        ) -> R {
+            ((*out).current_state, (*out).is_active) = $answer;
+            (*out).changed_since_last_sync = xr::FALSE;
+            (*out).last_change_time = xr::Time::from_nanos(0);
+            R::SUCCESS
+        }
+    )+};
 }
 
-unsafe extern "system" fn vector_state(
-    _: xr::Session,
-    _: *const xr::ActionStateGetInfo,
-    out: *mut xr::ActionStateVector2f,
-) -> R {
-    let walks = asked_for("lost_on_the_way");
-    let y = if walks { 0.5 } else { 0.0 };
-    (*out).current_state = xr::Vector2f { x: 0.0, y };
-    (*out).changed_since_last_sync = xr::FALSE;
-    (*out).last_change_time = xr::Time::from_nanos(0);
-    (*out).is_active = walks.into();
-    R::SUCCESS
+action_states! {
+    boolean_state: xr::ActionStateBoolean = (xr::FALSE, xr::FALSE);
+    vector_state: xr::ActionStateVector2f = {
+        let walks = asked_for("lost_on_the_way");
+        let y = if walks { 0.5 } else { 0.0 };
+        (xr::Vector2f { x: 0.0, y }, walks.into())
+    };
+    float_state: xr::ActionStateFloat = (f32::NAN, asked_for("wild_hands").into());
 }
 
 unsafe extern "system" fn create_session(
@@ -680,9 +689,7 @@ unsafe extern "system" fn destroy_session(session: xr::Session) -> R {
 
 unsafe extern "system" fn begin_session(session: xr::Session, _: *const xr::SessionBeginInfo) -> R {
     let mut state = state();
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     if std::mem::replace(&mut state.session.is_running, true) {
         return R::ERROR_SESSION_RUNNING;
     }
@@ -692,9 +699,7 @@ unsafe extern "system" fn begin_session(session: xr::Session, _: *const xr::Sess
 
 unsafe extern "system" fn end_session(session: xr::Session) -> R {
     let mut state = state();
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     if !std::mem::replace(&mut state.session.is_running, false) {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
@@ -710,9 +715,7 @@ unsafe extern "system" fn end_session(session: xr::Session) -> R {
 
 unsafe extern "system" fn request_exit(session: xr::Session) -> R {
     let mut state = state();
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     if !state.session.is_running {
         return R::ERROR_SESSION_NOT_RUNNING;
     }
@@ -897,19 +900,6 @@ unsafe extern "system" fn apply_haptics(
     R::SUCCESS
 }
 
-unsafe extern "system" fn float_state(
-    _: xr::Session,
-    _: *const xr::ActionStateGetInfo,
-    out: *mut xr::ActionStateFloat,
-) -> R {
-    let is_wild = asked_for("wild_hands");
-    (*out).current_state = f32::NAN;
-    (*out).changed_since_last_sync = xr::FALSE;
-    (*out).last_change_time = xr::Time::from_nanos(0);
-    (*out).is_active = is_wild.into();
-    R::SUCCESS
-}
-
 unsafe extern "system" fn wait_frame(
     session: xr::Session,
     _: *const xr::FrameWaitInfo,
@@ -929,9 +919,7 @@ unsafe extern "system" fn wait_frame(
     ];
     state.session.is_lost |= behaviours.into_iter().any(|lost| state.fails_now(lost))
         || asked_for("lost_again") && state.shown >= SHOWN_BEFORE;
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     state.session.waited += 1;
     let waited = state.session.waited as i64;
     (*out).predicted_display_time = xr::Time::from_nanos(1_000_000_000 + waited * PERIOD_NS);
@@ -970,9 +958,7 @@ unsafe extern "system" fn create_passthrough(
     out: *mut xr::PassthroughFB,
 ) -> R {
     let mut state = state();
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     if (*info).flags != xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION {
         return R::ERROR_VALIDATION_FAILURE;
     }
@@ -990,9 +976,7 @@ unsafe extern "system" fn create_passthrough_layer(
     out: *mut xr::PassthroughLayerFB,
 ) -> R {
     let mut state = state();
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     if (*info).flags != xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION
         || (*info).purpose != xr::PassthroughLayerPurposeFB::RECONSTRUCTION
     {
@@ -1045,9 +1029,7 @@ unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::Frame
             return R::ERROR_VALIDATION_FAILURE;
         }
         state.session.is_lost |= state.fails_now("end_frame_lost");
-        if let Err(error) = state.check(session) {
-            return error;
-        }
+        check!(state, session);
         let layers = std::slice::from_raw_parts((*info).layers, (*info).layer_count as usize);
         if !(layers.iter()).all(|layer| is_of_session(*layer, &state.session)) {
             return R::ERROR_HANDLE_INVALID;
@@ -1086,9 +1068,7 @@ unsafe extern "system" fn locate_views(
 ) -> R {
     let mut state = state();
     state.session.is_lost |= state.fails_now("locate_lost");
-    if let Err(error) = state.check(session) {
-        return error;
-    }
+    check!(state, session);
     (*located).view_state_flags =
         xr::ViewStateFlags::POSITION_VALID | xr::ViewStateFlags::ORIENTATION_VALID;
     let is_nowhere = asked_for("lost_on_the_way") && state.session.waited == 4;

@@ -31,7 +31,7 @@ const LIMITS: [Limit; 4] = [Limit::Spills, Limit::Scratch, Limit::Code, Limit::W
 
 /// Kernels that break a limit, known and explained. One that no longer breaks it is an error: its name goes.
 struct Exception {
-    card: Family,
+    cards: &'static [Family],
     limit: Limit,
     reason: &'static str,
     /// Scene and pass.
@@ -39,50 +39,36 @@ struct Exception {
 }
 
 const CAPPED: &str = "Mesa 22 stops at 132 of this card's 256 vector registers; Mesa 25 has spilled nothing in path tracing";
-const WHOLE_PATHS: &str = "a path's state, both ways to sample light and a ray are alive at once";
-const WIDE_SURFACES: &str = "a surface's materials and a ray are alive at once";
 
 const EXCEPTIONS: &[Exception] = &[
     Exception {
-        card: Family::Rdna2,
+        cards: &[Family::Rdna2],
         limit: Limit::Spills,
         reason: "up to eleven scalar registers, into lanes of a vector register",
         kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
-        card: Family::Rdna3,
+        cards: &[Family::Rdna3],
         limit: Limit::Spills,
         reason: CAPPED,
         kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
-        card: Family::Rdna3,
+        cards: &[Family::Rdna3],
         limit: Limit::Spills,
         reason: "one register, of which Mesa 22 gives 132 of 256",
         kernels: &[["helmet", "motion"]],
     },
     Exception {
-        card: Family::Rdna2,
+        cards: &Family::ALL,
         limit: Limit::Waves,
-        reason: WHOLE_PATHS,
+        reason: "a path's state, both ways to sample light and a ray are alive at once",
         kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
-        card: Family::Rdna3,
+        cards: &Family::ALL,
         limit: Limit::Waves,
-        reason: WHOLE_PATHS,
-        kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
-    },
-    Exception {
-        card: Family::Rdna2,
-        limit: Limit::Waves,
-        reason: WIDE_SURFACES,
-        kernels: WIDE_KERNELS,
-    },
-    Exception {
-        card: Family::Rdna3,
-        limit: Limit::Waves,
-        reason: WIDE_SURFACES,
+        reason: "a surface's materials and a ray are alive at once",
         kernels: WIDE_KERNELS,
     },
 ];
@@ -147,15 +133,18 @@ impl Limit {
 
 /// What is wrong with `rows`, one line each, and which exceptions they do not need.
 fn judge(rows: &[Row], exceptions: &[Exception]) -> (Vec<String>, Vec<String>) {
-    let mut unneeded: Vec<(&Exception, [&str; 2])> = exceptions
-        .iter()
-        .flat_map(|known| known.kernels.iter().map(move |kernel| (known, *kernel)))
-        // Of a scene that was not asked for nothing is known.
-        .filter(|(known, [scene, _])| {
-            rows.iter()
-                .any(|row| row.card == known.card && row.scene == *scene)
-        })
-        .collect();
+    let mut unneeded: Vec<(&Exception, Family, [&str; 2])> = Vec::new();
+    for known in exceptions {
+        for &card in known.cards {
+            // Of a scene that was not asked for nothing is known.
+            let is_known = |[scene, _]: &[&str; 2]| {
+                let mut rows = rows.iter();
+                rows.any(|row| row.card == card && row.scene == *scene)
+            };
+            let kernels = known.kernels.iter().copied().filter(is_known);
+            unneeded.extend(kernels.map(|kernel| (known, card, kernel)));
+        }
+    }
     let mut faults = Vec::new();
     for row in rows {
         for limit in LIMITS {
@@ -163,19 +152,24 @@ fn judge(rows: &[Row], exceptions: &[Exception]) -> (Vec<String>, Vec<String>) {
                 continue;
             };
             let kernel = [row.scene.as_str(), row.pass.as_str()];
-            let is_for = |known: &Exception| known.card == row.card && known.limit == limit;
-            let excuses = |known: &Exception| is_for(known) && known.kernels.contains(&kernel);
+            let excuses = |known: &Exception| {
+                known.limit == limit
+                    && known.cards.contains(&row.card)
+                    && known.kernels.contains(&kernel)
+            };
             if exceptions.iter().any(excuses) {
-                unneeded.retain(|(known, name)| !(is_for(known) && *name == kernel));
+                unneeded.retain(|(known, card, name)| {
+                    (known.limit, *card, *name) != (limit, row.card, kernel)
+                });
             } else {
                 faults.push(format!("{} {words}", row.name()));
             }
         }
     }
-    let no_more = |(known, [scene, pass]): &(&Exception, [&str; 2])| {
+    let no_more = |(known, card, [scene, pass]): &(&Exception, Family, [&str; 2])| {
         format!(
             "{} {scene} {pass}: no exception from {:?} is needed any more ({})",
-            known.card.name(),
+            card.name(),
             known.limit,
             known.reason
         )
@@ -341,7 +335,7 @@ mod tests {
 
     const fn exception(limit: Limit) -> Exception {
         Exception {
-            card: Family::Rdna3,
+            cards: &[Family::Rdna3],
             limit,
             reason: "why",
             kernels: &[["room", "trace"]],

@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
+use crate::images::srgb_encode;
 use crate::scene::{AlphaMode, Image, Material};
 
 use super::textures::linear_from_srgb;
@@ -82,13 +83,13 @@ impl Averaging {
         let bytes: [u8; 4] = match self {
             Self::None | Self::Linear => mean.map(byte),
             Self::Color => [
-                byte(srgb_from_linear(mean[0])),
-                byte(srgb_from_linear(mean[1])),
-                byte(srgb_from_linear(mean[2])),
+                byte(srgb_encode(mean[0])),
+                byte(srgb_encode(mean[1])),
+                byte(srgb_encode(mean[2])),
                 byte(mean[3]),
             ],
             Self::BlendedColor | Self::MaskedColor(_) => {
-                let color = |c: usize| byte(srgb_from_linear(mean[c] / mean[3]));
+                let color = |c: usize| byte(srgb_encode(mean[c] / mean[3]));
                 [color(0), color(1), color(2), byte(mean[3] - LEAST_WEIGHT)]
             }
             Self::Normals => {
@@ -110,14 +111,6 @@ static LINEAR_OF_BYTE: LazyLock<[f32; 256]> =
 
 fn byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
-}
-
-fn srgb_from_linear(value: f32) -> f32 {
-    if value <= 0.003_130_8 {
-        12.92 * value
-    } else {
-        1.055 * value.powf(1.0 / 2.4) - 0.055
-    }
 }
 
 /// GGX alpha that normals add (in squares) whose mean is this long (Toksvig 2005): they are taken as spread by von Mises and

@@ -186,35 +186,30 @@ fn words(value: &Value) -> String {
     }
 }
 
+/// A box of words; what is chosen instead of `value`.
+fn choice(ui: &mut Ui, key: &str, value: &Value, words: &[&str]) -> Option<Value> {
+    let mut chosen = value.as_str().unwrap_or_default().to_owned();
+    ComboBox::from_id_salt(key)
+        .selected_text(chosen.clone())
+        .show_ui(ui, |ui| {
+            for word in words {
+                ui.selectable_value(&mut chosen, (*word).to_owned(), *word);
+            }
+        });
+    (value.as_str() != Some(&chosen)).then(|| json!(chosen))
+}
+
 /// The widget of a setting's kind; what it was changed to.
 fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) -> Option<Value> {
     if setting.key == "headset" {
-        let mut chosen = value.as_str().unwrap_or_default().to_owned();
-        ComboBox::from_id_salt(setting.key)
-            .selected_text(chosen.clone())
-            .show_ui(ui, |ui| {
-                for name in Headset::names() {
-                    ui.selectable_value(&mut chosen, name.to_owned(), name);
-                }
-            });
-        return (value.as_str() != Some(&chosen)).then(|| json!(chosen));
+        return choice(ui, setting.key, value, &Headset::names());
     }
     match setting.kind {
         Kind::Bool => {
             let mut on = value.as_bool().unwrap_or_default();
             ui.checkbox(&mut on, "").changed().then(|| json!(on))
         }
-        Kind::Choice { words, .. } => {
-            let mut chosen = value.as_str().unwrap_or_default().to_owned();
-            ComboBox::from_id_salt(setting.key)
-                .selected_text(chosen.clone())
-                .show_ui(ui, |ui| {
-                    for word in words {
-                        ui.selectable_value(&mut chosen, (*word).to_owned(), *word);
-                    }
-                });
-            (value.as_str() != Some(&chosen)).then(|| json!(chosen))
-        }
+        Kind::Choice { words, .. } => choice(ui, setting.key, value, words),
         Kind::Whole { min, max } => {
             let mut number = value.as_u64().unwrap_or(min);
             let speed = (number as f64 * 0.01).max(0.1);
