@@ -70,13 +70,6 @@ pub(super) struct Maker {
 }
 
 impl PartLoading {
-    /// Whether [`World::add_part`](super::World::add_part) would wait. A replay may find another answer: do not decide by it
-    /// what is shown when.
-    #[must_use]
-    pub fn is_ready(&self) -> bool {
-        self.0.is_finished()
-    }
-
     pub(super) fn begin(
         kept: &mut Kept,
         load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
