@@ -2,11 +2,11 @@
 
 use glam::{DAffine3, DVec3};
 use stereolux::bvh::records::Triangle;
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::gpu::{GpuContext, Kernel, Resources};
 use stereolux::renderer::SceneBuffers;
 
 use super::bvh_reference::ExactInstance;
-use super::trace_probe::{Random, TraceProbe, TraceQuery, ask, disagreements, features};
+use super::trace_probe::{Random, TraceProbe, TraceQuery, ask, disagreements, probe};
 
 /// Asks the shaders' `previous_point`.
 pub struct PreviousProbe<'a> {
@@ -16,12 +16,8 @@ pub struct PreviousProbe<'a> {
 
 impl<'a> PreviousProbe<'a> {
     pub fn new(context: &'a GpuContext, on: &[&str]) -> Self {
-        let mut library = ShaderLibrary::embedded();
-        library.insert("tests/previous_probe", include_str!("previous_probe.wesl"));
-        Self {
-            context,
-            kernel: Kernel::new(context, &library, "tests/previous_probe", &features(on)).unwrap(),
-        }
+        let kernel = probe(context, include_str!("previous_probe.wesl"), on);
+        Self { context, kernel }
     }
 
     /// Positions relative to the previous frame's origin; `None` where the previous frame had no such instance.

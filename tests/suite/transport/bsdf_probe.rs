@@ -7,7 +7,7 @@ use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
 use stereolux::renderer::packing::{PackedTextures, pack_materials};
 use stereolux::scene::{Material, Scene};
 
-use super::trace_probe::{ask, features, probe_source};
+use super::trace_probe::{ask, probe_in, probe_source};
 
 /// A pair of directions at a material, or the direction to sample for.
 #[repr(C)]
@@ -75,12 +75,9 @@ impl<'a> BsdfProbe<'a> {
         on: &[&str],
         materials: &[Material],
     ) -> Self {
-        let mut library = library.clone();
-        let features = features(on);
         let [eval, sample] = [&[][..], &["probe_sampling"]].map(|modes| {
             let source = probe_source(include_str!("bsdf_probe.wesl"), modes);
-            library.insert("tests/bsdf_probe", source);
-            Kernel::new(context, &library, "tests/bsdf_probe", &features).unwrap()
+            probe_in(context, library.clone(), source, on)
         });
         let scene = Scene {
             materials: materials.to_vec(),

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use stereolux::gpu::buffers::storage_buffer_with_data;
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::gpu::{GpuContext, Resources};
 use stereolux::renderer::packing::sample_image;
 use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
 
@@ -11,7 +11,7 @@ use super::bsdf_probe::wide;
 use super::bsdf_twin::Dice;
 use super::lights_probe::{SceneUpload, add_triangles, glowing};
 use super::support::context;
-use super::trace_probe::{ask, features};
+use super::trace_probe::{ask, probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -51,9 +51,7 @@ const ALL: [&str; 9] = [
 ];
 
 fn load(context: &GpuContext, on: &[&str], scene: &Scene, queries: &[Query]) -> Vec<Answer> {
-    let mut library = ShaderLibrary::embedded();
-    library.insert("tests/bsdf_surface", include_str!("bsdf_surface.wesl"));
-    let kernel = Kernel::new(context, &library, "tests/bsdf_surface", &features(on)).unwrap();
+    let kernel = probe(context, include_str!("bsdf_surface.wesl"), on);
     let upload = SceneUpload::new(context, scene, DVec3::ZERO);
     let count = queries.len();
     let query_count = storage_buffer_with_data(context, "query_count", &[count as u32]).unwrap();

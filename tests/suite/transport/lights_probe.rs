@@ -4,14 +4,14 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux::bvh::records::{Instance, Triangle};
 use stereolux::gpu::buffers::storage_buffer_with_data;
-use stereolux::gpu::{GpuContext, Kernel, Resources, ShaderLibrary};
+use stereolux::gpu::{GpuContext, Kernel, Resources};
 use stereolux::renderer::packing::{
     LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
     pack_lights, pack_materials, pack_textures, pack_vertices,
 };
 use stereolux::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
 
-use super::trace_probe::{ask, features, probe_source};
+use super::trace_probe::{ask, probe, probe_source};
 
 /// What densities are asked for.
 #[repr(C)]
@@ -172,12 +172,9 @@ impl SceneUpload {
 
 impl<'a> LightProbe<'a> {
     pub fn new(context: &'a GpuContext, on: &[&str], scene: &Scene, origin: DVec3) -> Self {
-        let mut library = ShaderLibrary::embedded();
-        let features = features(on);
         let kernels = [&[][..], &["probe_emit"], &["probe_pdf"]].map(|modes| {
             let source = probe_source(include_str!("lights_probe.wesl"), modes);
-            library.insert("tests/lights_probe", source);
-            Kernel::new(context, &library, "tests/lights_probe", &features).unwrap()
+            probe(context, source, on)
         });
         let upload = SceneUpload::new(context, scene, origin);
         Self {

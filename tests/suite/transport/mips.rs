@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::gpu::{Kernel, Resources, ShaderLibrary};
+use stereolux::gpu::Resources;
 use stereolux::renderer::Eye;
 use stereolux::renderer::packing::sample_image;
 use stereolux::scene::{Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
@@ -14,7 +14,7 @@ use super::support::{
     both_bits, builtin, context, parallel_views, radiance, rendered, settings, square_fov,
     start_pose,
 };
-use super::trace_probe::{ask, features};
+use super::trace_probe::{ask, probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -65,8 +65,6 @@ fn answers(mut scene: Scene, material: Material, queries: &[Query]) -> Vec<Answe
     add_triangles(&mut scene, &[corners], material, DAffine3::IDENTITY);
     scene.meshes[0].normals = vec![[0.0, 0.0, 1.0]; 3];
     let context = context();
-    let mut library = ShaderLibrary::embedded();
-    library.insert("tests/mips_probe", include_str!("mips_probe.wesl"));
     let on = [
         "textures",
         "base_color_maps",
@@ -74,8 +72,7 @@ fn answers(mut scene: Scene, material: Material, queries: &[Query]) -> Vec<Answe
         "glossy",
         "mips",
     ];
-    let on = features(&on);
-    let kernel = Kernel::new(&context, &library, "tests/mips_probe", &on).unwrap();
+    let kernel = probe(&context, include_str!("mips_probe.wesl"), &on);
     let upload = SceneUpload::new(&context, &scene, DVec3::ZERO);
     let resources = upload.with(Resources::new());
     ask(&context, &kernel, &resources, queries, queries.len())

@@ -1,5 +1,7 @@
 //! Runs the shaders' traversal for tests, and builds the scenes they trace.
 
+use std::borrow::Cow;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 use stereolux_bvh::records::Triangle;
@@ -121,6 +123,22 @@ pub fn features(on: &[&str]) -> ShaderFeatures {
     features
 }
 
+/// A probe beside the embedded shaders, with the features that `on` lists.
+pub fn probe(context: &GpuContext, source: impl Into<Cow<'static, str>>, on: &[&str]) -> Kernel {
+    probe_in(context, ShaderLibrary::embedded(), source, on)
+}
+
+/// The same beside other shaders.
+pub fn probe_in(
+    context: &GpuContext,
+    mut library: ShaderLibrary,
+    source: impl Into<Cow<'static, str>>,
+    on: &[&str],
+) -> Kernel {
+    library.insert("tests/probe", source);
+    Kernel::new(context, &library, "tests/probe", &features(on)).unwrap()
+}
+
 /// A probe's source in the named modes: they are true in its `@if`s, the others false.
 pub fn probe_source(source: &str, modes: &[&str]) -> String {
     const MODES: [&str; 6] = [
@@ -174,11 +192,8 @@ pub struct TraceProbe<'a> {
 
 impl<'a> TraceProbe<'a> {
     pub fn new(context: &'a GpuContext, library: &ShaderLibrary, modes: &[&str]) -> Self {
-        let mut library = library.clone();
         let source = probe_source(include_str!("bvh_probe.wesl"), modes);
-        library.insert("tests/bvh_probe", source);
-        let features = ShaderFeatures::default();
-        let kernel = Kernel::new(context, &library, "tests/bvh_probe", &features).unwrap();
+        let kernel = probe_in(context, library.clone(), source, &[]);
         Self { context, kernel }
     }
 

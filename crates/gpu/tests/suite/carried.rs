@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
-use stereolux_gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
+use stereolux_gpu::{GpuContext, Resources};
 
 use crate::adapter::context;
-use crate::trace_probe::{Random, ask};
+use crate::trace_probe::{Random, ask, probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -19,10 +19,7 @@ struct Sample {
 }
 
 fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
-    let mut library = ShaderLibrary::embedded().clone();
-    library.insert("tests/carried_probe", include_str!("carried_probe.wesl"));
-    let features = ShaderFeatures::default();
-    let kernel = Kernel::new(context, &library, "tests/carried_probe", &features).unwrap();
+    let kernel = probe(context, include_str!("carried_probe.wesl"), &[]);
     ask(context, &kernel, &Resources::new(), samples, samples.len())
 }
 

@@ -1,10 +1,10 @@
 //! What the filters read and write, packed and unpacked again.
 
 use bytemuck::{Pod, Zeroable};
-use stereolux_gpu::{Kernel, Resources, ShaderFeatures, ShaderLibrary};
+use stereolux_gpu::Resources;
 
 use crate::adapter::context;
-use crate::trace_probe::{Random, ask};
+use crate::trace_probe::{Random, ask, probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -119,10 +119,7 @@ fn what_filters_read_survives_its_packing_within_its_steps() {
         },
     ];
     samples.extend(corners);
-    let mut library = ShaderLibrary::embedded().clone();
-    library.insert("tests/filtered_probe", include_str!("filtered_probe.wesl"));
-    let features = ShaderFeatures::default();
-    let kernel = Kernel::new(&context, &library, "tests/filtered_probe", &features).unwrap();
+    let kernel = probe(&context, include_str!("filtered_probe.wesl"), &[]);
     let unpacked: Vec<Sample> = ask(
         &context,
         &kernel,

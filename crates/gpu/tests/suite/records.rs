@@ -1,10 +1,10 @@
 //! Records are read four words at a time: what lies where is checked against the structs, whose layout the host shares.
 
+use stereolux_gpu::Resources;
 use stereolux_gpu::buffers::storage_buffer_with_data;
-use stereolux_gpu::{Kernel, Resources, ShaderLibrary};
 
 use crate::adapter::context;
-use crate::trace_probe::{Random, ask, features};
+use crate::trace_probe::{Random, ask, probe};
 
 const RECORDS: u32 = 64;
 /// Words of the largest record, a material.
@@ -24,10 +24,8 @@ const ARRAYS: [[&str; 2]; 8] = [
 #[test]
 fn records_are_read_as_their_structs_say() {
     let context = context();
-    let mut library = ShaderLibrary::embedded();
     let source = include_str!("../shared/records_probe.wesl");
-    library.insert("tests/records_probe", source);
-    let kernel = Kernel::new(&context, &library, "tests/records_probe", &features(&[])).unwrap();
+    let kernel = probe(&context, source, &[]);
     let mut random = Random(11);
     // Of floats from 1 to 2, so that no number is rounded or none.
     let words: Vec<u32> = (0..RECORDS as usize * MOST_WORDS)

@@ -4,10 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use stereolux_gpu::{Kernel, Resources, ShaderFeatures, ShaderLibrary};
+use stereolux_gpu::Resources;
 
 use crate::adapter::context;
-use crate::trace_probe::ask;
+use crate::trace_probe::{ask, probe};
 
 /// `MOST_CORRECTION` of `shaders/shared/surface.wesl`.
 const MOST: f64 = 8.0;
@@ -24,10 +24,7 @@ struct Query {
 /// Corrections by the device: where a photon from each direction goes on along `to`, and where it is gathered.
 fn corrections(shading_normal: DVec3, from: &[DVec3], to: DVec3) -> Vec<[f32; 2]> {
     let context = context();
-    let mut library = ShaderLibrary::embedded().clone();
-    library.insert("tests/shading_probe", include_str!("shading_probe.wesl"));
-    let features = ShaderFeatures::default();
-    let kernel = Kernel::new(&context, &library, "tests/shading_probe", &features).unwrap();
+    let kernel = probe(&context, include_str!("shading_probe.wesl"), &[]);
     let words = |v: DVec3| v.as_vec3().extend(0.0).to_array();
     let queries: Vec<Query> = from
         .iter()

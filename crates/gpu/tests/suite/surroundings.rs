@@ -2,12 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
-use stereolux_gpu::{
-    GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary, storage_buffer_with_data,
-};
+use stereolux_gpu::{GpuContext, Kernel, Resources, storage_buffer_with_data};
 
 use crate::adapter::context;
-use crate::trace_probe::{Random, ask};
+use crate::trace_probe::{Random, ask, probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -129,16 +127,8 @@ fn seen(context: &GpuContext, kernel: &Kernel, map: &Map, eye: &Eye) -> Vec<Answ
 }
 
 fn kernel(context: &GpuContext) -> Kernel {
-    let mut library = ShaderLibrary::embedded().clone();
-    library.insert(
-        "tests/surroundings_probe",
-        include_str!("surroundings_probe.wesl"),
-    );
-    let features = ShaderFeatures {
-        environment: true,
-        ..ShaderFeatures::default()
-    };
-    Kernel::new(context, &library, "tests/surroundings_probe", &features).unwrap()
+    let source = include_str!("surroundings_probe.wesl");
+    probe(context, source, &["environment"])
 }
 
 fn turned(random: &mut Random) -> DQuat {
