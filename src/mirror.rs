@@ -35,12 +35,12 @@ const REST: u32 = 4;
 pub enum MirrorError {
     /// No display, or none that takes a window.
     #[error(
-        "no window can be opened ({0}); start from a desktop, or leave --mirror or --session desktop out: the run works without them"
+        "no window can be opened ({0}); start from a desktop, or leave --mirror or --session desktop out: the run works without it"
     )]
     NoWindow(String),
     /// The adapter of this run cannot show images in the window.
     #[error(
-        "adapter {adapter:?} cannot show images on this display ({reason}); leave --mirror or --session desktop out: the run works without them"
+        "adapter {adapter:?} cannot show images on this display ({reason}); leave --mirror or --session desktop out: the run works without it"
     )]
     CannotShow {
         /// Name of the adapter.

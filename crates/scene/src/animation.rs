@@ -107,6 +107,8 @@ pub struct NodeTracks {
 pub struct Animation {
     /// Name in the file, or `animation N`.
     pub name: String,
+    /// Its place among the file's animations, from 0; those that move nothing are left out.
+    pub number: usize,
     /// One entry per node that moves.
     pub nodes: Vec<NodeTracks>,
     /// Time of the last key, s: the clip begins anew there.
@@ -287,13 +289,15 @@ impl Scene {
             return Ok(None);
         }
         let named = self.animations.iter().find(|clip| clip.name == wanted);
-        let numbered = || self.animations.get(wanted.parse::<usize>().ok()?);
+        let numbered = || {
+            let number: usize = wanted.parse().ok()?;
+            self.animations.iter().find(|clip| clip.number == number)
+        };
         named.or_else(numbered).map(Some).ok_or_else(|| {
             let known: Vec<String> = self
                 .animations
                 .iter()
-                .enumerate()
-                .map(|(index, clip)| format!("{index} '{}'", clip.name))
+                .map(|clip| format!("{} '{}'", clip.number, clip.name))
                 .collect();
             SceneError::UnknownClip {
                 scene: self.name.clone(),

@@ -540,6 +540,10 @@ impl Scene {
             return None;
         }
         let factor = 10_f64.powf((1.0 / size_m).log10().round());
+        if factor == 1.0 {
+            // A camera that looks on from afar.
+            return None;
+        }
         let why = match distance_m > FAR_M {
             true => "from where it fits the view both eyes see the same",
             false => "it fits the view only nearer than eyes can look",

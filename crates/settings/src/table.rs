@@ -376,7 +376,7 @@ settings! {
     /// Settings of the scene's animation (`animation.*`).
     struct AnimationSettings at (render animation) "animation." {
         rows ANIMATION {
-            /// clip by name, or by number from 0; none plays nothing, empty plays the first
+            /// clip by name, or by number in the file, from 0; none plays nothing, empty plays the first
             clip: String = String::new(), TEXT;
             /// seconds of the clip per second of display time
             speed: f64 = 1.0, real(-1000.0, 1000.0);

@@ -64,7 +64,8 @@ fn a_run_that_fails_says_so_in_run_json() {
 fn a_run_that_is_refused_takes_nothing_away() {
     let folder = Folder::new("refused-run");
     let recording = folder.join("recording.jsonl");
-    std::fs::write(&recording, "mine").unwrap();
+    let mine = r#"{"format":"stereolux-trace","version":1,"headset":"mine"}"#;
+    std::fs::write(&recording, mine).unwrap();
     let record = ["--record", recording.to_str().unwrap()];
     // Nobody can make a folder there.
     let output = run_into(
@@ -74,7 +75,7 @@ fn a_run_that_is_refused_takes_nothing_away() {
     );
     assert_eq!(output.status.code(), Some(2));
     assert_says(&stderr(&output), &["--out", "can be written to"]);
-    assert_eq!(std::fs::read_to_string(&recording).unwrap(), "mine");
+    assert_eq!(std::fs::read_to_string(&recording).unwrap(), mine);
     // Another run is at work in the folder.
     assert_success(&run(&folder, "1", &[]));
     let before = folder.files();
@@ -84,7 +85,7 @@ fn a_run_that_is_refused_takes_nothing_away() {
     assert_eq!(output.status.code(), Some(2));
     assert_says(&stderr(&output), &["another run writes to it"]);
     assert_eq!(folder.files(), before);
-    assert_eq!(std::fs::read_to_string(&recording).unwrap(), "mine");
+    assert_eq!(std::fs::read_to_string(&recording).unwrap(), mine);
     drop(stats);
     assert_success(&run(&folder, "2", &[]));
 }

@@ -218,12 +218,18 @@ fn the_window_shows_what_an_openxr_session_renders() {
 fn without_a_display_the_mirror_is_refused_in_one_line() {
     let folder = Folder::new("mirror-none");
     let out = folder.join("out");
-    for (display, says) in [
-        (None, "neither DISPLAY nor WAYLAND_DISPLAY names a display"),
-        (Some(":4077"), "Failed to open connection to X server"),
+    let no_display = "neither DISPLAY nor WAYLAND_DISPLAY names a display";
+    for (display, asked, says) in [
+        (None, "--session simulated --mirror", no_display),
+        (None, "--session desktop", no_display),
+        (
+            Some(":4077"),
+            "--session simulated --mirror",
+            "Failed to open connection to X server",
+        ),
     ] {
         let output = program_on(display)
-            .args(["run", "--session", "simulated", "--mirror", "--out"])
+            .args(words(&format!("run {asked} --out")))
             .arg(&out)
             .output()
             .unwrap();

@@ -98,8 +98,9 @@ fn scene() -> Scene {
         3,
         &[0.0, 0.0, 0.0, 4.0, 0.0, 0.0],
     );
-    let clip = |name: &str, track: Track| Animation {
+    let clip = |name: &str, number: usize, track: Track| Animation {
         name: name.to_owned(),
+        number,
         length_s: 2.0,
         nodes: vec![NodeTracks {
             node: 0,
@@ -114,7 +115,7 @@ fn scene() -> Scene {
         name: "slides".to_owned(),
         nodes: vec![node(None, &[1], DVec3::X), node(Some(0), &[], DVec3::Y)],
         roots: vec![0],
-        animations: vec![clip("slow", slide.clone()), clip("1", slide)],
+        animations: vec![clip("slow", 0, slide.clone()), clip("1", 3, slide)],
         ..Scene::default()
     }
 }
@@ -143,10 +144,11 @@ fn clips_are_found_by_name_then_by_number() {
     assert_eq!(name("none"), None);
     assert_eq!(name("1"), Some("1"));
     assert_eq!(name("0"), Some("slow"));
+    assert_eq!(name("3"), Some("1"));
     let message = scene.clip("walk").unwrap_err().to_string();
     assert_eq!(
         message,
-        "slides has no animation 'walk' (animation.clip): it has 0 'slow', 1 '1'; \"none\" plays nothing"
+        "slides has no animation 'walk' (animation.clip): it has 0 'slow', 3 '1'; \"none\" plays nothing"
     );
     assert_eq!(Scene::default().clip("").unwrap(), None);
 }

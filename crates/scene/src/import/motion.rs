@@ -214,6 +214,7 @@ pub fn import_animations(
             target_counts: &target_counts,
             clip: Animation {
                 name: name_of(raw, format!("animation {at}")),
+                number: at,
                 ..Animation::default()
             },
             tracks_of: HashMap::new(),
