@@ -3,7 +3,7 @@
 use egui::{Button, ComboBox, DragValue, MenuBar, Panel, Slider, Ui};
 
 use crate::scene::builtin;
-use crate::settings::{Switch, Tone};
+use crate::settings::{Choice as _, Switch, Tone};
 use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::ViewMode;
 use crate::viewer::gizmo::Mode;
@@ -81,7 +81,7 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
         ComboBox::from_id_salt("tone")
             .selected_text(format!("{} curve", output.tone))
             .show_ui(ui, |ui| {
-                for tone in [Tone::Aces, Tone::Agx, Tone::Neutral, Tone::Linear] {
+                for &tone in Tone::ALL {
                     ui.selectable_value(&mut output.tone, tone, tone.to_string());
                 }
             })
