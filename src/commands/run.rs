@@ -247,10 +247,11 @@ fn render_session(
     settings.render.surroundings.passthrough &= !lacks_room;
     let settings = &settings;
     OutputFolder::check(job.out)?;
-    let context = match context {
+    let mut context = match context {
         Some(context) => context,
         None => GpuContext::open(Some(&settings.adapter))?,
     };
+    context.keep_pipelines();
     let mut mirror = window
         .map(|window| Mirror::new(window, &context))
         .transpose()?;

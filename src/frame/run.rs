@@ -195,6 +195,7 @@ impl FrameRun {
         for kernel in compiled {
             self.kernels.extend([kernel?]);
         }
+        context.store_pipelines();
         Ok(())
     }
 

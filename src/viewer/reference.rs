@@ -48,6 +48,7 @@ impl Reference {
     ) -> Result<Self, EngineError> {
         let library = library(settings)?;
         let mut context = GpuContext::open(Some(&settings.adapter))?;
+        context.keep_pipelines();
         context.set_gate(gate);
         let render = Self::settings(&settings.render);
         let renderer = Renderer::new(context, &library, scene, &render, Eyes::Both, size)?;

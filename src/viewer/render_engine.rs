@@ -198,6 +198,7 @@ impl RenderEngine {
         library: ShaderLibrary,
     ) -> Result<Compiled, EngineError> {
         let mut context = GpuContext::open(Some(&settings.adapter))?;
+        context.keep_pipelines();
         context.set_gate(Arc::clone(&self.gate));
         let renderer = Renderer::new(
             context,

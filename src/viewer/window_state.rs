@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use crate::files;
 use crate::images::write_atomically;
+use stereolux_base::user_folders;
 
 /// What is read of the file at most, bytes: it has a few lines.
 const MAX_BYTES: u64 = 1 << 16;
@@ -49,18 +50,9 @@ impl Default for WindowState {
 }
 
 impl WindowState {
-    /// Where it is kept: `stereolux/viewer.toml` in the user's configuration folder (`XDG_CONFIG_HOME` or `~/.config`;
-    /// `APPDATA` on Windows). `None` if the system names no such folder.
+    /// Where it is kept: `viewer.toml` in the user's folder for settings. `None` if the system names no such folder.
     pub fn path() -> Option<PathBuf> {
-        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-        let base = if cfg!(windows) {
-            PathBuf::from(set("APPDATA")?)
-        } else if let Some(folder) = set("XDG_CONFIG_HOME") {
-            PathBuf::from(folder)
-        } else {
-            PathBuf::from(set("HOME")?).join(".config")
-        };
-        Some(base.join("stereolux").join("viewer.toml"))
+        Some(user_folders::settings()?.join("viewer.toml"))
     }
 
     /// Reads it; what cannot be read or makes no sense is as in a first start, with a warning.

@@ -6,6 +6,7 @@
 //! - [`features`]: the words that shaders are specialised by;
 //! - [`quantiles`]: medians of measured figures;
 //! - [`random`]: random numbers from a seed;
+//! - [`user_folders`]: where the system wants what is a user's;
 //! - [`pose`]: where something is and how it is turned;
 //! - [`mod@words`]: enums with a word per value.
 //!
@@ -21,4 +22,5 @@ pub mod pose;
 pub mod printable;
 pub mod quantiles;
 pub mod random;
+pub mod user_folders;
 pub mod words;

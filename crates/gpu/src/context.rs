@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use thiserror::Error;
 
+use super::pipeline_cache::PipelineCache;
 use super::vulkan_interop::takes_spirv;
 use stereolux_base::foreign_errors::{caught, one_line};
 
@@ -192,6 +193,7 @@ pub struct GpuContext {
     host_waits: Arc<AtomicU64>,
     made: Arc<AtomicU64>,
     gate: Option<Gate>,
+    pub(super) pipelines: Option<Arc<PipelineCache>>,
     /// Read-back buffers that no submission uses now.
     pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
 }
@@ -349,7 +351,7 @@ impl GpuContext {
         let timing =
             wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
         // Embedded kernels go to the driver as crate::spirv writes them, where Vulkan takes that.
-        let wanted = timing | wgpu::Features::PASSTHROUGH_SHADERS;
+        let wanted = timing | wgpu::Features::PASSTHROUGH_SHADERS | wgpu::Features::PIPELINE_CACHE;
         let required_features = adapter.features() & wanted;
         Ok(wgpu::DeviceDescriptor {
             label: Some("stereolux"),
@@ -400,6 +402,7 @@ impl GpuContext {
             host_waits: Arc::default(),
             made: Arc::default(),
             gate: None,
+            pipelines: None,
             free_staging: Arc::default(),
         }
     }
@@ -492,6 +495,22 @@ impl GpuContext {
     /// Whether a pass is still wanted; `None` where none is ever given up.
     pub(super) fn admits(&self, label: &str) -> Option<bool> {
         self.gate.as_ref().map(|gate| gate(label))
+    }
+
+    pub(super) fn adapter_info(&self) -> wgpu::AdapterInfo {
+        self.opened.get_info()
+    }
+
+    /// What pipelines are compiled with.
+    pub(super) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
+        self.pipelines.as_ref().map(|kept| &kept.pipelines)
+    }
+
+    /// Writes what has been compiled to where it is kept, if anywhere: to be called when a set of kernels is ready.
+    pub fn store_pipelines(&self) {
+        if let Some(kept) = &self.pipelines {
+            kept.store();
+        }
     }
 
     /// Counts a wait within a frame.

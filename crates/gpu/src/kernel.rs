@@ -332,7 +332,7 @@ impl Kernel {
                     // Every kernel writes its workgroup memory before reading it.
                     zero_initialize_workgroup_memory: false,
                 },
-                cache: None,
+                cache: context.pipeline_cache(),
             });
             Ok(Self {
                 name: pass.to_owned(),

@@ -4,6 +4,7 @@
 //! - [`shaders`]: WESL sources, specialised by features, to WGSL;
 //! - [`kernel`]: one compute pipeline whose bindings are found by name;
 //! - [`spirv`]: what a kernel is to a Vulkan driver;
+//! - `pipeline_cache`: what the driver made of it, for the next run;
 //! - [`raster`]: one render pipeline over a triangle, likewise;
 //! - [`buffers`]: labelled buffers, uploads and read-back;
 //! - [`texels`]: copies of buffers in textures, for adapters that read those faster;
@@ -16,6 +17,7 @@ pub mod buffers;
 pub mod context;
 
 pub mod kernel;
+mod pipeline_cache;
 pub mod raster;
 pub mod shaders;
 pub mod spirv;

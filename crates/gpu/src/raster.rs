@@ -91,7 +91,7 @@ impl Raster {
                     targets: if is_depth { &[] } else { &color },
                 }),
                 multiview_mask: None,
-                cache: None,
+                cache: context.pipeline_cache(),
             });
             Ok(Self {
                 name: name.to_owned(),

@@ -29,6 +29,7 @@ mod suite {
     mod carried;
     mod filtered;
     mod library;
+    mod pipeline_cache;
     mod records;
     mod shading;
     mod surroundings;

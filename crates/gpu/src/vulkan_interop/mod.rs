@@ -117,6 +117,18 @@ pub(crate) fn module_of_embedded(
     Ok(unsafe { device.create_shader_module_trusted(descriptor, checks) })
 }
 
+/// A driver's store of compiled pipelines, holding what `known` does, on a device with [`wgpu::Features::PIPELINE_CACHE`].
+pub(crate) fn pipelines_from(device: &wgpu::Device, known: Option<&[u8]>) -> wgpu::PipelineCache {
+    let descriptor = wgpu::PipelineCacheDescriptor {
+        label: Some("pipelines"),
+        data: known,
+        fallback: true,
+    };
+    // SAFETY: `known` is what wgpu wrote for this device: it comes from a file named after it with a checksum that is right, and
+    // wgpu compares the driver's identity.
+    unsafe { device.create_pipeline_cache(&descriptor) }
+}
+
 /// Sets a variable of this process that has no value, if that is safe.
 fn set_if_unset(name: &str, value: &str) {
     if std::env::var_os(name).is_none() && may_set_variables() {
