@@ -133,14 +133,8 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Edit`]: no such node.
     pub fn world_from_node(&self, node: usize) -> Result<DAffine3, WorldError> {
-        let mut world_from_node = DAffine3::IDENTITY;
-        let mut at = Some(node);
-        while let Some(index) = at {
-            let node = self.known(index)?;
-            world_from_node = node.parent_from_node * world_from_node;
-            at = node.parent;
-        }
-        Ok(world_from_node)
+        self.known(node)?;
+        Ok(self.kept.scene.world_from_node(node))
     }
 
     /// The middle of what hangs on a node, in the world: of its triangles and those below it; its origin if there are none.

@@ -22,8 +22,8 @@ pub struct Fields {
     pub refused: Option<(&'static str, String)>,
     /// The settings panel shows the other settings of the split view.
     pub edits_other: bool,
-    /// Mesh and materials of a node at a revision of the scene, with how many meshes have each.
-    pub materials: Option<(usize, u64, Vec<[usize; 3]>)>,
+    /// Mesh and materials of a node among so many of the scene, with how many meshes have each.
+    pub materials: Option<(usize, usize, Vec<[usize; 3]>)>,
     /// A rename in hand.
     pub name: Option<(usize, String)>,
     /// The tree has to show the selected node.

@@ -41,38 +41,25 @@ impl From<String> for Refused {
 /// A file that is being read. Dropping it cancels: the thread's result is thrown away.
 pub struct Loading {
     name: String,
-    is_environment: bool,
+    kind: Kind,
     since: Instant,
     result: Receiver<Result<Loaded, Refused>>,
 }
 
 impl Loading {
-    /// Begins to read `spec`: a path to `.gltf`, `.glb`, `.hdr`, `.exr` or a recording, or `builtin:NAME`. Environments
-    /// are read as strong as `settings` say. `is_auto_lit`: as [`LoadedDocument::open`] takes it.
+    /// Begins to read `spec`, which holds what `kind` says. Environments are read as strong as `settings` say. `is_auto_lit`: as
+    /// [`LoadedDocument::open`] takes it.
     ///
     /// # Errors
-    /// One line: the name says that nothing of use is in it, or the system refuses a thread.
+    /// One line: the system refuses a thread.
     pub fn begin(
+        kind: Kind,
         spec: String,
         settings: &Settings,
         is_auto_lit: bool,
         headset: &Headset,
         start: Pose,
     ) -> Result<Self, String> {
-        let extension = Path::new(&spec)
-            .extension()
-            .map(|extension| extension.to_string_lossy().to_lowercase());
-        let kind = match extension.as_deref() {
-            _ if spec.starts_with("builtin:") => Kind::Scene,
-            Some("gltf" | "glb") => Kind::Scene,
-            Some("hdr" | "exr") => Kind::Environment,
-            _ if is_trace(Path::new(&spec)) => Kind::Trace,
-            _ => {
-                return Err(format!(
-                    "{spec}: is no scene (.gltf, .glb), environment (.hdr, .exr) or recording (.jsonl, .csv, .txt)"
-                ));
-            }
-        };
         let (settings, headset, path) = (settings.clone(), headset.clone(), spec.clone());
         let (sender, result) = channel();
         std::thread::Builder::new()
@@ -92,15 +79,15 @@ impl Loading {
             .map_err(|error| format!("{spec}: no thread to read it ({error})"))?;
         Ok(Self {
             name: spec,
-            is_environment: matches!(kind, Kind::Environment),
+            kind,
             since: Instant::now(),
             result,
         })
     }
 
-    /// Whether it is an environment that is read.
-    pub fn is_environment(&self) -> bool {
-        self.is_environment
+    /// What is in it.
+    pub fn kind(&self) -> Kind {
+        self.kind
     }
 
     /// What is read.
@@ -125,11 +112,36 @@ impl Loading {
     }
 }
 
-#[derive(Clone, Copy)]
-enum Kind {
+/// What a file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A scene.
     Scene,
+    /// Surroundings.
     Environment,
+    /// Head motion.
     Trace,
+}
+
+impl Kind {
+    /// What a file that somebody opens holds, by its name: `.gltf`, `.glb` and `builtin:NAME` are scenes.
+    ///
+    /// # Errors
+    /// One line: the name says that nothing of use is in it.
+    pub fn of(spec: &str) -> Result<Self, String> {
+        let extension = Path::new(spec)
+            .extension()
+            .map(|extension| extension.to_string_lossy().to_lowercase());
+        match extension.as_deref() {
+            _ if spec.starts_with("builtin:") => Ok(Self::Scene),
+            Some("gltf" | "glb") => Ok(Self::Scene),
+            Some("hdr" | "exr") => Ok(Self::Environment),
+            _ if is_trace(Path::new(spec)) => Ok(Self::Trace),
+            _ => Err(format!(
+                "{spec}: is no scene (.gltf, .glb), environment (.hdr, .exr) or recording (.jsonl, .csv, .txt)"
+            )),
+        }
+    }
 }
 
 fn read(

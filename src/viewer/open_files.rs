@@ -6,7 +6,7 @@ use egui::Context;
 
 use super::app::{App, SceneClock, camera_of};
 use super::fields::Fields;
-use super::loading::{Loaded, Loading};
+use super::loading::{Kind, Loaded, Loading};
 use super::session::Player;
 use super::worker::Request;
 use crate::settings::Settings;
@@ -43,7 +43,8 @@ impl App {
                 settings.scene.clone_from(&name);
                 settings.environment = environment;
                 // Clips have names of their own in each scene.
-                settings.render.animation.clip = Settings::default().render.animation.clip;
+                settings.render.animation.clip.clear();
+                Arc::make_mut(&mut self.other).render.animation.clip.clear();
                 self.set_settings(context, settings);
                 self.environment = self.settings.environment.clone();
                 self.restart_scene();
@@ -105,10 +106,11 @@ impl App {
 
     fn open_with(&mut self, context: &Context, spec: String, settings: &Settings) {
         self.asks_outside = None;
-        let is_map = std::path::Path::new(&spec)
-            .extension()
-            .is_some_and(|extension| extension == "hdr" || extension == "exr");
-        if is_map {
+        let kind = match Kind::of(&spec) {
+            Ok(kind) => kind,
+            Err(error) => return self.say(context, error, true),
+        };
+        if kind == Kind::Environment {
             // A setting, which `follow_environment` carries out.
             self.cancel_loading();
             let mut settings = (*self.settings).clone();
@@ -118,6 +120,7 @@ impl App {
         }
         // A second file takes the place of one that is still being read.
         match Loading::begin(
+            kind,
             spec,
             settings,
             self.is_auto_lit && settings.environment.path == self.environment.path,
@@ -145,6 +148,7 @@ impl App {
         }
         let path = wanted.path.clone();
         match Loading::begin(
+            Kind::Environment,
             path,
             &self.settings,
             self.is_auto_lit,
@@ -169,7 +173,7 @@ impl App {
     /// What is being read is not wanted any more.
     pub(super) fn cancel_loading(&mut self) {
         if let Some(loading) = self.loading.take()
-            && loading.is_environment()
+            && loading.kind() == Kind::Environment
         {
             self.keep_environment();
         }

@@ -59,6 +59,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             show_part(app, ui, shown, *part, *rect, &mut has_gizmo);
         }
         if !has_gizmo {
+            if app.gizmo.is_dragging() {
+                app.document.end_gesture();
+            }
             app.gizmo.hide();
         }
         let has_frozen = app.frozen.is_some() && parts.iter().all(is_plain);
@@ -233,13 +236,13 @@ fn handles(
     if !scene.reaches(node) || scene.nodes[node].skin.is_some() {
         return None;
     }
-    let world = scene.rest_pose().world_from_node;
+    let world_from_node = scene.world_from_node(node);
     // The handles stand in the middle of what is seen, wherever the node's own origin is.
     let pivot_in_node = match app.fields.pivot {
         Some((of, pivot)) if of == node => pivot,
         _ => {
             let middle = scene.bounds_below(node).map(|bounds| bounds.center());
-            let node_from_world = world[node].inverse();
+            let node_from_world = world_from_node.inverse();
             let pivot = middle.map_or(DVec3::ZERO, |middle| {
                 node_from_world.transform_point3(middle)
             });
@@ -247,7 +250,7 @@ fn handles(
             pivot
         }
     };
-    let world_from_pivot = world[node] * DAffine3::from_translation(pivot_in_node);
+    let world_from_pivot = world_from_node * DAffine3::from_translation(pivot_in_node);
     let context = response.ctx.clone();
     let pointer = context.input(|input| Pointer {
         at: input.pointer.latest_pos(),

@@ -15,7 +15,7 @@ use super::frames::{FrameReport, ViewMode};
 use crate::gpu::kernel::layouts;
 use crate::gpu::raster::{from_black, from_infinity};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
-use crate::scene::{Material, Scene};
+use crate::scene::{Deformation, Material, Scene, ScenePose};
 use crate::xr::View;
 
 const LABEL: &str = "sketch";
@@ -54,9 +54,8 @@ impl Stand {
 
 /// Base colour without its texture, display values.
 fn factor(material: &Material) -> [f32; 3] {
-    let emits = material.emission.iter().any(|channel| *channel > 0.0);
     let [r, g, b, _] = material.base_color;
-    if emits {
+    if material.is_emissive() {
         [1.0; 3]
     } else {
         [r, g, b].map(|channel| channel.clamp(0.0, 1.0).powf(1.0 / 2.2))
@@ -109,6 +108,7 @@ struct MeshOnDevice {
     parts: Vec<(u32, std::ops::Range<u32>)>,
     /// Repainted so often.
     repainted: usize,
+    deformation: Option<Deformation>,
 }
 
 /// Images of one size.
@@ -293,6 +293,7 @@ impl Sketcher {
         }];
         let clip_from_eye = view.clip_from_eye(wish.near_m);
         let mut placed = Vec::new();
+        let pose = scene.rest_pose();
         for instance in scene.instances() {
             let now = instance.world_from_object;
             let stand = wish.source.as_ref().map(|source| source.stand);
@@ -302,7 +303,7 @@ impl Sketcher {
                 .selected
                 .as_ref()
                 .is_some_and(|selected| selected.get(instance.node).copied().unwrap_or(false));
-            let key = self.mesh(gpu, scene, instance.mesh, instance.node);
+            let key = self.mesh(gpu, scene, &pose, instance.mesh, instance.node);
             let Some(mesh) = self.meshes.get(&key) else {
                 continue;
             };
@@ -413,22 +414,25 @@ impl Sketcher {
         &mut self,
         gpu: &GpuContext,
         scene: &Scene,
+        pose: &ScenePose,
         index: usize,
         node: usize,
     ) -> (usize, Option<usize>) {
-        let deforms = scene.deforms(node);
-        let key = (index, deforms.then_some(node));
+        let deformation = scene.deforms(node).then(|| scene.deformation(node, pose));
+        let key = (index, deformation.as_ref().map(|_| node));
         let mesh = &scene.meshes[index];
         let known = self.meshes.get(&key);
-        if known.is_some_and(|known| known.repainted == mesh.repainted.len()) {
+        if known.is_some_and(|known| {
+            known.repainted == mesh.repainted.len() && known.deformation == deformation
+        }) {
             return key;
         }
-        let positions: Vec<[f32; 3]> = if deforms {
-            let deformation = scene.deformation(node, &scene.rest_pose());
-            let deformed = deformation.positions(mesh);
-            deformed.iter().map(|at| at.as_vec3().to_array()).collect()
-        } else {
-            mesh.positions.clone()
+        let positions: Vec<[f32; 3]> = match &deformation {
+            Some(deformation) => {
+                let deformed = deformation.positions(mesh);
+                deformed.iter().map(|at| at.as_vec3().to_array()).collect()
+            }
+            None => mesh.positions.clone(),
         };
         let mut triangles: Vec<_> = mesh.triangles.iter().collect();
         triangles.sort_by_key(|triangle| triangle.material);
@@ -455,6 +459,7 @@ impl Sketcher {
             ),
             parts,
             repainted: mesh.repainted.len(),
+            deformation,
         };
         self.meshes.insert(key, made);
         key

@@ -90,8 +90,6 @@ impl Trs {
 pub struct NodeTracks {
     /// Index into [`Scene::nodes`].
     pub node: usize,
-    /// What the tracks leave alone.
-    pub rest: Trs,
     /// Three numbers per key.
     pub translation: Option<Track>,
     /// Four numbers per key: x, y, z, w.
@@ -207,19 +205,12 @@ fn slerp(from: DQuat, to: DQuat, share: f64) -> DQuat {
 }
 
 fn unit(value: [f64; 4]) -> DQuat {
-    let rotation = DQuat::from_array(value);
-    let length = rotation.length();
-    if length > 1e-12 && length.is_finite() {
-        rotation / length
-    } else {
-        DQuat::IDENTITY
-    }
+    Trs::unit(DQuat::from_array(value)).unwrap_or(DQuat::IDENTITY)
 }
 
 impl NodeTracks {
-    /// Local transform at a time within the clip.
-    pub fn local(&self, time_s: f64) -> DAffine3 {
-        let rest = self.rest;
+    /// Local transform at a time within the clip of a node that stands at `rest` without it.
+    pub fn local(&self, rest: Trs, time_s: f64) -> DAffine3 {
         let vector =
             |track: &Option<Track>, rest| track.as_ref().map_or(rest, |track| track.vector(time_s));
         Trs {
@@ -262,8 +253,8 @@ impl Scene {
         for tracks in &clip.nodes {
             let moves =
                 tracks.translation.is_some() || tracks.rotation.is_some() || tracks.scale.is_some();
-            if let Some(local) = locals.get_mut(tracks.node).filter(|_| moves) {
-                *local = tracks.local(time_s);
+            if let (Some(node), true) = (self.nodes.get(tracks.node), moves) {
+                locals[tracks.node] = tracks.local(node.trs(), time_s);
             }
             if let (Some(weights), Some(track)) =
                 (morph_weights.get_mut(tracks.node), &tracks.weights)

@@ -204,7 +204,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// How texels are combined. Only magnification counts: textures are read without mip levels.
+/// How texels of a level are combined. Only magnification counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Filter {
     /// The nearest texel.
@@ -248,7 +248,7 @@ impl From<&Material> for MaterialMarks {
             AlphaMode::Mask { .. } | AlphaMode::Blend => TRIANGLE_ALPHA,
         };
         Self {
-            emits: material.emission.iter().any(|&channel| channel > 0.0),
+            emits: material.is_emissive(),
             flags,
         }
     }

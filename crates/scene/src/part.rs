@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::edit::{EditError, Placement};
-use super::import::transform_fault;
+use super::edit::{EditError, Placement, checked};
 use super::{Image, Material, Mesh, Node, Scene, Skin, Texture};
 
 /// Where a scene that was added to another one lies in its lists. Nothing else moves while it is there.
@@ -95,13 +94,7 @@ impl Scene {
                 count: self.nodes.len(),
             });
         }
-        let parent_from_node = to.parent_from_node();
-        if let Some(reason) = transform_fault(&parent_from_node) {
-            return Err(EditError::Value {
-                name: name.to_owned(),
-                reason: reason.to_owned(),
-            });
-        }
+        let to = checked(name, to)?;
         let root = self.nodes.len();
         let first = [
             root + 1,
@@ -114,19 +107,12 @@ impl Scene {
             name: name.to_owned(),
             parent,
             children: part.roots.iter().map(|child| child + first[0]).collect(),
-            parent_from_node,
-            parts: match to {
-                Placement::Parts(parts) => Some(parts),
-                Placement::Matrix(_) => None,
-            },
+            parent_from_node: to.parent_from_node(),
+            parts: to.parts(),
             ..Node::default()
         }];
-        let is_root = |node: usize| part.roots.contains(&node);
-        nodes.extend(part.nodes.into_iter().enumerate().map(|(index, mut node)| {
-            node.parent = match node.parent {
-                None if is_root(index) => Some(root),
-                parent => parent.map(|parent| parent + first[0]),
-            };
+        nodes.extend(part.nodes.into_iter().map(|mut node| {
+            node.parent = node.parent.map(|parent| parent + first[0]);
             for child in &mut node.children {
                 *child += first[0];
             }
@@ -140,6 +126,9 @@ impl Scene {
             }
             node
         }));
+        for child in &part.roots {
+            nodes[child + 1].parent = Some(root);
+        }
         let mut meshes = part.meshes;
         for mesh in &mut meshes {
             let first = self.materials.len() as u32;

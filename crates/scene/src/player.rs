@@ -81,23 +81,13 @@ impl Player {
         self.last_ns.map(|time_ns| self.pose_at(time_ns))
     }
 
-    /// Goes on with the nodes of an edited scene. What the clip drives it goes on to drive.
+    /// Goes on with the nodes of an edited scene. What the clip drives it goes on to drive, unless the clip went with the part that
+    /// it came with: other nodes may have their numbers then.
     pub fn follow(&mut self, scene: &Scene) {
         self.skeleton.nodes.clone_from(&scene.nodes);
         self.skeleton.roots.clone_from(&scene.roots);
-        let edited = scene
-            .animations
-            .iter()
-            .find(|clip| clip.name == self.clip.name && clip.nodes.len() == self.clip.nodes.len());
-        for (tracks, edited) in self
-            .clip
-            .nodes
-            .iter_mut()
-            .zip(edited.into_iter().flat_map(|clip| &clip.nodes))
-        {
-            if tracks.node == edited.node {
-                tracks.rest = edited.rest;
-            }
+        if !scene.animations.contains(&self.clip) {
+            self.clip.nodes.clear();
         }
     }
 }

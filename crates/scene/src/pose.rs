@@ -31,6 +31,12 @@ impl Scene {
         }
     }
 
+    /// Where one node is stored to stand; the identity for one that the scene does not have.
+    pub fn world_from_node(&self, node: usize) -> DAffine3 {
+        let up = std::iter::successors(self.nodes.get(node), |at| self.nodes.get(at.parent?));
+        up.fold(DAffine3::IDENTITY, |below, at| at.parent_from_node * below)
+    }
+
     /// Placements of all nodes from their local transforms, one per node.
     pub fn world_from_nodes(&self, parent_from_node: &[DAffine3]) -> Vec<DAffine3> {
         let mut world = vec![DAffine3::IDENTITY; self.nodes.len()];

@@ -7,27 +7,9 @@ use super::{Bounds, Scene, as_dvec3};
 impl Scene {
     /// Whether the scene holds a node: not after it or what it hangs on was deleted.
     pub fn reaches(&self, node: usize) -> bool {
-        let mut at = node;
-        // A tree is no deeper than it has nodes.
-        for _ in 0..self.nodes.len() {
-            let Some(found) = self.nodes.get(at) else {
-                return false;
-            };
-            match found.parent {
-                Some(parent) => {
-                    let holds = self
-                        .nodes
-                        .get(parent)
-                        .is_some_and(|p| p.children.contains(&at));
-                    if !holds {
-                        return false;
-                    }
-                    at = parent;
-                }
-                None => return self.roots.contains(&at),
-            }
-        }
-        false
+        let parent_of = |at: &usize| self.nodes.get(*at)?.parent;
+        let top = std::iter::successors(Some(node), parent_of).last();
+        top.is_some_and(|top| self.roots.contains(&top))
     }
 
     /// The box around all meshes at a node and below it, in world space, with lights and empty nodes as points; `None` for

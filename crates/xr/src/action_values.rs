@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::actions::{ActionError, ActionKind, Actions, unknown, wrong_kind};
 use super::input::{Hand, PRESSED_FROM, Side, Tracked, TrackedJson, read_tracked};
-use super::profiles::{Profile, TOUCH};
+use super::profiles::TOUCH;
 use super::trace::number;
 use super::validation::Fault;
 
@@ -118,7 +118,7 @@ impl ActionValues {
             let sources = action.bindings.iter();
             let given = sources
                 .filter(|(profile, _)| *profile == TOUCH.path)
-                .filter_map(|(_, source)| source_value(&TOUCH, source, hands))
+                .filter_map(|(_, source)| source_value(source, hands))
                 .filter_map(|value| value.converted(action.kind))
                 .reduce(|a, b| if b.strength() > a.strength() { b } else { a });
             if let Some(value) = given {
@@ -247,7 +247,7 @@ impl Actions {
             let of_touch = action.bindings.iter();
             let of_touch = of_touch.filter(|(profile, _)| *profile == TOUCH.path);
             for (_, source) in of_touch.filter(|_| action.kind != ActionKind::Haptic) {
-                if source_value(&TOUCH, source, &<[Hand; 2]>::default()).is_none() {
+                if source_value(source, &<[Hand; 2]>::default()).is_none() {
                     log::warn!(
                         "action '{}': simulated hands have nothing at {source}, and a headset may refuse it",
                         action.name
@@ -258,8 +258,8 @@ impl Actions {
     }
 }
 
-/// What a source of a controller of `profile` says; `None` for one that it lacks.
-fn source_value(profile: &Profile, source: &str, hands: &[Hand; 2]) -> Option<ActionValue> {
+/// What a source of a Touch controller says; `None` for one that it lacks.
+fn source_value(source: &str, hands: &[Hand; 2]) -> Option<ActionValue> {
     Side::BOTH.into_iter().zip(hands).find_map(|(side, hand)| {
         let prefix = format!("/user/hand/{}/input/", side.word());
         let input = source.strip_prefix(&prefix)?;
@@ -269,13 +269,13 @@ fn source_value(profile: &Profile, source: &str, hands: &[Hand; 2]) -> Option<Ac
                 named.find(|(_, by_side): &&(_, [&str; 2])| by_side[side as usize] == input);
             found.map(|(button, _)| *button)
         };
-        if input == profile.trigger {
+        if input == TOUCH.trigger {
             return Some(ActionValue::Float(hand.trigger));
         }
-        if input == profile.squeeze {
+        if input == TOUCH.squeeze {
             return Some(ActionValue::Float(hand.squeeze));
         }
-        if let Some(axis) = input.strip_prefix(profile.stick) {
+        if let Some(axis) = input.strip_prefix(TOUCH.stick) {
             match axis {
                 "" => return Some(ActionValue::Vec2(hand.stick)),
                 "/x" => return Some(ActionValue::Float(hand.stick.x)),
@@ -288,8 +288,8 @@ fn source_value(profile: &Profile, source: &str, hands: &[Hand; 2]) -> Option<Ac
             "aim/pose" => return Some(ActionValue::Pose(hand.aim)),
             _ => {}
         }
-        let pressed = button(profile.buttons).map(|button| hand.pressed.has(button));
-        let touched = || button(profile.touches).map(|button| hand.touched.has(button));
+        let pressed = button(TOUCH.buttons).map(|button| hand.pressed.has(button));
+        let touched = || button(TOUCH.touches).map(|button| hand.touched.has(button));
         Some(ActionValue::Bool(pressed.or_else(touched)?))
     })
 }

@@ -207,18 +207,17 @@ impl Input {
     ///
     /// # Errors
     /// The first fault, its field named as in a recording (`input.left.grip.orientation`).
-    pub fn checked(&self) -> Result<Self, Fault> {
-        let mut checked = self.clone();
-        for (side, hand) in Side::BOTH.into_iter().zip(&mut checked.hands) {
+    pub fn checked(mut self) -> Result<Self, Fault> {
+        for (side, hand) in Side::BOTH.into_iter().zip(&mut self.hands) {
             hand.check()
                 .map_err(|fault| fault.under(side.word()).under("input"))?;
         }
-        if let Some(gaze) = &mut checked.gaze {
+        if let Some(gaze) = &mut self.gaze {
             check_pose(gaze).map_err(|fault| fault.under("input.gaze"))?;
         }
-        let actions = checked.actions.check();
+        let actions = self.actions.check();
         actions.map_err(|fault| fault.under("input.actions"))?;
-        Ok(checked)
+        Ok(self)
     }
 
     /// As a recording holds it: only what is not at rest. `None`: nothing.

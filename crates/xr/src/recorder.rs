@@ -130,7 +130,7 @@ impl<S: XrSession> Recorder<S> {
             };
             validation::check_views(&first).map_err(invalid)?;
         }
-        self.input.checked().map_err(invalid)?;
+        let input = std::mem::take(&mut self.input).checked().map_err(invalid)?;
         let [set, known] = self.quality;
         let info = self.inner.info();
         let hidden = info.hidden.as_ref().filter(|areas| **areas != self.hidden);
@@ -143,7 +143,7 @@ impl<S: XrSession> Recorder<S> {
             views: *views,
             switch_reuse: std::mem::take(&mut self.switch_reuse),
             controller_model: std::mem::take(&mut self.models),
-            input: std::mem::take(&mut self.input),
+            input,
         };
         if frame.version() > self.version {
             self.raise_version(frame.version())?;

@@ -60,6 +60,8 @@ pub struct ReplaySession {
     recording: Recording,
     /// Controllers' models that were not asked for yet, and the frames in which they became known.
     models: VecDeque<(u64, ControllerModel)>,
+    /// Quality was set while it was recorded: it goes by that alone.
+    sets_quality: bool,
     warnings: Vec<String>,
     frame_limit: u64,
     next_frame: u64,
@@ -129,9 +131,11 @@ impl ReplaySession {
         };
         let frames = trace.frames.len() as u64;
         let warnings = trace.warnings.clone();
+        let sets_quality = trace.frames.iter().any(|frame| frame.quality.is_some());
         let recording = Recording::Native(trace);
         Ok(Self {
             models,
+            sets_quality,
             ..Self::new(info, recording, warnings, frames, &options)
         })
     }
@@ -163,6 +167,7 @@ impl ReplaySession {
             info,
             recording,
             models: VecDeque::new(),
+            sets_quality: false,
             warnings,
             frame_limit: options
                 .frame_limit
@@ -242,12 +247,10 @@ impl ReplaySession {
     }
 
     fn quality(&self, frame: u64) -> QualityFrom {
-        match &self.recording {
-            Recording::Native(trace) if trace.has_quality() => {
-                QualityFrom::Recording(self.recorded(frame).and_then(|frame| frame.quality))
-            }
-            _ => QualityFrom::Application,
+        if !self.sets_quality {
+            return QualityFrom::Application;
         }
+        QualityFrom::Recording(self.recorded(frame).and_then(|frame| frame.quality))
     }
 }
 

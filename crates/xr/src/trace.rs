@@ -183,14 +183,6 @@ impl Trace {
     }
 }
 
-impl Trace {
-    /// Whether quality was set while it was recorded: a replay then goes by that alone.
-    #[must_use]
-    pub fn has_quality(&self) -> bool {
-        self.frames.iter().any(|frame| frame.quality.is_some())
-    }
-}
-
 fn at<T>(file: &str, line: usize, result: Result<T, Fault>) -> Result<T, InputError> {
     result.map_err(|fault| InputError::field(file, line, &fault.field, fault.what))
 }

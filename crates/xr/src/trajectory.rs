@@ -14,13 +14,12 @@
 //!
 //! The body is taken to be where the head is: no lever arm.
 
-use super::text_lines::{self, Line, TextLines};
+use super::text_lines::{Line, TextLines};
 use super::view::Pose;
 use super::{InputError, validation};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 use std::io::BufRead;
-use std::path::Path;
 use stereolux_settings::choices;
 
 choices! {
@@ -140,15 +139,7 @@ pub struct RecordedTrajectory {
 }
 
 impl RecordedTrajectory {
-    /// Reads a TUM or EuRoC file, told apart by content.
-    ///
-    /// # Errors
-    /// The first fault, with file, line and field.
-    pub fn read(path: &Path) -> Result<Self, InputError> {
-        Self::from_lines(&mut text_lines::open(path)?)
-    }
-
-    /// As [`RecordedTrajectory::read`], from any text; `file` names it in errors.
+    /// Reads the text of a TUM or EuRoC file, told apart by content; `file` names it in errors.
     ///
     /// # Errors
     /// The first fault, with file, line and field.

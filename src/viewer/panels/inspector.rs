@@ -40,11 +40,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         edits.one = app.selected.show(node, !is_shown);
     }
     transform(node, shown.trs(), ui, &mut edits);
-    let revision = app.document.revision();
     let known = app.fields.materials.take();
     let materials = match known {
-        // Counting looks at all triangles.
-        Some((of, at, materials)) if (of, at) == (node, revision) => materials,
+        // Counting looks at all triangles, and what paints them changes the number of materials.
+        Some((of, among, materials)) if (of, among) == (node, scene.materials.len()) => materials,
         _ => materials_of(app, node),
     };
     for [mesh, material, users] in &materials {
@@ -57,7 +56,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     {
         light_panel(light, found, ui, &mut edits);
     }
-    app.fields.materials = Some((node, revision, materials));
+    app.fields.materials = Some((node, scene.materials.len(), materials));
     ui.separator();
     let pressed = buttons(node, ui, &mut edits);
     carry_out(app, ui, edits);

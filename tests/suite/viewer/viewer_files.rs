@@ -228,8 +228,36 @@ fn a_studio_that_was_chosen_stays_and_the_chart_begins_anew_with_another_scene()
     settle(&mut viewer);
     let app = viewer.state();
     assert_eq!(app.settings().environment.path, "builtin:studio");
-    assert!(shown(app).eyes[0].pixels[0] != egui::Color32::BLACK);
+    let color = shown(app).eyes[0].pixels[0];
+    assert!(color != egui::Color32::BLACK);
     assert!(app.charted() > 0);
+    // Embedded surroundings are stronger at will, too.
+    type_strength(&mut viewer, "4");
+    until_shown(&mut viewer, "a stronger studio", |app| {
+        shown(app).eyes[0].pixels[0].r() > color.r()
+    });
+    let environment = &viewer.state().settings().environment;
+    assert_eq!(
+        (environment.path.as_str(), environment.strength),
+        ("builtin:studio", 4.0)
+    );
+}
+
+/// Writes how strong the surroundings are into the settings panel.
+fn type_strength(viewer: &mut Viewer, text: &str) {
+    push(viewer, "Settings");
+    let in_panel = |viewer: &Viewer, role| {
+        let mut found = fields(viewer, role);
+        found.retain(|field| field.x > 800.0);
+        found
+    };
+    let inputs = in_panel(viewer, Role::TextInput).into_iter();
+    let search = inputs.min_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
+    click_at(viewer, search);
+    viewer.event(egui::Event::Text("environment.strength".to_owned()));
+    two_steps(viewer);
+    let strength = in_panel(viewer, Role::SpinButton)[0];
+    type_into(viewer, strength, text);
 }
 
 #[test]
@@ -249,19 +277,7 @@ fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
     let path = sky.to_string_lossy();
     assert_eq!(viewer.state().settings().environment.path, path);
 
-    push(&mut viewer, "Settings");
-    let in_panel = |viewer: &Viewer, role| {
-        let mut found = fields(viewer, role);
-        found.retain(|field| field.x > 800.0);
-        found
-    };
-    let inputs = in_panel(&viewer, Role::TextInput).into_iter();
-    let search = inputs.min_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
-    click_at(&mut viewer, search);
-    viewer.event(egui::Event::Text("environment.strength".to_owned()));
-    two_steps(&mut viewer);
-    let strength = in_panel(&viewer, Role::SpinButton)[0];
-    type_into(&mut viewer, strength, "2");
+    type_strength(&mut viewer, "2");
     until_shown(&mut viewer, "a stronger sky", |app| {
         corner(app).r() == byte(0.4)
     });

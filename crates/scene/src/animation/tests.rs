@@ -104,7 +104,6 @@ fn scene() -> Scene {
         length_s: 2.0,
         nodes: vec![NodeTracks {
             node: 0,
-            rest: Trs::default(),
             translation: Some(track),
             rotation: None,
             scale: None,

@@ -1,5 +1,7 @@
 //! Carrying edits out, and their inverses.
 
+use std::collections::{HashMap, HashSet};
+
 use super::super::import::transform_fault;
 use super::super::{LightKind, Material, Node, PunctualLight, Scene, Trs};
 use super::{Edit, EditError, NewContent, NewNode, Placement, Tail};
@@ -107,7 +109,7 @@ fn several(scene: &mut Scene, edits: Vec<Edit>) -> Result<Edit, EditError> {
 }
 
 /// The placement with its rotation brought to unit length, if it can be used.
-fn checked(name: &str, to: Placement) -> Result<Placement, EditError> {
+pub fn checked(name: &str, to: Placement) -> Result<Placement, EditError> {
     let to = match to {
         Placement::Parts(parts) => Placement::Parts(Trs {
             rotation: Trs::unit(parts.rotation)
@@ -125,36 +127,24 @@ fn checked(name: &str, to: Placement) -> Result<Placement, EditError> {
 fn transform(scene: &mut Scene, node: usize, to: Placement) -> Result<Edit, EditError> {
     let data = node_mut(scene, node)?;
     let mut to = checked(&data.name, to)?;
-    let before = match data.parts {
-        Some(parts) if parts.parent_from_node() == data.parent_from_node => Placement::Parts(parts),
-        _ => Placement::Matrix(data.parent_from_node),
-    };
-    let rests = scene
-        .animations
-        .iter_mut()
-        .flat_map(|clip| &mut clip.nodes)
-        .filter(|tracks| tracks.node == node)
-        .map(|tracks| &mut tracks.rest);
-    if let Placement::Parts(before) = before {
-        for rest in rests {
-            // A clip sets parts, so its node has no matrix (glTF 2.0, section 3.11): shear is dropped.
-            if let Placement::Matrix(matrix) = to {
-                to = checked("", Placement::Parts(Trs::of(&matrix)))?;
-            }
-            if let Placement::Parts(to) = to
-                && *rest == before
-            {
-                *rest = to;
-            }
-        }
+    let before = data
+        .exact_parts()
+        .map_or(Placement::Matrix(data.parent_from_node), Placement::Parts);
+    // A clip sets parts, so its node has no matrix (glTF 2.0, section 3.11): shear is dropped.
+    if let (Placement::Parts(_), Placement::Matrix(matrix)) = (before, to)
+        && is_animated(scene, node)
+    {
+        to = checked("", Placement::Parts(Trs::of(&matrix)))?;
     }
     let data = node_mut(scene, node)?;
     data.parent_from_node = to.parent_from_node();
-    data.parts = match to {
-        Placement::Parts(parts) => Some(parts),
-        Placement::Matrix(_) => None,
-    };
+    data.parts = to.parts();
     Ok(Edit::Transform { node, to: before })
+}
+
+fn is_animated(scene: &Scene, node: usize) -> bool {
+    let mut tracks = scene.animations.iter().flat_map(|clip| &clip.nodes);
+    tracks.any(|tracks| tracks.node == node)
 }
 
 fn check_material(scene: &Scene, material: &Material) -> Result<(), EditError> {
@@ -226,12 +216,13 @@ fn check_light(light: &PunctualLight) -> Result<(), EditError> {
     } = light.kind
     {
         let in_order = 0.0 <= inner_cone_rad
-            && inner_cone_rad < outer_cone_rad
+            && inner_cone_rad <= outer_cone_rad
+            && 0.0 < outer_cone_rad
             && outer_cone_rad <= std::f32::consts::FRAC_PI_2;
         if !in_order {
             return Err(value(
                 &light.name,
-                "cone angles must be 0 <= inner < outer <= pi/2",
+                "cone angles must be 0 <= inner <= outer <= pi/2, and outer above 0",
             ));
         }
     }
@@ -314,10 +305,7 @@ fn new_tail(scene: &Scene, parent: Option<usize>, node: NewNode) -> Result<Tail,
         name: node.name,
         parent,
         parent_from_node: to.parent_from_node(),
-        parts: match to {
-            Placement::Parts(parts) => Some(parts),
-            Placement::Matrix(_) => None,
-        },
+        parts: to.parts(),
         ..Node::default()
     };
     match node.content {
@@ -363,11 +351,7 @@ fn subtree(scene: &Scene, root: usize) -> Vec<usize> {
 fn check_placed(scene: &Scene, node: usize) -> Result<(), EditError> {
     let count = scene.nodes.len();
     let named = scene.nodes.get(node).ok_or(missing("node", node, count))?;
-    let mut top = node;
-    while let Some(parent) = scene.nodes.get(top).and_then(|node| node.parent) {
-        top = parent;
-    }
-    if scene.roots.contains(&top) {
+    if scene.reaches(node) {
         Ok(())
     } else {
         Err(EditError::Gone {
@@ -379,11 +363,8 @@ fn check_placed(scene: &Scene, node: usize) -> Result<(), EditError> {
 fn copied_tail(scene: &Scene, node: usize) -> Result<Tail, EditError> {
     check_placed(scene, node)?;
     let sources = subtree(scene, node);
-    let first = scene.nodes.len();
-    let new_of = |old: usize| {
-        let at = sources.iter().position(|source| *source == old);
-        at.map(|at| first + at)
-    };
+    let copies: HashMap<usize, usize> = sources.iter().copied().zip(scene.nodes.len()..).collect();
+    let new_of = |old: usize| copies.get(&old).copied();
     let mut lights = Vec::new();
     let mut nodes = Vec::with_capacity(sources.len());
     for source in &sources {
@@ -434,8 +415,7 @@ fn copy_name(scene: &Scene, name: &str) -> String {
         },
         None => (name, 1),
     };
-    let taken: std::collections::HashSet<&str> =
-        scene.nodes.iter().map(|node| node.name.as_str()).collect();
+    let taken: HashSet<&str> = scene.nodes.iter().map(|node| node.name.as_str()).collect();
     let mut next = number;
     loop {
         next = next.saturating_add(1);
@@ -553,7 +533,7 @@ fn attach(
     position: usize,
 ) -> Result<Edit, EditError> {
     let is_loose = node_mut(scene, node)?.parent.is_none() && !scene.roots.contains(&node);
-    let below = parent.is_some_and(|parent| subtree(scene, node).contains(&parent));
+    let below = parent.is_some_and(|parent| scene.subtree(node).get(parent) == Some(&true));
     // On a parent that is not shown it could not be deleted again.
     let is_lost = parent.is_some_and(|parent| check_placed(scene, parent).is_err());
     if !is_loose || below || is_lost {

@@ -75,7 +75,6 @@ pub struct Document {
     last_state: u64,
     gesture: Option<u64>,
     gestures: u64,
-    revision: u64,
     /// What was applied since it was last asked for, if anybody asks.
     changes: Option<Vec<Edit>>,
 }
@@ -125,7 +124,6 @@ impl Document {
             last_state: 0,
             gesture: None,
             gestures: 0,
-            revision: 0,
             changes: None,
         }
     }
@@ -144,7 +142,6 @@ impl Document {
     /// Puts another environment around the scene: a setting, and no step of the history.
     pub fn set_environment(&mut self, environment: Option<super::super::Environment>) {
         self.scene.environment = environment;
-        self.revision += 1;
     }
 
     /// What it was read from.
@@ -161,16 +158,9 @@ impl Document {
     }
 
     fn note(&mut self, applied: &Edit) {
-        self.revision += 1;
         if let Some(changes) = &mut self.changes {
             changes.push(applied.clone());
         }
-    }
-
-    /// Grows with every change, undone and redone ones too: who has shown one number need not look again.
-    #[must_use]
-    pub fn revision(&self) -> u64 {
-        self.revision
     }
 
     /// Carries an edit out as a step of the history. One that changes nothing leaves no step. Within a gesture it takes the

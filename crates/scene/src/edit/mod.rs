@@ -20,6 +20,7 @@ use thiserror::Error;
 use super::{Material, Node, PunctualLight, Scene, Trs};
 use stereolux_base::printable::line;
 
+pub(crate) use apply::checked;
 pub use document::{Document, HISTORY_LIMIT, Original};
 pub use presets::MaterialPreset;
 
@@ -121,6 +122,16 @@ pub enum Placement {
     Parts(Trs),
     /// As a matrix, shear and all.
     Matrix(DAffine3),
+}
+
+impl Placement {
+    /// The parts, if it is given as such.
+    pub(super) fn parts(self) -> Option<Trs> {
+        match self {
+            Self::Parts(parts) => Some(parts),
+            Self::Matrix(_) => None,
+        }
+    }
 }
 
 /// A node that is added.

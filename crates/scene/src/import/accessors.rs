@@ -8,7 +8,6 @@ use gltf::json::validation::Checked;
 use super::super::SceneError;
 use super::buffers::Buffers;
 use super::document::Document;
-use super::extensions;
 use stereolux_base::limits::product;
 
 /// What a number that is read takes, bytes: as f32, and as f64 or in a vector of a fixed size after that. Accessors may
@@ -50,10 +49,6 @@ impl<'a> Reader<'a> {
                 self.buffers.len()
             ))
         })?;
-        if let Some(name) = extensions::compression_of(self.document.raw_item("bufferViews", index))
-        {
-            return Err(self.document.fault(format!("bufferViews[{index}] is compressed by {name}, which is not supported: decompress the file first")));
-        }
         let offset = view.byte_offset.map_or(0, |offset| offset.0);
         let end = offset.checked_add(view.byte_length.0);
         end.and_then(|end| buffer.get(usize::try_from(offset).ok()?..usize::try_from(end).ok()?)).ok_or_else(|| {

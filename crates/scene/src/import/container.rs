@@ -124,19 +124,16 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
     Ok(Parts { json, blob })
 }
 
-/// The payload of a `data:` URI with its media type; `None` if `uri` is not one.
-pub fn decode_data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), String>> {
-    let rest = uri.strip_prefix("data:")?;
-    let Some((head, payload)) = rest.split_once(',') else {
-        return Some(Err("the data URI has no comma".to_owned()));
+/// The payload of a `data:` URI.
+pub fn decode_data_uri(uri: &str) -> Result<Vec<u8>, String> {
+    let Some((head, payload)) = uri.split_once(',') else {
+        return Err("the data URI has no comma".to_owned());
     };
-    let media_type = head.split(';').next().unwrap_or_default().to_owned();
-    let bytes = if head.ends_with(";base64") {
+    if head.ends_with(";base64") {
         decode_base64(payload)
     } else {
         percent_decode(payload)
-    };
-    Some(bytes.map(|bytes| (media_type, bytes)))
+    }
 }
 
 /// Base64 (RFC 4648, section 4), padding optional. White space is skipped, and not counted in messages.
@@ -217,14 +214,9 @@ mod tests {
 
     #[test]
     fn data_uris() {
-        assert!(decode_data_uri("buffer.bin").is_none());
-        let (kind, bytes) = decode_data_uri("data:image/png;base64,Zm9v")
-            .unwrap()
-            .unwrap();
-        assert_eq!(
-            (kind.as_str(), bytes.as_slice()),
-            ("image/png", b"foo".as_slice())
-        );
-        assert!(decode_data_uri("data:nothing").unwrap().is_err());
+        let coded = decode_data_uri("data:image/png;base64,Zm9v");
+        assert_eq!(coded.unwrap(), b"foo");
+        assert_eq!(decode_data_uri("data:,f%6fo").unwrap(), b"foo");
+        assert!(decode_data_uri("data:nothing").is_err());
     }
 }

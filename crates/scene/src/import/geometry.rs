@@ -44,8 +44,14 @@ pub fn import_meshes(
             .name
             .clone()
             .unwrap_or_else(|| format!("mesh {mesh_index}"));
+        // Of all primitives, also of those that are left out.
+        let targets = source
+            .primitives
+            .first()
+            .and_then(|first| first.targets.as_ref());
         let mut mesh = Mesh {
             name,
+            targets: vec![MorphTarget::default(); targets.map_or(0, Vec::len)],
             ..Mesh::default()
         };
         let primitives = document

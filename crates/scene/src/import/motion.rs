@@ -1,6 +1,6 @@
 //! Skins and animations, read from the plain JSON: the typed form refuses channels without a node.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DAffine3, DMat4};
 use serde_json::Value;
@@ -202,7 +202,6 @@ pub fn import_animations(
 ) -> Result<Vec<Animation>, SceneError> {
     let mut left_out = 0;
     let mut animations = Vec::new();
-    let target_counts: HashSet<usize> = meshes.iter().map(|mesh| mesh.targets.len()).collect();
     for (at, raw) in document.motion.animations.iter().enumerate() {
         let place = format!("animations[{at}]");
         let mut import = Import {
@@ -211,7 +210,6 @@ pub fn import_animations(
             samplers: list_of(document, raw, "samplers", &place)?,
             nodes,
             meshes,
-            target_counts: &target_counts,
             clip: Animation {
                 name: name_of(raw, format!("animation {at}")),
                 number: at,
@@ -245,8 +243,6 @@ struct Import<'a> {
     samplers: &'a [Value],
     nodes: &'a [Node],
     meshes: &'a [Mesh],
-    /// How many morph targets meshes have.
-    target_counts: &'a HashSet<usize>,
     clip: Animation,
     /// Where a node's tracks stand in the clip.
     tracks_of: HashMap<usize, usize>,
@@ -288,7 +284,9 @@ impl Import<'_> {
         }
         let count = self.samplers.len();
         let sampler = index(self.document, channel, "sampler", &place, count)?;
-        let track = self.track(sampler, width)?;
+        // Weights are scalars, one after the other.
+        let components = if path == "weights" { 1 } else { width };
+        let track = self.track(sampler, components, width)?;
         let clip = &mut self.clip;
         clip.length_s = clip
             .length_s
@@ -296,7 +294,6 @@ impl Import<'_> {
         let at = *self.tracks_of.entry(node).or_insert_with(|| {
             clip.nodes.push(NodeTracks {
                 node,
-                rest: self.nodes[node].parts.unwrap_or_default(),
                 translation: None,
                 rotation: None,
                 scale: None,
@@ -324,7 +321,7 @@ impl Import<'_> {
         (!mesh.targets.is_empty()).then_some(mesh.targets.len())
     }
 
-    fn track(&self, at: usize, width: usize) -> Result<Track, SceneError> {
+    fn track(&self, at: usize, components: usize, width: usize) -> Result<Track, SceneError> {
         let place = format!("{}.samplers[{at}]", self.place);
         let fault = |what: String| self.document.fault(format!("{place}{what}"));
         let Some(sampler) = self.samplers.get(at) else {
@@ -364,18 +361,16 @@ impl Import<'_> {
                 times_s[bad + 1]
             )));
         }
-        // Weights are scalars, one after the other.
-        let (components, values) =
+        let (_, values) =
             self.reader
-                .read_floats(output, &[1, width], &format!("{place}.output"))?;
+                .read_floats(output, &[components], &format!("{place}.output"))?;
         let per_key = if interpolation == Interpolation::CubicSpline {
             3
         } else {
             1
         };
         let wanted = times_s.len() * per_key * width;
-        let is_list = components == width || (components == 1 && self.is_scalar_list(width));
-        if !is_list || values.len() != wanted {
+        if values.len() != wanted {
             return Err(fault(format!(
                 ".output: {} numbers do not fit {} keys of {per_key} x {width}",
                 values.len(),
@@ -391,11 +386,6 @@ impl Import<'_> {
             width,
             interpolation,
         })
-    }
-
-    /// Numbers of vectors and quaternions come as such; only weights come one by one.
-    fn is_scalar_list(&self, width: usize) -> bool {
-        !matches!(width, 3 | 4) || self.target_counts.contains(&width)
     }
 }
 

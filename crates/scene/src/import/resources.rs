@@ -195,11 +195,7 @@ fn read(
 
 fn decode_uri(document: &Document<'_>, place: &str, uri: &str) -> Result<Vec<u8>, SceneError> {
     document.take(uri.len() as u64, place, "the data URI's bytes")?;
-    match container::decode_data_uri(uri) {
-        Some(Ok((_, bytes))) => Ok(bytes),
-        Some(Err(what)) => Err(document.fault(format!("{place}: {what}"))),
-        None => Err(document.fault(format!("{place}: is no data URI"))),
-    }
+    container::decode_data_uri(uri).map_err(|what| document.fault(format!("{place}: {what}")))
 }
 
 /// The bytes of every image that lies in a file of its own and is a picture; none for those in a buffer or a `data:` URI.

@@ -2,6 +2,7 @@
 
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
+use stereolux_scene::edit::Edit;
 use stereolux_scene::{AlphaMode, Filter, LightKind, Needs, Scene, Wrap};
 
 use crate::folders::Folder;
@@ -455,6 +456,9 @@ fn lights_cameras_and_the_start_pose() {
         outer_cone_rad: 0.5,
     };
     assert_eq!(scene.lights[2].kind, hard_edge);
+    // What a file may hold may be edited.
+    let (mut edited, to) = (scene.clone(), scene.lights[2].clone());
+    Edit::Light { light: 2, to }.apply(&mut edited).unwrap();
     let lights = Needs::of(&scene).lights;
     assert_eq!(
         (lights.spot, lights.directional),

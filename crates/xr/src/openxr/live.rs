@@ -11,6 +11,15 @@ use super::swapchain::EyeSwapchains;
 use super::{SessionOptions, Space};
 use stereolux_gpu::vulkan_interop::openxr as interop;
 
+/// Calls of a frame that the runtime waits for: a frame that was waited for has to be begun before another is (OpenXR 1.1,
+/// xrWaitFrame), and one that was begun has to be ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum UnderWay {
+    Nothing,
+    Waited,
+    Begun,
+}
+
 /// A session of the runtime. Fields are dropped in order: images before their session. Its action sets go with it: sets are
 /// the instance's, names are taken while a set is there, and bindings can be suggested only for sets that were never
 /// attached (OpenXR 1.1, section 11 "Input and Haptics").
@@ -18,8 +27,8 @@ pub(super) struct Live {
     pub(super) lifecycle: Lifecycle,
     /// What said that it is lost. It is left alone then, until another takes its place.
     pub(super) loss: Option<String>,
-    /// A frame was begun and not ended.
-    pub(super) in_frame: bool,
+    /// How far the frame under way has come.
+    pub(super) under_way: UnderWay,
     pub(super) eyes: [EyeSwapchains; 2],
     pub(super) controls: Controls,
     pub(super) space: xr::Space,
@@ -59,7 +68,7 @@ impl Live {
         Ok(Self {
             lifecycle: Lifecycle::new(),
             loss: None,
-            in_frame: false,
+            under_way: UnderWay::Nothing,
             eyes,
             controls,
             space,

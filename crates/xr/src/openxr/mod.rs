@@ -35,7 +35,7 @@ use self::controller_models::ControllerModels;
 use self::controls::Wishes;
 use self::display_clock::DisplayClock;
 use self::lifecycle::Step;
-use self::live::Live;
+use self::live::{Live, UnderWay};
 use self::locomotion::Locomotion;
 use self::runtime::{STEREO, is_gone};
 use super::frame_clock::FrameOrder;
@@ -317,7 +317,7 @@ impl OpenXrSession {
         let Some(live) = self.usable() else {
             return Ok(());
         };
-        live.in_frame = false;
+        live.under_way = UnderWay::Nothing;
         match live.stream.end(time, live.behind.mode, &[]) {
             Ok(()) => {
                 self.losses = 0;
@@ -336,6 +336,7 @@ impl OpenXrSession {
             Ok(state) => state,
             Err(error) => return self.fail("xrWaitFrame", error).map(|()| None),
         };
+        live.under_way = UnderWay::Waited;
         let input = match live.controls.read(&live.session) {
             Ok(input) => input,
             Err(error) => return self.fail("xrSyncActions", error).map(|()| None),
@@ -423,7 +424,7 @@ impl XrSession for OpenXrSession {
         if let Err(error) = live.stream.begin() {
             return self.fail("xrBeginFrame", error);
         }
-        live.in_frame = true;
+        live.under_way = UnderWay::Begun;
         Ok(())
     }
 
@@ -546,7 +547,7 @@ impl XrSession for OpenXrSession {
         if let Err((call, error)) = release() {
             return self.fail(call, error);
         }
-        live.in_frame = false;
+        live.under_way = UnderWay::Nothing;
         // The views that were rendered, back in the runtime's space: f64 until the last step, so that they round to the
         // f32 numbers that the runtime gave.
         let [left, right] = &live.eyes;
@@ -585,8 +586,16 @@ impl Drop for OpenXrSession {
         if self.is_over || !self.is_running() {
             return;
         }
-        let is_in_frame = self.live.as_ref().is_some_and(|live| live.in_frame);
-        let ended = match self.clock.last_ns().filter(|_| is_in_frame) {
+        let Some(live) = self.usable() else { return };
+        let under_way = live.under_way;
+        if under_way == UnderWay::Waited
+            && let Err(error) = live.stream.begin()
+        {
+            log::debug!("xrBeginFrame: {error}");
+            return;
+        }
+        let has_frame = under_way != UnderWay::Nothing;
+        let ended = match self.clock.last_ns().filter(|_| has_frame) {
             Some(time_ns) => self.end_empty(self.clock.of_runtime(time_ns)),
             None => Ok(()),
         };

@@ -271,16 +271,22 @@ fn unusable_files() {
         Trace::read(&huge.0)
             .unwrap_err()
             .to_string()
-            .contains("64 KiB")
+            .contains("256 KiB")
     );
+}
+
+/// A frame as far as its views; `None` at the end.
+fn begin(session: &mut dyn XrSession) -> Option<(FrameState, LocatedViews)> {
+    let frame = session.wait_frame().unwrap()?;
+    session.begin_frame().unwrap();
+    let located = session.locate_views(frame.predicted_display_time_ns);
+    Some((frame, located.unwrap().unwrap()))
 }
 
 fn play(session: &mut dyn XrSession) -> Vec<TraceFrame> {
     let mut frames = Vec::new();
-    while let Some(frame) = session.wait_frame().unwrap() {
-        session.begin_frame().unwrap();
+    while let Some((frame, views)) = begin(session) {
         let t_ns = frame.predicted_display_time_ns;
-        let views = session.locate_views(t_ns).unwrap().unwrap();
         let input = session.locate_input(t_ns).unwrap();
         session
             .end_frame(FrameSubmission::new(t_ns, Some(&views)))
@@ -375,16 +381,13 @@ fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
 fn the_views_that_were_used_are_recorded_not_those_located() {
     let file = TemporaryFile::new("used.jsonl");
     let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
-    let t_ns = recorder
-        .wait_frame()
-        .unwrap()
-        .unwrap()
-        .predicted_display_time_ns;
-    recorder.begin_frame().unwrap();
-    let mut views = recorder.locate_views(t_ns).unwrap().unwrap();
+    let (frame, mut views) = begin(&mut recorder).unwrap();
     views.views[0].position_in_world.x += 1.0;
     recorder
-        .end_frame(FrameSubmission::new(t_ns, Some(&views)))
+        .end_frame(FrameSubmission::new(
+            frame.predicted_display_time_ns,
+            Some(&views),
+        ))
         .unwrap();
     assert_eq!(Trace::read(&file.0).unwrap().frames[0].views, views);
 }
@@ -409,11 +412,8 @@ fn quality_is_written_where_it_changes() {
     };
     let told = [Some(first), Some(first), Some(first), None, Some(second)];
     for quality in told {
-        let t_ns = recorder.wait_frame().unwrap().unwrap();
-        let t_ns = t_ns.predicted_display_time_ns;
-        recorder.begin_frame().unwrap();
-        let views = recorder.locate_views(t_ns).unwrap().unwrap();
-        let submission = FrameSubmission::new(t_ns, Some(&views));
+        let (frame, views) = begin(&mut recorder).unwrap();
+        let submission = FrameSubmission::new(frame.predicted_display_time_ns, Some(&views));
         recorder
             .end_frame(submission.with_quality(quality))
             .unwrap();
@@ -443,16 +443,13 @@ fn unwritable_recordings() {
 fn what_could_not_be_read_back_is_not_written() {
     let file = TemporaryFile::new("nan.jsonl");
     let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
-    let t_ns = recorder
-        .wait_frame()
-        .unwrap()
-        .unwrap()
-        .predicted_display_time_ns;
-    recorder.begin_frame().unwrap();
-    let mut views = recorder.locate_views(t_ns).unwrap().unwrap();
+    let (frame, mut views) = begin(&mut recorder).unwrap();
     views.views[1].position_in_world.x = f64::NAN;
     let error = recorder
-        .end_frame(FrameSubmission::new(t_ns, Some(&views)))
+        .end_frame(FrameSubmission::new(
+            frame.predicted_display_time_ns,
+            Some(&views),
+        ))
         .unwrap_err();
     assert!(
         matches!(error, XrError::RecordWrite { frames: 0, .. }),

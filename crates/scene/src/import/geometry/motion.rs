@@ -139,15 +139,13 @@ impl PrimitiveImport<'_, '_> {
                     .map_or(lone, |joints| joints[*source as usize])
             }));
         }
-        if base > 0 && mesh.targets.len() != data.targets.len() {
+        if mesh.targets.len() != data.targets.len() {
             return Err(self.fault(&format!(
-                "has {} morph targets, the primitives before it have {}; all need the same number",
+                "has {} morph targets, the first one has {}; all need the same number",
                 data.targets.len(),
                 mesh.targets.len()
             )));
         }
-        mesh.targets
-            .resize(data.targets.len(), MorphTarget::default());
         for (target, source) in mesh.targets.iter_mut().zip(&data.targets) {
             let pick = |deltas: &Vec<[f32; 3]>| -> Vec<[f32; 3]> {
                 sources.iter().map(|at| deltas[*at as usize]).collect()
