@@ -84,6 +84,7 @@ pub struct LoopOptions<'a> {
 }
 
 /// What becomes of a frame of the session.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
     /// It is not rendered.
     Skipped,
@@ -114,9 +115,9 @@ fn skip(
     renderer: &mut Renderer,
     index: u32,
     application: &mut Application<'_>,
-) -> Result<Option<()>, LoopError> {
+) -> Result<Step, LoopError> {
     let Some(state) = session.wait_frame()? else {
-        return Ok(None);
+        return Ok(Step::Ended);
     };
     if state.switch_reuse {
         renderer.switch_reuse();
@@ -132,7 +133,7 @@ fn skip(
     }
     let quality = settle_quality(renderer, &state, before)?;
     session.end_frame(FrameSubmission::new(time_ns, None).with_quality(quality))?;
-    Ok(Some(()))
+    Ok(Step::Hidden)
 }
 
 /// Lets the recording have its way with the frame's quality, `before` being that from before the application's update; the
@@ -600,17 +601,8 @@ fn run_frames(
         }
         application.kept_mut().rebuild(renderer, library)?;
         let role = options.role(index);
-        match role {
-            Role::Last => return Ok(()),
-            Role::Skipped => match skip(session, renderer, index, application)? {
-                Some(()) => {
-                    session.move_wearer(application.take_move());
-                    index += 1;
-                    continue;
-                }
-                None => return Ok(()),
-            },
-            Role::WarmUp | Role::Written => {}
+        if role == Role::Last {
+            return Ok(());
         }
         way.retire(renderer, options.in_flight - 1, progress)?;
         let told = |done| {
@@ -624,7 +616,11 @@ fn run_frames(
         let update = |session: &mut dyn XrSession, renderer: &mut Renderer, frame| {
             application.update(session, renderer, frame)
         };
-        let turn = match step(session, renderer, library, index, in_flight, update, told) {
+        let turn = match role {
+            Role::Skipped => skip(session, renderer, index, application),
+            _ => step(session, renderer, library, index, in_flight, update, told),
+        };
+        let turn = match turn {
             Err(LoopError::Render(RenderError::Interrupted)) => return Ok(()),
             turn => turn?,
         };
@@ -634,11 +630,17 @@ fn run_frames(
         session.move_wearer(application.take_move());
         let mut frame = match turn {
             Step::Ended => return Ok(()),
-            Step::Hidden => continue,
+            Step::Hidden => {
+                if application.kept().is_over() {
+                    return Ok(());
+                }
+                index += u32::from(role == Role::Skipped);
+                continue;
+            }
             Step::Rendered(frame) => frame,
         };
         let mut non_finite_pixels = 0;
-        let is_written = matches!(role, Role::Written);
+        let is_written = role == Role::Written;
         if is_written {
             // After the runtime has got its frame: the window must not delay it.
             if let Some(mirror) = &mut mirror {

@@ -8,7 +8,7 @@ use super::{Failure, load_scene, print_line};
 use crate::frame::listing::{list, memory};
 use crate::frame::plan::on_demand;
 use crate::frame::user_passes::{self, shader_library};
-use crate::gpu::context::{AdapterSummary, adapters, check_wanted};
+use crate::gpu::context::{AdapterSummary, adapters, first_wanted};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
 use crate::printable;
@@ -21,11 +21,12 @@ use crate::xr::Headset;
 /// Prints adapters, OpenXR state and, with a scene, its needs.
 pub fn info(options: &InfoOptions) -> Result<(), Failure> {
     let adapters = adapters();
-    if !options.settings.adapter.is_empty() {
-        check_wanted(&adapters, &options.settings.adapter)?;
-    }
-    // The one that would be chosen, as far as can be known without opening it.
-    let is_software = adapters.first().is_some_and(AdapterSummary::is_software);
+    // As far as can be known without opening it.
+    let chosen = match options.settings.adapter.as_str() {
+        "" => adapters.first(),
+        wanted => Some(first_wanted(&adapters, wanted)?),
+    };
+    let is_software = chosen.is_some_and(AdapterSummary::is_software);
     let mut report = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "adapters": adapters,

@@ -15,6 +15,8 @@ pub(super) struct Bar {
     bar: ProgressBar,
     samples: u32,
     frames: Option<u32>,
+    /// The first frame that is rendered, once it is known.
+    first: Option<u32>,
     began: Instant,
     /// When the last line was printed; `None` on a terminal.
     last_line: Option<Instant>,
@@ -37,6 +39,7 @@ impl Bar {
             bar,
             samples,
             frames,
+            first: None,
             began,
             last_line: (!std::io::stderr().is_terminal()).then_some(began),
         }
@@ -62,19 +65,24 @@ impl Bar {
         }
         self.last_line = Some(Instant::now());
         let elapsed_s = self.began.elapsed().as_secs_f64();
-        let line = progress_line([frame, done], [self.frames, Some(self.samples)], elapsed_s);
+        let first = self.first.unwrap_or_default();
+        let line = progress_line(
+            [first, frame, done],
+            [self.frames, Some(self.samples)],
+            elapsed_s,
+        );
         eprint_line!("{line}");
     }
 }
 
-/// Where a run stands: frame and finished samples of it, and how many there are of each.
+/// Where a run stands: its first frame, this one, and finished samples of that; how many there are of each.
 fn progress_line(
-    [frame, done]: [u32; 2],
+    [first, frame, done]: [u32; 3],
     [frames, samples]: [Option<u32>; 2],
     elapsed_s: f64,
 ) -> String {
     let samples = samples.unwrap_or(1);
-    let finished = f64::from(frame) + f64::from(done) / f64::from(samples);
+    let finished = f64::from(frame - first) + f64::from(done) / f64::from(samples);
     let of_frames = frames.map_or(String::new(), |frames| format!(" of {frames}"));
     let of_samples = match samples {
         1 => String::new(),
@@ -83,7 +91,8 @@ fn progress_line(
     let left = frames
         .filter(|_| finished > 0.0)
         .map_or(String::new(), |frames| {
-            let left_s = elapsed_s * (f64::from(frames) / finished - 1.0).max(0.0);
+            let left_s =
+                elapsed_s * (f64::from(frames.saturating_sub(first)) / finished - 1.0).max(0.0);
             format!(", about {left_s:.0} s left")
         });
     let number = u64::from(frame) + 1;
@@ -92,8 +101,14 @@ fn progress_line(
 
 impl LoopProgress for Bar {
     fn sample(&mut self, frame: u32, done: u32) {
+        // What comes before a range passes at once.
+        let first = *self.first.get_or_insert(frame);
+        if let Some(frames) = self.frames {
+            self.bar
+                .set_length(u64::from(frames.saturating_sub(first)) * u64::from(self.samples));
+        }
         self.bar
-            .set_position(u64::from(frame) * u64::from(self.samples) + u64::from(done));
+            .set_position(u64::from(frame - first) * u64::from(self.samples) + u64::from(done));
         self.line(frame, done);
     }
 
@@ -111,15 +126,18 @@ mod tests {
 
     #[test]
     fn progress_says_what_is_done_and_what_is_left() {
-        let line = progress_line([4, 1], [Some(20), Some(1)], 10.0);
+        let line = progress_line([0, 4, 1], [Some(20), Some(1)], 10.0);
         // 5 of 20 frames in 10 s.
         assert_eq!(line, "frame 5 of 20: 10 s so far, about 30 s left");
-        let line = progress_line([0, 16], [Some(1), Some(64)], 10.0);
+        // Frames 100 to 119 of a range.
+        let line = progress_line([100, 104, 1], [Some(120), Some(1)], 10.0);
+        assert_eq!(line, "frame 105 of 120: 10 s so far, about 30 s left");
+        let line = progress_line([0, 0, 16], [Some(1), Some(64)], 10.0);
         assert_eq!(
             line,
             "frame 1 of 1, sample 16 of 64: 10 s so far, about 30 s left"
         );
-        let line = progress_line([9, 1], [None, Some(1)], 12.4);
+        let line = progress_line([0, 9, 1], [None, Some(1)], 12.4);
         assert_eq!(line, "frame 10: 12 s so far");
     }
 }

@@ -266,7 +266,6 @@ fn render_session(
     let mut application = Application::start(app, actions, scene, settings.input.show_hands)
         .map_err(Failure::unusable)?;
     let scene = application.kept().scene();
-    let needs = Needs::of(scene);
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;
     let mut render = settings.render.clone();
     for aov in &aovs {
@@ -362,10 +361,12 @@ fn render_session(
         }
         Ok(())
     });
+    let scene = application.kept().scene();
+    let needs = Needs::of(scene);
     let run = report::RunReport::new(
         settings,
         &renderer,
-        application.kept().scene(),
+        scene,
         light.map(|light| light.to_string()),
         &needs,
         &name,

@@ -17,7 +17,7 @@ use crate::gpu::kernel::{
 };
 use crate::gpu::raster::Raster;
 use crate::gpu::{
-    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary,
+    FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary, Workgroups,
 };
 
 /// Samples per submission; the dispatch table numbers them.
@@ -199,11 +199,6 @@ impl FrameRun {
         Ok(())
     }
 
-    /// Drops a stage's compiled passes, so that they are compiled again.
-    pub fn forget_kernels(&mut self, is_of: impl Fn(&str) -> bool) {
-        self.kernels.retain(|(name, _), _| !is_of(name));
-    }
-
     fn kernel(&self, key: &KernelKey) -> Result<&Kernel, GpuError> {
         self.kernels.get(key).ok_or_else(|| GpuError::Unbound {
             pass: key.0.clone(),
@@ -374,7 +369,10 @@ impl FrameRun {
                 let pattern = patterns.iter().position(|other| other == words);
                 BoundAction::Dispatch {
                     bound: self.bind_pass(context, step, kernel, given)?,
-                    traffic: traffic(step, kernel, given, &self.buffers),
+                    traffic: match self.work {
+                        Some(_) => traffic(step, kernel, given, &self.buffers),
+                        None => Traffic::default(),
+                    },
                     kernel: key,
                     groups,
                     pattern: pattern.unwrap_or(0) as u32,
@@ -478,7 +476,7 @@ impl FrameRun {
                 }
                 BoundAction::Copy(turns, bytes) => {
                     let [from, to] = &turns[how.parity];
-                    recorder.copy(from, to, *bytes);
+                    recorder.copy((from, 0), (to, 0), *bytes);
                 }
                 BoundAction::CopyTexels(found) => {
                     let parts = self.buffers.get(found, 0).zip(self.buffers.texels(found));
@@ -497,26 +495,16 @@ impl FrameRun {
                     let kernel = self.kernel(kernel)?;
                     let bound = &bound[how.parity % bound.len()];
                     let entry = first + pattern;
-                    match groups {
-                        Groups::Direct(groups) => {
-                            recorder.dispatch(&step.label, kernel, bound, entry, *groups);
+                    let [run, noted] = match groups {
+                        Groups::Direct(groups) => [Workgroups::Direct(*groups); 2],
+                        Groups::Indirect(counted, places) => {
+                            places.map(|at| Workgroups::Indirect(counted, at))
                         }
-                        Groups::Indirect(buffer, [offset, _]) => recorder.dispatch_indirect(
-                            &step.label,
-                            kernel,
-                            bound,
-                            entry,
-                            buffer,
-                            *offset,
-                        ),
-                    }
+                    };
+                    recorder.dispatch(&step.label, kernel, bound, entry, run);
                     if let Some(log) = &self.work {
-                        let groups = match groups {
-                            Groups::Direct(groups) => Ok(*groups),
-                            Groups::Indirect(buffer, [_, entries]) => Err((buffer, *entries)),
-                        };
                         let who = (step.label.as_str(), kernel, *traffic);
-                        log.note(recorder, &self.buffers, who, groups);
+                        log.note(recorder, &self.buffers, who, noted);
                     }
                 }
             }
@@ -548,7 +536,7 @@ impl FrameRun {
                 };
                 if !warm.contains(&kernel) {
                     warm.push(kernel);
-                    let one = [1, 1, 1];
+                    let one = Workgroups::Direct([1, 1, 1]);
                     let mut recorder = FrameRecorder::new(context, None, "warm-up");
                     recorder.dispatch(&kernel.0, self.kernel(kernel)?, &bound[0], stage.empty, one);
                     recorder.submit("warm-up", &mut PassTimes::default())?;

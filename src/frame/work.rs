@@ -11,7 +11,7 @@ use super::run::named;
 use super::step::Step;
 use crate::gpu::buffers::{read_buffer, storage_buffer};
 use crate::gpu::kernel::BindingKind;
-use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources};
+use crate::gpu::{FrameRecorder, GpuContext, GpuError, Kernel, Resources, Workgroups};
 
 /// Dispatches of a frame that the log holds; later ones are left out, and said so.
 const SLOTS: usize = 1024;
@@ -100,28 +100,31 @@ impl WorkLog {
         })
     }
 
-    /// Takes the counts of the dispatch that was just recorded. `groups`: its workgroups, or where they lie.
+    /// Takes the counts of the dispatch that was just recorded.
     pub(super) fn note(
         &self,
         recorder: &mut FrameRecorder<'_>,
         buffers: &Buffers,
         (label, kernel, traffic): (&str, &Kernel, Traffic),
-        groups: Result<[u32; 3], (&wgpu::Buffer, u64)>,
+        groups: Workgroups<'_>,
     ) {
         let mut noted = self.noted.lock().unwrap_or_else(PoisonError::into_inner);
         let at = (noted.len() * size_of::<Slot>()) as u64;
         if noted.len() < SLOTS {
             let counts = size_of::<WorkCounts>() as u64;
             if let Some(counted) = buffers.written((Whose::Frame, COUNTS)) {
-                recorder.copy_part((counted, 0), (&self.slots, at), counts);
+                recorder.copy((counted, 0), (&self.slots, at), counts);
                 recorder.clear(counted, counts);
             }
-            if let Err(place) = groups {
-                recorder.copy_part(place, (&self.slots, at + counts), 12);
+            if let Workgroups::Indirect(counted, from) = groups {
+                recorder.copy((counted, from), (&self.slots, at + counts), 12);
             }
         }
         noted.push(Noted {
-            groups: groups.ok(),
+            groups: match groups {
+                Workgroups::Direct(groups) => Some(groups),
+                Workgroups::Indirect(..) => None,
+            },
             dispatched: Dispatched {
                 label: label.to_owned(),
                 pass: kernel.name.clone(),
@@ -130,7 +133,7 @@ impl WorkLog {
                     .iter()
                     .map(|n| u64::from(*n))
                     .product(),
-                over_list: groups.is_err(),
+                over_list: matches!(groups, Workgroups::Indirect(..)),
                 traffic,
                 counts: WorkCounts::default(),
             },

@@ -58,7 +58,7 @@ const ROWS: [&[Row]; 5] = [
         ("--light", "light", "LIGHT", ""),
         ("--allow-outside", "limits.allow_outside", "true|false", TRUST),
         ("--method", "method", "METHOD", " to report the scene's needs for"),
-        ("--adapter", "adapter", "NAME", "; marks the adapter that would be used"),
+        ("--adapter", "adapter", "NAME", "; the scene's frame is listed for it"),
     ],
     &[],
 ];

@@ -40,18 +40,18 @@ impl WorkLimits {
         if is_software { Self::NONE } else { Self::CARD }
     }
 
-    /// Samples of both eyes that a submission takes, at least one: of `pixels` per eye, each sample having taken `sample_ms`,
+    /// Samples of both eyes that a submission takes, at least one: of `pixels` per eye, a sample of each having taken `pixel_ms`,
     /// if that is known.
     #[must_use]
-    pub fn samples(&self, settings: &RenderSettings, pixels: u64, sample_ms: Option<f64>) -> u32 {
+    pub fn samples(&self, settings: &RenderSettings, pixels: u64, pixel_ms: Option<f64>) -> u32 {
         let segments = match settings.method {
             Method::Path => settings.path.max_depth,
             Method::Photon => 1,
         };
         // A segment's own ray and its shadow ray, of either eye.
         let rays = 2.0 * 2.0 * f64::from(segments) * pixels as f64;
-        let samples = match sample_ms {
-            Some(ms) if ms > 0.0 => self.submission_ms / ms,
+        let samples = match pixel_ms {
+            Some(ms) if ms > 0.0 => self.submission_ms / (ms * pixels as f64),
             _ => self.submission_rays / rays,
         };
         samples
@@ -134,10 +134,11 @@ mod tests {
                 // No fewer than there is room for.
                 assert!(samples == SAMPLES_PER_SUBMISSION || rays(samples + 1) > 1e8);
                 for sample_ms in [0.01, 3.0, 70.0, 5000.0] {
-                    let samples = card.samples(&settings, pixels, Some(sample_ms));
+                    let pixel_ms = Some(sample_ms / pixels as f64);
+                    let samples = card.samples(&settings, pixels, pixel_ms);
                     assert!(samples == 1 || f64::from(samples) * sample_ms <= 200.0);
                 }
-                let none = WorkLimits::NONE.samples(&settings, pixels, Some(5000.0));
+                let none = WorkLimits::NONE.samples(&settings, pixels, Some(5.0));
                 assert_eq!(none, SAMPLES_PER_SUBMISSION);
             }
         }

@@ -101,11 +101,6 @@ pub fn splits_light(settings: &RenderSettings) -> bool {
     settings.output.parts || settings.reconstruct.svgf.is_on()
 }
 
-/// Whether there is a caustic map: the scene can form caustics, or a setting forces it.
-pub fn forms_caustics(features: &ShaderFeatures) -> bool {
-    features.caustics
-}
-
 /// RIS candidates per shadow ray. A single light without size leaves nothing to choose.
 pub fn light_candidates(
     lights: usize,

@@ -26,6 +26,7 @@ enum Asked {
     /// Counters of a map, as the frame was sent: the map, photons that its list held at most, slices of its gather.
     Map {
         index: usize,
+        kind: MapKind,
         capacity: u32,
         slices: u32,
     },
@@ -49,6 +50,8 @@ pub struct Flight {
     pub(super) serial: u64,
     pub(super) result: FrameResult,
     pub(super) tickets: Vec<Ticket>,
+    /// Pixels of an eye times samples.
+    pub(super) eye_paths: u64,
     /// When the eyes' first passes had been recorded and handed to the device.
     pub(super) eyes_sent: Option<Instant>,
     asked: Vec<Asked>,
@@ -68,6 +71,7 @@ impl Flight {
                 ..FrameResult::default()
             },
             tickets: Vec::new(),
+            eye_paths: 1,
             eyes_sent: None,
             asked: Vec::new(),
             landed: Vec::new(),
@@ -118,6 +122,35 @@ fn record<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> T {
     own.map_or_else(bytemuck::Zeroable::zeroed, bytemuck::pod_read_unaligned)
 }
 
+/// A map's statistics in the frame's, and a warning if the frame's list was too short.
+fn report_counts(
+    kind: MapKind,
+    counters: &PhotonCounters,
+    capacity: u32,
+    result: &mut FrameResult,
+) {
+    let stats = MapStats {
+        emitted: counters.paths_traced,
+        stored: counters.stored,
+        dropped: counters.dropped,
+        paths_kept: counters.paths_kept,
+        capacity,
+    };
+    match kind {
+        MapKind::Photons => result.photons.map = stats,
+        MapKind::Caustics => result.photons.caustics = Some(stats),
+    }
+    if result.photons.traced && counters.dropped > 0 {
+        log::warn!(
+            "the photon buffer is full: {} of {} photons dropped; {} of {} paths count",
+            counters.dropped,
+            counters.demanded,
+            counters.paths_kept,
+            counters.paths_traced
+        );
+    }
+}
+
 impl Renderer {
     /// Asks for a map's counters, after what is recorded.
     pub(super) fn read_counts(&self, recorder: &mut FrameRecorder<'_>, index: usize) {
@@ -140,6 +173,7 @@ impl Renderer {
             self.read_counts(recorder, index);
             flight.asked.push(Asked::Map {
                 index,
+                kind: map.kind(),
                 capacity: map.capacity(),
                 slices: match map.kind() {
                     MapKind::Photons => self.gather_slices.photons,
@@ -166,78 +200,55 @@ impl Renderer {
         flight.land(&self.context)?;
         let landed = std::mem::take(&mut flight.landed);
         for (asked, bytes) in std::mem::take(&mut flight.asked).into_iter().zip(landed) {
-            if flight.serial > self.frames_before {
-                self.arrive(asked, &bytes, &mut flight);
-            }
+            self.arrive(asked, &bytes, &mut flight);
         }
         let passes = &flight.result.times.passes;
         let eyes = passes
             .iter()
             .filter(|(name, _)| name.starts_with("left.") || name.starts_with("right."));
         let eyes_ms: f64 = eyes.map(|(_, (ms, _))| ms).sum();
-        self.sample_ms = (eyes_ms > 0.0).then(|| eyes_ms / f64::from(self.settings.spp.max(1)));
+        if eyes_ms > 0.0 {
+            self.pixel_ms = Some(eyes_ms / flight.eye_paths as f64);
+        }
         flight.result.work = self.frame.take_work(&self.context)?;
         flight.result.cpu_ms.read_back = flight.result.note("read_back", began);
         Ok(flight.result)
     }
 
+    /// Takes a value into the frame's statistics, and into what steers later frames, unless another renderer, for another scene,
+    /// began the frame.
     fn arrive(&mut self, asked: Asked, bytes: &[u8], flight: &mut Flight) {
+        let is_own = flight.serial > self.frames_before;
         let steers = match asked {
             Asked::Stereo => {
                 flight.result.stereo = StereoStats::from_counters(&record(bytes));
                 return;
             }
-            Asked::Costs(built) => Steers::Costs(ratios(bytes, built)),
+            Asked::Costs(built) if is_own => Steers::Costs(ratios(bytes, built)),
+            Asked::Costs(_) => return,
             Asked::Map {
                 index,
+                kind,
                 capacity,
                 slices,
             } => {
                 let counted = counted(flight.serial, bytes);
+                report_counts(kind, &counted.counters, capacity, &mut flight.result);
+                if !is_own {
+                    return;
+                }
                 self.maps[index].note_counted(counted);
-                self.report_counts(index, counted, [capacity, slices], &mut flight.result);
+                let needed = self.maps[index].slices_for(counted, [1, 1]);
+                if needed > slices {
+                    log::warn!(
+                        "the photons grew denser within {MOST} frames than gathers were made for ({needed} slices, not \
+                         {slices}): this frame may lack light on drivers that end long loops"
+                    );
+                }
                 Steers::Map(index, counted)
             }
         };
         self.steers.push_back((flight.serial, steers));
-    }
-
-    /// A map's statistics in the frame's, and warnings if the frame's list or slices were too small.
-    fn report_counts(
-        &self,
-        index: usize,
-        counted: Counted,
-        [capacity, slices]: [u32; 2],
-        result: &mut FrameResult,
-    ) {
-        let (map, counters) = (&self.maps[index], counted.counters);
-        let stats = MapStats {
-            emitted: counters.paths_traced,
-            stored: counters.stored,
-            dropped: counters.dropped,
-            paths_kept: counters.paths_kept,
-            capacity,
-        };
-        match map.kind() {
-            MapKind::Photons => result.photons.map = stats,
-            MapKind::Caustics => result.photons.caustics = Some(stats),
-        }
-        if result.photons.traced && counters.dropped > 0 {
-            log::warn!(
-                "the photon buffer is full: {} of {} photons dropped; {} of {} paths count",
-                counters.dropped,
-                counters.demanded,
-                counters.paths_kept,
-                counters.paths_traced
-            );
-        }
-        let needed = map.slices_for(counted, [1, 1]);
-        if needed > slices {
-            log::warn!(
-                "the photons grew denser within {MOST} frames than gathers were made for ({needed} slices, not {slices}): \
-                 this frame may lack light on drivers that end long loops"
-            );
-        }
     }
 
     /// Lets what frames counted that began [`MOST`] or more before this one steer it.

@@ -5,6 +5,7 @@
 //! frame showed it, whatever has been moved since.
 
 use bytemuck::{Pod, Zeroable as _};
+use glam::DVec3;
 
 use super::inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 use super::{Eye, InstanceId, MapKind, PhotonMap, RenderError, Renderer, Stage};
@@ -17,7 +18,6 @@ use crate::renderer::records::frame::Frame;
 use crate::renderer::records::reconstruction::{
     Reconstruction as ReconstructionUniform, unpack_motion,
 };
-use crate::settings::RenderSettings;
 
 /// What a pixel that sees nothing has for an instance.
 const NONE: u32 = u32::MAX;
@@ -35,8 +35,8 @@ type Values = (InspectedValues, Option<Vec<bool>>);
 /// Kernels and images of views, once one has been asked for.
 #[derive(Default)]
 pub(super) struct Inspector {
-    /// The last frame and the one before it.
-    frames: [Option<Frame>; 2],
+    /// The last frame and the one before it, and where their origins lie in the world.
+    frames: [Option<(Frame, DVec3)>; 2],
     frame_count: u64,
     /// With kernels and images of its own.
     run: FrameRun,
@@ -46,8 +46,8 @@ pub(super) struct Inspector {
 
 impl Inspector {
     /// A frame has been rendered.
-    pub(super) fn note(&mut self, frame: &Frame) {
-        self.frames = [Some(*frame), self.frames[0]];
+    pub(super) fn note(&mut self, frame: &Frame, origin_in_world: DVec3) {
+        self.frames = [Some((*frame, origin_in_world)), self.frames[0]];
         self.frame_count += 1;
     }
 
@@ -75,8 +75,8 @@ impl Inspector {
         if self.run.features() != renderer.features() {
             self.run = FrameRun::new(*renderer.features());
         }
-        let now = self.frame()?;
-        let before = self.frames[1].unwrap_or(now);
+        let (now, origin) = self.frame()?;
+        let (before, origin_before) = self.frames[1].unwrap_or((now, origin));
         // A frame of one sample looks through the pixels' centres.
         let centered = Frame {
             first_sample: 0,
@@ -89,6 +89,7 @@ impl Inspector {
             previous_left: before.left,
             previous_right: before.right,
             has_history: if self.frames[1].is_some() { 1.0 } else { 0.0 },
+            origin_moved: (origin - origin_before).as_vec3().to_array(),
             ..ReconstructionUniform::zeroed()
         };
         let context = &renderer.context;
@@ -139,7 +140,7 @@ impl Inspector {
     }
 
     /// The last frame.
-    fn frame(&self) -> Result<Frame, RenderError> {
+    fn frame(&self) -> Result<(Frame, DVec3), RenderError> {
         self.frames[0].ok_or_else(|| {
             RenderError::Settings(
                 "there is nothing to look at yet: render a frame of this size first".to_owned(),
@@ -296,7 +297,7 @@ impl Inspector {
         let values = if inspection == Inspection::GridOccupancy {
             scalar(around.iter().map(|counts| counts[1]))
         } else {
-            let radius_m = f64::from(self.frame()?.photon_radius);
+            let radius_m = f64::from(self.frame()?.0.photon_radius);
             let area_m2 = std::f64::consts::PI * radius_m * radius_m;
             let density = |counts: &[u32; 2]| (f64::from(counts[0]) / area_m2) as f32;
             InspectedValues::Scalar(around.iter().map(density).collect())
@@ -465,11 +466,6 @@ impl Renderer {
     #[cfg(feature = "internals")]
     pub fn recompile_views(&mut self) {
         self.inspector.forget_kernels();
-    }
-
-    /// RenderSettings that the renderer was made with.
-    pub fn settings(&self) -> &RenderSettings {
-        &self.settings
     }
 
     fn with_inspector<R>(&mut self, look: impl FnOnce(&mut Inspector, &Self) -> R) -> R {

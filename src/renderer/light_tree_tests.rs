@@ -3,7 +3,9 @@
 use glam::{DAffine3, DVec3};
 
 use crate::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use crate::gpu::{FrameRecorder, GpuContext, Kernel, PassTimes, ShaderFeatures, ShaderLibrary};
+use crate::gpu::{
+    FrameRecorder, GpuContext, Kernel, PassTimes, ShaderFeatures, ShaderLibrary, Workgroups,
+};
 use crate::renderer::features::shader_features;
 use crate::renderer::instance_table::InstanceId;
 use crate::renderer::scene_buffers::SceneBuffers;
@@ -118,7 +120,8 @@ fn picked(
         .with("probabilities", &probabilities);
     let bound = kernel.bind(context, &resources).unwrap();
     let mut recorder = FrameRecorder::new(context, None, "probe");
-    recorder.dispatch("probe", &kernel, &bound, 0, kernel.groups_for(DRAWS));
+    let groups = Workgroups::Direct(kernel.groups_for(DRAWS));
+    recorder.dispatch("probe", &kernel, &bound, 0, groups);
     recorder.submit("probe", &mut PassTimes::default()).unwrap();
     let probabilities: Vec<f32> =
         read_buffer(context, "probabilities", &probabilities, lights).unwrap();

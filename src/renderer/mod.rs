@@ -66,9 +66,7 @@ use crate::xr::SessionInfo;
 pub use crate::frame::{Eye, MapKind, Stage};
 pub use driver_limits::{WorkLimits, eye_paths_per_thread, photon_paths_per_thread};
 pub use editing::{Applied, InPlace};
-pub use features::{
-    chooses_mips, forms_caustics, light_candidates, reuses_glossy, shader_features, splits_light,
-};
+pub use features::{chooses_mips, light_candidates, reuses_glossy, shader_features, splits_light};
 pub use frame_spec::{PlannedScene, plan_of_scene};
 pub use inspection::{Inspected, InspectedValues, Inspection, SeenSurface};
 pub use instance_table::{InstanceId, InstanceTable};
@@ -141,8 +139,8 @@ pub struct Renderer {
     reuse: Reuse,
     eye_paths_per_thread: u32,
     work_limits: WorkLimits,
-    /// Device milliseconds of a sample of both eyes, in the frame that was retired last.
-    sample_ms: Option<f64>,
+    /// Device milliseconds of a sample of a pixel of both eyes, in the frame that was retired last.
+    pixel_ms: Option<f64>,
     gather_slices: GatherSlices,
     /// The photon map, and the caustic map if the scene has caustics.
     maps: Vec<PhotonMap>,
@@ -281,7 +279,7 @@ impl Renderer {
                 buffers.light_tree_depth(),
             ),
             work_limits: WorkLimits::of(context.adapter.is_software()),
-            sample_ms: None,
+            pixel_ms: None,
             gather_slices: GatherSlices::ONE,
             maps: photon_maps(&context, settings, &features, &buffers)?,
             reconstruction: reconstruct.is_on().then(|| Reconstruction::new(&context)),

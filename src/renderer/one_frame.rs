@@ -261,7 +261,8 @@ impl Renderer {
         let [width, height] = self.image.size.map(u64::from);
         let submission = self
             .work_limits
-            .samples(&self.settings, width * height, self.sample_ms);
+            .samples(&self.settings, width * height, self.pixel_ms);
+        flight.eye_paths = width * height * u64::from(self.settings.spp.max(1));
         let mut recorded = 0;
         while how.sample < count {
             if recorder.room() < longest || recorded == submission {
@@ -281,7 +282,7 @@ impl Renderer {
         flight.tickets.push(recorder.send("frame")?);
         if is_last {
             self.scene.note_asked();
-            self.inspector.note(frame);
+            self.inspector.note(frame, self.origin_in_world);
         }
         Ok(())
     }

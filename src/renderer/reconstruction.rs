@@ -140,6 +140,8 @@ impl Reconstruction {
     pub fn reset(&mut self) {
         self.before = None;
         self.still_frames = 0;
+        self.power_w = None;
+        self.switched_frames_left = 0;
     }
 
     /// Says what the frame that is about to be reconstructed has to do with the one before. `frame` has the eyes without the

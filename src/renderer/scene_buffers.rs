@@ -20,7 +20,7 @@ use crate::gpu::{
 };
 use crate::renderer::packing::{
     LightKinds, LightSources, PackedEnvironment, PackedLights, PackedTextures, SceneBox,
-    TriangleOrder, pack_environment, pack_lights, pack_textures, pack_vertices,
+    pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
 use crate::scene::{Bounds, Scene, ScenePose};
@@ -124,18 +124,15 @@ impl SceneBuffers {
             .as_ref()
             .filter(|_| features.environment)
             .and_then(pack_environment);
-        let first_triangle: Vec<u32> = hierarchies
-            .meshes
-            .iter()
-            .map(|range| range.first_triangle)
+        let meshes = 0..hierarchies.meshes.len();
+        let leaf_of_triangle: Vec<_> = meshes
+            .map(|mesh| hierarchies.leaf_of_triangles(mesh))
             .collect();
-        let order =
-            TriangleOrder::from_leaf_order(scene, &first_triangle, &hierarchies.triangle_vertices);
         let packed_lights = pack_lights(
             &LightSources {
                 scene,
                 environment: environment.as_ref(),
-                order: &order,
+                leaf_of_triangle: &leaf_of_triangle,
                 kinds: LightKinds {
                     emitters: features.emitters,
                     points: features.points,
@@ -188,7 +185,7 @@ impl SceneBuffers {
                 "triangle vertices",
                 &hierarchies.triangle_vertices,
             )?,
-            vertices: ArrayBuffer::with_data(context, "vertices", &packed_vertices.vertices)?,
+            vertices: ArrayBuffer::with_data(context, "vertices", &packed_vertices)?,
             places,
             materials: GrowingBuffer::new("materials"),
             packed_materials: Vec::new(),
@@ -459,11 +456,7 @@ impl SceneBuffers {
                 .map(|range| range.end - range.start)
                 .iter()
                 .sum::<u64>();
-            let corners = &corners[triangles.clone()];
-            let mut leaf_of = vec![0; corners.len()];
-            for (leaf, corner) in corners.iter().enumerate() {
-                leaf_of[corner[3] as usize] = (triangles.start + leaf) as u32;
-            }
+            let leaf_of = hierarchies.leaf_of_triangles(mesh);
             self.packed_lights
                 .reorder_mesh(mesh, |triangle| leaf_of[triangle]);
         }

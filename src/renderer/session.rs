@@ -8,7 +8,7 @@ use crate::xr::{HiddenArea, RuntimeTargets, View};
 use super::mirror::MirrorPass;
 use super::still;
 use super::submit::ShownLight;
-use super::{Eye, Reconstruction, RenderError, Renderer, Reuse, Submitter};
+use super::{Eye, RenderError, Renderer, Reuse, Submitter};
 use crate::frame::FrameRun;
 use crate::frame::bind::Whose;
 
@@ -102,7 +102,11 @@ impl Renderer {
         }
         let scaled = self.present_quality().scaled(size);
         let old = [self.full_size, self.image.size];
+        // Both are bound to the old images, which go whatever comes of this.
+        self.submitter = None;
+        self.mirror = None;
         self.frame.buffers.forget_images();
+        self.forget_frames();
         if let Err(error) = self.allocate_at(size).and_then(|()| {
             self.image.size = scaled;
             self.bind()
@@ -112,14 +116,6 @@ impl Renderer {
             self.frame.buffers.forget_images();
             return Err(error.into());
         }
-        if self.reconstruction.is_some() {
-            self.reconstruction = Some(Reconstruction::new(&self.context));
-            self.is_bound = false;
-        }
-        // Both are bound to the old images.
-        self.submitter = None;
-        self.mirror = None;
-        self.forget_frames();
         Ok(())
     }
 

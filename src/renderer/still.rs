@@ -4,7 +4,7 @@ use super::{Eye, RenderError, Renderer, Stage};
 use crate::frame::bind::{Place, Whose};
 use crate::frame::passes;
 use crate::frame::plan::present;
-use crate::gpu::{FrameRecorder, Kernel, PassTimes, ShaderLibrary, uniform_buffer};
+use crate::gpu::{FrameRecorder, Kernel, PassTimes, ShaderLibrary, Workgroups, uniform_buffer};
 use crate::renderer::records::still::Still;
 use crate::settings::Tone;
 
@@ -119,7 +119,13 @@ impl Renderer {
             let bound = kernel.bind_by(&self.context, |binding| {
                 self.frame.resource(step, binding, &given, self.parity())
             })?;
-            recorder.dispatch(&step.label, &kernel, &bound, 0, [across, down, 1]);
+            recorder.dispatch(
+                &step.label,
+                &kernel,
+                &bound,
+                0,
+                Workgroups::Direct([across, down, 1]),
+            );
             let [_, shown] = images(buffers);
             if let Some(shown) = self
                 .frame

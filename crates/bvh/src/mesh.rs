@@ -107,6 +107,16 @@ pub struct MeshHierarchies {
 }
 
 impl MeshHierarchies {
+    /// Of each of a mesh's triangles, by its own number, where it lies among all triangles, which are in the order of leaves.
+    pub fn leaf_of_triangles(&self, mesh: usize) -> Vec<u32> {
+        let range = &self.meshes[mesh];
+        let mut leaf_of = vec![0; range.triangle_count as usize];
+        for leaf in range.first_triangle..range.first_triangle + range.triangle_count {
+            leaf_of[self.triangle_vertices[leaf as usize][3] as usize] = leaf;
+        }
+        leaf_of
+    }
+
     /// Builds the hierarchies of `meshes` on all cores. `marks` holds one entry per material; a material beyond it
     /// has no marks.
     ///

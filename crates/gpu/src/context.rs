@@ -256,22 +256,25 @@ fn is_wanted(name: &str, wanted: &str) -> bool {
     name.to_lowercase().contains(&wanted.to_lowercase())
 }
 
-/// Whether the name of any of `adapters` holds `wanted` (any case).
+/// The first of `adapters` whose name holds `wanted` (any case).
 ///
 /// # Errors
 /// [`GpuError::NoMatchingAdapter`].
-pub fn check_wanted(adapters: &[AdapterSummary], wanted: &str) -> Result<(), GpuError> {
-    if adapters
-        .iter()
-        .any(|adapter| is_wanted(&adapter.name, wanted))
-    {
-        return Ok(());
-    }
-    let names: Vec<&str> = adapters.iter().map(|adapter| &*adapter.name).collect();
-    Err(GpuError::NoMatchingAdapter {
-        wanted: wanted.to_owned(),
-        available: names.join(", "),
-    })
+pub fn first_wanted<'a>(
+    adapters: &'a [AdapterSummary],
+    wanted: &str,
+) -> Result<&'a AdapterSummary, GpuError> {
+    let mut known = adapters.iter();
+    known
+        .find(|adapter| is_wanted(&adapter.name, wanted))
+        .ok_or_else(|| GpuError::NoMatchingAdapter {
+            wanted: wanted.to_owned(),
+            available: adapters
+                .iter()
+                .map(|adapter| &*adapter.name)
+                .collect::<Vec<_>>()
+                .join(", "),
+        })
 }
 
 impl GpuContext {
@@ -290,7 +293,7 @@ impl GpuContext {
         found.sort_by_key(|adapter| rank(adapter.get_info().device_type));
         if let Some(wanted) = wanted.filter(|name| !name.is_empty()) {
             let summary = |adapter: &wgpu::Adapter| AdapterSummary::of(&adapter.get_info());
-            check_wanted(&found.iter().map(summary).collect::<Vec<_>>(), wanted)?;
+            first_wanted(&found.iter().map(summary).collect::<Vec<_>>(), wanted)?;
             found.retain(|adapter| is_wanted(&adapter.get_info().name, wanted));
         }
         first_usable(found, |adapter| {

@@ -43,13 +43,6 @@ impl<'a> Resources<'a> {
         self
     }
 
-    /// Adds all of `other`.
-    #[must_use]
-    pub fn and(mut self, other: &Resources<'a>) -> Self {
-        self.entries.extend(other.entries.iter().cloned());
-        self
-    }
-
     /// The resource of that name.
     pub fn get(&self, name: &str) -> Option<wgpu::BindingResource<'a>> {
         self.entries

@@ -32,4 +32,4 @@ pub use context::{Gate, GpuContext, GpuError};
 pub use kernel::{Kernel, Resources};
 pub use shaders::{CompiledShader, ShaderLibrary};
 pub use stereolux_base::features::{self, ShaderFeatures};
-pub use timing::{FrameRecorder, HostSpan, PassTimes, Submission, Ticket};
+pub use timing::{FrameRecorder, HostSpan, PassTimes, Submission, Ticket, Workgroups};

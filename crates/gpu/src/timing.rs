@@ -119,6 +119,15 @@ impl Timer {
     }
 }
 
+/// How many workgroups a dispatch has.
+#[derive(Clone, Copy)]
+pub enum Workgroups<'a> {
+    /// So many along each axis.
+    Direct([u32; 3]),
+    /// As counted on the device: three words of a buffer, from this byte on.
+    Indirect(&'a wgpu::Buffer, u64),
+}
+
 /// Records the passes of one submission.
 pub struct FrameRecorder<'a> {
     context: &'a GpuContext,
@@ -187,14 +196,14 @@ impl<'a> FrameRecorder<'a> {
         &mut self.encoder
     }
 
-    /// Dispatches `kernel` over `groups` workgroups under the name `label`.
+    /// Dispatches `kernel` under the name `label`.
     pub fn dispatch(
         &mut self,
         label: &str,
         kernel: &Kernel,
         bound: &Bound,
         dispatch_index: u32,
-        groups: [u32; 3],
+        groups: Workgroups<'_>,
     ) {
         if self.context.admits(label) == Some(false) {
             return;
@@ -202,7 +211,10 @@ impl<'a> FrameRecorder<'a> {
         let pass = self.begin(label);
         kernel.set(pass, bound, dispatch_index);
         pass.insert_debug_marker(label);
-        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+        match groups {
+            Workgroups::Direct([x, y, z]) => pass.dispatch_workgroups(x, y, z),
+            Workgroups::Indirect(counted, at) => pass.dispatch_workgroups_indirect(counted, at),
+        }
         self.cut();
     }
 
@@ -220,38 +232,13 @@ impl<'a> FrameRecorder<'a> {
         }
     }
 
-    /// Dispatches `kernel` over the workgroups that `arguments` holds at byte `offset`.
-    pub fn dispatch_indirect(
-        &mut self,
-        label: &str,
-        kernel: &Kernel,
-        bound: &Bound,
-        dispatch_index: u32,
-        arguments: &wgpu::Buffer,
-        offset: u64,
-    ) {
-        if self.context.admits(label) == Some(false) {
-            return;
-        }
-        let pass = self.begin(label);
-        kernel.set(pass, bound, dispatch_index);
-        pass.insert_debug_marker(label);
-        pass.dispatch_workgroups_indirect(arguments, offset);
-        self.cut();
-    }
-
     /// Zeroes the first `bytes` bytes of a buffer.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
         self.encoder().clear_buffer(buffer, 0, Some(bytes));
     }
 
-    /// Copies the first `bytes` bytes from one buffer to another.
-    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
-        self.encoder().copy_buffer_to_buffer(from, 0, to, 0, bytes);
-    }
-
     /// Copies `bytes` bytes between places (a buffer and its first byte).
-    pub fn copy_part(&mut self, from: (&wgpu::Buffer, u64), to: (&wgpu::Buffer, u64), bytes: u64) {
+    pub fn copy(&mut self, from: (&wgpu::Buffer, u64), to: (&wgpu::Buffer, u64), bytes: u64) {
         self.encoder()
             .copy_buffer_to_buffer(from.0, from.1, to.0, to.1, bytes);
     }

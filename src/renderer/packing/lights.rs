@@ -65,45 +65,6 @@ impl Default for LightKinds {
     }
 }
 
-/// Where each triangle of a mesh lies in the `triangles` array, which is in the hierarchy's leaf order.
-#[derive(Clone, Debug, Default)]
-pub struct TriangleOrder {
-    /// Per mesh, per original triangle: its index in the array.
-    pub leaf_of_triangle: Vec<Vec<u32>>,
-}
-
-impl TriangleOrder {
-    /// From the packed `triangle_vertices`, whose fourth word is the original index; `first_triangle[m]` is where
-    /// mesh m begins.
-    pub fn from_leaf_order(
-        scene: &Scene,
-        first_triangle: &[u32],
-        triangle_vertices: &[[u32; 4]],
-    ) -> Self {
-        let leaf_of_triangle = scene
-            .meshes
-            .iter()
-            .zip(first_triangle)
-            .map(|(mesh, first)| {
-                let mut leaf_of = vec![0; mesh.triangles.len()];
-                let start = *first as usize;
-                for (offset, words) in triangle_vertices
-                    .iter()
-                    .skip(start)
-                    .take(mesh.triangles.len())
-                    .enumerate()
-                {
-                    if let Some(slot) = leaf_of.get_mut(words[3] as usize) {
-                        *slot = (start + offset) as u32;
-                    }
-                }
-                leaf_of
-            })
-            .collect();
-        Self { leaf_of_triangle }
-    }
-}
-
 /// What lights are packed from.
 #[derive(Clone, Copy)]
 pub struct LightSources<'a> {
@@ -111,8 +72,8 @@ pub struct LightSources<'a> {
     pub scene: &'a Scene,
     /// Its environment, packed.
     pub environment: Option<&'a PackedEnvironment>,
-    /// Leaf order of the meshes' triangles.
-    pub order: &'a TriangleOrder,
+    /// Of each mesh, where its triangles lie in the `triangles` array.
+    pub leaf_of_triangle: &'a [Vec<u32>],
     /// Kinds that take part.
     pub kinds: LightKinds,
 }
@@ -246,7 +207,7 @@ pub fn pack_lights(sources: &LightSources<'_>, origin_in_world: DVec3) -> Packed
             .map(|packed| packed.through_planes),
         emitters: (0..scene.meshes.len())
             .map(|mesh| {
-                let leaf_of = sources.order.leaf_of_triangle.get(mesh);
+                let leaf_of = sources.leaf_of_triangle.get(mesh);
                 sources.emitters_of(mesh, leaf_of.map_or(&[], Vec::as_slice))
             })
             .collect(),

@@ -19,14 +19,14 @@ mod vertices;
 
 pub use environment::{PackedEnvironment, pack_environment};
 pub use lights::{
-    LightKinds, LightSources, LightUploads, PackedLights, SceneBox, TriangleOrder,
-    emitter_ordinals, pack_lights, spot_falloff, spot_solid_angle,
+    LightKinds, LightSources, LightUploads, PackedLights, SceneBox, emitter_ordinals, pack_lights,
+    spot_falloff, spot_solid_angle,
 };
 pub use materials::pack_materials;
 pub use mips::{Averaging, alpha_of_normals};
 pub use textures::{PackedTextures, image_levels, linear_from_srgb, pack_textures, sample_image};
 pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
-pub use vertices::{PackedVertices, pack_vertices};
+pub use vertices::pack_vertices;
 
 /// A scene that cannot be packed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

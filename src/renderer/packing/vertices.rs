@@ -3,15 +3,6 @@
 use crate::renderer::records::material::Vertex;
 use crate::scene::Scene;
 
-/// All meshes' vertices, one after the other.
-#[derive(Clone, Debug, Default)]
-pub struct PackedVertices {
-    /// Attributes; vertex i of mesh m is at `first_vertex[m] + i`.
-    pub vertices: Vec<Vertex>,
-    /// Where each mesh of [`Scene::meshes`] begins.
-    pub first_vertex: Vec<u32>,
-}
-
 /// Two channels of 0 to 1 as WGSL's `unpack2x16unorm` reads them; what lies outside is clamped, as glTF has it.
 fn unorm16x2(low: f32, high: f32) -> u32 {
     // `as` saturates and takes NaN to 0.
@@ -19,18 +10,14 @@ fn unorm16x2(low: f32, high: f32) -> u32 {
     channel(low) | (channel(high) << 16)
 }
 
-/// Packs the attributes of all meshes.
-pub fn pack_vertices(scene: &Scene) -> PackedVertices {
+/// The attributes of all meshes' vertices, one mesh after the other.
+pub fn pack_vertices(scene: &Scene) -> Vec<Vertex> {
     let count = scene.meshes.iter().map(|mesh| mesh.positions.len()).sum();
-    let mut packed = PackedVertices {
-        vertices: Vec::with_capacity(count),
-        first_vertex: Vec::with_capacity(scene.meshes.len()),
-    };
+    let mut packed = Vec::with_capacity(count);
     for mesh in &scene.meshes {
-        packed.first_vertex.push(packed.vertices.len() as u32);
         for index in 0..mesh.positions.len() {
             let [red, green, blue, alpha] = mesh.colors.get(index).copied().unwrap_or([1.0; 4]);
-            packed.vertices.push(Vertex {
+            packed.push(Vertex {
                 normal: mesh.normals.get(index).copied().unwrap_or_default(),
                 color_rg: unorm16x2(red, green),
                 tangent: mesh
@@ -74,9 +61,8 @@ mod tests {
             ..Scene::default()
         };
         let packed = pack_vertices(&scene);
-        assert_eq!(packed.first_vertex, [0, 3, 3]);
-        assert_eq!(packed.vertices.len(), 5);
-        assert_eq!(packed.vertices[4].uv0, [0.25, 0.75]);
-        assert_eq!(packed.vertices[4].color_rg, u32::MAX);
+        assert_eq!(packed.len(), 5);
+        assert_eq!(packed[4].uv0, [0.25, 0.75]);
+        assert_eq!(packed[4].color_rg, u32::MAX);
     }
 }

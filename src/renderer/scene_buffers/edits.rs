@@ -273,13 +273,7 @@ impl SceneBuffers {
 
     /// Looks at which of a mesh's triangles emit.
     pub(super) fn look_for_emitters(&mut self, scene: &Scene, mesh: usize) {
-        let range = &self.hierarchies.meshes[mesh];
-        let first = range.first_triangle;
-        let mut leaf_of = vec![0; range.triangle_count as usize];
-        for leaf in first..first + range.triangle_count {
-            let corner = self.hierarchies.triangle_vertices[leaf as usize];
-            leaf_of[corner[3] as usize] = leaf;
-        }
+        let leaf_of = self.hierarchies.leaf_of_triangles(mesh);
         self.packed_lights.look_at_mesh(scene, mesh, &leaf_of);
     }
 

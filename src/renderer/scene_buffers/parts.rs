@@ -8,7 +8,7 @@ use crate::bvh::records::{BvhNode, Triangle};
 use crate::bvh::{MaterialMarks, MeshHierarchies};
 use crate::gpu::{ArrayBuffer, GpuContext};
 use crate::renderer::RenderError;
-use crate::renderer::packing::{PackedTextures, PackedVertices, pack_textures, pack_vertices};
+use crate::renderer::packing::{PackedTextures, pack_textures, pack_vertices};
 use crate::renderer::records::material::{TextureInfo, Vertex};
 use crate::scene::{Scene, ScenePart, SceneStatistics};
 
@@ -25,7 +25,7 @@ pub struct PreparedPart {
     /// Whether it was prepared for shaders that read textures.
     pub(in crate::renderer) has_textures: bool,
     hierarchies: MeshHierarchies,
-    vertices: PackedVertices,
+    vertices: Vec<Vertex>,
     textures: PackedTextures,
     pub(in crate::renderer) statistics: SceneStatistics,
 }
@@ -76,12 +76,12 @@ struct Part {
 impl Taken {
     pub(super) fn of(
         hierarchies: &MeshHierarchies,
-        vertices: &PackedVertices,
+        vertices: &[Vertex],
         textures: &PackedTextures,
     ) -> Self {
         Self {
             room: Room::of(hierarchies),
-            vertices: Places::new(vertices.vertices.len()),
+            vertices: Places::new(vertices.len()),
             infos: Places::new(textures.infos.len()),
             texels: Places::new(textures.texels.len()),
             parts: Vec::new(),
@@ -113,7 +113,7 @@ impl SceneBuffers {
         prepared: &PreparedPart,
     ) -> Result<bool, RenderError> {
         let places = &mut self.places;
-        let vertices = places.vertices.take(prepared.vertices.vertices.len());
+        let vertices = places.vertices.take(prepared.vertices.len());
         let material = part.materials.start as u32;
         let first_vertex = vertices.start as u32;
         let trees = &prepared.hierarchies;
@@ -254,7 +254,7 @@ impl SceneBuffers {
             context.queue.write_buffer(buffer.buffer(), first, bytes);
             first..first + bytes.len() as u64
         };
-        let vertices: &[u8] = bytemuck::cast_slice(&prepared.vertices.vertices);
+        let vertices: &[u8] = bytemuck::cast_slice(&prepared.vertices);
         let written = [
             (
                 "mesh_nodes",

@@ -352,6 +352,10 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
     let ended = |app: &mut dyn App, more: &[&str]| run_still(app, folder.path(), more);
     assert_eq!(ended(&mut quits, &[]), ExitCode::SUCCESS);
     assert_eq!(exrs(folder.path()).len(), 4);
+    // Before the frames that are asked for come.
+    let range = ["--range=3..4", "--warm-up=0"];
+    assert_eq!(ended(&mut quits, &range), ExitCode::SUCCESS);
+    assert_eq!(exrs(folder.path()).len(), 0);
     let mut fails = Changes(|frame, world| {
         if frame == 1 {
             world.node("tall blok")?;

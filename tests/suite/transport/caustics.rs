@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use stereolux::renderer::{Eye, PhotonMap, Renderer, forms_caustics};
+use stereolux::renderer::{Eye, PhotonMap, Renderer};
 use stereolux::scene::Scene;
 use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
@@ -38,7 +38,7 @@ fn a_lambert_scene_has_no_caustic_pass_and_forcing_one_changes_nothing() {
     };
     let mut plain = renderer(&scene, &photon_settings(|_| {}), [32, 32]);
     let result = frame(&mut plain, &views);
-    assert!(!forms_caustics(plain.features()));
+    assert!(!plain.features().caustics);
     assert_eq!(caustic_names(&plain), Vec::<String>::new());
     assert!(plain.caustic_map().is_none() && result.photons.caustics.is_none());
 

@@ -6,8 +6,8 @@ use stereolux::bvh::records::{Instance, Triangle};
 use stereolux::gpu::buffers::storage_buffer_with_data;
 use stereolux::gpu::{GpuContext, Kernel, Resources};
 use stereolux::renderer::packing::{
-    LightKinds, LightSources, PackedLights, TriangleOrder, emitter_ordinals, pack_environment,
-    pack_lights, pack_materials, pack_textures, pack_vertices,
+    LightKinds, LightSources, PackedLights, emitter_ordinals, pack_environment, pack_lights,
+    pack_materials, pack_textures, pack_vertices,
 };
 use stereolux::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
 
@@ -83,9 +83,12 @@ impl SceneUpload {
         // Triangles stay in file order: the hierarchy has its own tests.
         let mut first_triangle = Vec::new();
         let (mut triangles, mut triangle_vertices) = (Vec::new(), Vec::new());
-        let packed_vertices = pack_vertices(scene);
-        for (mesh, first_vertex) in scene.meshes.iter().zip(&packed_vertices.first_vertex) {
-            first_triangle.push(triangles.len() as u32);
+        let mut leaf_of_triangle = Vec::new();
+        let mut first_vertex = 0;
+        for mesh in &scene.meshes {
+            let first = triangles.len() as u32;
+            first_triangle.push(first);
+            leaf_of_triangle.push((first..first + mesh.triangles.len() as u32).collect());
             let ordinals = emitter_ordinals(scene, mesh);
             for (index, triangle) in mesh.triangles.iter().enumerate() {
                 let [v0, v1, v2] = triangle.vertices.map(|v| mesh.positions[v as usize]);
@@ -100,13 +103,13 @@ impl SceneUpload {
                 let [a, b, c] = triangle.vertices.map(|v| v + first_vertex);
                 triangle_vertices.push([a, b, c, index as u32]);
             }
+            first_vertex += mesh.positions.len() as u32;
         }
-        let order = TriangleOrder::from_leaf_order(scene, &first_triangle, &triangle_vertices);
         let environment = scene.environment.as_ref().and_then(pack_environment);
         let sources = LightSources {
             scene,
             environment: environment.as_ref(),
-            order: &order,
+            leaf_of_triangle: &leaf_of_triangle,
             kinds: LightKinds::default(),
         };
         let lights = pack_lights(&sources, origin);
@@ -146,7 +149,7 @@ impl SceneUpload {
         upload!("materials", &pack_materials(scene, &textures));
         upload!("texture_infos", &textures.infos);
         upload!("texels", &textures.texels);
-        upload!("vertices", &packed_vertices.vertices);
+        upload!("vertices", &pack_vertices(scene));
         upload!("triangles", &triangles);
         upload!("triangle_vertices", &triangle_vertices);
         upload!("instances", &instances);

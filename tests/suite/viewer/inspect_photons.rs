@@ -10,13 +10,14 @@ use stereolux::renderer::{
 };
 use stereolux::scene::Scene;
 use stereolux::settings::{Kernel, Method, RenderSettings, Reuse, Search};
-use stereolux::xr::View;
+use stereolux::xr::{Pose, View};
 
 use super::bsdf_probe::wide;
 use super::inspect::{center_ray, colors, inspected, scalars, surfaces, views};
 use super::photon_map::{clearances, directions, grid_cell, map_only};
 use super::support::*;
 use crate::suite::embedded_scenes::plane;
+use crate::suite::transport::parts::hall_of_mirrors;
 
 const SIZE: [u32; 2] = [32, 32];
 
@@ -318,6 +319,45 @@ fn caustic_light_is_the_estimate_from_the_caustic_map_alone() {
     }
 }
 
+/// Every 64th frame's samples lie 1/128 pixel beside the centres. Motion that changes by under 2.5 pixels from pixel to pixel
+/// is off by less than 0.02, but where a silhouette comes between: at 1 in 64 of the pixels along one, and they are fewer than
+/// half of all.
+fn assert_is_of_the_pass(vectors: &[[f32; 2]], known: &[bool], read: &[[f32; 4]]) {
+    let others = vectors.iter().zip(known).zip(read);
+    let differ = others.filter(|((vector, known), read)| {
+        let off = (vector[0] - read[0]).hypot(vector[1] - read[1]);
+        **known != (read[3] > 0.0) || off > 0.02
+    });
+    let differ = differ.count();
+    assert!(differ <= 1024 / 128, "{differ} of 1024");
+}
+
+#[test]
+fn motion_in_a_mirror_is_that_of_the_pass_while_the_head_walks() {
+    let scene = hall_of_mirrors(0.0);
+    let settings = settings(|s| {
+        s.method = Method::Path;
+        s.reuse = Reuse::Off;
+        s.reconstruct.taa = true.into();
+        s.reconstruct.svgf = true.into();
+    });
+    let mut renderer = renderer(&scene, &settings, SIZE);
+    for step in [0, 1] {
+        let at = DVec3::new(0.04, 0.0, -0.06) * f64::from(step);
+        let head = Pose::new(at, DQuat::IDENTITY);
+        let views = parallel_views(head, 0.063, square_fov(30.0));
+        play(&mut renderer, &views, 64 * step..64 * step + 1);
+    }
+    for eye in [Eye::Left, Eye::Right] {
+        let motion = inspected(&mut renderer, Inspection::Motion, eye);
+        let InspectedValues::Vector2(vectors) = motion.values else {
+            panic!("vectors");
+        };
+        let (_, read) = renderer.read_motion(eye).unwrap().unwrap();
+        assert_is_of_the_pass(&vectors, &motion.has_value.unwrap(), &read);
+    }
+}
+
 #[test]
 fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
     let scene = builtin("gallery");
@@ -364,16 +404,7 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
             let known = motion.has_value.unwrap();
             assert!(known.iter().filter(|known| **known).count() > 1000);
             if let Some((_, read)) = renderer.read_motion(eye).unwrap() {
-                // Every 64th frame's samples lie 1/128 pixel beside the centres. Motion that changes by under 2.5 pixels from
-                // pixel to pixel is off by less than 0.02, but where a silhouette comes between: at 1 in 64 of the pixels
-                // along one, and they are fewer than half of all.
-                let others = vectors.iter().zip(&known).zip(&read);
-                let differ = others.filter(|((vector, known), read)| {
-                    let off = (vector[0] - read[0]).hypot(vector[1] - read[1]);
-                    **known != (read[3] > 0.0) || off > 0.02
-                });
-                let differ = differ.count();
-                assert!(differ <= 1024 / 128, "{differ} of 1024");
+                assert_is_of_the_pass(&vectors, &known, &read);
             }
             let longest = vectors.iter().map(|v| v[0].hypot(v[1])).fold(0.0, f32::max);
             assert!(longest > 0.5 && longest < 10.0, "{longest}");

@@ -7,8 +7,10 @@ use glam::{DAffine3, DVec3, Vec3};
 use stereolux_bvh::records::Triangle;
 use stereolux_bvh::{InstanceSource, MeshHierarchies, TopLevel};
 use stereolux_gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use stereolux_gpu::timing::{FrameRecorder, PassTimes};
-use stereolux_gpu::{GpuContext, Kernel, Resources, ShaderFeatures, ShaderLibrary};
+use stereolux_gpu::{
+    FrameRecorder, GpuContext, Kernel, PassTimes, Resources, ShaderFeatures, ShaderLibrary,
+    Workgroups,
+};
 use stereolux_scene::{Mesh, MeshTriangle};
 
 use super::bvh_reference::{ExactInstance, brute_force, exact_instances};
@@ -178,7 +180,7 @@ pub fn ask<Q: Pod, A: Pod>(
         .with("answers", &answers);
     let bound = kernel.bind(context, &resources).unwrap();
     let mut recorder = FrameRecorder::new(context, None, "probe");
-    let groups = kernel.groups_for(count as u32);
+    let groups = Workgroups::Direct(kernel.groups_for(count as u32));
     recorder.dispatch("probe", kernel, &bound, 0, groups);
     recorder.submit("probe", &mut PassTimes::default()).unwrap();
     read_buffer(context, "answers", &answers, count).unwrap()

@@ -59,13 +59,10 @@ fn scene() -> Scene {
 }
 
 fn packed(scene: &Scene) -> PackedLights {
-    let order = TriangleOrder {
-        leaf_of_triangle: vec![vec![3, 2, 1, 0]],
-    };
     let sources = LightSources {
         scene,
         environment: None,
-        order: &order,
+        leaf_of_triangle: &[vec![3, 2, 1, 0]],
         kinds: LightKinds::default(),
     };
     pack_lights(&sources, DVec3::new(0.0, 5.0, 0.0))
@@ -138,7 +135,6 @@ fn only_leading_records_move_with_the_origin() {
 #[test]
 fn kinds_that_are_off_have_no_record() {
     let scene = scene();
-    let order = TriangleOrder::default();
     let kinds = LightKinds {
         emitters: false,
         ..LightKinds::default()
@@ -147,7 +143,7 @@ fn kinds_that_are_off_have_no_record() {
         &LightSources {
             scene: &scene,
             environment: None,
-            order: &order,
+            leaf_of_triangle: &[],
             kinds,
         },
         DVec3::ZERO,
@@ -163,7 +159,7 @@ fn kinds_that_are_off_have_no_record() {
         &LightSources {
             scene: &scene,
             environment: None,
-            order: &order,
+            leaf_of_triangle: &[],
             kinds,
         },
         DVec3::ZERO,
