@@ -1,6 +1,5 @@
 #!/usr/bin/env bash
-# Makes sure that a Vulkan adapter answers; on Debian and Ubuntu it installs the software driver if none does.
-# Sourced by demo.sh, test.sh and gpu_report.sh.
+# What the scripts need of a machine; on Debian and Ubuntu they install what is missing.
 
 # Whether the dynamic linker knows all these libraries.
 has_libraries() {
@@ -15,8 +14,7 @@ has_libraries() {
 # Whether the Vulkan loader and at least one driver manifest are there. A driver that is there but broken is reported
 # by the program itself.
 has_vulkan() {
-    # ldconfig lies outside a plain user's PATH. No `grep -q`: it would break the pipe, which pipefail takes for a failure.
-    PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep 'libvulkan\.so\.1' >/dev/null || return 1
+    has_libraries libvulkan.so.1 || return 1
     [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] && return 0
     local folder
     for folder in /usr/share/vulkan/icd.d /etc/vulkan/icd.d /usr/local/share/vulkan/icd.d "${HOME:-/root}/.local/share/vulkan/icd.d"; do

@@ -114,6 +114,7 @@ fn subtract<'a>(one: &[[f64; 3]], other: impl IntoIterator<Item = &'a [f64; 3]>)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stereolux_base::random;
 
     #[test]
     fn an_error_painted_on_the_surface_does_not_disagree_between_pixels() {
@@ -140,14 +141,8 @@ mod tests {
         // The truth is 1 and the image 1.1; the references scatter around the truth by far more than that.
         let mut state = 1_u64;
         let mut noisy = || {
-            let pixels = (0..160_000).map(|_| {
-                std::array::from_fn(|_| {
-                    state = state
-                        .wrapping_mul(6_364_136_223_846_793_005)
-                        .wrapping_add(1_442_695_040_888_963_407);
-                    0.5 + (state >> 40) as f32 / (1_u32 << 24) as f32
-                })
-            });
+            let pixels = (0..160_000)
+                .map(|_| std::array::from_fn(|_| 0.5 + random::unit(&mut state) as f32));
             Image::new(400, 400, pixels.collect()).unwrap()
         };
         let references = [noisy(), noisy()];

@@ -1,6 +1,7 @@
 //! Statistics that tests of light transport compare by: what they accept and what they reject.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+use stereolux_base::random;
 use stereolux_images::images::{Image, ImageRgb};
 
 #[path = "shared/block_statistics.rs"]
@@ -15,15 +16,11 @@ use chi_square::{Sampled, integrate, p_value, sidak};
 
 const SIDE: u32 = 64;
 
-/// Numbers in [0, 1): 24 bits of xorshift.
-fn uniform(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 40) as f64 / f64::from(1_u32 << 24)
-    }
+/// Numbers in [0, 1), others for each seed.
+fn uniform(mut seed: u64) -> impl FnMut() -> f64 {
+    // States that lie next to each other would give the same numbers, one place on.
+    seed = random::bits(&mut seed);
+    move || random::unit(&mut seed)
 }
 
 fn noise(seed: u64, level: f32) -> ImageRgb {

@@ -253,9 +253,6 @@ fn filtered_frames_come_near_the_reference_and_keep_its_brightness() {
     let (raw, shown, reference) = (display(&raw), display(&clean), display(&reference));
     let (before, after) = (rel_mse(&raw, &reference), rel_mse(&shown, &reference));
     assert!(after < 0.1 * before, "relMSE {before} raw, {after} shown");
-    // Negative control: a frame that is 5 % too bright is neither.
-    let brighter: Vec<[f32; 3]> = clean.iter().map(|p| p.map(|c| c * 1.05)).collect();
-    assert!((mean(&brighter) / mean(&clean) - 1.0).abs() > 0.02);
 }
 
 #[test]

@@ -145,7 +145,7 @@ fn poses_and_angles_are_checked() {
     ] {
         refused(&["render", flag, value], &[says, flag]);
     }
-    // Section 10's extremes pass: 170 degrees, 1 degree, half a metre, none.
+    // Extremes pass: 170 degrees, 1 degree, half a metre, none.
     assert!(view(&["--fov", "-85 85 85 -85"]).fov.is_some());
     assert!(view(&["--fov", "-89 89 89 -89"]).fov.is_some());
     assert!(view(&["--fov", "-0.5,0.5,0.5,-0.5"]).fov.is_some());
@@ -315,7 +315,7 @@ fn help_is_there_for_every_command_and_names_the_list_of_settings() {
         assert_eq!(exit.status, 0);
         exit.text
     };
-    for command in words("run render compare bench info view settings merge") {
+    for command in words("run render compare bench info view settings merge new") {
         assert_says(&help(&["--help"]), &[command]);
         assert_says(&help(&[command, "--help"]), &["Exit status"]);
     }

@@ -27,7 +27,7 @@ fn most_of_the_right_eye_is_reused() {
     }
 }
 
-/// Relative squared errors of two images' pixels of a mask, DESIGN section 9: (x - r)^2 / (r^2 + 0.01 s).
+/// Relative squared errors of two images' pixels of a mask: (x - r)^2 / (r^2 + 0.01 s).
 pub fn rel_mse(image: &[[f32; 3]], reference: &[[f32; 3]], mask: &[bool]) -> f64 {
     let square = |value: f32| f64::from(value) * f64::from(value);
     let s =

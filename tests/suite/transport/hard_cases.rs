@@ -1,4 +1,4 @@
-//! DESIGN section 10: extremes of geometry, view, scale and light, each against a value known beforehand.
+//! Extremes of geometry, view, scale and light, each against a value known beforehand.
 
 use std::f64::consts::PI;
 

@@ -18,7 +18,7 @@ fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
     let mut settings = method(Method::Photon, Reuse::Off);
     settings.photon.count = PATHS;
     settings.photon.shares = SHARES;
-    // Indirect light alone: what comes from the map.
+    // All light is the map's.
     settings.photon.direct = stereolux::settings::DirectLight::Map;
     change(&mut settings);
     settings

@@ -45,7 +45,7 @@ fn after_frames(
     left
 }
 
-/// Relative MSE (DESIGN section 9) against the common expectation of two independent references. (x - a)(x - b) is
+/// Relative MSE against the common expectation of two independent references. (x - a)(x - b) is
 /// (x - truth)^2 in expectation, so the references' noise adds scatter to it and no bias.
 fn rel_mse(image: &[[f32; 3]], a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     let wide = |image: &[[f32; 3]]| -> Vec<f64> {

@@ -213,7 +213,7 @@ fn progressive_photons_converge_in_the_gallery() {
     };
     let (truth, noise) = (wide(&mean), wide(&error));
     let floor = 0.01 * truth.iter().map(|r| r * r).sum::<f64>() / truth.len() as f64;
-    // Relative MSE (DESIGN section 9) less what the reference's own noise adds, by its standard errors.
+    // Relative MSE less what the reference's own noise adds, by its standard errors.
     let rel_mse = |found: &ImageRgb| -> f64 {
         let pairs = wide(found).into_iter().zip(truth.iter().zip(&noise));
         let terms = pairs.map(|(x, (r, se))| ((x - r).powi(2) - se * se) / (r * r + floor));

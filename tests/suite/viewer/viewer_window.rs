@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use stereolux::images::{ImageRgb, read_image, write_exr};
 use stereolux::run_app_with;
+use stereolux_base::random;
 use x11rb::connection::{Connection as _, RequestConnection as _};
 use x11rb::protocol::xproto::{
     BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ConnectionExt as _, InputFocus, KEY_PRESS_EVENT,
@@ -380,22 +381,9 @@ fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
     desk.close();
 }
 
-/// Small numbers that look random: a linear congruential generator (Knuth, MMIX).
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self, sides: u64) -> u64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % sides
-    }
-}
-
 /// Minutes of random use. `STEREOLUX_SOAK_S` says how many seconds; without it this is a short rehearsal.
 #[test]
-fn random_use_leaks_nothing_and_breaks_nothing() {
+fn random_use_breaks_nothing() {
     let seconds = std::env::var("STEREOLUX_SOAK_S")
         .ok()
         .and_then(|text| text.parse().ok())
@@ -403,7 +391,8 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
     let folder = Folder::new("viewer-soak");
     let xvfb = Xvfb::start(&folder);
     let mut desk = Desk::open(&folder, &xvfb);
-    let mut dice = Dice(7);
+    let mut dice = 7;
+    let mut roll = |sides: u64| random::bits(&mut dice) % sides;
     let began = Instant::now();
     let mut memory = Vec::new();
     // Keys that change nothing on disk and end nothing: w a s d q e f 1 2 3, Home, F1, Space.
@@ -419,23 +408,23 @@ fn random_use_leaks_nothing_and_breaks_nothing() {
             desk.click(560, 500);
             desk.press(keysym::HOME);
         }
-        match dice.roll(8) {
+        match roll(8) {
             0..=2 => {
-                let key = keys[dice.roll(keys.len() as u64) as usize];
+                let key = keys[roll(keys.len() as u64) as usize];
                 desk.key(key, true);
-                std::thread::sleep(Duration::from_millis(20 + dice.roll(200)));
+                std::thread::sleep(Duration::from_millis(20 + roll(200)));
                 desk.key(key, false);
             }
             3..=4 => {
                 // Anywhere but the File menu, which quits.
-                let (x, y) = (90 + dice.roll(1190) as i16, 4 + dice.roll(690) as i16);
+                let (x, y) = (90 + roll(1190) as i16, 4 + roll(690) as i16);
                 desk.click(x, y);
             }
             5..=6 => {
-                desk.point(230 + dice.roll(700) as i16, 140 + dice.roll(400) as i16);
+                desk.point(230 + roll(700) as i16, 140 + roll(400) as i16);
                 desk.button(1, true);
                 for _ in 0..8 {
-                    desk.point(230 + dice.roll(700) as i16, 140 + dice.roll(400) as i16);
+                    desk.point(230 + roll(700) as i16, 140 + roll(400) as i16);
                     std::thread::sleep(Duration::from_millis(16));
                 }
                 desk.button(1, false);

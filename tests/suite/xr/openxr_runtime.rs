@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use stereolux::xr::trace::Trace;
@@ -311,14 +310,7 @@ fn a_killed_runtime_ends_the_run_with_all_frames_kept() {
     let folder = Folder::new("openxr-killed");
     let mut child = endless(&folder);
     kill("-9", &pids(&folder)[0]);
-    let began = Instant::now();
-    wait_until(&mut child, "end", || {
-        began.elapsed() > Duration::from_secs(5) || !running(&folder)
-    });
-    assert!(
-        !running(&folder),
-        "running 5 s after the runtime was killed"
-    );
+    wait_until(&mut child, "end", || !running(&folder));
     let (status, line) = ended(&folder, child);
     assert_eq!(status, Some(1));
     assert_begins(&line, "error: XR runtime: xr");

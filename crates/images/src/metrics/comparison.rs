@@ -316,6 +316,7 @@ fn compare_by(
 mod tests {
     use super::*;
     use crate::images::Image;
+    use stereolux_base::random;
 
     fn filled(value: f32) -> ImageRgb {
         Image::filled(32, 24, [value; 3]).unwrap()
@@ -431,12 +432,7 @@ mod tests {
         let side = 256;
         let a = 0.25;
         let mut state = 1_u64;
-        let mut uniform = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / (1_u64 << 24) as f64
-        };
+        let mut uniform = || random::unit(&mut state);
         let pixels = (0..side * side)
             .map(|_| [0; 3].map(|_: i32| (1.0 + a * (2.0 * uniform() - 1.0)) as f32))
             .collect();

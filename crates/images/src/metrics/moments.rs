@@ -169,18 +169,14 @@ impl RenderMoments {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stereolux_base::random;
 
     const SIDE: u32 = 64;
 
     /// Renders around `level` with uniform noise of +-`a`, which has variance a^2 / 3.
     fn moments(level: f64, a: f64, count: u32, seed: u64) -> RenderMoments {
         let mut state = seed;
-        let mut uniform = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / (1_u64 << 24) as f64
-        };
+        let mut uniform = || random::unit(&mut state);
         let mut moments = RenderMoments::new(SIDE, SIDE);
         for _ in 0..count {
             let pixels = (0..SIDE * SIDE)
