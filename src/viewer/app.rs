@@ -119,6 +119,8 @@ pub struct App {
     pub(super) asks_path: Option<PathQuestion>,
     /// The scene that was refused for naming files outside its folder, while it is asked whether to read them.
     pub(super) asks_outside: Option<String>,
+    /// A scene that is to be opened in place of one with changes that are not saved.
+    pub(super) asks_to_open: Option<String>,
     /// Views that are kept.
     pub(super) bookmarks: [Option<FlyCamera>; 5],
     /// Pictures of both eyes that were frozen, to be compared with.
@@ -219,6 +221,7 @@ impl App {
             hides_panels: false,
             asks_path: None,
             asks_outside: None,
+            asks_to_open: None,
             bookmarks: [None; 5],
             frozen: None,
             log: Vec::new(),

@@ -68,6 +68,7 @@ impl App {
             && self.asks_path.is_none()
             && !self.asks_to_quit
             && self.asks_outside.is_none()
+            && self.asks_to_open.is_none()
     }
 
     /// Esc closes what is on top, and never quits.
@@ -78,10 +79,12 @@ impl App {
         {
             return;
         }
-        let is_asked = self.asks_to_quit || self.asks_outside.is_some();
+        let is_asked =
+            self.asks_to_quit || self.asks_outside.is_some() || self.asks_to_open.is_some();
         if is_asked {
             self.asks_to_quit = false;
             self.asks_outside = None;
+            self.asks_to_open = None;
         } else if self.asks_path.take().is_some() {
         } else if self.fields.had_text {
             // The field has lost the keyboard by it.
@@ -96,7 +99,7 @@ impl App {
             self.zoom = Zoom::default();
         } else if self.selected.last().is_some() {
             self.selected.set(None);
-        } else if self.awaited().is_some() {
+        } else if !self.is_stopped {
             self.stop();
             self.say(context, "stopped; any change goes on", false);
         }

@@ -9,6 +9,7 @@ use super::fields::Fields;
 use super::loading::{Kind, Loaded, Loading};
 use super::session::Player;
 use super::worker::Request;
+use crate::scene::builtin;
 use crate::settings::Settings;
 
 impl App {
@@ -94,18 +95,32 @@ impl App {
     /// Begins to read a scene, an environment or a recording, by its name.
     pub fn open(&mut self, context: &Context, spec: String) {
         let settings = Arc::clone(&self.settings);
-        self.open_with(context, spec, &settings);
+        self.open_with(context, spec, &settings, false);
+    }
+
+    /// Begins to read a scene, though the one that is open has changes that are not saved.
+    pub(super) fn open_in_place(&mut self, context: &Context, spec: String) {
+        let settings = Arc::clone(&self.settings);
+        self.open_with(context, spec, &settings, true);
     }
 
     /// Begins to read the scene that was refused for naming files outside its folder, with them.
     pub(super) fn open_with_outside(&mut self, context: &Context, spec: String) {
         let mut settings = (*self.settings).clone();
         settings.limits.allow_outside = true;
-        self.open_with(context, spec, &settings);
+        // Asked already.
+        self.open_with(context, spec, &settings, true);
     }
 
-    fn open_with(&mut self, context: &Context, spec: String, settings: &Settings) {
+    fn open_with(
+        &mut self,
+        context: &Context,
+        spec: String,
+        settings: &Settings,
+        may_lose_edits: bool,
+    ) {
         self.asks_outside = None;
+        self.asks_to_open = None;
         let kind = match Kind::of(&spec) {
             Ok(kind) => kind,
             Err(error) => return self.say(context, error, true),
@@ -116,6 +131,10 @@ impl App {
             let mut settings = (*self.settings).clone();
             settings.environment.path = spec;
             self.set_settings(context, settings);
+            return;
+        }
+        if kind == Kind::Scene && self.document.is_modified() && !may_lose_edits {
+            self.asks_to_open = Some(spec);
             return;
         }
         // A second file takes the place of one that is still being read.
@@ -140,9 +159,14 @@ impl App {
             return;
         }
         if wanted.path.is_empty() {
+            // Embedded scenes have surroundings of their own.
+            let own = builtin::environment(&self.settings.scene);
+            let own = own.ok().flatten();
+            let strength = wanted.strength as f32;
             self.environment = wanted.clone();
             self.is_auto_lit = false;
-            self.document.set_environment(None);
+            self.document
+                .set_environment(own.map(|own| own.scaled(strength)));
             self.restart_scene();
             return;
         }

@@ -72,8 +72,9 @@ impl Pressure {
             let is_pressing =
                 asked >= Asked::Scene as u8 || (asked == Asked::View as u8 && !is_photons);
             let mut began = self.began.lock().unwrap_or_else(PoisonError::into_inner);
-            // Photons may have taken long: what follows is let be as long as without them.
+            // Photons may have taken long, whatever ran before them: what follows is let be as long as without them.
             let began = if is_photons {
+                began.1 = None;
                 began.0
             } else {
                 *began.1.get_or_insert_with(Instant::now)
@@ -124,6 +125,14 @@ mod tests {
             "another view needs them too"
         );
         assert!(!pressure.admits("left.primary"));
+        pressure.serve();
+        // A pose is deformed before photons are traced, and frames of what moves are shown all the same.
+        pressure.begin();
+        assert!(pressure.admits("pose.deform"));
+        std::thread::sleep(LET_BE + Duration::from_millis(10));
+        pressure.ask(Asked::View);
+        assert!(pressure.admits("photons.trace"));
+        assert!(pressure.admits("left.primary"));
         pressure.serve();
         pressure.begin();
         pressure.ask(Asked::Stop);

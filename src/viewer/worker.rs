@@ -165,6 +165,9 @@ impl Worker {
             Asked::Nothing
         } else if Arc::ptr_eq(&kept.settings, &wanted.settings) {
             Asked::View
+        } else if differ_in_display_alone(&kept.settings, &wanted.settings) {
+            // The frame in hand and those before it can be shown so.
+            Asked::Nothing
         } else {
             Asked::Scene
         };
@@ -569,6 +572,10 @@ impl Inner {
         report.other = other;
         report.changes = self.changes;
         report.is_full = self.divisor == 1;
+        if report.is_full {
+            // A reconstructed picture is a mean already, and counts as one frame in the device's.
+            report.frames = report.frames.max(self.full_frames + 1);
+        }
         let others = [
             self.other.as_ref().and_then(RenderEngine::device_bytes),
             self.reference.as_ref().and_then(Reference::device_bytes),
@@ -712,8 +719,17 @@ impl Inner {
                 .reference
                 .as_ref()
                 .is_some_and(|reference| reference.frames() >= MOST_FRAMES);
-        self.engine.frames() >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
+        let frames = self.engine.frames().max(self.full_frames);
+        frames >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
     }
+}
+
+/// Whether two settings differ in exposure and tone curve at most.
+fn differ_in_display_alone(one: &Settings, other: &Settings) -> bool {
+    let mut alike = one.clone();
+    alike.render.output.exposure = other.render.output.exposure;
+    alike.render.output.tone = other.render.output.tone;
+    alike == *other
 }
 
 /// The least power of two by which an image of `size`, at `cost` milliseconds per pixel, is computed within the budget.

@@ -92,7 +92,7 @@ pub(super) fn load(name: &str) -> Result<Scene, SceneError> {
 }
 
 /// The surroundings that belong to an embedded scene, which a file cannot hold; `name` as for [`glb`].
-pub(super) fn environment(name: &str) -> Result<Option<Environment>, SceneError> {
+pub fn environment(name: &str) -> Result<Option<Environment>, SceneError> {
     let clouds = UNDER_CLOUDS.contains(&bare(name));
     clouds
         .then(|| surroundings::environment("clouds", 1.0))

@@ -97,7 +97,11 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
         ui.separator();
         let path = &mut settings.environment.path;
         let name = std::path::Path::new(path.as_str()).file_name();
-        let name = name.map_or_else(|| "none".into(), |name| name.to_string_lossy().into_owned());
+        let own = match app.document.scene().environment {
+            Some(_) => "the scene's",
+            None => "none",
+        };
+        let name = name.map_or_else(|| own.into(), |name| name.to_string_lossy().into_owned());
         ui.menu_button(format!("Surroundings: {name}"), |ui| {
             if ui.button("Open\u{2026}").clicked() {
                 app.ask_path(Purpose::Open);

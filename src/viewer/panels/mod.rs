@@ -120,6 +120,28 @@ pub fn messages(app: &mut App, context: &Context) {
             });
         });
     }
+    if let Some(spec) = app.asks_to_open.clone() {
+        egui::Modal::new(egui::Id::unique("open")).show(context, |ui| {
+            ui.heading("The scene has changes that are not saved");
+            ui.label(format!("{spec} takes its place."));
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                if ui.button("Open without saving").clicked() {
+                    app.open_in_place(context, spec.clone());
+                }
+                if ui.button("Save and open").clicked() {
+                    app.asks_to_open = None;
+                    app.save_scene(context);
+                    if !app.document.is_modified() {
+                        app.open(context, spec);
+                    }
+                }
+                if ui.button("Go on").clicked() {
+                    app.asks_to_open = None;
+                }
+            });
+        });
+    }
     if app.asks_to_quit {
         egui::Modal::new(egui::Id::unique("quit")).show(context, |ui| {
             ui.heading("The scene has changes that are not saved");

@@ -323,3 +323,54 @@ fn a_broken_shader_says_so_and_the_last_good_one_stays() {
     });
     settle(&mut viewer);
 }
+
+#[test]
+fn a_scenes_own_surroundings_are_stronger_at_will_and_filtered_frames_are_counted() {
+    let folder = Folder::new("viewer-own-surroundings");
+    let mut viewer = open("builtin:water", &folder, |settings| {
+        path_tracing(settings);
+        settings.render.reconstruct.taa = true.into();
+    });
+    let corner = |app: &App| shown(app).eyes[0].pixels[0].r();
+    until_shown(&mut viewer, "clouds", |app| corner(app) > 0);
+    let before = corner(viewer.state());
+    until_shown(&mut viewer, "a few frames", |app| shown(app).frames > 3);
+    type_strength(&mut viewer, "0.25");
+    until_shown(&mut viewer, "darker clouds", |app| {
+        (1..before).contains(&corner(app))
+    });
+}
+
+#[test]
+fn another_scene_takes_the_place_of_unsaved_changes_only_when_told_to() {
+    let folder = Folder::new("viewer-unsaved");
+    let path = folder.join("other.glb");
+    Document::load("builtin:plane")
+        .unwrap()
+        .save(&path)
+        .unwrap();
+    let name = path.to_string_lossy().into_owned();
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    settle(&mut viewer);
+    click_node(&mut viewer, "tall block");
+    press(&mut viewer, Modifiers::NONE, Key::Delete);
+    assert!(viewer.state().document().is_modified());
+    drop_file(&mut viewer, &path);
+    two_steps(&mut viewer);
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    settle(&mut viewer);
+    assert!(viewer.query_by_label("Open without saving").is_none());
+    assert!(viewer.state().document().is_modified());
+    drop_file(&mut viewer, &path);
+    two_steps(&mut viewer);
+    push(&mut viewer, "Open without saving");
+    until(&mut viewer, "the other scene", |app| {
+        app.settings().scene == name
+    });
+    // Nothing is lost: nothing is asked.
+    let again = folder.join("again.glb");
+    std::fs::copy(&path, &again).unwrap();
+    drop_file(&mut viewer, &again);
+    let name = again.to_string_lossy().into_owned();
+    until(&mut viewer, "the third", |app| app.settings().scene == name);
+}
