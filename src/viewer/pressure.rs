@@ -72,14 +72,14 @@ impl Pressure {
             let is_pressing =
                 asked >= Asked::Scene as u8 || (asked == Asked::View as u8 && !is_photons);
             let mut began = self.began.lock().unwrap_or_else(PoisonError::into_inner);
-            // Photons may have taken long, whatever ran before them: what follows is let be as long as without them.
-            let began = if is_photons {
-                began.1 = None;
-                began.0
-            } else {
-                *began.1.get_or_insert_with(Instant::now)
-            };
-            let is_late = asked == Asked::Stop as u8 || began.elapsed() > LET_BE;
+            // Photons may have taken long, and poses come before them: the eyes are let be as long as without them.
+            let is_of_eyes = pass.starts_with("left.") || pass.starts_with("right.");
+            if is_of_eyes {
+                began.1.get_or_insert_with(Instant::now);
+            }
+            let began = if is_photons { Some(began.0) } else { began.1 };
+            let is_late =
+                asked == Asked::Stop as u8 || began.is_some_and(|began| began.elapsed() > LET_BE);
             if !(is_pressing && is_late) {
                 return true;
             }
