@@ -25,6 +25,9 @@ const BUTTONS: [(KeyCode, Button); 5] = [
     (KeyCode::KeyX, Button::Secondary),
     (KeyCode::KeyM, Button::Menu),
 ];
+/// What mouse and keyboard do, in a line.
+pub const CONTROLS: &str = "right button looks, W A S D Q E walk, left button is the trigger, F squeezes, Z X M C are \
+    primary, secondary, menu and stick, arrows turn the stick, Shift is for the left hand";
 /// How far before the eye the hand is that points through the mouse, metres.
 const REACH_M: f64 = 0.4;
 /// Where the other hand rests, in the head's frame; right for the right one.

@@ -429,6 +429,8 @@ pub fn provenance_color(provenance: u32) -> [u8; 3] {
 
 /// More labels than this get no legend.
 const MOST_LABELS: usize = 32;
+/// The longest motion is shown as this at least, pixels: where nothing moves, what is left is how numbers are rounded.
+const LEAST_MOTION_PX: f64 = 1.0;
 
 /// A view as a picture with its legend.
 ///
@@ -477,7 +479,7 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
             let longest = coloring.range.map_or_else(
                 || {
                     let lengths = known(inspected, values).map(|v| f64::from(v[0].hypot(v[1])));
-                    automatic_range(lengths, Scale::Linear)[1]
+                    automatic_range(lengths, Scale::Linear)[1].max(LEAST_MOTION_PX)
                 },
                 |range| range[1],
             );

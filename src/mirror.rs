@@ -68,6 +68,18 @@ impl Events {
         #[cfg(not(feature = "viewer"))]
         false
     }
+
+    /// Tells the session on the desktop, if that is what runs.
+    fn tell(&self, event: &WindowEvent) {
+        #[cfg(feature = "viewer")]
+        if let Some(desk) = &self.desk {
+            let desk = desk.lock();
+            desk.unwrap_or_else(std::sync::PoisonError::into_inner)
+                .take(event);
+        }
+        #[cfg(not(feature = "viewer"))]
+        let _ = event;
+    }
 }
 
 impl ApplicationHandler for Events {
@@ -85,13 +97,7 @@ impl ApplicationHandler for Events {
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        #[cfg(feature = "viewer")]
-        if let Some(desk) = &self.desk {
-            let mut desk = desk
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner);
-            desk.take(&event);
-        }
+        self.tell(&event);
         // The size is asked for with every frame.
         if matches!(event, WindowEvent::CloseRequested | WindowEvent::Destroyed) {
             self.is_closed = true;
@@ -215,9 +221,15 @@ impl Mirror {
         }
     }
 
-    /// Ends the mirror and says why.
+    /// Ends the mirror and says why, and with it a session of the desktop.
     fn end(&mut self, reason: &str) {
-        log::warn!("the mirror ends ({}); the run goes on", plain(reason));
+        let events = &self.window.events;
+        let run = match events.ends_the_run() {
+            true => "and with it the run",
+            false => "the run goes on",
+        };
+        log::warn!("the mirror ends ({}); {run}", plain(reason));
+        events.tell(&WindowEvent::CloseRequested);
         self.surface = None;
     }
 

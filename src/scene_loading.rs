@@ -90,6 +90,8 @@ pub struct LoadedDocument {
     pub settings: Settings,
     /// As [`Loaded::light`].
     pub light: Option<ChosenLight>,
+    /// What is odd about the scene, one line each.
+    pub warnings: Vec<String>,
 }
 
 #[cfg(feature = "viewer")]
@@ -109,20 +111,15 @@ impl LoadedDocument {
         }
         let light = light_scene(&mut settings, document.scene());
         let own = document.scene().environment.clone();
-        let (environment, warnings) = surround(own, &settings, &budget)?;
+        let (environment, mut warnings) = surround(own, &settings, &budget)?;
         document.set_environment(environment);
-        let size_warning = document.scene().size_warning();
-        for warning in warnings
-            .iter()
-            .chain(&size_warning)
-            .chain(&document.scene().warnings)
-        {
-            log::warn!("{warning}");
-        }
+        warnings.extend(document.scene().size_warning());
+        warnings.extend_from_slice(&document.scene().warnings);
         Ok(Self {
             document,
             settings,
             light,
+            warnings,
         })
     }
 }

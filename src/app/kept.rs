@@ -1,6 +1,7 @@
 //! What of a world outlives a call of the application, and how it comes to be shown.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -27,6 +28,7 @@ pub(super) struct Arrival {
 }
 
 /// What of a world outlives a call of the application.
+#[derive(Default)]
 pub(crate) struct Kept {
     pub(super) scene: Scene,
     pub(super) actions: Actions,
@@ -42,6 +44,8 @@ pub(crate) struct Kept {
     pub(super) library: Option<ShaderLibrary>,
     /// Of threads that load parts.
     pub(super) questions: Vec<Question>,
+    /// Each of those threads holds one until it is done.
+    pub(super) loaders: Arc<()>,
     /// How often the surroundings were replaced.
     pub(super) surroundings: u32,
     /// The surroundings are others.
@@ -69,24 +73,7 @@ impl Kept {
         Self {
             scene,
             actions,
-            is_changed: false,
-            part: None,
-            needs_rebuild: None,
-            arrival: None,
-            library: None,
-            questions: Vec::new(),
-            surroundings: 0,
-            painted: BTreeSet::new(),
-            has_other_surroundings: false,
-            clip: None,
-            repainted: Vec::new(),
-            hands: None,
-            #[cfg(feature = "panels")]
-            panels: Vec::new(),
-            quality: None,
-            pulses: Vec::new(),
-            moved_m: DVec3::ZERO,
-            is_over: false,
+            ..Self::default()
         }
     }
 
@@ -177,7 +164,9 @@ impl Kept {
         }
         for image in self.repainted.drain(..) {
             self.painted.insert(image);
-            if self.needs_rebuild.is_none() {
+            // A panel that was drawn may have been removed since.
+            let is_there = image < self.scene.images.len();
+            if self.needs_rebuild.is_none() && is_there {
                 renderer.repaint_image(&self.scene, image)?;
             }
         }

@@ -1,6 +1,7 @@
 //! glTF scenes that are loaded and prepared on threads while frames go on.
 
 use std::num::NonZero;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
@@ -112,11 +113,14 @@ impl PartLoading {
                 successor,
             })
         };
+        let running = Arc::clone(&kept.loaders);
         Self(std::thread::spawn(move || {
             // Of its own: frames that ask rayon's for a moment's work would wait there until all shaders are compiled.
             let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
             let threads = ThreadPoolBuilder::new().num_threads((cores - 1).max(1));
-            threads.build()?.install(make)
+            let made = threads.build()?.install(make);
+            drop(running);
+            made
         }))
     }
 
@@ -131,6 +135,14 @@ impl PartLoading {
 }
 
 impl Kept {
+    /// Waits for all threads, which may be busy on the device, and tells those that ask that the run is over.
+    pub(super) fn end_loading(&mut self) {
+        self.questions.clear();
+        while Arc::strong_count(&self.loaders) > 1 {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    }
+
     /// Gives the scene to threads that ask for it.
     pub(super) fn answer_questions(&mut self) {
         let shown = || Shown {

@@ -258,6 +258,6 @@ impl<'a> Application<'a> {
 
     pub(crate) fn end(&mut self) {
         self.app.end(&mut World::new(&mut self.kept, None, None));
-        hands::forget_coming(&mut self.kept);
+        self.kept.end_loading();
     }
 }

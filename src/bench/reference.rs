@@ -97,6 +97,8 @@ struct Header {
 pub struct References {
     folder: PathBuf,
     max_samples: u32,
+    /// Batches of a reference that is in hand: its variance is to be known.
+    pub(super) fewest_batches: u32,
     library: ShaderLibrary,
     machine: Machine,
     /// Once something is missing; a driver does not open devices without end.
@@ -110,6 +112,7 @@ impl References {
         Self {
             folder: folder.to_owned(),
             max_samples,
+            fewest_batches: FEWEST_BATCHES,
             library,
             machine,
             device: OnceCell::new(),
@@ -185,11 +188,11 @@ impl References {
         let key = self.key(spec);
         let path = self.folder.join(format!("{key}.reference"));
         let per_batch = spec.filter.samples_per_batch();
-        let most = (self.max_samples / per_batch).max(FEWEST_BATCHES);
+        let most = (self.max_samples / per_batch).max(self.fewest_batches);
         let mut moments = read(&path, &key, spec.size)
             .unwrap_or_else(|| RenderMoments::new(spec.size[0], spec.size[1]));
         let missing = |moments: &RenderMoments| {
-            moments.count < FEWEST_BATCHES
+            moments.count < self.fewest_batches
                 || moments
                     .relative_variance_of_mean(None)
                     .is_none_or(|variance| variance > target)

@@ -14,8 +14,7 @@ use crate::xr::{Headset, ReplaySession, Validated};
 
 /// Opens the window.
 pub fn view(options: &ViewOptions) -> Result<(), Failure> {
-    let mut settings = options.settings.clone();
-    settings.render.decide_switches(true);
+    let settings = &options.settings;
     // Faults of shaders and of passes of the user's own are told before a window opens.
     shader_library(&settings.gpu.shader_folder, &settings.render.user_passes)
         .map_err(Failure::unusable)?;
@@ -24,7 +23,11 @@ pub fn view(options: &ViewOptions) -> Result<(), Failure> {
         document,
         settings,
         light,
-    } = LoadedDocument::open(&settings, false)?;
+        warnings,
+    } = LoadedDocument::open(settings, false)?;
+    for warning in &warnings {
+        log::warn!("{warning}");
+    }
     if let Some(light) = &light {
         eprint_line!("light: {light}");
     }

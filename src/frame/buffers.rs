@@ -68,6 +68,15 @@ impl ImageLayout {
         self.size.map(|pixels| pixels.div_ceil(8))
     }
 
+    /// Pixels that gather at half rate: every other one in each direction (`shaders/shared/coarse.wesl`).
+    #[must_use]
+    pub fn every_other(&self) -> u64 {
+        self.size
+            .map(|pixels| u64::from(pixels.div_ceil(2)))
+            .iter()
+            .product()
+    }
+
     /// Pixels of an eye's image.
     #[must_use]
     pub fn pixels(&self) -> u64 {
@@ -217,7 +226,10 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate]),
     fixed!(Frame, "gather_groups", 32),
     // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
-    per_pixel!(Frame, "coarse_light", 16).cleared(&[Moment::HalfRate]),
+    // One for every other pixel in each direction.
+    BufferRow::new("coarse_light", Scope::Frame(|image| image.every_other() * 16))
+        .holds(Holds::Within)
+        .cleared(&[Moment::HalfRate]),
     BufferRow::new("nearest_heaps", Scope::Frame(|image| image.pixels() * image.heap_bytes)),
 
     // Reuse of the left eye's samples.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::bind::{Buffers, Meaning, Place, Use, meaning};
 use super::buffers::ImageLayout;
 use super::homes::{moments, note_the_rest};
-use super::passes::{Domain, Pass, background, inspect_surfaces, photon_edges};
+use super::passes::{Domain, Pass, background, inspect_surfaces, photon_edges, scatter_depth};
 use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
@@ -42,8 +42,8 @@ pub fn specialised(pass: &Pass, features: &ShaderFeatures, from_list: bool) -> S
         from_list: pass.over == Domain::Hits,
         from_tiles: pass.over == Domain::SeenTiles && from_list,
         inspects: *pass == inspect_surfaces,
-        // The share of a photon's disc that lies on surfaces.
-        meets_blended: shared.alpha && *pass == photon_edges,
+        // The share of a photon's disc that lies on surfaces, and what may be on the way from a hit to the other eye.
+        meets_blended: shared.alpha && [photon_edges, scatter_depth].contains(pass),
         // No other pass asks, nor is compiled anew for it.
         anti_aliased: shared.anti_aliased && *pass == background,
         ..shared

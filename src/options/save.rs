@@ -123,12 +123,15 @@ impl SettingsFile for Settings {
                 after,
                 over,
             } = pass;
-            let over = json!(over);
+            let text_of = |text: &str| toml::Value::String(text.to_owned());
             let _ = writeln!(
                 text,
-                "\n[[{}]]\nfile = {:?}\nname = {name:?}\nafter = {after:?}\nover = {over}",
+                "\n[[{}]]\nfile = {}\nname = {}\nafter = {}\nover = {}",
                 user_pass::KEY,
-                file.display().to_string(),
+                text_of(&file.display().to_string()),
+                text_of(name),
+                text_of(after),
+                json!(over),
             );
         }
         text

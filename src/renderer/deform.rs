@@ -399,6 +399,11 @@ impl Deformer {
         self.is_new
     }
 
+    /// The frame's pose is to be taken in the next one.
+    pub fn pose_again(&mut self) {
+        self.is_new = !self.shapes.is_empty();
+    }
+
     /// The device has taken the frame's pose over. True if that changed shapes.
     pub fn note_posed(&mut self) -> bool {
         self.unchecked += u32::from(self.is_new);

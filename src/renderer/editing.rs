@@ -165,9 +165,10 @@ fn glows_otherwise(before: &Material, after: &Material) -> bool {
 
 impl Renderer {
     /// The last frame was given up between its passes ([`GpuContext::set_gate`](crate::gpu::GpuContext::set_gate)): nothing
-    /// is taken over from it, and without its photons they are all traced anew.
+    /// is taken over from it, and without its photons they are all traced anew. Whether meshes took its pose nobody knows.
     pub(crate) fn give_up_frame(&mut self, without_photons: bool) {
         self.forget_frames();
+        self.scene.pose_again();
         self.edit_base.outdates_photons |= without_photons;
     }
 

@@ -136,7 +136,7 @@ impl MirrorPass {
                 self.raster.draw(&mut pass, &eye.bound[light.parity]);
             }
             drop(pass);
-            context.queue.submit([encoder.finish()]);
+            context.submit(encoder.finish());
             Ok(())
         })
     }

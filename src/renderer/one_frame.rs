@@ -85,6 +85,8 @@ impl Renderer {
         let replaced = self
             .scene
             .begin_frame(&self.context, self.origin_in_world)?;
+        // Instances may have been added one by one.
+        self.shorten_dispatches();
         if replaced || !self.is_bound {
             self.bind()?;
         }
@@ -257,7 +259,8 @@ impl Renderer {
         if first == 0 {
             self.frame.play(&mut recorder, Stage::Begin, &how)?;
         }
-        let longest = self.frame.length(Stage::Left) + self.frame.length(right);
+        let eyes = [Stage::Left, right, Stage::Reconstruct];
+        let longest: usize = eyes.map(|stage| self.frame.length(stage)).iter().sum();
         let [width, height] = self.image.size.map(u64::from);
         let submission = self
             .work_limits

@@ -61,7 +61,7 @@ impl Renderer {
     pub fn rebuild(&self) -> Rebuild {
         Rebuild {
             made_with: MadeWith {
-                context: self.context.clone(),
+                context: self.context.for_another_thread(),
                 settings: self.settings_at_start(),
                 eyes: self.eye_choice,
                 size: self.full_size,

@@ -242,7 +242,7 @@ impl SceneBuffers {
                 });
             }
         }
-        context.queue.submit([encoder.finish()]);
+        context.submit(encoder.finish());
         // Also where one did not fit.
         self.texels = Some(copies);
         replaced
@@ -474,6 +474,13 @@ impl SceneBuffers {
         let deformer = self.deformer.as_ref()?;
         let has_work = deformer.has_work(keeps_previous);
         has_work.then(|| deformer.has_new_pose())
+    }
+
+    /// Meshes that change their shape take the pose that they have once more.
+    pub(super) fn pose_again(&mut self) {
+        if let Some(deformer) = &mut self.deformer {
+            deformer.pose_again();
+        }
     }
 
     /// Shapes have been taken to the frame's pose on the device.

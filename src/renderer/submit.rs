@@ -155,7 +155,7 @@ impl Submitter {
                 pass.set_scissor_rect(0, 0, width, height);
                 depth.draw(&mut pass, &bound[light.parity]);
             }
-            context.queue.submit([encoder.finish()]);
+            context.submit(encoder.finish());
             Ok(())
         })
     }

@@ -1,6 +1,6 @@
 //! Everything of the viewer that is not a window: what is open, what is wanted, what is done with it.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,13 +15,14 @@ use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
+use super::question::Question;
 use super::selection::Selection;
 use super::session::{Player, Recording};
 use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
 use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
-use super::worker::{Report, Request, Worker};
+use super::worker::{Report, Request, Worker, decided};
 use super::zoom::Zoom;
 use crate::options::Extent;
 use crate::options::SettingsFile as _;
@@ -29,7 +30,7 @@ use crate::renderer::Inspection;
 use crate::scene::Bounds;
 use crate::scene::edit::{Document, Edit};
 use crate::settings::{EnvironmentSettings, Eyes, Reuse, Settings};
-use crate::xr::{Headset, Pose};
+use crate::xr::{Headset, Pose, View};
 
 /// Frames whose times the statistics remember.
 pub const HISTORY: usize = 240;
@@ -112,15 +113,12 @@ pub struct App {
     pub(super) view_mode: ViewMode,
     pub(super) tab: Tab,
     pub(super) shows_help: bool,
-    pub(super) asks_to_quit: bool,
     /// The picture has the whole window.
     pub(super) hides_panels: bool,
     /// The path that is asked for.
     pub(super) asks_path: Option<PathQuestion>,
-    /// The scene that was refused for naming files outside its folder, while it is asked whether to read them.
-    pub(super) asks_outside: Option<String>,
-    /// A scene that is to be opened in place of one with changes that are not saved.
-    pub(super) asks_to_open: Option<String>,
+    /// What is asked before anything else goes on.
+    pub(super) asks: Option<Question>,
     /// Views that are kept.
     pub(super) bookmarks: [Option<FlyCamera>; 5],
     /// Pictures of both eyes that were frozen, to be compared with.
@@ -139,6 +137,8 @@ pub struct App {
     pub(super) loading: Option<Loading>,
     pub(super) fields: Fields,
     pub(super) out: PathBuf,
+    /// Files that may be written over: this window wrote them, or was told to.
+    written: HashSet<PathBuf>,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     /// Where the last pass drew which picture.
@@ -161,7 +161,7 @@ pub struct App {
     pub(super) is_sketched: bool,
     /// The part of the pictures that is shown.
     pub(super) zoom: Zoom,
-    /// Refining was stopped, and nothing has changed since.
+    /// No frames come until something changes: refining was stopped, or what is wanted was refused.
     pub(super) is_stopped: bool,
     /// A request that no frame has answered yet, and when it was made.
     unanswered: Option<(u64, Instant)>,
@@ -217,11 +217,9 @@ impl App {
             view_mode: ViewMode::Picture,
             tab: Tab::default(),
             shows_help: false,
-            asks_to_quit: false,
             hides_panels: false,
             asks_path: None,
-            asks_outside: None,
-            asks_to_open: None,
+            asks: None,
             bookmarks: [None; 5],
             frozen: None,
             log: Vec::new(),
@@ -237,6 +235,7 @@ impl App {
             fields: Fields::new(&out, document.original()),
             document,
             out,
+            written: HashSet::new(),
             size,
             shown_at: Vec::new(),
             gamepad: Gamepad::open(),
@@ -450,6 +449,10 @@ impl App {
                     self.busy = "";
                     self.say(context, text, true);
                 }
+                Report::Refused(text) => {
+                    self.is_stopped = true;
+                    self.say(context, text, true);
+                }
                 Report::Lost(text) => {
                     self.busy = "";
                     let more = format!("{text}; save what you need and start again");
@@ -580,32 +583,77 @@ impl App {
 
     pub(super) fn save_scene(&mut self, context: &Context) {
         let path = PathBuf::from(self.fields.scene_path.trim());
+        if self.asks_before(&path, Purpose::SaveScene) {
+            return;
+        }
         self.make_room(&path);
         match self.document.save(&path) {
-            Ok(()) => self.say(context, format!("{} written", path.display()), false),
+            Ok(()) => {
+                self.say(context, format!("{} written", path.display()), false);
+                self.written.insert(path);
+            }
             Err(error) => self.say(context, error.to_string(), true),
         }
     }
 
     pub(super) fn save_settings(&mut self, context: &Context) {
         let path = PathBuf::from(self.fields.settings_path.trim());
+        if self.asks_before(&path, Purpose::SaveSettings) {
+            return;
+        }
         self.make_room(&path);
-        let mut settings = (*self.settings).clone();
-        // What is shown is what is saved.
+        // What is shown is what is saved, whatever `auto` stands for where it is read.
+        let mut settings = decided(self.panel_settings());
         settings.size = Some(self.size);
         match settings.save(&path, Extent::Changed) {
-            Ok(()) => self.say(
-                context,
-                format!("{} written; --config reads it", path.display()),
-                false,
-            ),
+            Ok(()) => {
+                let text = format!("{} written; --config reads it", path.display());
+                self.say(context, text, false);
+                self.written.insert(path);
+            }
             Err(error) => self.say(context, error.to_string(), true),
+        }
+    }
+
+    /// The settings that the panel shows, of which a split view has two.
+    pub(super) fn panel_settings(&self) -> &Settings {
+        if self.fields.edits_other {
+            &self.other
+        } else {
+            &self.settings
+        }
+    }
+
+    /// Asks whether to write over `path`, if a file stands there that this window did not write.
+    fn asks_before(&mut self, path: &Path, purpose: Purpose) -> bool {
+        let is_others = path.exists() && !self.written.contains(path);
+        if is_others {
+            let path = path.to_owned();
+            self.asks = Some(Question::Replace(path, purpose));
+        }
+        is_others
+    }
+
+    /// Writes over a file, as was answered.
+    pub(super) fn replace(&mut self, context: &Context, path: PathBuf, purpose: Purpose) {
+        self.written.insert(path);
+        match purpose {
+            Purpose::SaveScene => self.save_scene(context),
+            Purpose::SaveSettings => self.save_settings(context),
+            Purpose::Open => {}
         }
     }
 
     /// How fast W walks now, metres per second.
     pub(super) fn speed_m_per_s(&self, context: &Context) -> f64 {
         self.camera.speed_m_per_s(&super::keys::held(context))
+    }
+
+    /// The head is moved by hand, from where a recording has it.
+    pub(super) fn take_head(&mut self) {
+        if let Some(views) = self.player.take().as_ref().and_then(Player::views) {
+            self.camera.set_pose(View::head_in_world(&views));
+        }
     }
 
     pub(super) fn focus_selected(&mut self) {
@@ -622,9 +670,9 @@ impl App {
         } else {
             0.2 * self.camera.speed
         };
+        self.take_head();
         self.camera
             .focus(bounds.center(), radius_m, FOCUS_HALF_ANGLE_RAD);
-        self.player = None;
     }
 
     /// Keeps both eyes' pictures to be compared with, or lets them go.
@@ -656,8 +704,8 @@ impl App {
     }
 
     pub(super) fn request_quit(&mut self) {
-        if self.document.is_modified() && !self.asks_to_quit {
-            self.asks_to_quit = true;
+        if self.document.is_modified() {
+            self.asks = Some(Question::Quit);
         } else {
             self.commands.push(WindowCommand::Quit);
         }
@@ -669,7 +717,7 @@ impl App {
     }
 
     /// Both eyes' views: of the recording, or of the head.
-    pub(super) fn views(&self) -> [crate::xr::View; 2] {
+    pub(super) fn views(&self) -> [View; 2] {
         self.player
             .as_ref()
             .and_then(Player::views)

@@ -8,7 +8,7 @@ use super::view_pictures::ViewPictures;
 use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
 use crate::renderer::{Inspection, InstanceId, SeenSurface};
-use crate::settings::{Eyes, Settings};
+use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::View;
 
 /// What is shown of a frame.
@@ -82,16 +82,28 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// Whether `other` wants nothing else but another view of the same frames.
+    /// Whether `other` wants nothing else but another view of the same frames, or another exposure or curve of it.
     pub fn is_of_frames_of(&self, other: &Self) -> bool {
+        let displays_alone = Arc::ptr_eq(&self.settings, &other.settings)
+            || without_display(&self.settings) == without_display(&other.settings);
+        let kept = if displays_alone { self } else { other };
         *self
             == Self {
                 number: self.number,
+                settings: Arc::clone(&kept.settings),
                 view_mode: self.view_mode,
                 stands: self.stands,
                 ..other.clone()
             }
     }
+}
+
+/// Settings with some exposure and curve, which are given with each frame.
+pub fn without_display(settings: &Settings) -> Settings {
+    let mut settings = settings.clone();
+    settings.render.output.exposure = 1.0;
+    settings.render.output.tone = Tone::Aces;
+    settings
 }
 
 /// What one eye's pixels see.

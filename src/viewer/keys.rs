@@ -42,8 +42,7 @@ impl App {
         }
         let command = Modifiers::COMMAND;
         let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
-        // A key that is held repeats itself: it must not answer its own question.
-        if context.input_mut(|input| input.consume_key(command, Key::Q)) && !self.asks_to_quit {
+        if context.input_mut(|input| input.consume_key(command, Key::Q)) {
             self.request_quit();
         }
         if context.input_mut(|input| input.consume_key(command, Key::O)) {
@@ -66,9 +65,7 @@ impl App {
         context.memory(|memory| memory.focused().is_none())
             && !Popup::is_any_open(context)
             && self.asks_path.is_none()
-            && !self.asks_to_quit
-            && self.asks_outside.is_none()
-            && self.asks_to_open.is_none()
+            && self.asks.is_none()
     }
 
     /// Esc closes what is on top, and never quits.
@@ -79,12 +76,7 @@ impl App {
         {
             return;
         }
-        let is_asked =
-            self.asks_to_quit || self.asks_outside.is_some() || self.asks_to_open.is_some();
-        if is_asked {
-            self.asks_to_quit = false;
-            self.asks_outside = None;
-            self.asks_to_open = None;
+        if self.asks.take().is_some() {
         } else if self.asks_path.take().is_some() {
         } else if self.fields.had_text {
             // The field has lost the keyboard by it.

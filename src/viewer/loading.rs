@@ -43,6 +43,8 @@ pub struct Loading {
     name: String,
     kind: Kind,
     since: Instant,
+    /// Changes that are not saved may be lost when it is there.
+    pub(super) may_lose_edits: bool,
     result: Receiver<Result<Loaded, Refused>>,
 }
 
@@ -81,6 +83,7 @@ impl Loading {
             name: spec,
             kind,
             since: Instant::now(),
+            may_lose_edits: false,
             result,
         })
     }

@@ -22,6 +22,7 @@ pub mod painter;
 pub mod panels;
 mod picture;
 mod pressure;
+mod question;
 mod reference;
 mod render_engine;
 mod screenshot;

@@ -7,6 +7,7 @@ use egui::Context;
 use super::app::{App, SceneClock, camera_of};
 use super::fields::Fields;
 use super::loading::{Kind, Loaded, Loading};
+use super::question::Question;
 use super::session::Player;
 use super::worker::Request;
 use crate::scene::builtin;
@@ -23,14 +24,21 @@ impl App {
             return;
         };
         let name = loading.name().to_owned();
+        let may_lose_edits = loading.may_lose_edits;
         if loaded.is_err() {
             self.cancel_loading();
         }
         self.loading = None;
         match loaded {
             Err(refused) => {
-                self.asks_outside = refused.names_outside.then_some(name);
+                if refused.names_outside {
+                    self.asks = Some(Question::Outside(name));
+                }
                 self.say(context, refused.text, true);
+            }
+            // Edited since it was asked for.
+            Ok(Loaded::Scene(_)) if self.document.is_modified() && !may_lose_edits => {
+                self.asks = Some(Question::Open(name));
             }
             Ok(Loaded::Scene(loaded)) => {
                 let (environment, light) = (loaded.settings.environment, loaded.light);
@@ -53,6 +61,10 @@ impl App {
                 self.is_auto_lit = light.as_ref().is_some_and(|light| light.is_auto);
                 let light = light.map_or_else(String::new, |light| format!("; light: {light}"));
                 self.say(context, format!("{name} opened{light}"), false);
+                for warning in loaded.warnings {
+                    log::warn!("{warning}");
+                    self.say(context, warning, false);
+                }
             }
             Ok(Loaded::Environment(environment, settings)) => {
                 self.document.set_environment(Some(*environment));
@@ -119,8 +131,7 @@ impl App {
         settings: &Settings,
         may_lose_edits: bool,
     ) {
-        self.asks_outside = None;
-        self.asks_to_open = None;
+        self.asks.take_if(|asked| *asked != Question::Quit);
         let kind = match Kind::of(&spec) {
             Ok(kind) => kind,
             Err(error) => return self.say(context, error, true),
@@ -134,7 +145,7 @@ impl App {
             return;
         }
         if kind == Kind::Scene && self.document.is_modified() && !may_lose_edits {
-            self.asks_to_open = Some(spec);
+            self.asks = Some(Question::Open(spec));
             return;
         }
         // A second file takes the place of one that is still being read.
@@ -146,7 +157,10 @@ impl App {
             &self.headset,
             self.camera.pose(),
         ) {
-            Ok(loading) => self.loading = Some(loading),
+            Ok(mut loading) => {
+                loading.may_lose_edits = may_lose_edits;
+                self.loading = Some(loading);
+            }
             Err(error) => self.say(context, error, true),
         }
         context.request_repaint();

@@ -12,6 +12,7 @@ use super::frames::{FrameReport, PicturePlace, PixelRadiance};
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, rectangles};
 use super::selection;
+use super::worker::decided;
 use crate::false_color::{Legend, map_color};
 
 /// Frames grow in steps of so many pixels when the window is resized: every step allocates.
@@ -334,7 +335,7 @@ fn pointer(
         let travel = response.drag_delta();
         let travel = [f64::from(travel.x), f64::from(travel.y)];
         if travel != [0.0; 2] {
-            app.player = None;
+            app.take_head();
             let modifiers = context.input(|input| input.modifiers);
             let orbit_m = &mut app.fields.orbit_m;
             if modifiers.shift {
@@ -349,14 +350,14 @@ fn pointer(
     if response.dragged_by(PointerButton::Primary) && is_free && !shifts_zoom(app, context) {
         let travel = response.drag_delta();
         if travel != egui::Vec2::ZERO {
-            app.player = None;
+            app.take_head();
             app.camera.look([f64::from(travel.x), f64::from(travel.y)]);
         }
     }
     if response.hovered() {
         let notches = context.input(|input| input.smooth_scroll_delta().y) / 50.0;
         if notches != 0.0 {
-            app.player = None;
+            app.take_head();
             app.camera.dolly(f64::from(notches));
         }
     }
@@ -453,7 +454,7 @@ fn divider(app: &mut App, ui: &mut Ui, rect: Rect) {
 
 /// A few words on settings.
 fn summary(settings: &crate::settings::Settings) -> String {
-    let filtered = if settings.render.reconstruct.is_on() {
+    let filtered = if decided(settings).render.reconstruct.is_on() {
         ", filtered"
     } else {
         ""

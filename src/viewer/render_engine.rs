@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use egui::ColorImage;
 
-use super::frames::{FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted};
+use super::frames::{
+    FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted, without_display,
+};
 use super::reference::Reference;
 use super::session::DesktopSession;
 use super::view_pictures::{Colored, EYES, NO_REFERENCE, ViewPictures, color, shared, with_legend};
@@ -22,7 +24,7 @@ use crate::renderer::{
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
-use crate::settings::{Eyes, Settings, Tone};
+use crate::settings::{Eyes, Settings};
 use crate::xr::{View, XrSession};
 
 /// What can go wrong on the rendering thread.
@@ -555,14 +557,9 @@ pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, Engi
 
 /// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
-    let shown_alike = |settings: &Settings| {
-        let mut render = settings.render.clone();
-        // Given with each frame.
-        render.output.exposure = 1.0;
-        render.output.tone = Tone::Aces;
-        render
-    };
-    one.adapter == other.adapter && one.gpu == other.gpu && shown_alike(one) == shown_alike(other)
+    one.adapter == other.adapter
+        && one.gpu == other.gpu
+        && without_display(one).render == without_display(other).render
 }
 
 fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
@@ -581,6 +578,7 @@ pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Tone;
 
     #[test]
     fn only_what_is_compiled_or_traced_otherwise_makes_a_new_renderer() {

@@ -183,8 +183,10 @@ impl Player {
 
 /// Whether a dropped file is a recording by its name.
 pub fn is_trace(path: &Path) -> bool {
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    matches!(extension, Some("jsonl" | "txt" | "csv" | "tum"))
+    let extension = path
+        .extension()
+        .map(|extension| extension.to_string_lossy().to_lowercase());
+    matches!(extension.as_deref(), Some("jsonl" | "txt" | "csv" | "tum"))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! is dragged takes its light along), times the change of its base colour; any other is shaded by a light at the eye. Before
 //! the first frame, all are.
 
+use std::cell::LazyCell;
 use std::collections::HashMap;
 use std::mem::offset_of;
 
@@ -15,7 +16,7 @@ use super::frames::{FrameReport, ViewMode};
 use crate::gpu::kernel::layouts;
 use crate::gpu::raster::{from_black, from_infinity};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
-use crate::scene::{Deformation, Material, Scene, ScenePose};
+use crate::scene::{Deformation, Material, Scene};
 use crate::xr::View;
 
 const LABEL: &str = "sketch";
@@ -293,7 +294,8 @@ impl Sketcher {
         }];
         let clip_from_eye = view.clip_from_eye(wish.near_m);
         let mut placed = Vec::new();
-        let pose = scene.rest_pose();
+        // Few scenes need it.
+        let pose = LazyCell::new(|| scene.rest_pose());
         for instance in scene.instances() {
             let now = instance.world_from_object;
             let stand = wish.source.as_ref().map(|source| source.stand);
@@ -303,7 +305,9 @@ impl Sketcher {
                 .selected
                 .as_ref()
                 .is_some_and(|selected| selected.get(instance.node).copied().unwrap_or(false));
-            let key = self.mesh(gpu, scene, &pose, instance.mesh, instance.node);
+            let node = instance.node;
+            let deformation = scene.deforms(node).then(|| scene.deformation(node, &pose));
+            let key = self.mesh(gpu, scene, instance.mesh, node, deformation);
             let Some(mesh) = self.meshes.get(&key) else {
                 continue;
             };
@@ -414,11 +418,10 @@ impl Sketcher {
         &mut self,
         gpu: &GpuContext,
         scene: &Scene,
-        pose: &ScenePose,
         index: usize,
         node: usize,
+        deformation: Option<Deformation>,
     ) -> (usize, Option<usize>) {
-        let deformation = scene.deforms(node).then(|| scene.deformation(node, pose));
         let key = (index, deformation.as_ref().map(|_| node));
         let mesh = &scene.meshes[index];
         let known = self.meshes.get(&key);

@@ -4,7 +4,7 @@ use egui::{Context, Ui};
 
 use super::app::{App, Message};
 use super::fly_camera::Thrust;
-use super::{keys, panels, picture};
+use super::{keys, panels, picture, question};
 
 /// Seconds that a message stays; errors stay until they are closed.
 const MESSAGE_SECONDS: f64 = 6.0;
@@ -29,6 +29,7 @@ impl App {
         panels::help::show(self, &context);
         panels::log(self, &context);
         self.show_messages(&context);
+        question::show(self, &context);
         self.advance(&context);
         self.send();
         self.fields.had_text = context.text_edit_focused();
@@ -48,7 +49,7 @@ impl App {
         thrust.up += stick.up;
         thrust.ahead += stick.ahead;
         if thrust.is_some() || look != [0.0; 2] {
-            self.player = None;
+            self.take_head();
             self.camera.look(look.map(|rate| rate * seconds));
             self.camera.advance(thrust, seconds);
             context.request_repaint();

@@ -76,6 +76,8 @@ pub enum Report {
     Busy(&'static str),
     /// Something did not work; the last picture and what made it stay.
     Failed(String),
+    /// What is wanted makes no frame, which is not tried again until something changes.
+    Refused(String),
     /// Something is done, for people.
     Done(String),
     /// The device is gone, and with it the thread.
@@ -160,14 +162,12 @@ impl Worker {
     /// Replaces what is wanted.
     pub fn want(&self, wanted: Wanted) {
         let mut kept = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);
-        let asked = if wanted.stands && wanted.is_of_frames_of(&kept) {
+        let is_shown = wanted.stands || wanted.view_mode == kept.view_mode;
+        let asked = if is_shown && wanted.is_of_frames_of(&kept) {
             // The frame in hand will do.
             Asked::Nothing
         } else if Arc::ptr_eq(&kept.settings, &wanted.settings) {
             Asked::View
-        } else if differ_in_display_alone(&kept.settings, &wanted.settings) {
-            // The frame in hand and those before it can be shown so.
-            Asked::Nothing
         } else {
             Asked::Scene
         };
@@ -424,7 +424,7 @@ impl Inner {
             }
             Err(error) => {
                 self.report(Report::Busy(""));
-                self.report(Report::Failed(error.to_string()));
+                self.report(Report::Refused(error.to_string()));
                 Turn::Rest
             }
         }
@@ -446,6 +446,7 @@ impl Inner {
         match &wanted.other {
             None => self.other = None,
             Some(other) => {
+                let other = &Arc::new(decided(other));
                 let own = self.other.get_or_insert_with(|| {
                     RenderEngine::new(self.engine.scene().clone(), Arc::clone(&self.gate))
                 });
@@ -696,7 +697,7 @@ impl Inner {
 
     /// The settings under which what is wanted has something to show: nearly those that were asked for.
     fn effective(&self, wanted: &Wanted) -> Settings {
-        let mut settings = Settings::clone(&wanted.settings);
+        let mut settings = decided(&wanted.settings);
         // People look into frames.
         settings.render.output.kept = Kept::All;
         match wanted.view_mode {
@@ -724,12 +725,11 @@ impl Inner {
     }
 }
 
-/// Whether two settings differ in exposure and tone curve at most.
-fn differ_in_display_alone(one: &Settings, other: &Settings) -> bool {
-    let mut alike = one.clone();
-    alike.render.output.exposure = other.render.output.exposure;
-    alike.render.output.tone = other.render.output.tone;
-    alike == *other
+/// What `auto` stands for while people look.
+pub fn decided(settings: &Settings) -> Settings {
+    let mut settings = settings.clone();
+    settings.render.decide_switches(true);
+    settings
 }
 
 /// The least power of two by which an image of `size`, at `cost` milliseconds per pixel, is computed within the budget.

@@ -125,7 +125,7 @@ pub fn read_buffer<T: Pod>(
                 label: Some("read-back"),
             });
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, staging.size());
-        context.queue.submit([encoder.finish()]);
+        context.submit(encoder.finish());
         Ok(staging)
     })?;
     let mapping = Mapping::new(staging, bytes);
@@ -182,7 +182,12 @@ impl GpuContext {
     /// A read-back buffer of at least `bytes` bytes that no submission uses.
     pub(super) fn staging(&self, bytes: u64) -> wgpu::Buffer {
         let mut free = self.free_staging();
-        if let Some(at) = free.iter().position(|buffer| buffer.size() >= bytes) {
+        // The smallest that fits: a counter's read would have the next picture allocate another.
+        let sizes = free.iter().map(wgpu::Buffer::size).enumerate();
+        if let Some((at, _)) = sizes
+            .filter(|(_, size)| *size >= bytes)
+            .min_by_key(|(_, size)| *size)
+        {
             return free.swap_remove(at);
         }
         self.count_made();
@@ -333,7 +338,7 @@ impl ArrayBuffer {
                     });
             let kept = size.min(buffer.size());
             encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, kept);
-            context.queue.submit([encoder.finish()]);
+            context.submit(encoder.finish());
             Ok(())
         })?;
         self.buffer = buffer;

@@ -1,7 +1,7 @@
 //! Adapter choice and the headless device.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use thiserror::Error;
 
@@ -190,12 +190,24 @@ pub struct GpuContext {
     opened: wgpu::Adapter,
     lost: Arc<Mutex<Option<String>>>,
     uncaptured: Arc<Mutex<Option<String>>>,
+    queue_turn: QueueTurn,
     host_waits: Arc<AtomicU64>,
     made: Arc<AtomicU64>,
     gate: Option<Gate>,
     pub(super) pipelines: Option<Arc<PipelineCache>>,
     /// Read-back buffers that no submission uses now.
     pub(super) free_staging: Arc<Mutex<Vec<wgpu::Buffer>>>,
+}
+
+/// Who uses the device's queue: an OpenXR runtime may not while another thread submits work ([`super::vulkan_interop`]).
+#[derive(Clone, Debug, Default)]
+pub struct QueueTurn(Arc<Mutex<()>>);
+
+impl QueueTurn {
+    /// Waits for the turn, and has it until the guard is dropped.
+    pub fn take(&self) -> MutexGuard<'_, ()> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// What instances are made with, unless the environment asks for other things (`WGPU_VALIDATION=1`: validation layers).
@@ -402,6 +414,7 @@ impl GpuContext {
             opened: adapter,
             lost,
             uncaptured,
+            queue_turn: QueueTurn::default(),
             host_waits: Arc::default(),
             made: Arc::default(),
             gate: None,
@@ -513,6 +526,26 @@ impl GpuContext {
     pub fn store_pipelines(&self) {
         if let Some(kept) = &self.pipelines {
             kept.store();
+        }
+    }
+
+    /// Gives work to the queue, in its turn.
+    pub fn submit(&self, commands: wgpu::CommandBuffer) -> wgpu::SubmissionIndex {
+        let _turn = self.queue_turn.take();
+        self.queue.submit([commands])
+    }
+
+    /// The turn of whoever else uses the queue.
+    pub fn queue_turn(&self) -> QueueTurn {
+        self.queue_turn.clone()
+    }
+
+    /// The same device for another thread, whose waits are not those of frames.
+    #[must_use]
+    pub fn for_another_thread(&self) -> Self {
+        Self {
+            host_waits: Arc::default(),
+            ..self.clone()
         }
     }
 

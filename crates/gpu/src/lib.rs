@@ -28,7 +28,7 @@ pub mod vulkan_interop;
 pub use buffers::{
     ArrayBuffer, GrowingBuffer, storage_buffer, storage_buffer_with_data, uniform_buffer,
 };
-pub use context::{Gate, GpuContext, GpuError};
+pub use context::{Gate, GpuContext, GpuError, QueueTurn};
 pub use kernel::{Kernel, Resources};
 pub use shaders::{CompiledShader, ShaderLibrary};
 pub use stereolux_base::features::{self, ShaderFeatures};

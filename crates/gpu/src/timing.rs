@@ -75,7 +75,8 @@ impl PassTimes {
 
     /// Milliseconds of all passes together.
     pub fn total_ms(&self) -> f64 {
-        self.passes.values().map(|(ms, _)| ms).sum()
+        // `sum` begins with -0, which files would show.
+        self.passes.values().fold(0.0, |total, (ms, _)| total + ms)
     }
 }
 
@@ -226,7 +227,7 @@ impl<'a> FrameRecorder<'a> {
         let device = &self.context.device;
         let next = device.create_command_encoder(&Default::default());
         let recorded = std::mem::replace(self.encoder(), next);
-        let index = self.context.queue.submit([recorded.finish()]);
+        let index = self.context.submit(recorded.finish());
         if let Err(error) = self.context.retire("pass", index) {
             log::debug!("between passes: {error}");
         }
@@ -356,7 +357,7 @@ impl<'a> FrameRecorder<'a> {
                     at += bytes;
                 }
             }
-            Ok((context.queue.submit([encoder.finish()]), staging))
+            Ok((context.submit(encoder.finish()), staging))
         })?;
         Ok(Ticket {
             stage,

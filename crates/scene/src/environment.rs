@@ -35,6 +35,15 @@ impl Environment {
         }
         self
     }
+
+    /// Whether it is not black all over.
+    #[must_use]
+    pub fn shines(&self) -> bool {
+        self.radiance
+            .as_flattened()
+            .iter()
+            .any(|radiance| *radiance > 0.0)
+    }
 }
 
 /// Most texels: what a 16k x 8k map has.

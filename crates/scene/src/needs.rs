@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use stereolux_base::features::{PerFeature, ShaderFeatures, WORDS};
 
-use super::{AlphaMode, LightKind, Material, Scene, SceneStatistics};
+use super::{AlphaMode, Environment, LightKind, Material, Scene, SceneStatistics};
 
 /// A metal below this roughness focuses light well enough for a caustic to show.
 pub const CAUSTIC_ROUGHNESS: f32 = 0.3;
@@ -184,7 +184,7 @@ impl Needs {
                 LightKind::Directional => needs.lights.directional += 1,
             }
         }
-        needs.environment = scene.environment.is_some();
+        needs.environment = scene.environment.as_ref().is_some_and(Environment::shines);
 
         let in_use = || {
             scene

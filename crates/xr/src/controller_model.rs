@@ -28,22 +28,28 @@ pub(super) type ModelNames = [Option<String>; 2];
 /// What a recording's file of a model is called.
 pub(super) fn file_name(recording: &Path, side: Side) -> String {
     let stem = recording.file_stem().and_then(|stem| stem.to_str());
-    format!("{}.{}.glb", stem.unwrap_or("recording"), side.word())
+    // As `read_name` takes it.
+    let stem = stem.unwrap_or("recording").replace(['\\', ':'], "_");
+    format!("{stem}.{}.glb", side.word())
+}
+
+/// What all models of a recording may take together: one for each hand, and as often again when a session is lost.
+pub(super) fn budget() -> LoadBudget {
+    LoadBudget::new(LoadLimits {
+        memory_bytes: 8 * u64::from(MOST_BYTES),
+        ..LoadLimits::default()
+    })
 }
 
 /// Reads a file that a recording names.
-pub(super) fn load(recording: &Path, name: &str) -> Result<Vec<u8>, String> {
+pub(super) fn load(recording: &Path, name: &str, budget: &LoadBudget) -> Result<Vec<u8>, String> {
     let folder = recording.parent().unwrap_or(recording);
     let place = files::below(folder, Path::new(name)).map_err(|error| match error {
         Unreachable::Missing(reason) => reason,
         Unreachable::Outside => "it lies outside the recording's folder".to_owned(),
     });
-    let budget = LoadBudget::new(LoadLimits {
-        memory_bytes: u64::from(MOST_BYTES),
-        ..LoadLimits::default()
-    });
     place
-        .and_then(|place| files::load_regular(&place, &budget))
+        .and_then(|place| files::load_regular(&place, budget))
         .map_err(|reason| format!("'{name}' cannot be read: {reason}"))
 }
 

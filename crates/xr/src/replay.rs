@@ -258,6 +258,7 @@ impl ReplaySession {
 fn load_models(path: &Path, trace: &Trace) -> Result<VecDeque<(u64, ControllerModel)>, InputError> {
     let mut lines = trace.model_lines.iter();
     let mut models = VecDeque::new();
+    let budget = controller_model::budget();
     for (number, frame) in (0..).zip(&trace.frames) {
         let names = Side::BOTH.into_iter().zip(&frame.controller_model);
         let mut names = names
@@ -265,7 +266,7 @@ fn load_models(path: &Path, trace: &Trace) -> Result<VecDeque<(u64, ControllerMo
             .peekable();
         let line = names.peek().and_then(|_| lines.next()).copied();
         for (side, name) in names {
-            let glb = controller_model::load(path, name).map_err(|what| InputError {
+            let glb = controller_model::load(path, name, &budget).map_err(|what| InputError {
                 line,
                 field: Some(format!("controller_model.{}", side.word())),
                 ..InputError::file(&path.display().to_string(), what)

@@ -176,6 +176,8 @@ pub struct Validated<S> {
     last_good: Option<LocatedViews>,
     invalid_poses: u64,
     last_fault: Option<Fault>,
+    /// The last pose was invalid.
+    is_astray: bool,
     last_input_fault: Option<Fault>,
 }
 
@@ -187,6 +189,7 @@ impl<S: XrSession> Validated<S> {
             last_good: None,
             invalid_poses: 0,
             last_fault: None,
+            is_astray: false,
             last_input_fault: None,
         }
     }
@@ -214,12 +217,14 @@ impl<S: XrSession> Validated<S> {
         };
         match checked {
             Ok(good) => {
+                self.is_astray = false;
                 self.last_good = Some(good);
                 Some(good)
             }
             Err(fault) => {
                 // Once per spell, not per frame: a lost tracker would flood the log at 90 Hz.
-                if self.last_fault.as_ref() != Some(&fault) {
+                let was_astray = std::mem::replace(&mut self.is_astray, true);
+                if !was_astray || self.last_fault.as_ref() != Some(&fault) {
                     log::warn!("invalid pose from {}: {fault}", self.inner.info().source);
                 }
                 self.invalid_poses += 1;
@@ -255,7 +260,10 @@ impl<S: XrSession> XrSession for Validated<S> {
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         match self.inner.locate_input(display_time_ns)?.checked() {
-            Ok(input) => Ok(input),
+            Ok(input) => {
+                self.last_input_fault = None;
+                Ok(input)
+            }
             Err(fault) => {
                 // A hand that is nowhere does nothing. Once per spell, as above.
                 if self.last_input_fault.as_ref() != Some(&fault) {

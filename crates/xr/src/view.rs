@@ -94,6 +94,13 @@ impl View {
         left + 0.5 * (right.position_in_world - left)
     }
 
+    /// The head between two eyes: half-way in place and in direction.
+    #[must_use]
+    pub fn head_in_world(views: &[Self; 2]) -> Pose {
+        let [left, right] = views.map(|view| view.orientation);
+        Pose::new(Self::midpoint_in_world(views), left.slerp(right, 0.5))
+    }
+
     /// World from eye: rotation and translation, no scale.
     #[must_use]
     pub fn world_from_eye(&self) -> DAffine3 {

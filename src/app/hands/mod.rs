@@ -15,7 +15,6 @@ use std::iter::once;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use self::models::Models;
-pub(super) use self::models::forget_coming;
 use super::world::{World, WorldError};
 use crate::pose::Pose;
 use crate::scene::edit::{Edit, Placement};

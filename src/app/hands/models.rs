@@ -3,7 +3,7 @@
 use glam::DAffine3;
 
 use crate::app::world::World;
-use crate::app::{AppError, Kept, PartLoading};
+use crate::app::{AppError, PartLoading};
 use crate::scene::{Scene, ScenePart};
 use crate::xr::{ControllerModel, Side};
 
@@ -40,14 +40,6 @@ fn read(side: Side, glb: &[u8]) -> Result<Scene, AppError> {
     }
     scene.animations.clear();
     Ok(scene)
-}
-
-/// Waits for the thread of a model that is not to come any more: it may be busy on the device.
-pub(in crate::app) fn forget_coming(kept: &mut Kept) {
-    let hands = kept.hands.as_mut();
-    if let Some(coming) = hands.and_then(|hands| hands.models.coming.take()) {
-        drop(coming.loading.end(kept));
-    }
 }
 
 impl World<'_> {

@@ -55,7 +55,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                     scrolls,
                 };
                 for root in &scene.roots {
-                    tree.show(ui, *root, &mut asked);
+                    tree.show(ui, *root, 0, &mut asked);
                 }
             } else {
                 let mut matches = 0;
@@ -93,6 +93,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     });
 }
 
+/// Levels of the tree: egui's stack grows with each. What lies deeper is selected in the picture.
+const DEEPEST: usize = 64;
+
 /// What was clicked.
 #[derive(Default)]
 struct Asked {
@@ -110,14 +113,14 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    fn show(&self, ui: &mut Ui, index: usize, asked: &mut Asked) {
+    fn show(&self, ui: &mut Ui, index: usize, depth: usize, asked: &mut Asked) {
         let Some(node) = self.scene.nodes.get(index) else {
             return;
         };
         let show_row = |ui: &mut Ui, asked: &mut Asked| {
             row(ui, index, node, self.selected, self.scrolls, asked);
         };
-        if node.children.is_empty() {
+        if node.children.is_empty() || depth == DEEPEST {
             ui.horizontal(|ui| {
                 ui.add_space(ui.spacing().indent);
                 show_row(ui, asked);
@@ -132,7 +135,7 @@ impl Tree<'_> {
         }
         state.show_header(ui, |ui| show_row(ui, asked)).body(|ui| {
             for child in &node.children {
-                self.show(ui, *child, asked);
+                self.show(ui, *child, depth + 1, asked);
             }
         });
     }

@@ -166,6 +166,8 @@ impl Edits {
         speed: f64,
     ) -> bool {
         let field = DragValue::new(value).range(range).speed(speed);
+        // Who only looks changes nothing.
+        let field = field.clamp_existing_to_range(false);
         self.watch(&ui.add(field.max_decimals(4)))
     }
 

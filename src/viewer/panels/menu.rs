@@ -1,6 +1,7 @@
 //! The menu bar, with what is shown and how, and what plays.
 
-use egui::{Button, ComboBox, DragValue, MenuBar, Panel, Slider, Ui};
+use egui::containers::menu::{MenuButton, MenuConfig};
+use egui::{Button, ComboBox, DragValue, MenuBar, Panel, PopupCloseBehavior, Slider, Ui};
 
 use crate::scene::builtin;
 use crate::settings::{Choice as _, Switch, Tone};
@@ -10,6 +11,7 @@ use crate::viewer::gizmo::Mode;
 use crate::viewer::layout::Layout;
 use crate::viewer::panels::paths::Purpose;
 use crate::viewer::session::{Player, Recording};
+use crate::viewer::worker::decided;
 use crate::xr::{Motion, SimulatedSession};
 
 /// Seconds of a simulated motion.
@@ -70,7 +72,11 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
         let output = &mut settings.render.output;
         let mut stops = output.exposure.max(1e-6).log2();
         let field = DragValue::new(&mut stops).range(-16.0..=16.0).speed(0.02);
-        let field = field.fixed_decimals(1).prefix("Exposure ").suffix(" EV");
+        let field = field
+            .clamp_existing_to_range(false)
+            .fixed_decimals(1)
+            .prefix("Exposure ")
+            .suffix(" EV");
         if ui
             .add(field)
             .on_hover_text("drag, or click and type")
@@ -89,7 +95,7 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
             .on_hover_text("from radiance to what is shown");
         ui.separator();
         let denoiser = &mut settings.render.reconstruct.svgf;
-        let mut denoises = denoiser.is_on();
+        let mut denoises = decided(&app.settings).render.reconstruct.svgf.is_on();
         let toggle = ui.toggle_value(&mut denoises, "Denoise");
         if toggle.on_hover_text("reconstruct.svgf").changed() {
             *denoiser = if denoises { Switch::On } else { Switch::Off };
@@ -102,7 +108,10 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
             None => "none",
         };
         let name = name.map_or_else(|| own.into(), |name| name.to_string_lossy().into_owned());
-        ui.menu_button(format!("Surroundings: {name}"), |ui| {
+        // A click on its field leaves it open.
+        let stays = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+        let menu = MenuButton::new(format!("Surroundings: {name}")).config(stays);
+        menu.ui(ui, |ui| {
             if ui.button("Open\u{2026}").clicked() {
                 app.ask_path(Purpose::Open);
                 ui.close();
@@ -115,7 +124,8 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
                 ui.close();
             }
             let strength = DragValue::new(&mut settings.environment.strength);
-            ui.add(strength.range(0.0..=1e3).speed(0.01).prefix("strength "));
+            let strength = strength.range(0.0..=1e3).clamp_existing_to_range(false);
+            ui.add(strength.speed(0.01).prefix("strength "));
         });
         ui.separator();
         let mut is_frozen = app.frozen.is_some();
@@ -255,7 +265,7 @@ fn window(app: &mut App, ui: &mut Ui) {
 
 fn motion(app: &mut App, ui: &mut Ui) {
     if ui.button("By hand").clicked() {
-        app.player = None;
+        app.take_head();
         ui.close();
     }
     let seed = u64::from(app.settings.render.seed);

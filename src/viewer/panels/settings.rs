@@ -26,7 +26,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             .button("Reset all")
             .on_hover_text("all settings but the scene and the adapter");
         if reset.clicked() {
-            let now = shown(app);
+            let now = app.panel_settings();
             let kept = Settings {
                 scene: now.scene.clone(),
                 adapter: now.adapter.clone(),
@@ -79,14 +79,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
-fn shown(app: &App) -> &Settings {
-    if app.fields.edits_other {
-        &app.other
-    } else {
-        &app.settings
-    }
-}
-
 fn store(app: &mut App, ui: &Ui, settings: Settings) {
     if app.fields.edits_other {
         app.other = Arc::new(settings);
@@ -101,8 +93,13 @@ fn is_fixed(key: &str) -> bool {
     key == "scene" || key.starts_with("openxr.")
 }
 
+/// What a scene is read by.
+fn is_of_reading(key: &str) -> bool {
+    matches!(key, "scene_scale" | "light") || key.starts_with("limits.")
+}
+
 fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
-    let value = setting.value(shown(app));
+    let value = setting.value(app.panel_settings());
     let default = setting.default_value();
     let short = setting.key.rsplit('.').next().unwrap_or(setting.key);
     let mut new = None;
@@ -124,6 +121,9 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         if !setting.unit.is_empty() {
             ui.weak(setting.unit);
         }
+        if is_of_reading(setting.key) {
+            ui.weak("for what is read next");
+        }
         if let Some(frame) = &app.frame
             && value.as_f64() == Some(0.0)
             && let Some(eye) = ["photon.radius_m", "photon.caustic_radius_m"]
@@ -142,7 +142,7 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         }
     });
     if let Some(new) = new {
-        match shown(app).with(setting.key, &new) {
+        match app.panel_settings().with(setting.key, &new) {
             Ok(settings) => {
                 app.fields.refused = None;
                 store(app, ui, settings);

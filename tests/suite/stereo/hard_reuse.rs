@@ -86,6 +86,8 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         alpha_mode: AlphaMode::Blend,
         ..holes
     };
+    // Faint: a wall behind it is seen by most rays, and must not be by all.
+    let (gauzy, _) = sheet(veil.clone(), upright, |_, _| [10, 10, 10, 26]);
     let (veiled, _) = sheet(veil, upright, |_, _| [200, 200, 200, 128]);
     let sign = Material {
         emissive_texture: texture,
@@ -109,6 +111,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("bumps", bumpy, views(head)),
         ("holes", holed, views(head)),
         ("veil", veiled, views(head)),
+        ("gauze", gauzy, views(head)),
         ("sign", shining, views(head)),
         ("glow", glowing, views(head)),
         ("metal", metallic, views(head)),

@@ -1,10 +1,12 @@
 //! The path tracer's two ways to find lights: each alone, and both weighted, have one mean.
 
+use glam::DVec3;
 use stereolux::renderer::Eye;
 use stereolux::scene::{Environment, Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::View;
 
+use super::hard_support::{add, add_point_light, cube, eyes_at_origin};
 use super::support::{
     assert_clean, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
     statistics,
@@ -152,6 +154,35 @@ fn techniques_agree_on_glossy_walls() {
         material.metallic = f32::from(u8::from(material.name.contains("red")));
     });
     check("glossy", &scene, &views);
+}
+
+/// Photons are kept on no surface of such a pane, and no path meets a light without a size: only the surface behind the first one
+/// can ask for it.
+#[test]
+fn a_lamp_without_a_size_shines_through_frosted_glass_by_both_methods() {
+    let pane = cube().into_iter().map(|corners| {
+        let flat = DVec3::new(2.0, 2.0, 0.05);
+        corners.map(|p| p * flat - 2.0 * DVec3::Z)
+    });
+    let frosted = Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        ior: 1.5,
+        roughness: 0.5,
+        ..Material::default()
+    };
+    let mut scene = Scene::default();
+    add(&mut scene, &pane.collect::<Vec<_>>(), frosted);
+    add_point_light(&mut scene, DVec3::new(0.3, 0.2, -4.0), 10.0);
+    let views = eyes_at_origin(30.0);
+    let of = |set, method| {
+        let settings = settings_of(method, Technique::Mis, 4, 32);
+        blocks(&scene, &views, &settings, set)
+    };
+    let (paths, photons) = (of(0, Method::Path), of(1, Method::Photon));
+    agree(&paths, &photons).unwrap_or_else(|why| panic!("{why}"));
+    let more = agree(&paths, &brighter(&photons));
+    assert!(more.is_err(), "5 % too much passes");
 }
 
 #[test]

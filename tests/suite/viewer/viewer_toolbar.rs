@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
 use egui_kittest::kittest::Queryable as _;
 use stereolux::images::{ImageRgb, aces_filmic, srgb_encode, write_exr};
-use stereolux::settings::Tone;
+use stereolux::settings::{Switch, Tone};
 use stereolux::viewer::App;
 
 use super::viewer_support::{
@@ -50,11 +50,12 @@ fn exposure_curve_denoiser_and_surroundings_change_what_is_shown() {
         corner(app) == byte(0.4)
     });
 
-    let denoises = viewer.state().settings().render.reconstruct.svgf.is_on();
-    push(&mut viewer, "Denoise");
-    let now = viewer.state().settings().render.reconstruct.svgf.is_on();
-    assert_ne!(now, denoises);
-    settle(&mut viewer);
+    let denoises = |viewer: &Viewer| viewer.state().settings().render.reconstruct.svgf;
+    for switch in [Switch::Off, Switch::On] {
+        push(&mut viewer, "Denoise");
+        assert_eq!(denoises(&viewer), switch, "auto denoises");
+        settle(&mut viewer);
+    }
 
     push(&mut viewer, "Surroundings: sky.exr");
     viewer.get_by_label("None").click();

@@ -9,7 +9,8 @@
 //! never moves them out of it: no barrier, and no layout to restore.
 //!
 //! Queue. OpenXR wants `xrBeginFrame`, `xrEndFrame`, `xrAcquireSwapchainImage` and `xrReleaseSwapchainImage` not to
-//! run while another thread uses the queue. Session and renderer live on one thread.
+//! run while another thread uses the queue. Renderers of parts to come are made on threads of their own: whoever uses the queue
+//! takes its turn ([`crate::QueueTurn`]).
 
 use std::ffi::c_void;
 

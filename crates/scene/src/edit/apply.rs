@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::super::import::transform_fault;
+use super::super::import::{NOT_FINITE, transform_fault};
 use super::super::{LightKind, Material, Node, PunctualLight, Scene, Trs};
 use super::{Edit, EditError, NewContent, NewNode, Placement, Tail};
 
@@ -110,6 +110,15 @@ fn several(scene: &mut Scene, edits: Vec<Edit>) -> Result<Edit, EditError> {
 
 /// The placement with its rotation brought to unit length, if it can be used.
 pub fn checked(name: &str, to: Placement) -> Result<Placement, EditError> {
+    let to = finite(name, to)?;
+    match transform_fault(&to.parent_from_node()) {
+        Some(reason) => Err(value(name, reason)),
+        None => Ok(to),
+    }
+}
+
+/// The same of one that may flatten space, as files have it of what is out of sight.
+fn finite(name: &str, to: Placement) -> Result<Placement, EditError> {
     let to = match to {
         Placement::Parts(parts) => Placement::Parts(Trs {
             rotation: Trs::unit(parts.rotation)
@@ -118,15 +127,32 @@ pub fn checked(name: &str, to: Placement) -> Result<Placement, EditError> {
         }),
         Placement::Matrix(_) => to,
     };
-    match transform_fault(&to.parent_from_node()) {
-        Some(reason) => Err(value(name, reason)),
-        None => Ok(to),
+    if to.parent_from_node().is_finite() {
+        Ok(to)
+    } else {
+        Err(value(name, NOT_FINITE))
+    }
+}
+
+impl Edit {
+    /// Refuses transforms that flatten what has not been flat, which hardly anybody means.
+    pub(super) fn check_by_hand(&self, scene: &Scene) -> Result<(), EditError> {
+        match self {
+            Self::Transform { node, to } => match scene.nodes.get(*node) {
+                Some(node) if transform_fault(&node.parent_from_node).is_none() => {
+                    checked(&node.name, *to).map(|_| ())
+                }
+                _ => Ok(()),
+            },
+            Self::Several(edits) => edits.iter().try_for_each(|edit| edit.check_by_hand(scene)),
+            _ => Ok(()),
+        }
     }
 }
 
 fn transform(scene: &mut Scene, node: usize, to: Placement) -> Result<Edit, EditError> {
     let data = node_mut(scene, node)?;
-    let mut to = checked(&data.name, to)?;
+    let mut to = finite(&data.name, to)?;
     let before = data
         .exact_parts()
         .map_or(Placement::Matrix(data.parent_from_node), Placement::Parts);
@@ -134,7 +160,7 @@ fn transform(scene: &mut Scene, node: usize, to: Placement) -> Result<Edit, Edit
     if let (Placement::Parts(_), Placement::Matrix(matrix)) = (before, to)
         && is_animated(scene, node)
     {
-        to = checked("", Placement::Parts(Trs::of(&matrix)))?;
+        to = finite("", Placement::Parts(Trs::of(&matrix)))?;
     }
     let data = node_mut(scene, node)?;
     data.parent_from_node = to.parent_from_node();

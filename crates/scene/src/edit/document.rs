@@ -169,6 +169,7 @@ impl Document {
     /// # Errors
     /// [`EditError`]; scene and history are then unchanged.
     pub fn edit(&mut self, edit: Edit) -> Result<(), EditError> {
+        edit.check_by_hand(&self.scene)?;
         let label = edit.label(&self.scene);
         let redo = edit.clone();
         let undo = edit.apply(&mut self.scene)?;
@@ -226,10 +227,13 @@ impl Document {
     /// [`EditError::Stale`] only if the history does not fit the scene, which nothing here lets happen.
     pub fn undo(&mut self) -> Result<bool, EditError> {
         self.end_gesture();
-        let Some(step) = self.undo.pop_back() else {
+        let Some(step) = self.undo.back() else {
             return Ok(false);
         };
         step.undo.clone().apply(&mut self.scene)?;
+        let Some(step) = self.undo.pop_back() else {
+            return Ok(false);
+        };
         self.state = step.before;
         self.note(&step.undo);
         self.redo.push(step);
@@ -242,10 +246,13 @@ impl Document {
     /// As [`Document::undo`].
     pub fn redo(&mut self) -> Result<bool, EditError> {
         self.end_gesture();
-        let Some(step) = self.redo.pop() else {
+        let Some(step) = self.redo.last() else {
             return Ok(false);
         };
         step.redo.clone().apply(&mut self.scene)?;
+        let Some(step) = self.redo.pop() else {
+            return Ok(false);
+        };
         self.state = step.after;
         self.note(&step.redo);
         self.undo.push_back(step);

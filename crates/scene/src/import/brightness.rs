@@ -26,10 +26,15 @@ pub fn check(scene: &Scene, notes: &mut Notes) {
         };
         add(f64::from(most) * solid_angle);
     }
+    let emission: Vec<f64> = scene
+        .materials
+        .iter()
+        .map(|material| f64::from(material.emission.into_iter().fold(0.0, f32::max)))
+        .collect();
     let glow: Vec<f64> = scene
         .meshes
         .iter()
-        .map(|mesh| glow_of(scene, mesh))
+        .map(|mesh| glow_of(&emission, mesh))
         .collect();
     for placed in scene.instances() {
         if glow[placed.mesh] > 0.0 {
@@ -51,16 +56,8 @@ pub fn check(scene: &Scene, notes: &mut Notes) {
     }
 }
 
-/// Power of a mesh's emissive triangles in object space, W.
-fn glow_of(scene: &Scene, mesh: &super::super::Mesh) -> f64 {
-    let emission: Vec<f64> = scene
-        .materials
-        .iter()
-        .map(|material| f64::from(material.emission.into_iter().fold(0.0, f32::max)))
-        .collect();
-    if emission.iter().all(|most| *most == 0.0) {
-        return 0.0;
-    }
+/// Power of a mesh's emissive triangles in object space, W, by the materials' emission.
+fn glow_of(emission: &[f64], mesh: &super::super::Mesh) -> f64 {
     let triangles = mesh.triangles.iter();
     triangles
         .map(|triangle| {

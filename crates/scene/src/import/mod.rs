@@ -26,7 +26,7 @@ use super::{Scene, SceneError, SourceFacts, demand};
 pub(super) use buffers::Buffers;
 pub(super) use container::read_file;
 use document::Document;
-pub(super) use nodes::transform_fault;
+pub(super) use nodes::{NOT_FINITE, transform_fault};
 use stereolux_base::limits::LoadBudget;
 use stereolux_base::printable;
 

@@ -303,7 +303,7 @@ fn transform_of(
     }
 }
 
-const NOT_FINITE: &str = "the transform is not finite";
+pub const NOT_FINITE: &str = "the transform is not finite";
 
 /// Why a local transform cannot be used, if it cannot.
 pub fn transform_fault(affine: &DAffine3) -> Option<&'static str> {

@@ -207,9 +207,17 @@ pub fn read_image_files(
     let read_one = |(index, found): (usize, &Option<Found>)| {
         let Some(found) = found else { return Ok(None) };
         let place = format!("images[{index}]");
+        let stays = |what: &str| {
+            let line = document.fault(format!(
+                "{place}: {what}; it is not embedded on saving, and the saved scene still refers to its file"
+            ));
+            log::warn!("{line}");
+            Ok(None)
+        };
         let bytes = match found {
             Ok(path) => read(document, &place, path, u64::MAX)?,
-            Err(what) => return Err(document.fault(format!("{place}: {what}"))),
+            // Loading would have refused what a material uses.
+            Err(what) => return stays(what),
         };
         let is_picture = open_picture(&bytes).and_then(|picture| {
             let what = format_args!("{place}: its pixels");
@@ -221,13 +229,7 @@ pub fn read_image_files(
         });
         match is_picture {
             Ok(_) => Ok(Some(bytes)),
-            Err(what) => {
-                let line = document.fault(format!(
-                    "{place}: {what}; it is not embedded on saving, and the saved scene still refers to its file"
-                ));
-                log::warn!("{line}");
-                Ok(None)
-            }
+            Err(what) => stays(&what),
         }
     };
     places.images.iter().enumerate().map(read_one).collect()

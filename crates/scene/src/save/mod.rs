@@ -103,6 +103,11 @@ fn patched(original: &Original, scene: &Scene) -> Result<(Value, Vec<u8>), Scene
     Ok((json, bin))
 }
 
+/// Whether an extension says where a compressed copy of a view lies.
+fn is_compression(extension: &str) -> bool {
+    extension.ends_with("_meshopt_compression")
+}
+
 /// Gathers all buffers, and images that lie in other files, into one buffer.
 fn embed(root: &mut Value, buffers: &Buffers<'_>, images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
     let mut bin = Vec::new();
@@ -112,7 +117,14 @@ fn embed(root: &mut Value, buffers: &Buffers<'_>, images: Vec<Option<Vec<u8>>>) 
         starts.push(bin.len());
         bin.extend_from_slice(buffer);
     }
+    // The copies that are not compressed were read; the others would point into buffers that are no more.
+    if let Some(used) = root.get_mut("extensionsUsed").and_then(Value::as_array_mut) {
+        used.retain(|name| !name.as_str().is_some_and(is_compression));
+    }
     for view in list_mut(root, "bufferViews") {
+        if let Some(extensions) = view.get_mut("extensions").and_then(Value::as_object_mut) {
+            extensions.retain(|name, _| !is_compression(name));
+        }
         let buffer = view.get("buffer").and_then(Value::as_u64).unwrap_or(0) as usize;
         let start = starts.get(buffer).copied().unwrap_or_default();
         if buffer > 0 {

@@ -147,6 +147,10 @@ impl Controls {
                     reason: error.to_string(),
                 });
             }
+            // Each by itself is all right; the last one that was tried would stand alone.
+            if let Err(error) = suggest(&ours) {
+                log::debug!("{}: {error}", profile.path);
+            }
         }
         log::debug!("{}: {error}", profile.path);
         Ok(())

@@ -10,6 +10,7 @@ use super::runtime::{Runtime, RuntimeError, failed};
 use super::swapchain::EyeSwapchains;
 use super::{SessionOptions, Space};
 use stereolux_gpu::vulkan_interop::openxr as interop;
+use stereolux_gpu::{GpuContext, QueueTurn};
 
 /// Calls of a frame that the runtime waits for: a frame that was waited for has to be begun before another is (OpenXR 1.1,
 /// xrWaitFrame), and one that was begun has to be ended.
@@ -36,6 +37,7 @@ pub(super) struct Live {
     pub(super) stream: xr::FrameStream<xr::Vulkan>,
     pub(super) waiter: xr::FrameWaiter,
     pub(super) session: xr::Session<xr::Vulkan>,
+    pub(super) queue_turn: QueueTurn,
     device: wgpu::Device,
 }
 
@@ -46,10 +48,11 @@ impl Live {
     /// [`RuntimeError::Call`], [`RuntimeError::Vulkan`] and [`RuntimeError::Binding`].
     pub(super) fn new(
         runtime: &Runtime,
-        device: &wgpu::Device,
+        context: &GpuContext,
         options: &SessionOptions,
     ) -> Result<Self, RuntimeError> {
         let settings = &options.settings;
+        let device = &context.device;
         let (session, waiter, stream) =
             interop::create_session(&runtime.instance, runtime.system.id, device)
                 .map_err(failed("xrCreateSession"))?;
@@ -64,7 +67,7 @@ impl Live {
         let behind = Behind::new(runtime, &session, options.passthrough);
         let with_depth = settings.depth_layer && runtime.offered.depth_layer;
         let eyes =
-            EyeSwapchains::pair(&session, device, options.size, settings.format, with_depth)?;
+            EyeSwapchains::pair(&session, context, options.size, settings.format, with_depth)?;
         Ok(Self {
             lifecycle: Lifecycle::new(),
             loss: None,
@@ -76,8 +79,15 @@ impl Live {
             stream,
             waiter,
             session,
+            queue_turn: context.queue_turn(),
             device: device.clone(),
         })
+    }
+
+    /// Begins a frame, in the queue's turn.
+    pub(super) fn begin(&mut self) -> xr::Result<()> {
+        let _turn = self.queue_turn.take();
+        self.stream.begin()
     }
 
     /// The colour format of the images, and whether depth goes with them.

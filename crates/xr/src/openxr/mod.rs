@@ -87,7 +87,7 @@ pub struct OpenXrSession {
     options: SessionOptions,
     /// `None`: it was lost, and none took its place.
     live: Option<Live>,
-    device: wgpu::Device,
+    context: GpuContext,
     runtime: Runtime,
     /// The runtime wants this program to quit, or has gone.
     is_over: bool,
@@ -112,7 +112,7 @@ impl OpenXrSession {
         context: &GpuContext,
         mut options: SessionOptions,
     ) -> Result<Self, RuntimeError> {
-        let live = Live::new(&runtime, &context.device, &options)?;
+        let live = Live::new(&runtime, context, &options)?;
         if let Some(reason) = &live.behind.lacks {
             log::warn!(
                 "environment.passthrough: {} does not show the room ({reason}); surroundings are shown as they are",
@@ -147,7 +147,7 @@ impl OpenXrSession {
             options,
             live: Some(live),
             models: ControllerModels::new(runtime.offered.controller_models),
-            device: context.device.clone(),
+            context: context.clone(),
             runtime,
             is_over: false,
             wants_to_quit: false,
@@ -302,7 +302,7 @@ impl OpenXrSession {
                     Ok(state) => state,
                     Err(error) => return self.fail("xrWaitFrame", error),
                 };
-                if let Err(error) = live.stream.begin() {
+                if let Err(error) = live.begin() {
                     return self.fail("xrBeginFrame", error);
                 }
                 self.end_empty(state.predicted_display_time)?;
@@ -318,7 +318,11 @@ impl OpenXrSession {
             return Ok(());
         };
         live.under_way = UnderWay::Nothing;
-        match live.stream.end(time, live.behind.mode, &[]) {
+        let ended = {
+            let _turn = live.queue_turn.take();
+            live.stream.end(time, live.behind.mode, &[])
+        };
+        match ended {
             Ok(()) => {
                 self.losses = 0;
                 Ok(())
@@ -421,7 +425,7 @@ impl XrSession for OpenXrSession {
         let Some(live) = self.usable() else {
             return Ok(());
         };
-        if let Err(error) = live.stream.begin() {
+        if let Err(error) = live.begin() {
             return self.fail("xrBeginFrame", error);
         }
         live.under_way = UnderWay::Begun;
@@ -560,6 +564,7 @@ impl XrSession for OpenXrSession {
                 depth: eye.depth(),
             }
         });
+        let turn = live.queue_turn.take();
         let ended = interop::end_frame_with_layer(
             &mut live.stream,
             time,
@@ -569,6 +574,7 @@ impl XrSession for OpenXrSession {
             NEAR_M,
             layers,
         );
+        drop(turn);
         match ended {
             Ok(()) => {
                 self.frames += 1;
@@ -589,7 +595,7 @@ impl Drop for OpenXrSession {
         let Some(live) = self.usable() else { return };
         let under_way = live.under_way;
         if under_way == UnderWay::Waited
-            && let Err(error) = live.stream.begin()
+            && let Err(error) = live.begin()
         {
             log::debug!("xrBeginFrame: {error}");
             return;

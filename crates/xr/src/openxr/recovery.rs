@@ -68,8 +68,8 @@ impl OpenXrSession {
 
     /// Another session whose images, of this format and with or without depth, take what is rendered.
     fn made_anew(&mut self, images: (wgpu::TextureFormat, bool)) -> Result<Live, RuntimeError> {
-        self.runtime.find_again(&self.device)?;
-        let live = Live::new(&self.runtime, &self.device, &self.options)?;
+        self.runtime.find_again(&self.context.device)?;
+        let live = Live::new(&self.runtime, &self.context, &self.options)?;
         if live.image_format() == images {
             Ok(live)
         } else {

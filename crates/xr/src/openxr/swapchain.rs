@@ -4,6 +4,7 @@ use openxr as xr;
 
 use super::runtime::{RuntimeError, failed};
 use stereolux_gpu::vulkan_interop::openxr as interop;
+use stereolux_gpu::{GpuContext, QueueTurn};
 use stereolux_settings::ImageFormat;
 
 /// Colour formats that a tone-mapped image goes into, with Vulkan's numbers. Both keep the eye's 8 bits of lightness:
@@ -25,12 +26,13 @@ struct Images {
     textures: Vec<wgpu::Texture>,
     handle: xr::Swapchain<xr::Vulkan>,
     is_acquired: bool,
+    queue_turn: QueueTurn,
 }
 
 impl Images {
     fn new(
         session: &xr::Session<xr::Vulkan>,
-        device: &wgpu::Device,
+        context: &GpuContext,
         [width, height]: [u32; 2],
         raw_format: u32,
         format: wgpu::TextureFormat,
@@ -58,21 +60,26 @@ impl Images {
             .enumerate_images()
             .map_err(failed("xrEnumerateSwapchainImages"))?
             .into_iter()
-            .map(|image| interop::wrap_image(device, image, format, [width, height], label))
+            .map(|image| {
+                interop::wrap_image(&context.device, image, format, [width, height], label)
+            })
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| RuntimeError::Vulkan("the device is not Vulkan's".to_owned()))?;
         Ok(Self {
             textures,
             handle,
             is_acquired: false,
+            queue_turn: context.queue_turn(),
         })
     }
 
     fn acquire(&mut self) -> Result<wgpu::TextureView, Failed> {
+        let turn = self.queue_turn.take();
         let index = self
             .handle
             .acquire_image()
             .map_err(|error| ("xrAcquireSwapchainImage", error))?;
+        drop(turn);
         self.is_acquired = true;
         self.handle
             .wait_image(xr::Duration::INFINITE)
@@ -90,6 +97,7 @@ impl Images {
         if !std::mem::take(&mut self.is_acquired) {
             return Ok(());
         }
+        let _turn = self.queue_turn.take();
         self.handle
             .release_image()
             .map_err(|error| ("xrReleaseSwapchainImage", error))
@@ -107,7 +115,7 @@ impl EyeSwapchains {
     /// Both eyes' swapchains, in the first usable format of the runtime's own order.
     pub(super) fn pair(
         session: &xr::Session<xr::Vulkan>,
-        device: &wgpu::Device,
+        context: &GpuContext,
         size: [u32; 2],
         wanted: ImageFormat,
         with_depth: bool,
@@ -137,7 +145,7 @@ impl EyeSwapchains {
             Ok::<_, RuntimeError>(Self {
                 color: Images::new(
                     session,
-                    device,
+                    context,
                     size,
                     raw,
                     format,
@@ -147,7 +155,7 @@ impl EyeSwapchains {
                     .then(|| {
                         Images::new(
                             session,
-                            device,
+                            context,
                             size,
                             D32_SFLOAT,
                             wgpu::TextureFormat::Depth32Float,

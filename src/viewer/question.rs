@@ -1,0 +1,87 @@
+//! What is asked in the middle of the window before anything else goes on.
+
+use std::path::PathBuf;
+
+use egui::{Context, Id, Modal, Ui};
+
+use super::app::{App, WindowCommand};
+use super::panels::paths::Purpose;
+
+/// What is asked; one thing at a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// Whether to read the scene of this name, which was refused for naming files outside its folder.
+    Outside(String),
+    /// Whether to quit with changes that are not saved.
+    Quit,
+    /// Whether to open the scene of this name in place of one with changes that are not saved.
+    Open(String),
+    /// Whether to write over this file.
+    Replace(PathBuf, Purpose),
+}
+
+/// Shows the question, and does what is answered.
+pub fn show(app: &mut App, context: &Context) {
+    let Some(question) = app.asks.clone() else {
+        return;
+    };
+    Modal::new(Id::unique("question")).show(context, |ui| match question {
+        Question::Outside(spec) => {
+            ui.heading("The scene names files outside its own folder");
+            ui.label("Reading them is safe only if you trust whoever made it: saving the scene takes them along.");
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                if ui.button("Leave it").clicked() {
+                    app.asks = None;
+                }
+                if ui.button("Read them").clicked() {
+                    app.open_with_outside(context, spec);
+                }
+            });
+        }
+        Question::Quit => {
+            ui.heading("The scene has changes that are not saved");
+            let buttons = ["Quit without saving", "Save and quit"];
+            unsaved(app, ui, buttons, |app| app.command(WindowCommand::Quit));
+        }
+        Question::Open(spec) => {
+            ui.heading("The scene has changes that are not saved");
+            ui.label(format!("{spec} takes its place."));
+            let buttons = ["Open without saving", "Save and open"];
+            unsaved(app, ui, buttons, |app| app.open_in_place(context, spec));
+        }
+        Question::Replace(path, purpose) => {
+            ui.heading("A file of this name is there already");
+            ui.label(format!("{} is lost.", path.display()));
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                if ui.button("Leave it").clicked() {
+                    app.asks = None;
+                }
+                if ui.button("Replace it").clicked() {
+                    app.asks = None;
+                    app.replace(context, path, purpose);
+                }
+            });
+        }
+    });
+}
+
+/// Buttons that go away from a scene without saving it and with, by `leave`, and one that stays.
+fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: impl FnOnce(&mut App)) {
+    ui.add_space(8.0);
+    ui.horizontal(|ui| {
+        let goes_without = ui.button(without).clicked();
+        let saves = ui.button(with).clicked();
+        let stays = ui.button("Go on").clicked();
+        if goes_without || saves || stays {
+            app.asks = None;
+        }
+        if saves {
+            app.save_scene(ui.ctx());
+        }
+        if goes_without || (saves && !app.document.is_modified()) {
+            leave(app);
+        }
+    });
+}
