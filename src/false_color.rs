@@ -437,7 +437,7 @@ const LEAST_MOTION_PX: f64 = 1.0;
 /// # Errors
 /// [`ImageError::Shape`] if values and size do not go together.
 pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, ImageError> {
-    let unit = inspected.unit;
+    let unit = inspected.inspection.unit();
     match &inspected.values {
         InspectedValues::Scalar(values) => {
             let is_depth = inspected.inspection == Inspection::Depth;

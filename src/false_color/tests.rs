@@ -26,7 +26,6 @@ fn inspected(inspection: Inspection, values: InspectedValues, has: Option<Vec<bo
         eye: Eye::Left,
         size: [count as u32, 1],
         values,
-        unit: inspection.unit(),
         has_value: has,
     }
 }

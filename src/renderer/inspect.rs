@@ -236,7 +236,6 @@ impl Inspector {
             eye,
             size: renderer.size(),
             values,
-            unit: inspection.unit(),
             has_value,
         })
     }

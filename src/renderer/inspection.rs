@@ -191,8 +191,6 @@ pub struct Inspected {
     pub size: [u32; 2],
     /// The values.
     pub values: InspectedValues,
-    /// Unit of the values, empty for none.
-    pub unit: &'static str,
     /// False for pixels that have no value: they see no surface, or were not seen in the frame before. `None`: all have.
     pub has_value: Option<Vec<bool>>,
 }

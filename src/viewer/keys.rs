@@ -76,8 +76,8 @@ impl App {
         {
             return;
         }
-        if self.asks.take().is_some() {
-        } else if self.asks_path.take().is_some() {
+        if self.asks.take().is_some() || self.asks_path.take().is_some() {
+            // What was asked is over.
         } else if self.fields.had_text {
             // The field has lost the keyboard by it.
         } else if self.shows_help {

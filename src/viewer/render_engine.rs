@@ -525,7 +525,6 @@ impl RenderEngine {
                 eye: EYES[eye],
                 size,
                 values: InspectedValues::Scalar(values),
-                unit: "(W/(m² sr))²",
                 has_value: None,
             });
         }

@@ -207,7 +207,6 @@ impl Seen {
             eye,
             size: self.size,
             values,
-            unit: inspection.unit(),
             has_value,
         })
     }

@@ -3,7 +3,7 @@
 
 use stereolux_base::limits::LoadLimits;
 use stereolux_images::images::{Image, ImageRgb, write_exr, write_png};
-use stereolux_images::metrics::{FlipView, compare_files};
+use stereolux_images::metrics::{FlipView, compare_and_keep};
 
 #[path = "../../base/tests/shared/folders.rs"]
 #[allow(dead_code)]
@@ -24,20 +24,19 @@ fn files_are_compared_and_faults_named() {
         .map(|i| if i % 24 < 12 { [255; 3] } else { [0; 3] })
         .collect();
     write_png(&path("mask.png"), &Image::new(24, 16, mask).unwrap()).unwrap();
-    let (view, limits) = (FlipView::default(), LoadLimits::default());
+    let compared = |image: &str, reference: &str, mask: Option<&str>| {
+        let mask = mask.map(path);
+        let (view, limits) = (FlipView::default(), LoadLimits::default());
+        let [image, reference] = [image, reference].map(path);
+        compare_and_keep(&image, &reference, mask.as_deref(), view, limits, 0)
+            .map(|compared| compared.comparison)
+    };
 
-    let same = compare_files(&path("two.exr"), &path("two.exr"), None, view, limits).unwrap();
+    let same = compared("two.exr", "two.exr", None).unwrap();
     assert_eq!((same.rel_mse, same.rmse, same.flip), (Some(0.0), 0.0, 0.0));
 
     // r = 2, x = 3, s = 4: 1 / (4 + 0.04).
-    let wrong = compare_files(
-        &path("three.exr"),
-        &path("two.exr"),
-        Some(&path("mask.png")),
-        view,
-        limits,
-    )
-    .unwrap();
+    let wrong = compared("three.exr", "two.exr", Some("mask.png")).unwrap();
     assert!((wrong.rel_mse.unwrap() - 1.0 / 4.04).abs() < 1e-12);
     assert_eq!(wrong.pixels, 12 * 16);
     assert!(wrong.exceeds(0.24) && !wrong.exceeds(0.25));
@@ -65,9 +64,7 @@ fn files_are_compared_and_faults_named() {
         ("missing.exr", "missing.exr"),
         ("mask.png/x", "mask.png"),
     ] {
-        let message = compare_files(&path(image), &path("two.exr"), None, view, limits)
-            .unwrap_err()
-            .to_string();
+        let message = compared(image, "two.exr", None).unwrap_err().to_string();
         assert!(
             message.contains(says) && !message.contains('\n'),
             "{message}"

@@ -102,21 +102,7 @@ pub struct ComparedFiles {
 }
 
 /// Compares an image file with a reference file, over a mask file's white pixels if there is one, within the memory that
-/// `limits` allow.
-///
-/// # Errors
-/// [`CompareError`], one line.
-pub fn compare_files(
-    image: &Path,
-    reference: &Path,
-    mask: Option<&Path>,
-    view: FlipView,
-    limits: LoadLimits,
-) -> Result<Comparison, CompareError> {
-    Ok(compare_and_keep(image, reference, mask, view, limits, 0)?.comparison)
-}
-
-/// As [`compare_files`], with all that the errors were found from. `more_bytes` per pixel are kept free for what is made of it.
+/// `limits` allow; with all that the errors were found from. `more_bytes` per pixel are kept free for what is made of it.
 ///
 /// # Errors
 /// [`CompareError`], one line.

@@ -15,7 +15,7 @@ mod moments;
 
 pub use binocular::{BinocularError, binocular_error, error_image};
 pub use comparison::{
-    CompareError, ComparedFiles, Comparison, compare, compare_and_keep, compare_files, rel_mse_map,
+    CompareError, ComparedFiles, Comparison, compare, compare_and_keep, rel_mse_map,
 };
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, FlipView, flip_map};
 pub use moments::{BiasVariance, RenderMoments};
