@@ -35,7 +35,7 @@ RUNS = [
 SCENES = ["cornell=builtin:cornell", "gallery=builtin:gallery"]
 REUSE = ("off", "scatter", "lookup")
 METHODS = {"photons": EVERY, "paths": ["--set", "method=path"]}
-SORT = ("photon_bounds", "grid_setup", "cell_count", "radix_count", "radix_scatter", "scan_blocks", "scan_sums", "scan_add",
+SORT = ("photon_bounds", "grid_setup", "cell_count", "radix_count", "radix_scatter", "scan_blocks", "scan_add",
         "photon_reorder")
 
 

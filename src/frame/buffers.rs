@@ -294,6 +294,8 @@ pub const BUFFERS: &[BufferRow] = &[
     batch("path_photons", |map| map.slot_bytes()),
     batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
     scratch("path_starts", |map| map.path_count_bytes()),
+    // Of all values of a prefix sum, which nobody asks for.
+    scratch("scan_total", |_| TOKEN_BYTES),
     scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
     // Where to emit: pilot paths, what each is worth, then sums over the cells: `shaders/shared/photon_guide.wesl`.
     scratch("pilot_photons", |map| map.pilot_bytes()),

@@ -98,9 +98,7 @@ passes! {
     photon_edges: Paths scene,
         "Divides photons' flux by the share of their gather disc that surfaces cover.";
     scan_blocks: ScanBlocks,
-        "Prefix sum, first step: scans blocks of 2,048 values.";
-    scan_sums: Once,
-        "Prefix sum, second step: scans the blocks' totals.";
+        "Prefix sum, first and second step: scans blocks of 2,048 values, then the blocks' totals.";
     scan_add: ScanValues,
         "Prefix sum, last step: adds each block's start.";
     photon_append: Paths,

@@ -12,10 +12,10 @@ const BATCH_SCRATCH_BYTES: [u64; 2] = [32 << 20, 128 << 20];
 pub const PHOTON_BYTES: u64 = 32;
 /// Bytes of one in the order of gathers, unpacked.
 pub const SORTED_PHOTON_BYTES: u64 = 64;
-/// Values that three scan passes cover: 2,048 blocks of 2,048.
-pub const SCAN_LIMIT: u64 = 2048 * 2048;
 /// Values of one scan block.
 pub const SCAN_BLOCK: u64 = 2048;
+/// Values that three scan passes cover: the blocks' totals are one block.
+pub const SCAN_LIMIT: u64 = SCAN_BLOCK * SCAN_BLOCK;
 /// Photons of a block of the radix sort, and threads of a workgroup that sorts one; `shared/photon.wesl` holds the same number.
 pub const RADIX_BLOCK: u32 = 256;
 /// Paths of which one has its photons corrected at edges; `shared/photon.wesl` holds the same number.

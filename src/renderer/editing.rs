@@ -491,7 +491,8 @@ impl Renderer {
         self.scene.place_instance(id, world_from_object)
     }
 
-    /// Adds an instance of mesh number `mesh` of the scene. It keeps its number until it is removed.
+    /// Adds an instance of mesh number `mesh` of the scene. It keeps its number until it is removed. Textures and shaders are
+    /// those of the meshes that nodes show: one that no node shows may lack its own.
     ///
     /// # Errors
     /// [`RenderError::Settings`]: no such mesh.

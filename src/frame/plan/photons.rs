@@ -138,12 +138,12 @@ fn scan_over(
     sums: &'static str,
     [blocks, all]: [Size; 2],
 ) {
-    let sizes = [blocks, Size::Once, all];
-    let scan = [&passes::scan_blocks, &passes::scan_sums, &passes::scan_add];
-    for (pass, size) in scan.into_iter().zip(sizes) {
-        let names = [("scan_values", values), ("scan_sums", sums)];
-        steps.run(pass, size).names(&names);
-    }
+    let parts = [("scan_values", values), ("scan_sums", sums)];
+    steps.run(&passes::scan_blocks, blocks).names(&parts);
+    // The blocks' totals are one block.
+    let whole = [("scan_values", sums), ("scan_sums", "scan_total")];
+    steps.run(&passes::scan_blocks, Size::Once).names(&whole);
+    steps.run(&passes::scan_add, all).names(&parts);
 }
 
 const fn photon_grid(offset: usize) -> Size {

@@ -219,7 +219,6 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
     let Kind::Whole { max: nearest, .. } = registry::find("photon.nearest").unwrap().kind else {
         panic!("photon.nearest is a whole number");
     };
-    let most_sums = photon_layout::SCAN_LIMIT / SCAN_BLOCK;
     let narrow_alpha = f64::from(CAUSTIC_ROUGHNESS).powi(2);
     // A texel is 16 bytes.
     let material_words = size_of::<material::Material>() as f64 / 16.0;
@@ -230,7 +229,6 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ("shared/traversal", "TOP_PAD", top::RAY_CONDITION * mesh_pad),
         ("passes/refit", "PAD", mesh_pad + rounding_unit),
         ("shared/scan", "SCAN_BLOCK", SCAN_BLOCK as f64),
-        ("passes/scan_sums", "THREADS * PER_THREAD", most_sums as f64),
         ("passes/shared_gather", "BATCH", SHARED_BATCH as f64),
         (
             "passes/shared_gather",

@@ -23,7 +23,7 @@ fn what_was_compiled_is_remembered_as_long_as_it_is_the_same() {
         library.compile(name, &features(on)).unwrap()
     };
     let same = |a: &Arc<_>, b: &Arc<_>| Arc::ptr_eq(a, b);
-    let [scan, gather] = ["passes/scan_sums", "passes/photon_gather"];
+    let [scan, gather] = ["passes/scan_add", "passes/photon_gather"];
     // A pass that asks for no feature is one shader, for every library that holds its modules as they are embedded.
     let plain = compile(&library, scan, &[]);
     assert!(same(
@@ -92,19 +92,19 @@ fn shaders_of_others_are_known_whatever_module_of_theirs_they_import() {
 #[test]
 fn broken_shaders_are_errors_that_name_the_module() {
     let mut library = ShaderLibrary::embedded();
-    library.insert("passes/scan_sums", "fn main() { let x = ; }");
+    library.insert("passes/scan_add", "fn main() { let x = ; }");
     let error = library
-        .compile("passes/scan_sums", &ShaderFeatures::default())
+        .compile("passes/scan_add", &ShaderFeatures::default())
         .err()
         .expect("a syntax error");
-    assert!(error.to_string().contains("passes/scan_sums"), "{error}");
+    assert!(error.to_string().contains("passes/scan_add"), "{error}");
     library.insert(
-        "passes/scan_sums",
+        "passes/scan_add",
         "@compute @workgroup_size(1) fn main() { let x: u32 = 1.5; }",
     );
     assert!(
         library
-            .compile("passes/scan_sums", &ShaderFeatures::default())
+            .compile("passes/scan_add", &ShaderFeatures::default())
             .is_err()
     );
 }

@@ -11,7 +11,7 @@ fn after_a_kernel(folder: &std::path::Path) -> GpuContext {
     let mut context = adapter::context();
     context.keep_pipelines_in(folder);
     let library = ShaderLibrary::embedded();
-    Kernel::new(&context, &library, "passes/scan_sums", &Default::default()).unwrap();
+    Kernel::new(&context, &library, "passes/scan_add", &Default::default()).unwrap();
     context.store_pipelines();
     context
 }
