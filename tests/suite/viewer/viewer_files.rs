@@ -13,6 +13,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::{Document, Edit};
 use stereolux::settings::Light;
 use stereolux::viewer::App;
+use stereolux::xr::View;
 
 use super::viewer_support::{
     SIZE, Viewer, assert_no_errors, click_at, click_node, drag, fields, node_of, open,
@@ -373,4 +374,53 @@ fn another_scene_takes_the_place_of_unsaved_changes_only_when_told_to() {
     drop_file(&mut viewer, &again);
     let name = again.to_string_lossy().into_owned();
     until(&mut viewer, "the third", |app| app.settings().scene == name);
+}
+
+/// Saving writes over what the window wrote itself, and asks about everything else.
+#[test]
+fn files_of_others_are_written_over_only_when_asked() {
+    let folder = Folder::new("viewer-replace");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let path = folder.join("cornell_edited.glb");
+    std::fs::write(&path, "of somebody else").unwrap();
+    let is_theirs = || std::fs::read(&path).unwrap() == b"of somebody else";
+    for (answer, stays) in [("Leave it", true), ("Replace it", false)] {
+        press(&mut viewer, Modifiers::COMMAND, Key::S);
+        two_steps(&mut viewer);
+        assert!(is_theirs(), "asked first");
+        push(&mut viewer, answer);
+        assert_eq!(is_theirs(), stays, "{answer}");
+    }
+    let node = node_of(viewer.state().document().scene(), "tall block");
+    let context = viewer.ctx.clone();
+    let app = viewer.state_mut();
+    app.edit(&context, Edit::Delete { node });
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    two_steps(&mut viewer);
+    assert!(viewer.query_by_label("Replace it").is_none());
+    assert!(!viewer.state().document().is_modified());
+    assert_no_errors(&viewer);
+}
+
+/// Who takes the head out of a recording stands where that was.
+#[test]
+fn a_head_that_is_taken_from_a_recording_stays_where_it_was() {
+    let folder = Folder::new("viewer-take-head");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let start = viewer.state().head();
+    push(&mut viewer, "Motion");
+    push(&mut viewer, "Walk");
+    // A second or so of it.
+    for _ in 0..60 {
+        viewer.step();
+    }
+    press(&mut viewer, Modifiers::NONE, Key::Space);
+    settle(&mut viewer);
+    let there = View::midpoint_in_world(&shown(viewer.state()).views);
+    let way_m = (there - start.position).length();
+    assert!(way_m > 0.05, "{way_m} m from the start");
+    push(&mut viewer, "Motion");
+    push(&mut viewer, "By hand");
+    let head = viewer.state().head();
+    assert!((head.position - there).length() < 1e-9);
 }
