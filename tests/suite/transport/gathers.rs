@@ -9,7 +9,9 @@ use stereolux::settings::{
     Schedule, Search,
 };
 
-use super::photon_map::{assert_sums, directions, grid, map_only, on_one_surface, photons, views};
+use super::photon_map::{
+    assert_sums, directions, grid, map_only, on_one_surface, per_own_area, photons, views,
+};
 use super::support::{
     Triangles, assert_clean, bits, both_bits, builtin, frame, pixel_ray, play, radiance, rendered,
     renderer, renderer_by, settings, strays,
@@ -284,7 +286,8 @@ fn nearest_twin(
             let counts = squared <= radius_m * radius_m
                 && on_one_surface(position(photon) - point, photon_normal, normal)
                 && direction.dot(normal) < 0.0;
-            counts.then(|| (squared, f64::from(photon.flux[0])))
+            let factor = per_own_area(direction, photon_normal, normal);
+            counts.then(|| (squared, factor * f64::from(photon.flux[0])))
         })
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
