@@ -458,16 +458,17 @@ fn what_a_file_has_flat_may_be_moved_and_nothing_else_is_flattened() {
     Edit::place(ball, flat).apply(&mut scene).unwrap();
     let moved = DAffine3::from_translation(DVec3::X) * flat;
     let solid = DAffine3::from_translation(DVec3::Y);
-    let mut before = vec![scene.clone()];
+    let flattened = scene.clone();
+    let mut after = Vec::new();
     let mut inverses = Vec::new();
     for to in [moved, solid] {
         let edit = Edit::place(ball, to);
         inverses.push(edit.apply(&mut scene).unwrap());
-        before.push(scene.clone());
+        after.push(scene.clone());
     }
-    while let (Some(inverse), Some(after)) = (inverses.pop(), before.pop()) {
+    while let (Some(inverse), Some(after)) = (inverses.pop(), after.pop()) {
         assert!(scene == after);
         inverse.apply(&mut scene).unwrap();
     }
-    assert!(scene == before[0]);
+    assert!(scene == flattened);
 }
