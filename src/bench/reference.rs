@@ -97,7 +97,7 @@ struct Header {
 pub struct References {
     folder: PathBuf,
     max_samples: u32,
-    /// Batches of a reference that is in hand: its variance is to be known.
+    /// Fewest batches that a reference has: by less, its variance is not known.
     pub(super) fewest_batches: u32,
     library: ShaderLibrary,
     machine: Machine,

@@ -92,8 +92,8 @@ fn plate(height_m: f64, block: bool) -> Scene {
     scene
 }
 
-/// Radiance of the plate's lit part over that of an endless plane.
-fn found(scene: &Scene, lit: [f64; 2], kernel: Kernel, corrected: bool) -> f64 {
+/// What the eye sees by direct light from the map.
+fn seen(scene: &Scene, kernel: Kernel, corrected: bool) -> Vec<[f32; 3]> {
     let settings = map_only(PATHS, |s| {
         s.photon.max_depth = 2;
         s.photon.radius_m = RADIUS_M;
@@ -104,7 +104,13 @@ fn found(scene: &Scene, lit: [f64; 2], kernel: Kernel, corrected: bool) -> f64 {
     let views = parallel_views(Pose::IDENTITY, 0.0, square_fov(45.0));
     frame(&mut renderer, &views);
     let image = radiance(&renderer, Eye::Left);
-    assert_clean(&image, "plate");
+    assert_clean(&image, "photons near edges");
+    image
+}
+
+/// Radiance of the plate's lit part over that of an endless plane.
+fn found(scene: &Scene, lit: [f64; 2], kernel: Kernel, corrected: bool) -> f64 {
+    let image = seen(scene, kernel, corrected);
     // A plane across the view: every pixel shows as much of it.
     let pixel_m = 2.0 * DISTANCE_M / f64::from(SIZE);
     let [columns, rows] = lit.map(|metres| (metres / pixel_m).round() as usize);
@@ -163,17 +169,7 @@ fn in_a_gap_narrower_than_the_radius_no_photon_is_corrected() {
         let lamp = quad(above, 12.0 * DVec3::X, 12.0 * DVec3::Z);
         add(&mut scene, &floor, Material::lambert("gray", [ALBEDO; 3]));
         add(&mut scene, &lamp, glowing([1.0; 3]));
-        let images = [false, true].map(|corrected| {
-            let settings = map_only(PATHS, |s| {
-                s.photon.max_depth = 2;
-                s.photon.radius_m = RADIUS_M;
-                s.photon.edge_correction = corrected;
-            });
-            let mut renderer = renderer(&scene, &settings, [SIZE; 2]);
-            let views = parallel_views(Pose::IDENTITY, 0.0, square_fov(45.0));
-            frame(&mut renderer, &views);
-            radiance(&renderer, Eye::Left)
-        });
+        let images = [false, true].map(|corrected| seen(&scene, Kernel::Constant, corrected));
         // Rows that see the floor less than five radii away; its edges are farther from there than a disc reaches.
         let near = (height_m / 2.0) / (5.0 * RADIUS_M);
         let first = (f64::from(SIZE) * 0.5 * (1.0 + near)).ceil() as usize;
@@ -208,15 +204,7 @@ fn smooth_facets_shine_alike_on_both_sides_of_their_ridge() {
     scene.lights[0].kind = LightKind::Directional;
     let sun = scene.nodes.last_mut().unwrap();
     sun.parent_from_node = DAffine3::from_rotation_y(-FRAC_PI_3);
-    let settings = map_only(PATHS, |s| {
-        s.photon.max_depth = 2;
-        s.photon.radius_m = RADIUS_M;
-        s.photon.edge_correction = false;
-    });
-    let mut renderer = renderer(&scene, &settings, [SIZE; 2]);
-    let views = parallel_views(Pose::IDENTITY, 0.0, square_fov(45.0));
-    frame(&mut renderer, &views);
-    let image = radiance(&renderer, Eye::Left);
+    let image = seen(&scene, Kernel::Constant, false);
     let expected = f64::from(ALBEDO * IRRADIANCE) * FRAC_PI_3.cos() / std::f64::consts::PI;
     // A ball around a place beside the ridge cuts more out of the facets than out of a plane: less than 1 % here. A column's pixels
     // share the photons of some ten discs, of 500 on the darker facet: 2 %. By the gather's own facet they would be 0.7 and 1.8.
