@@ -6,6 +6,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-out/convergence}
 mkdir -p "$out"
+: >"$out.notes"
+: >"$out.log"
 program=${STEREOLUX:-target/release/stereolux}
 view=(--size 64x64 --eyes left)
 passes="1 4 16 64"

@@ -219,7 +219,7 @@ def main():
     if not every_frame:
         fail(f"nothing to report: {failures[0][1]}")
     every = runs + [run for of in of_scenes.values() for run in of.values()]
-    about = runs[0].about
+    about = every[0].about
     adapter = about["adapter"]
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
     width, height = about["size"]

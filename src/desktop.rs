@@ -26,8 +26,16 @@ const BUTTONS: [(KeyCode, Button); 5] = [
     (KeyCode::KeyM, Button::Menu),
 ];
 /// What mouse and keyboard do, in a line.
-pub const CONTROLS: &str = "right button looks, W A S D Q E walk, left button is the trigger, F squeezes, Z X M C are \
-    primary, secondary, menu and stick, arrows turn the stick, Shift is for the left hand";
+pub fn controls() -> String {
+    let buttons = BUTTONS.map(|(key, button)| {
+        let key = format!("{key:?}");
+        format!("{} {}", key.trim_start_matches("Key"), button.word())
+    });
+    format!(
+        "right button looks, W A S D Q E walk, left button trigger, {}, arrows turn the stick, Shift is for the left hand",
+        buttons.join(", ")
+    )
+}
 /// How far before the eye the hand is that points through the mouse, metres.
 const REACH_M: f64 = 0.4;
 /// Where the other hand rests, in the head's frame; right for the right one.

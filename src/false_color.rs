@@ -400,31 +400,41 @@ fn bar(
     })
 }
 
-/// Names of provenances, in the order of their numbers (`PROVENANCE_*` of the shaders).
-const PROVENANCES: [&str; 8] = [
-    "no surface",
-    "reused",
-    "outside the left image",
-    "hidden from the left eye",
-    "another surface there",
-    "depends on the direction",
-    "too few samples agree",
-    "reused, scattered anew",
+/// Provenances with their names and colours.
+const PROVENANCES: [(Provenance, &str, [u8; 3]); 8] = [
+    (Provenance::Background, "no surface", [0, 0, 0]),
+    (Provenance::Reused, "reused", [70, 130, 90]),
+    (
+        Provenance::OutOfLeftView,
+        "outside the left image",
+        [60, 90, 220],
+    ),
+    (
+        Provenance::Disoccluded,
+        "hidden from the left eye",
+        [220, 50, 40],
+    ),
+    (Provenance::Edge, "another surface there", [245, 210, 60]),
+    (
+        Provenance::ViewDependent,
+        "depends on the direction",
+        [200, 90, 220],
+    ),
+    (Provenance::Gap, "too few samples agree", [240, 240, 240]),
+    (
+        Provenance::Resampled,
+        "reused, scattered anew",
+        [170, 200, 80],
+    ),
 ];
-/// Colour of a provenance: what the legend in `docs/architecture.md` says.
-pub fn provenance_color(provenance: u32) -> [u8; 3] {
-    match provenance {
-        p if p == Provenance::Background as u32 => [0, 0, 0],
-        p if p == Provenance::Reused as u32 => [70, 130, 90],
-        p if p == Provenance::OutOfLeftView as u32 => [60, 90, 220],
-        p if p == Provenance::Disoccluded as u32 => [220, 50, 40],
-        p if p == Provenance::Edge as u32 => [245, 210, 60],
-        p if p == Provenance::ViewDependent as u32 => [200, 90, 220],
-        p if p == Provenance::Gap as u32 => [240, 240, 240],
-        p if p == Provenance::Resampled as u32 => [170, 200, 80],
-        // Not a provenance: a colour that nobody overlooks.
-        _ => [255, 0, 255],
-    }
+
+fn provenance(code: u32) -> Option<&'static (Provenance, &'static str, [u8; 3])> {
+    PROVENANCES.iter().find(|(known, ..)| *known as u32 == code)
+}
+
+/// Colour of a provenance; of no provenance one that nobody overlooks.
+pub fn provenance_color(code: u32) -> [u8; 3] {
+    provenance(code).map_or([255, 0, 255], |(_, _, color)| *color)
 }
 
 /// More labels than this get no legend.
@@ -499,8 +509,8 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
             labels.sort_unstable();
             labels.dedup();
             let name = |label: u32| {
-                let known = PROVENANCES.get(label as usize).filter(|_| is_provenance);
-                known.map_or_else(|| label.to_string(), |name| (*name).to_owned())
+                let known = provenance(label).filter(|_| is_provenance);
+                known.map_or_else(|| label.to_string(), |(_, name, _)| (*name).to_owned())
             };
             let legend = if labels.len() > MOST_LABELS {
                 Vec::new()

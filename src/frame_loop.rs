@@ -624,10 +624,10 @@ fn run_frames(
             Err(LoopError::Render(RenderError::Interrupted)) => return Ok(()),
             turn => turn?,
         };
-        for pulse in application.take_pulses() {
+        for pulse in application.kept_mut().take_pulses() {
             session.vibrate(&pulse)?;
         }
-        session.move_wearer(application.take_move());
+        session.move_wearer(application.kept_mut().take_move());
         let mut frame = match turn {
             Step::Ended => return Ok(()),
             Step::Hidden => {

@@ -1,6 +1,7 @@
 //! A scene as the settings ask for it: loaded, scaled, lit.
 
 use crate::limits::LoadBudget;
+use crate::renderer::packing::mean_glow;
 #[cfg(feature = "viewer")]
 use crate::scene::edit::Document;
 use crate::scene::needs::LightCounts;
@@ -9,6 +10,10 @@ use crate::settings::{Light, Settings};
 
 /// Prefix of scenes that are embedded in the program.
 const BUILTIN: &str = "builtin:";
+/// A scene whose surfaces alone shine is lit if what they emit would give a white surface this radiance, were it spread evenly
+/// over all surfaces: less is a picture nearly black. The embedded scenes with lamps have 0.08 and more, a helmet with glowing
+/// displays 0.002.
+const LEAST_GLOW: f64 = 0.01;
 /// Light for a scene that has none.
 const STUDIO: &str = "builtin:studio";
 
@@ -24,7 +29,7 @@ pub struct ChosenLight {
 impl std::fmt::Display for ChosenLight {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let why = if self.is_auto {
-            "the scene has no light"
+            "the scene has no light to be seen by"
         } else {
             "asked for"
         };
@@ -153,12 +158,26 @@ fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<ChosenLight> {
         Light::Auto | Light::None => return None,
     };
     path.clone_into(&mut settings.environment.path);
+    if !is_auto {
+        // Done; with a path these two exclude each other.
+        settings.light = Light::None;
+    }
     Some(ChosenLight { path, is_auto })
 }
 
+/// Whether more of a scene is to be seen than what glows.
 fn is_lit(scene: &Scene) -> bool {
-    let needs = Needs::of(scene);
-    needs.lights != LightCounts::default() || needs.environment
+    let Needs {
+        environment,
+        lights,
+        ..
+    } = Needs::of(scene);
+    let glowing = LightCounts {
+        emissive_triangles: lights.emissive_triangles,
+        ..LightCounts::default()
+    };
+    let glows = || lights != LightCounts::default() && mean_glow(scene) >= LEAST_GLOW;
+    environment || lights != glowing || glows()
 }
 
 /// Warnings that the scene will be black, or is of a size that two eyes cannot make much of.
@@ -166,7 +185,8 @@ fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut warnings = Vec::new();
     if scene.environment.is_none() && !is_lit(scene) {
         warnings.push(format!(
-            "{} has no light and will be black: give --light auto, --light sky or environment.path",
+            "{} has no light to be seen by and will be black, but for what glows: give --light auto, --light sky or \
+             environment.path",
             settings.scene
         ));
     }
@@ -177,6 +197,50 @@ fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The box's lamp emits 0.47 W over 1.93 m^2: as a mean radiance 0.078, eight times the least.
+    #[test]
+    fn a_scene_that_only_glows_is_lit_as_one_without_light() {
+        for (share, expected) in [
+            (1.0, None),
+            (0.2, None),
+            (0.1, Some(STUDIO)),
+            (0.0, Some(STUDIO)),
+        ] {
+            let mut scene = Scene::builtin("cornell").unwrap();
+            for material in &mut scene.materials {
+                material.emission = material.emission.map(|channel| share * channel);
+            }
+            let mut settings = Settings::default();
+            let warned = unlit_or_odd(&scene, &settings);
+            assert_eq!(warned.len(), usize::from(expected.is_some()));
+            settings.light = Light::Auto;
+            let chosen = light_scene(&mut settings, &scene);
+            assert_eq!(
+                chosen.map(|light| light.path),
+                expected,
+                "{share} of its lamp"
+            );
+        }
+    }
+
+    /// The viewer changes them one at a time, and saves them for `--config`.
+    #[test]
+    fn settings_of_a_scene_that_was_lit_are_accepted_again() {
+        use crate::options::SettingsFile as _;
+        for light in [Light::Auto, Light::Studio, Light::Sky] {
+            let mut settings = Settings::default();
+            settings.light = light;
+            let mut scene = Scene::builtin("cornell").unwrap();
+            scene
+                .materials
+                .iter_mut()
+                .for_each(|material| material.emission = [0.0; 3]);
+            light_scene(&mut settings, &scene).unwrap();
+            let changed = settings.with("seed", &serde_json::json!(7)).unwrap();
+            assert_eq!(changed.environment, settings.environment);
+        }
+    }
 
     #[test]
     fn a_scenes_own_surroundings_are_as_strong_as_the_settings_say() {

@@ -89,10 +89,12 @@ impl Kept {
         self.is_over
     }
 
+    /// How far the application moves the wearer.
     pub(crate) fn take_move(&mut self) -> DVec3 {
         std::mem::take(&mut self.moved_m)
     }
 
+    /// The controllers' vibrations that it asked for.
     pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
         std::mem::take(&mut self.pulses)
     }

@@ -21,9 +21,7 @@ use crate::pose::Pose;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side};
-use crate::xr::{
-    ActionError, ActionValues, Actions, FrameState, LocatedViews, Pulse, View, XrSession,
-};
+use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, View, XrSession};
 
 pub use crate::commands::{run_app, run_app_with};
 pub(crate) use kept::Kept;
@@ -244,16 +242,6 @@ impl<'a> Application<'a> {
         }
         self.kept.answer_questions();
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
-    }
-
-    /// The controllers' vibrations that it asked for.
-    pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
-        self.kept.take_pulses()
-    }
-
-    /// How far it moves the wearer.
-    pub(crate) fn take_move(&mut self) -> DVec3 {
-        self.kept.take_move()
     }
 
     pub(crate) fn end(&mut self) {

@@ -29,9 +29,9 @@ const ARC_STEPS: u32 = 128;
 /// What is changed shows in the frame under way. Only what needs other shaders or textures than those in use (the scene's
 /// first glass, say) is compiled first: it shows one frame later, and that frame takes as long as compiling does.
 pub struct World<'a> {
-    kept: &'a mut Kept,
+    pub(super) kept: &'a mut Kept,
     renderer: Option<&'a Renderer>,
-    frame: Option<&'a FrameInput>,
+    pub(super) frame: Option<&'a FrameInput>,
 }
 
 /// What an application asked for and cannot have; one line.
@@ -408,24 +408,6 @@ impl<'a> World<'a> {
         hands.flat_map(Hands::parts).map(list).collect()
     }
 
-    pub(super) fn hands_mut(&mut self) -> Option<&mut Hands> {
-        self.kept.hands.as_mut()
-    }
-
-    pub(super) fn set_hands(&mut self, hands: Hands) {
-        self.kept.hands = Some(hands);
-    }
-
-    #[cfg(feature = "panels")]
-    pub(super) fn panels(&mut self) -> &mut Vec<Option<super::panels::Kept>> {
-        &mut self.kept.panels
-    }
-
-    #[cfg(feature = "panels")]
-    pub(super) fn frame(&self) -> Option<&'a FrameInput> {
-        self.frame
-    }
-
     /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The
     /// scene's animation is that of the frame under way, what the application changed in this frame does not count yet.
     /// Nothing is met in [`super::App::start`], and the wearer's own hands never are. As [`Renderer::cast_ray`].
@@ -537,7 +519,8 @@ impl<'a> World<'a> {
         self.kept.pulses.push(Pulse {
             of,
             duration_s: duration_s.max(0.0),
-            amplitude: amplitude.clamp(0.0, 1.0),
+            // `clamp` would keep NaN.
+            amplitude: amplitude.max(0.0).min(1.0),
         });
     }
 

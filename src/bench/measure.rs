@@ -536,7 +536,7 @@ fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View
 }
 
 /// Settings that differ from the defaults, by dotted key.
-fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
+pub(super) fn differing_settings(settings: &Settings) -> BTreeMap<String, Value> {
     registry::all()
         .map(|setting| (setting, setting.value(settings)))
         .filter(|(setting, value)| *value != setting.default_value())

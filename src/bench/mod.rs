@@ -30,7 +30,7 @@ use stereolux_report::journal::Journal;
 use stereolux_report::records::{Machine, Row};
 use stereolux_report::rounds::Round;
 use stereolux_report::shards::{Part, Shard, join};
-use stereolux_report::{Report, ReportError};
+use stereolux_report::{Circumstances, Report, ReportError, ReportFile};
 
 use measure::{GroupPlan, Lab};
 use reference::{BOX_SAMPLES, References};
@@ -45,7 +45,7 @@ use crate::metrics::MetricsError;
 use crate::options::{BenchOptions, Suite};
 use crate::renderer::RenderError;
 use crate::scene::SceneError;
-use crate::settings::Choice as _;
+use crate::settings::{Choice as _, Settings};
 use crate::xr::XrError;
 
 /// The code that decides the pixels of an image: shaders, renderer, scenes and the versions of all dependencies.
@@ -180,7 +180,7 @@ pub fn run(
     let library = shader_library(&settings.gpu.shader_folder, passes)
         .map_err(|error| BenchError::Shaders(error.to_string()))?;
     match options.suite {
-        Suite::Work => return work::run(options, &library),
+        Suite::Work => return work::run(options, &library, progress),
         Suite::Motion => return motion::run(options, &library, progress),
         _ => {}
     }
@@ -310,13 +310,50 @@ fn outcome(out: &Path, report: &Report<'_>, resumed: usize) -> Outcome {
     }
 }
 
-fn write(out: &Path, report: &Report<'_>) -> Result<(), BenchError> {
-    let plots = out.join("plots");
-    fs::create_dir_all(&plots).map_err(|error| BenchError::file(&plots, error))?;
-    for file in report.files()? {
+/// Writes the files of a suite that is one table.
+fn write_table(
+    options: &BenchOptions,
+    rows: usize,
+    files: Vec<ReportFile>,
+) -> Result<Outcome, BenchError> {
+    let out = options.out.as_path();
+    make_folder(out)?;
+    write_files(out, files)?;
+    Ok(Outcome {
+        rows,
+        resumed: 0,
+        report: out.join("report.md"),
+        unsettled: 0,
+    })
+}
+
+fn write_files(out: &Path, files: Vec<ReportFile>) -> Result<(), BenchError> {
+    for file in files {
         write_atomically(&out.join(&file.path), |to| to.write_all(&file.bytes))?;
     }
     Ok(())
+}
+
+/// Where and how a suite that is one table measures.
+fn circumstances(device: &GpuContext, settings: &Settings) -> Circumstances {
+    Circumstances {
+        machine: machine_of(&device.adapter),
+        settings: measure::differing_settings(settings),
+    }
+}
+
+/// What times are measured by.
+fn clock(device: &GpuContext) -> &'static str {
+    match device.has_timestamps {
+        true => "device",
+        false => "host",
+    }
+}
+
+fn write(out: &Path, report: &Report<'_>) -> Result<(), BenchError> {
+    let plots = out.join("plots");
+    fs::create_dir_all(&plots).map_err(|error| BenchError::file(&plots, error))?;
+    write_files(out, report.files()?)
 }
 
 /// What wgpu says of an adapter.

@@ -2,7 +2,7 @@
 //! same swaying head is rendered raw, filtered and filtered by both eyes together, and the last frames are judged by errors
 //! that do not hold their references' noise ([`super::paired_references`]).
 
-use std::io::Write as _;
+use std::time::Instant;
 
 use glam::DVec3;
 use stereolux_report::motion::{MotionRow, files};
@@ -17,11 +17,12 @@ use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
 use super::suites::framing_headset;
 use super::{
-    BenchError, BenchProgress, Outcome, go_on, machine_of, make_folder, references_folder,
-    scenes_or_two, suites,
+    BenchError, BenchProgress, Outcome, circumstances, clock, go_on, machine_of, make_folder,
+    references_folder, scenes_or_two, suites, write_table,
 };
+use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::images::{Image, ImageRgb, write_atomically};
+use crate::images::{Image, ImageRgb};
 use crate::options::BenchOptions;
 use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
@@ -122,7 +123,7 @@ pub(super) fn run(
     let fewest = BRIGHTNESS_FRAMES as u32;
     let frames = options.frames.unwrap_or(FRAMES).max(fewest);
     let rounds = options.rounds.unwrap_or(ROUNDS);
-    let samples = suites::reference_samples(options);
+    let most = suites::reference_samples(options);
     let device = GpuContext::open(Some(&settings.adapter))?;
     let machine = machine_of(&device.adapter);
     let out = options.out.as_path();
@@ -131,10 +132,11 @@ pub(super) fn run(
     let open = |samples: u32| {
         reference::References::open(&folder, samples, library.clone(), machine.clone())
     };
-    let mut whole = open(samples.min(MEAN_SAMPLES));
+    let mut whole = open(most.min(MEAN_SAMPLES));
     // Nobody asks for the spread of a picture's mean.
     whole.fewest_batches = 1;
-    let halves = open(samples / 2);
+    let halves = open(most / 2);
+    let samples = 2 * halves.most_samples(PixelFilter::Box);
     let mut rows = Vec::new();
     for name in scenes_or_two(options) {
         let source = SceneSource::Named(name.clone());
@@ -176,26 +178,17 @@ pub(super) fn run(
             rows.extend(stage.measure(method, progress)?);
         }
     }
-    let adapter = match machine.software_adapter {
-        true => format!("{} (software adapter)", machine.adapter),
-        false => machine.adapter,
-    };
     let what = format!(
-        "{frames} frames of a swaying head, {}x{} pixels per eye, on {adapter}. References: {samples} samples spread over \
+        "{frames} frames of a swaying head, {}x{} pixels per eye, on {}. References: {samples} samples spread over \
          each pixel, rendered in two halves. RMSE, flicker (change of the error between the last two frames) and binocular \
          (the eyes' errors apart, away from edges, with its standard error) in display light, 0 to 1. Brightness: mean radiance of the last \
          {BRIGHTNESS_FRAMES} frames over that of their references. Milliseconds: lower quartile of {rounds} rounds in turn.",
-        size[0], size[1],
+        size[0],
+        size[1],
+        machine.label(),
     );
-    for file in files(&rows, &what)? {
-        write_atomically(&out.join(&file.path), |to| to.write_all(&file.bytes))?;
-    }
-    Ok(Outcome {
-        rows: rows.len(),
-        resumed: 0,
-        report: out.join("report.md"),
-        unsettled: 0,
-    })
+    let about = circumstances(&device, settings);
+    write_table(options, rows.len(), files(&rows, &what, &about)?)
 }
 
 impl Stage<'_> {
@@ -246,6 +239,7 @@ impl Stage<'_> {
                     scene: self.name.to_owned(),
                     method: word.to_owned(),
                     variant: (*variant).to_owned(),
+                    clock: clock(&self.device).to_owned(),
                     pixels_per_degree: pixels_per_degree(&first[0], self.size[0]),
                     ..judge(&found?, self.truth, &seen)
                 })
@@ -338,12 +332,16 @@ fn render_all(renderer: &mut Renderer, views: &[[View; 2]]) -> Result<Shown, Ben
         ms: Vec::new(),
     };
     for (frame, pair) in (0..).zip(views) {
+        let began = Instant::now();
         let result = renderer.render_frame(pair, frame, |_| {})?;
+        let host_ms = milliseconds_since(began);
         let frame = frame as usize;
         // Photon lists and histories grow in the first quarter.
         if frame >= views.len() / 4 {
-            let passes = result.times.passes.values();
-            shown.ms.push(passes.map(|(ms, _)| ms).sum());
+            shown.ms.push(match renderer.context().has_timestamps {
+                true => result.times.total_ms(),
+                false => host_ms,
+            });
         }
         let left = views.len() - frame;
         if left > BRIGHTNESS_FRAMES {
@@ -399,8 +397,9 @@ fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<[f64; 2]>>) -> Motion
             errors.next().unwrap_or_default(),
         )
     });
-    for (eye, (before, last)) in eyes.iter().enumerate() {
-        row.flicker[eye] = root(change_square(last, before));
+    [row.flicker_left, row.flicker_right] =
+        [0, 1].map(|eye: usize| root(change_square(&eyes[eye].1, &eyes[eye].0)));
+    for (eye, (_, last)) in eyes.iter().enumerate() {
         let Some((frame, pairs)) = shown.frames.last().zip(truth.judged.last()) else {
             continue;
         };
@@ -524,11 +523,14 @@ mod tests {
         let off = shown(Tone::Aces, [0.3; 3])[0] - shown(Tone::Aces, [0.2; 3])[0];
         assert!((still.rmse - f64::from(off)).abs() < 1e-6, "{still:?}");
         assert!((still.brightness - 1.5).abs() < 1e-6, "{still:?}");
-        assert_eq!((still.flicker, still.binocular), ([0.0; 2], 0.0));
+        assert_eq!(
+            (still.flicker_left, still.flicker_right, still.binocular),
+            (0.0, 0.0, 0.0)
+        );
         // The right eye is right in the last frame alone.
         let one = judge(&shown_as([[0.3; 2], [0.3, 0.2]]), &truth, &everywhere);
-        assert_eq!(one.flicker[0], 0.0);
-        assert!((one.flicker[1] - f64::from(off)).abs() < 1e-6, "{one:?}");
+        assert_eq!(one.flicker_left, 0.0);
+        assert!((one.flicker_right - f64::from(off)).abs() < 1e-6, "{one:?}");
         assert!((one.binocular - f64::from(off)).abs() < 1e-6, "{one:?}");
         assert!((one.ms - 1.5).abs() < 0.6, "{one:?}");
     }

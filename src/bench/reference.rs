@@ -106,7 +106,7 @@ pub struct References {
 }
 
 impl References {
-    /// Keeps its files in `folder`, which exists, and renders at most `max_samples` samples per pixel of each.
+    /// Keeps its files in `folder`, which exists, and renders at most `max_samples` samples per pixel of each, but [`FEWEST_BATCHES`] in any case.
     #[must_use]
     pub fn open(folder: &Path, max_samples: u32, library: ShaderLibrary, machine: Machine) -> Self {
         Self {
@@ -174,6 +174,12 @@ impl References {
         hash.to_string()
     }
 
+    /// Samples per pixel that a reference has at most: a spread needs a few batches.
+    pub fn most_samples(&self, filter: PixelFilter) -> u32 {
+        let per_batch = filter.samples_per_batch();
+        per_batch * (self.max_samples / per_batch).max(self.fewest_batches)
+    }
+
     /// The reference of `spec`, rendered on until its variance (in units of relative MSE) is at most `target` or the cap is
     /// reached. `progress` hears of samples done and the cap.
     ///
@@ -188,7 +194,7 @@ impl References {
         let key = self.key(spec);
         let path = self.folder.join(format!("{key}.reference"));
         let per_batch = spec.filter.samples_per_batch();
-        let most = (self.max_samples / per_batch).max(self.fewest_batches);
+        let most = self.most_samples(spec.filter) / per_batch;
         let mut moments = read(&path, &key, spec.size)
             .unwrap_or_else(|| RenderMoments::new(spec.size[0], spec.size[1]));
         let missing = |moments: &RenderMoments| {

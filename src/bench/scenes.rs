@@ -65,7 +65,7 @@ impl SceneSource {
     pub fn load(&self, settings: &Settings) -> Result<Scene, BenchError> {
         match self {
             Self::Named(name) => Ok(open(name, settings)?),
-            Self::Generated(made) => Ok(made.scene()),
+            Self::Generated(made) => Ok(surrounded(made, settings)?),
         }
     }
 
@@ -76,7 +76,8 @@ impl SceneSource {
     pub fn check(&self, settings: &Settings) -> Result<(), BenchError> {
         match self {
             Self::Named(name) => Ok(open(name, settings).map(|_| ())?),
-            Self::Generated(_) => Ok(()),
+            // Whichever room it is.
+            Self::Generated(_) => Ok(surrounded(&Generated::default(), settings).map(|_| ())?),
         }
     }
 
@@ -93,27 +94,42 @@ impl SceneSource {
                     .with_text(&format!("{:?} {:?}", scene.start_pose(), scene.cameras))
                     .to_string()
             }
-            Self::Generated(made) => Fingerprint::default().with_value(made).to_string(),
+            Self::Generated(made) => {
+                // For the surroundings, whichever room is in them.
+                of_scene(&surrounded(&Generated::default(), settings)?)
+                    .with_value(made)
+                    .to_string()
+            }
         })
     }
 }
 
 fn open(name: &str, settings: &Settings) -> Result<Scene, SceneError> {
-    let loaded = match name {
-        INDIRECT_SCENE | LIGHTS_SCENE => {
-            let budget = LoadBudget::new(settings.limits.load());
-            let made = match name {
-                INDIRECT_SCENE => indirect(),
-                _ => MANY_LIGHTS.scene(),
+    match name {
+        INDIRECT_SCENE => lit(indirect(), settings),
+        LIGHTS_SCENE => lit(MANY_LIGHTS.scene(), settings),
+        _ => {
+            let settings = Settings {
+                scene: name.to_owned(),
+                ..settings.clone()
             };
-            Loaded::of(made, settings, &budget)?
+            Ok(Loaded::open(&settings)?.scene)
         }
-        _ => Loaded::open(&Settings {
-            scene: name.to_owned(),
-            ..settings.clone()
-        })?,
-    };
-    Ok(loaded.scene)
+    }
+}
+
+/// A scene that was made here, as the settings scale and light it.
+fn lit(made: Scene, settings: &Settings) -> Result<Scene, SceneError> {
+    let budget = LoadBudget::new(settings.limits.load());
+    Ok(Loaded::of(made, settings, &budget)?.scene)
+}
+
+/// A generated room in the surroundings that the settings name. Its views are made for its own size, and it has no clips.
+fn surrounded(made: &Generated, settings: &Settings) -> Result<Scene, SceneError> {
+    let mut settings = settings.clone();
+    settings.scene_scale = 1.0;
+    settings.render.animation.clip.clear();
+    lit(made.scene(), &settings)
 }
 
 /// Fingerprint of everything in a scene that can change a picture. The pattern names every field, so that a new one cannot
@@ -529,6 +545,19 @@ mod tests {
                 Generated::default().scene().start_pose().position
             );
         }
+    }
+
+    #[test]
+    fn generated_rooms_lie_in_the_surroundings_that_are_asked_for() {
+        let source = SceneSource::Generated(Generated::default());
+        let mut settings = Settings::default();
+        let bare = source.fingerprint(&settings).unwrap();
+        assert!(source.load(&settings).unwrap().environment.is_none());
+        settings.environment.path = "builtin:sky".to_owned();
+        assert!(source.load(&settings).unwrap().environment.is_some());
+        assert_ne!(source.fingerprint(&settings).unwrap(), bare);
+        settings.environment.path = "nowhere.hdr".to_owned();
+        assert!(source.check(&settings).is_err());
     }
 
     #[test]

@@ -125,14 +125,7 @@ impl VariantStatistics {
     pub fn time(&mut self, frame: &Frame, settings: &RenderSettings) {
         let times = &frame.result.times.passes;
         let reuses = settings.reuse != Reuse::Off;
-        let sum = |wanted: &dyn Fn(&str) -> bool| {
-            times
-                .iter()
-                .filter(|(name, _)| wanted(name))
-                .map(|(_, (ms, _))| ms)
-                // Not `sum`: the sum of no floats is -0.
-                .fold(0.0, |total, ms| total + ms)
-        };
+        let sum = |wanted: &dyn Fn(&str) -> bool| frame.result.times.sum_ms(wanted);
         let under = |prefix: &'static str| move |name: &str| name.starts_with(prefix);
         let mut groups = vec![
             ("host_update", frame.result.cpu_ms.update),
@@ -284,10 +277,7 @@ impl VariantStatistics {
 
     /// Times, and their ratios to the first variant's.
     pub fn timing(&self, first: &Self, renderer: &Renderer, rounds: u32, warm_up: u32) -> Timing {
-        let clock = match renderer.context().has_timestamps {
-            true => "device",
-            false => "host",
-        };
+        let clock = super::clock(renderer.context());
         self.times.timing(&first.times, clock, rounds, warm_up)
     }
 

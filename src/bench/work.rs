@@ -2,17 +2,14 @@
 //! cards ([`stereolux_report::work`]).
 
 use std::mem::offset_of;
-use std::path::PathBuf;
 
-use stereolux_report::ReportError;
 use stereolux_report::work::{ASSUMED, WorkRow, files};
 
 use super::scenes::SceneSource;
-use super::{BenchError, Outcome, go_on, make_folder, scenes_or_two};
+use super::{BenchError, BenchProgress, Outcome, circumstances, go_on, scenes_or_two, write_table};
 use crate::bvh::records::{BvhNode, Triangle};
 use crate::frame::work::Dispatched;
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
-use crate::images::write_atomically;
 use crate::options::BenchOptions;
 use crate::renderer::records::photon::SortedPhoton;
 use crate::renderer::{FrameResult, Renderer};
@@ -30,7 +27,11 @@ const INSTRUCTIONS: &str = include_str!("../../crates/isa/instructions.csv");
 ///
 /// # Errors
 /// [`BenchError`].
-pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Outcome, BenchError> {
+pub(super) fn run(
+    options: &BenchOptions,
+    library: &ShaderLibrary,
+    progress: &mut dyn BenchProgress,
+) -> Result<Outcome, BenchError> {
     let settings = &options.settings;
     let headset = Headset::load(&settings.headset)?;
     let counted = settings.size.unwrap_or(SIZE);
@@ -39,6 +40,7 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
     for name in scenes_or_two(options) {
         for method in [Method::Photon, Method::Path] {
             go_on()?;
+            progress.says(&format!("{name}: {}", method.word()));
             let source = SceneSource::Named(name.clone());
             let scene = source.load(settings)?;
             let settings = settings_of(settings, method);
@@ -70,19 +72,8 @@ pub(super) fn run(options: &BenchOptions, library: &ShaderLibrary) -> Result<Out
         settings.render.reuse.word(),
         settings.render.photon.count,
     );
-    let out = &options.out;
-    make_folder(out)?;
-    for file in files(&rows, &what).map_err(|error: ReportError| BenchError::Report(error))? {
-        write_atomically(&out.join(&file.path), |to| {
-            std::io::Write::write_all(to, &file.bytes)
-        })?;
-    }
-    Ok(Outcome {
-        rows: rows.len(),
-        resumed: 0,
-        report: PathBuf::from(out).join("report.md"),
-        unsettled: 0,
-    })
+    let about = circumstances(&device, settings);
+    write_table(options, rows.len(), files(&rows, &what, &about)?)
 }
 
 /// `run`'s settings, with photons traced in every frame.
@@ -142,7 +133,7 @@ fn rows_of(
             rows.len() - 1
         });
         let row = &mut rows[place];
-        row.dispatches += 1;
+        row.dispatches += 1.0;
         row.threads += scale * *threads as f64;
         row.rays += scale * counts.rays as f64;
         row.nodes += scale * counts.nodes as f64;
@@ -252,7 +243,7 @@ mod tests {
         let sizes = [100.0, 400.0];
         let rows = rows_of(&result, ["s", "path"], sizes, &ShaderFeatures::default());
         // Half of the pixels, twice, at four times the size.
-        assert_eq!((rows[0].dispatches, rows[0].rays), (2, 56.0));
+        assert_eq!((rows[0].dispatches, rows[0].rays), (2.0, 56.0));
         assert_eq!((rows[0].bytes_read, rows[0].bytes_written), (4000.0, 800.0));
         assert_eq!((rows[1].bytes_read, rows[1].rays), (4000.0, 28.0));
         // A quarter of the list is filled.

@@ -23,11 +23,15 @@ pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
     let outcome = bench::run(options, &mut bar);
     bar.bar.finish_and_clear();
     if matches!(outcome, Err(BenchError::Interrupted)) {
-        let [done, all] = bar.groups;
-        return Err(Failure::failed(format_args!(
-            "interrupted after {done} of {all} groups, which are kept in {}; the same command goes on from there",
-            options.out.display()
-        )));
+        return Err(Failure::failed(match bar.groups {
+            [_, 0] => {
+                "interrupted; no report was written, and the same command begins anew".to_owned()
+            }
+            [done, all] => format!(
+                "interrupted after {done} of {all} groups, which are kept in {}; the same command goes on from there",
+                options.out.display()
+            ),
+        }));
     }
     let outcome = outcome?;
     tell(&outcome);
@@ -73,9 +77,7 @@ struct Bar {
 impl Bar {
     fn new() -> Self {
         let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template(
-            "{elapsed_precise} {bar:24} {pos}/{len} {eta} left {wide_msg}",
-        ) {
+        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_msg}") {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(250));
@@ -135,6 +137,11 @@ impl BenchProgress for Bar {
     fn planned(&mut self, suite: Suite, plans: &[GroupPlan], without_references_s: f64) {
         self.frames[1] = plans.iter().map(frames).sum();
         self.groups[1] = plans.len();
+        if let Ok(style) = ProgressStyle::with_template(
+            "{elapsed_precise} {bar:24} {pos}/{len} {eta} left {wide_msg}",
+        ) {
+            self.bar.set_style(style);
+        }
         self.bar.set_length(self.frames[1]);
         let variants: usize = plans.iter().map(|plan| plan.candidates.len()).sum();
         let [_, groups] = self.groups;

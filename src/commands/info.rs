@@ -12,7 +12,7 @@ use crate::gpu::context::{AdapterSummary, adapters, first_wanted};
 use crate::gpu::features::{DecidedBy, ShaderFeatures};
 use crate::options::InfoOptions;
 use crate::printable;
-use crate::renderer::{PlannedScene, automatic_radius_m, plan_of_scene, shader_features};
+use crate::renderer::{PlannedScene, automatic_radius_m, plan_of_scene};
 use crate::scene::Needs;
 use crate::scene_loading::Loaded;
 use crate::settings::{Settings, registry};
@@ -157,11 +157,10 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     settings.render.decide_switches(true);
     let settings = &settings;
     let needs = Needs::of(&scene);
-    let features = shader_features(&needs, &settings.render);
     let PlannedScene {
         mut stages,
         lower,
-        features: frame_features,
+        features,
         maps,
     } = plan_of_scene(&scene, &settings.render, is_software)?;
     let size = match settings.size {
@@ -171,9 +170,9 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
     // Which buffers are given besides the frame's own, a renderer knows.
-    user_passes::check(passes, &stages, &library, &frame_features, |_| true)?;
+    user_passes::check(passes, &stages, &library, &features, |_| true)?;
     let plans = [&stages].into_iter().chain(&lower);
-    let memory = memory(plans, &frame_features, &library, size, &maps)?;
+    let memory = memory(plans, &features, &library, size, &maps)?;
     stages.extend(on_demand(&settings.render));
     Ok(json!({
         "name": settings.scene,
@@ -189,6 +188,6 @@ fn scene_report(settings: &Settings, is_software: bool) -> Result<Value, Failure
         "needs": needs,
         "shader_features": features.report(ShaderFeatures::decided_up_to(DecidedBy::Settings)),
         "memory": memory,
-        "frame": list(&stages, &frame_features, &library)?,
+        "frame": list(&stages, &features, &library)?,
     }))
 }

@@ -14,8 +14,9 @@ use crate::options::MergeOptions;
 use crate::output::OutputFolder;
 
 /// What must be the same in all runs.
-const SAME: [&str; 7] = [
+const SAME: [&str; 8] = [
     "/version",
+    "/adapter/name",
     "/settings_hash",
     "/settings/simulated",
     "/session",

@@ -102,7 +102,8 @@ fn write(folder: &Path, name: &str, stereolux: &str, checkout: &Path) -> std::io
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent)?;
         }
-        let text = text.replace("NAME", name).replace("STEREOLUX", stereolux);
+        // The name may hold the other word, a path's text only in quotes.
+        let text = text.replace("STEREOLUX", stereolux).replace("NAME", name);
         std::fs::write(path, text)?;
     }
     // The versions that the checkout was tested with; cargo leaves out what the crate does not need.

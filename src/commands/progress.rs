@@ -15,17 +15,20 @@ pub(super) struct Bar {
     bar: ProgressBar,
     samples: u32,
     frames: Option<u32>,
-    /// The first frame that is rendered, once it is known.
-    first: Option<u32>,
+    /// The first frame of a range and its warm-up; frame 0 comes before it in any case, and is not counted.
+    first: u32,
     began: Instant,
     /// When the last line was printed; `None` on a terminal.
     last_line: Option<Instant>,
 }
 
 impl Bar {
-    pub(super) fn new(samples: u32, frames: Option<u32>) -> Self {
+    pub(super) fn new(samples: u32, first: u32, frames: Option<u32>) -> Self {
         let bar = match frames {
-            Some(frames) => ProgressBar::new(u64::from(frames) * u64::from(samples)),
+            Some(frames) => {
+                let frames = frames.saturating_sub(first);
+                ProgressBar::new(u64::from(frames) * u64::from(samples))
+            }
             None => ProgressBar::no_length(),
         };
         if let Ok(style) =
@@ -39,7 +42,7 @@ impl Bar {
             bar,
             samples,
             frames,
-            first: None,
+            first,
             began,
             last_line: (!std::io::stderr().is_terminal()).then_some(began),
         }
@@ -65,9 +68,8 @@ impl Bar {
         }
         self.last_line = Some(Instant::now());
         let elapsed_s = self.began.elapsed().as_secs_f64();
-        let first = self.first.unwrap_or_default();
         let line = progress_line(
-            [first, frame, done],
+            [self.first, frame, done],
             [self.frames, Some(self.samples)],
             elapsed_s,
         );
@@ -75,14 +77,15 @@ impl Bar {
     }
 }
 
-/// Where a run stands: its first frame, this one, and finished samples of that; how many there are of each.
+/// Where a run stands: the first frame that counts, this one, and finished samples of that; how many there are of each.
 fn progress_line(
     [first, frame, done]: [u32; 3],
     [frames, samples]: [Option<u32>; 2],
     elapsed_s: f64,
 ) -> String {
     let samples = samples.unwrap_or(1);
-    let finished = f64::from(frame - first) + f64::from(done) / f64::from(samples);
+    let done = if frame < first { 0 } else { done };
+    let finished = f64::from(frame.saturating_sub(first)) + f64::from(done) / f64::from(samples);
     let of_frames = frames.map_or(String::new(), |frames| format!(" of {frames}"));
     let of_samples = match samples {
         1 => String::new(),
@@ -101,14 +104,10 @@ fn progress_line(
 
 impl LoopProgress for Bar {
     fn sample(&mut self, frame: u32, done: u32) {
-        // What comes before a range passes at once.
-        let first = *self.first.get_or_insert(frame);
-        if let Some(frames) = self.frames {
+        if let Some(frame) = frame.checked_sub(self.first) {
             self.bar
-                .set_length(u64::from(frames.saturating_sub(first)) * u64::from(self.samples));
+                .set_position(u64::from(frame) * u64::from(self.samples) + u64::from(done));
         }
-        self.bar
-            .set_position(u64::from(frame - first) * u64::from(self.samples) + u64::from(done));
         self.line(frame, done);
     }
 
@@ -132,6 +131,9 @@ mod tests {
         // Frames 100 to 119 of a range.
         let line = progress_line([100, 104, 1], [Some(120), Some(1)], 10.0);
         assert_eq!(line, "frame 105 of 120: 10 s so far, about 30 s left");
+        // The first frame of all goes before them.
+        let line = progress_line([100, 0, 1], [Some(120), Some(1)], 10.0);
+        assert_eq!(line, "frame 1 of 120: 10 s so far");
         let line = progress_line([0, 0, 16], [Some(1), Some(64)], 10.0);
         assert_eq!(
             line,

@@ -48,8 +48,8 @@ pub struct Medians {
     pub left_ms: f64,
     /// Device milliseconds of the right eye.
     pub right_ms: f64,
-    /// Device milliseconds of the photon map in the frames that traced it.
-    pub photons_ms: f64,
+    /// Device milliseconds of the photon map in the frames that traced it, if any did.
+    pub photons_ms: Option<f64>,
     /// Device milliseconds of a frame, both eyes and all passes.
     pub total_ms: f64,
     /// Host milliseconds of a frame.
@@ -120,6 +120,12 @@ impl Medians {
     pub fn of(frames: &[Value]) -> Self {
         let all = |of: &dyn Fn(&Value) -> Option<f64>| median(frames.iter().filter_map(of));
         let device = |part: &str| all(&|frame| frame["gpu_ms"][part].as_f64());
+        let traced = frames
+            .iter()
+            .filter(|frame| frame["photons"]["traced"] == true);
+        let traced: Vec<f64> = traced
+            .filter_map(|frame| frame["gpu_ms"]["photons"].as_f64())
+            .collect();
         let mut by_pass: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         let passes = frames
             .iter()
@@ -134,10 +140,7 @@ impl Medians {
                 .collect(),
             left_ms: device("left"),
             right_ms: device("right"),
-            photons_ms: all(&|frame| {
-                let traced = frame["photons"]["traced"].as_bool()?;
-                frame["gpu_ms"]["photons"].as_f64().filter(|_| traced)
-            }),
+            photons_ms: crate::metrics::median(&traced),
             total_ms: device("total"),
             frame_ms: all(&|frame| frame["cpu_ms"]["frame"].as_f64()),
             reuse_fraction: all(&|frame| frame["stereo"]["reuse_fraction"].as_f64()),
@@ -214,9 +217,9 @@ impl<'a> RunReport<'a> {
     /// The line that ends a run.
     pub fn summary_line(&self, out: &Path) -> String {
         let m = &self.medians;
-        let photons = match self.radius_m {
-            Some(_) => format!(", photons {:.1} ms when traced", m.photons_ms),
-            None => String::new(),
+        let photons = match (self.radius_m, m.photons_ms) {
+            (Some(_), Some(ms)) => format!(", photons {ms:.1} ms when traced"),
+            _ => String::new(),
         };
         let (who, eyes) = match self.has_both_eyes {
             true => (

@@ -271,7 +271,9 @@ fn render_session(
     for aov in &aovs {
         render = inspection(*aov).settings_for(&render);
     }
-    let mut bar = Bar::new(settings.render.spp, frames);
+    let first = |(range, warm_up): (&Range<u32>, u32)| range.start.saturating_sub(warm_up);
+    let first = job.range.map_or(0, first);
+    let mut bar = Bar::new(settings.render.spp, first, frames);
     bar.say("compiling");
     let mut renderer = Renderer::for_session(
         context,

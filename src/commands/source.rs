@@ -98,7 +98,7 @@ pub(super) fn desktop_source(
         name: session.info().source.clone(),
         session: Box::new(session),
         context: None,
-        announcement: Some(format!("session: desktop; {}", crate::desktop::CONTROLS)),
+        announcement: Some(format!("session: desktop; {}", crate::desktop::controls())),
         lacks_room: false,
         size,
         frames: options.session.frames,

@@ -67,15 +67,7 @@ pub struct GpuSums {
 
 impl GpuSums {
     pub(super) fn of(times: &PassTimes) -> Self {
-        let sum = |prefix: &str| {
-            times
-                .passes
-                .iter()
-                .filter(|(name, _)| name.starts_with(prefix))
-                .map(|(_, (ms, _))| ms)
-                // Not `sum`: the sum of no floats is -0.
-                .fold(0.0, |total, ms| total + ms)
-        };
+        let sum = |prefix: &str| times.sum_ms(|name| name.starts_with(prefix));
         Self {
             photons: sum("photons."),
             left: sum("left."),

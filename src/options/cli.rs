@@ -48,13 +48,14 @@ Examples:
 A recording starts paused; play, step and scrub in the window. F1 lists keys and mouse.";
 
 pub(super) const BENCH_EXAMPLES: &str = "\
-Every measured frame retraces its photons. Variants of a group take turns, frame by frame, and ratios are formed within
-a turn. Errors are those of the timed frames, against a path-traced reference.
+Every measured frame retraces its photons, but in motion. Variants of a group take turns, frame by frame (motion: sequence
+by sequence), and ratios are formed within a turn. Errors are those of the timed frames, against a path-traced reference.
 Settings that a suite varies override those given here; `spp` is 1 except where the suite varies it. No images are
 written, so that output.* changes nothing.
 
 Writes to --out: report.md, report.html, report.json, rows.csv, columns.json (what each column of
-rows.csv holds), plots/*.svg and *.png, journal.jsonl, traces/, references/.
+rows.csv holds), plots/*.svg and *.png, journal.jsonl, traces/, references/; of motion and work
+report.md, rows.csv, columns.json and motion's references/ alone.
 
 Examples:
   stereolux bench smoke --out out/smoke
@@ -131,7 +132,7 @@ pub(super) struct LayerArgs<const FLAGS: usize> {
 pub struct SharedOptions {
     #[command(flatten)]
     pub(super) layers: LayerArgs<SHARED>,
-    /// Directory for images, stats.jsonl and run.json; made if missing
+    /// Directory for what is written; made if missing
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
 }
@@ -347,7 +348,7 @@ pub struct BenchOptions {
     #[arg(value_parser = choice::<Suite>())]
     pub suite: Suite,
     /// Directory for report, journal and references; made if missing. The same command again resumes a suite
-    /// that was stopped
+    /// that was stopped, but motion and work
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Scene to measure, a glTF file, builtin:NAME, bench:lights (10,000 of them) or bench:indirect (a room lit by what a wall
@@ -361,8 +362,8 @@ pub struct BenchOptions {
     /// Frames of the swaying head in the suites stereo and motion, 1 to 100000 [default: 24; smoke 4; motion 40, at least 16]
     #[arg(long, value_name = "N", value_parser = whole(1..=100_000))]
     pub frames: Option<u32>,
-    /// Most samples per pixel of a reference, 16 to 16777216; errors that need more are marked
-    /// [default: 4096]
+    /// Most samples per pixel of a reference, 16 to 16777216, of one that is spread over the pixel (pareto, motion) at least
+    /// 256, motion twice that; errors that need more are marked [default: 4096]
     #[arg(long, value_name = "N", value_parser = whole(16..=1 << 24))]
     pub reference_spp: Option<u32>,
     /// Directory that caches references between runs [default: DIR/references, DIR from --out]
@@ -387,7 +388,7 @@ pub struct InfoOptions {
     pub names_scene: bool,
     #[command(flatten)]
     pub(super) layers: LayerArgs<INFO>,
-    /// Ten lines for people instead of JSON
+    /// Some ten lines for people instead of JSON
     #[arg(long, conflicts_with = "lists_settings")]
     pub brief: bool,
     /// Also list all settings: key, kind, default, range, unit, sentence

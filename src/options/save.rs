@@ -25,9 +25,6 @@ pub enum Extent {
     All,
 }
 
-/// Settings whose text is a path.
-const PATHS: [&str; 3] = ["environment.path", "simulated.hands", "gpu.shader_folder"];
-
 /// Size that `config/example.toml` shows, where the default is the headset's.
 const EXAMPLE_SIZE: [u32; 2] = [512, 512];
 
@@ -92,10 +89,6 @@ pub trait SettingsFile: Sized {
     /// # Errors
     /// [`OptionsError`]: an unknown key, a value that the setting does not take, or settings that do not go together.
     fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError>;
-
-    /// Whether a setting's text is the path of a file or folder.
-    #[must_use]
-    fn is_path(key: &str) -> bool;
 }
 
 impl SettingsFile for Settings {
@@ -176,10 +169,6 @@ impl SettingsFile for Settings {
         let mut layers = Layers::of(self);
         layers.add_value(key, value)?;
         layers.finish()
-    }
-
-    fn is_path(key: &str) -> bool {
-        key == "scene" || PATHS.contains(&key)
     }
 }
 

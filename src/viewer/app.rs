@@ -22,10 +22,8 @@ use super::sketch::{Source, Stand, Wish};
 use super::textures::Pictures;
 use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
-use super::worker::{Report, Request, Worker, decided};
+use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
-use crate::options::Extent;
-use crate::options::SettingsFile as _;
 use crate::renderer::Inspection;
 use crate::scene::Bounds;
 use crate::scene::edit::{Document, Edit};
@@ -138,7 +136,7 @@ pub struct App {
     pub(super) fields: Fields,
     pub(super) out: PathBuf,
     /// Files that may be written over: this window wrote them, or was told to.
-    written: HashSet<PathBuf>,
+    pub(super) written: HashSet<PathBuf>,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     /// Where the last pass drew which picture.
@@ -563,58 +561,6 @@ impl App {
         }
     }
 
-    pub(super) fn screenshot(&mut self) {
-        self.ask(Request::Screenshot(self.out.clone()));
-    }
-
-    pub(super) fn reload_shaders(&mut self) {
-        self.ask(Request::ReloadShaders);
-    }
-
-    /// Makes the folder of `--out` if that is where `path` lies. Other folders that are missing are slips of the hand, and
-    /// said by what writes there; so is one that cannot be made.
-    fn make_room(&self, path: &Path) {
-        if path.parent() == Some(self.out.as_path())
-            && let Err(error) = std::fs::create_dir_all(&self.out)
-        {
-            log::debug!("{}: {error}", self.out.display());
-        }
-    }
-
-    pub(super) fn save_scene(&mut self, context: &Context) {
-        let path = PathBuf::from(self.fields.scene_path.trim());
-        if self.asks_before(&path, Purpose::SaveScene) {
-            return;
-        }
-        self.make_room(&path);
-        match self.document.save(&path) {
-            Ok(()) => {
-                self.say(context, format!("{} written", path.display()), false);
-                self.written.insert(path);
-            }
-            Err(error) => self.say(context, error.to_string(), true),
-        }
-    }
-
-    pub(super) fn save_settings(&mut self, context: &Context) {
-        let path = PathBuf::from(self.fields.settings_path.trim());
-        if self.asks_before(&path, Purpose::SaveSettings) {
-            return;
-        }
-        self.make_room(&path);
-        // What is shown is what is saved, whatever `auto` stands for where it is read.
-        let mut settings = decided(self.panel_settings());
-        settings.size = Some(self.size);
-        match settings.save(&path, Extent::Changed) {
-            Ok(()) => {
-                let text = format!("{} written; --config reads it", path.display());
-                self.say(context, text, false);
-                self.written.insert(path);
-            }
-            Err(error) => self.say(context, error.to_string(), true),
-        }
-    }
-
     /// The settings that the panel shows, of which a split view has two.
     pub(super) fn panel_settings(&self) -> &Settings {
         if self.fields.edits_other {
@@ -624,24 +570,12 @@ impl App {
         }
     }
 
-    /// Asks whether to write over `path`, if a file stands there that this window did not write.
-    fn asks_before(&mut self, path: &Path, purpose: Purpose) -> bool {
-        let is_others = path.exists() && !self.written.contains(path);
-        if is_others {
-            let path = path.to_owned();
-            self.asks = Some(Question::Replace(path, purpose));
-        }
-        is_others
+    pub(super) fn screenshot(&mut self) {
+        self.ask(Request::Screenshot(self.out.clone()));
     }
 
-    /// Writes over a file, as was answered.
-    pub(super) fn replace(&mut self, context: &Context, path: PathBuf, purpose: Purpose) {
-        self.written.insert(path);
-        match purpose {
-            Purpose::SaveScene => self.save_scene(context),
-            Purpose::SaveSettings => self.save_settings(context),
-            Purpose::Open => {}
-        }
+    pub(super) fn reload_shaders(&mut self) {
+        self.ask(Request::ReloadShaders);
     }
 
     /// How fast W walks now, metres per second.
@@ -697,8 +631,7 @@ impl App {
                     folder.join("").to_string_lossy().into_owned()
                 })
             }
-            Purpose::SaveScene => self.fields.scene_path.clone(),
-            Purpose::SaveSettings => self.fields.settings_path.clone(),
+            Purpose::Save(what) => self.fields.path_of(what).clone(),
         };
         self.asks_path = Some(PathQuestion::new(purpose, text));
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::layout::Part;
+use super::save_files::Saved;
 use crate::scene::edit::Original;
 
 /// What text fields hold while they are written in, and other state of widgets.
@@ -53,6 +54,14 @@ impl Fields {
             scene_path: in_out(format!("{stem}_edited.glb")),
             settings_path: in_out("settings.toml".to_owned()),
             ..Self::default()
+        }
+    }
+
+    /// Where this is saved.
+    pub fn path_of(&mut self, what: Saved) -> &mut String {
+        match what {
+            Saved::Scene => &mut self.scene_path,
+            Saved::Settings => &mut self.settings_path,
         }
     }
 }

@@ -6,6 +6,7 @@ use super::app::{App, WindowCommand, camera_of};
 use super::fly_camera::Thrust;
 use super::gizmo::KEYS;
 use super::panels::paths::Purpose;
+use super::save_files::Saved;
 use super::zoom::Zoom;
 
 /// Keys of views that are kept: with Ctrl and Shift to keep one, with Ctrl to go there.
@@ -49,9 +50,9 @@ impl App {
             self.ask_path(Purpose::Open);
         }
         if context.input_mut(|input| input.consume_key(shifted, Key::S)) {
-            self.ask_path(Purpose::SaveScene);
+            self.ask_path(Purpose::Save(Saved::Scene));
         } else if context.input_mut(|input| input.consume_key(command, Key::S)) {
-            self.save_scene(context);
+            self.save(context, Saved::Scene);
         }
         self.answer_escape(context);
         // What follows belongs to a widget that has the keyboard.

@@ -25,6 +25,7 @@ mod pressure;
 mod question;
 mod reference;
 mod render_engine;
+mod save_files;
 mod screenshot;
 mod selection;
 pub mod session;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use egui::{Context, Id, Modal, Ui};
 
 use super::app::{App, WindowCommand};
-use super::panels::paths::Purpose;
+use super::save_files::Saved;
 
 /// What is asked; one thing at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub enum Question {
     /// Whether to open the scene of this name in place of one with changes that are not saved.
     Open(String),
     /// Whether to write over this file.
-    Replace(PathBuf, Purpose),
+    Replace(PathBuf, Saved),
 }
 
 /// Shows the question, and does what is answered.
@@ -29,15 +29,9 @@ pub fn show(app: &mut App, context: &Context) {
         Question::Outside(spec) => {
             ui.heading("The scene names files outside its own folder");
             ui.label("Reading them is safe only if you trust whoever made it: saving the scene takes them along.");
-            ui.add_space(8.0);
-            ui.horizontal(|ui| {
-                if ui.button("Leave it").clicked() {
-                    app.asks = None;
-                }
-                if ui.button("Read them").clicked() {
-                    app.open_with_outside(context, spec);
-                }
-            });
+            if is_agreed(app, ui, "Read them") {
+                app.open_with_outside(context, spec);
+            }
         }
         Question::Quit => {
             ui.heading("The scene has changes that are not saved");
@@ -50,21 +44,28 @@ pub fn show(app: &mut App, context: &Context) {
             let buttons = ["Open without saving", "Save and open"];
             unsaved(app, ui, buttons, |app| app.open_in_place(context, spec));
         }
-        Question::Replace(path, purpose) => {
+        Question::Replace(path, what) => {
             ui.heading("A file of this name is there already");
             ui.label(format!("{} is lost.", path.display()));
-            ui.add_space(8.0);
-            ui.horizontal(|ui| {
-                if ui.button("Leave it").clicked() {
-                    app.asks = None;
-                }
-                if ui.button("Replace it").clicked() {
-                    app.asks = None;
-                    app.replace(context, path, purpose);
-                }
-            });
+            if is_agreed(app, ui, "Replace it") {
+                app.replace(context, path, what);
+            }
         }
     });
+}
+
+/// A button that leaves things as they are and one that agrees; the question is over with either.
+fn is_agreed(app: &mut App, ui: &mut Ui, agree: &str) -> bool {
+    ui.add_space(8.0);
+    ui.horizontal(|ui| {
+        let is_left = ui.button("Leave it").clicked();
+        let is_agreed = ui.button(agree).clicked();
+        if is_left || is_agreed {
+            app.asks = None;
+        }
+        is_agreed
+    })
+    .inner
 }
 
 /// Buttons that go away from a scene without saving it and with, by `leave`, and one that stays.
@@ -78,7 +79,7 @@ fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: impl F
             app.asks = None;
         }
         if saves {
-            app.save_scene(ui.ctx());
+            app.save(ui.ctx(), Saved::Scene);
         }
         if goes_without || (saves && !app.document.is_modified()) {
             leave(app);

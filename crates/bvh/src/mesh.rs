@@ -100,8 +100,6 @@ pub struct MeshHierarchies {
     pub meshes: Vec<MeshRange>,
     /// Inner nodes on the longest path of any mesh; at most [`MESH_STACK`].
     pub max_depth: u32,
-    /// Subtrees that were rebuilt balanced because they were too deep.
-    pub rebuilt_subtrees: u32,
     /// Rises when nodes change.
     pub(crate) revision: u64,
 }
@@ -218,7 +216,6 @@ impl MeshHierarchies {
         });
         self.revision += 1;
         self.max_depth = self.max_depth.max(part.depth);
-        self.rebuilt_subtrees += part.rebuilt;
     }
 
     /// Notes other materials or marks in a mesh's triangles; corners and boxes stay. Returns its range of triangles.

@@ -190,7 +190,6 @@ impl MeshHierarchies {
                 ..*range
             }));
         self.max_depth = self.max_depth.max(part.max_depth);
-        self.rebuilt_subtrees += part.rebuilt_subtrees;
         self.revision += 1;
         Ok(Grafted { nodes, triangles })
     }

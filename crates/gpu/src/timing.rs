@@ -73,10 +73,16 @@ impl PassTimes {
         entry.1 += 1;
     }
 
+    /// Milliseconds of the passes whose names are wanted, together.
+    pub fn sum_ms(&self, wanted: impl Fn(&str) -> bool) -> f64 {
+        let passes = self.passes.iter().filter(|(name, _)| wanted(name));
+        // `sum` begins with -0, which files would show.
+        passes.fold(0.0, |total, (_, (ms, _))| total + ms)
+    }
+
     /// Milliseconds of all passes together.
     pub fn total_ms(&self) -> f64 {
-        // `sum` begins with -0, which files would show.
-        self.passes.values().fold(0.0, |total, (ms, _)| total + ms)
+        self.sum_ms(|_| true)
     }
 }
 

@@ -226,12 +226,21 @@ fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
         .into_iter()
         .filter_map(front_point)
         .collect();
-    let mut path: Vec<(f64, f64)> = of_method("path")
+    // A path tracer per number of light candidates: between the samples of one its error falls as 1 / time.
+    let candidates = |row: &&Row| row.text("light_candidates");
+    let paths: Vec<Vec<(f64, f64)>> = distinct(of_method("path").iter().map(candidates))
         .into_iter()
-        .filter_map(front_point)
-        .map(|point| (point.ms, point.rel_mse))
+        .map(|kind| {
+            let rows = of_method("path").into_iter();
+            let points = rows.filter(|row| candidates(row) == kind);
+            let mut path: Vec<(f64, f64)> = points
+                .filter_map(front_point)
+                .map(|point| (point.ms, point.rel_mse))
+                .collect();
+            path.sort_by(|a, b| a.0.total_cmp(&b.0));
+            path
+        })
         .collect();
-    path.sort_by(|a, b| a.0.total_cmp(&b.0));
     let anchors: Vec<f64> = of_method("anchor")
         .into_iter()
         .filter_map(frame_ms)
@@ -263,30 +272,37 @@ fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
                     .filter(|point| point.ms <= ms)
                     .min_by(|a, b| a.rel_mse.total_cmp(&b.rel_mse))
                     .cloned(),
-                path_rel_mse: path_error_at(&path, ms),
+                path_rel_mse: least(&paths, |path| path_error_at(path, ms)),
             })
             .collect(),
         equal_error: errors
             .into_iter()
-            .map(|rel_mse| equal_error(&photon, &path, rel_mse))
+            .map(|rel_mse| equal_error(&photon, &paths, rel_mse))
             .collect(),
         anchor_ms: spread(&anchors),
         scene,
     }
 }
 
-/// The least time in which photon mapping, and that in which the path tracer (by rising time) reaches `rel_mse`.
-fn equal_error(photon: &[FrontPoint], path: &[(f64, f64)], rel_mse: f64) -> EqualError {
+/// The least of what each has.
+fn least<T>(all: &[T], of: impl Fn(&T) -> Option<f64>) -> Option<f64> {
+    all.iter().filter_map(of).min_by(f64::total_cmp)
+}
+
+/// The least time in which photon mapping, and that in which one of the path tracers (each by rising time) reaches `rel_mse`.
+fn equal_error(photon: &[FrontPoint], paths: &[Vec<(f64, f64)>], rel_mse: f64) -> EqualError {
     let photon = photon
         .iter()
         .filter(|point| point.rel_mse <= rel_mse)
         .min_by(|a, b| a.ms.total_cmp(&b.ms))
         .cloned();
-    let with_more_samples = || {
-        let (ms, error) = path.last().filter(|last| last.1 > rel_mse)?;
-        Some(ms * error / rel_mse)
-    };
-    let path_ms = log_interpolate(path, rel_mse).or_else(with_more_samples);
+    let path_ms = least(paths, |path| {
+        let with_more_samples = || {
+            let (ms, error) = path.last().filter(|last| last.1 > rel_mse)?;
+            Some(ms * error / rel_mse)
+        };
+        log_interpolate(path, rel_mse).or_else(with_more_samples)
+    });
     EqualError {
         rel_mse,
         photon_over_path: photon
@@ -452,8 +468,19 @@ pub(crate) mod tests {
         assert!((level.path_ms.unwrap() - 80.0).abs() < 1e-9);
         assert!((level.photon_over_path.unwrap() - 0.25).abs() < 1e-9);
         // Half the error of its most samples takes twice their time.
-        let more = equal_error(&[], &[(10.0, 0.8), (160.0, 0.05)], 0.025);
+        let path = vec![(10.0, 0.8), (160.0, 0.05)];
+        let more = equal_error(&[], &[path.clone()], 0.025);
         assert!((more.path_ms.unwrap() - 320.0).abs() < 1e-9 && more.photon.is_none());
+        // A worse path tracer beside it is not mixed in, and a better one counts.
+        let [worse, better] =
+            [1.3, 0.5].map(|times| path.iter().map(|(ms, e)| (times * ms, *e)).collect());
+        for (other, expected) in [(worse, 80.0), (better, 40.0)] {
+            let level = equal_error(&[], &[path.clone(), other], 0.1);
+            assert!(
+                (level.path_ms.unwrap() - expected).abs() < 1e-9,
+                "{level:?}"
+            );
+        }
         // Within 50 ms: photon 0.1, path 0.8 / 5.
         let time = scene
             .equal_time

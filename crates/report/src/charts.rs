@@ -31,7 +31,20 @@ pub fn charts(rows: &[Row], analysis: &Analysis, machine: &Machine) -> Vec<(Stri
     for (_, chart) in &mut all {
         chart.title = format!("{}\n{}", chart.title, machine.label());
     }
+    distinct_stems(&mut all);
     all
+}
+
+/// Numbers plots of scenes that have one name in two folders.
+fn distinct_stems(charts: &mut [Named]) {
+    let mut stems = BTreeMap::<String, usize>::new();
+    for (stem, _) in charts {
+        let count = stems.entry(stem.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            *stem = format!("{stem}_{count}");
+        }
+    }
 }
 
 /// The Pareto front's colour.
@@ -415,11 +428,20 @@ fn tables(rows: &[&Row]) -> Vec<Named> {
 
 #[cfg(test)]
 mod tests {
-    use super::file_name;
+    use super::{Chart, distinct_stems, file_name};
 
     #[test]
     fn file_names_are_plain() {
         assert_eq!(file_name("builtin:cornell"), "cornell");
         assert_eq!(file_name("/some/where/my scene.glb"), "my_scene_glb");
+    }
+
+    #[test]
+    fn plots_of_scenes_of_one_name_are_all_kept() {
+        let empty = |stem: &str| (stem.to_owned(), Chart::default());
+        let mut charts = ["bias_a", "bias_b", "bias_a", "bias_a"].map(empty);
+        distinct_stems(&mut charts);
+        let stems = charts.map(|(stem, _)| stem);
+        assert_eq!(stems, ["bias_a", "bias_b", "bias_a_2", "bias_a_3"]);
     }
 }

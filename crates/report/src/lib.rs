@@ -33,6 +33,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+pub use one_table::Circumstances;
 use records::{Machine, Row, leaves};
 use shards::{FORMAT, Head, Part};
 

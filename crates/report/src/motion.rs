@@ -2,81 +2,39 @@
 
 use std::fmt::Write as _;
 
-use crate::one_table::one_table;
+use crate::one_table::{Circumstances, column, one_table, table_row};
 use crate::{ReportError, ReportFile};
 
-/// One way to reconstruct, over a scene by a method. Errors are of display light, 0 to 1, where nothing else is said, and
-/// means over both eyes.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MotionRow {
-    /// Scene.
-    pub scene: String,
-    /// Light transport.
-    pub method: String,
-    /// What is reconstructed.
-    pub variant: String,
-    /// Pixels per degree in the middle of an eye's picture.
-    pub pixels_per_degree: f64,
-    /// RMSE of the last frame; the references' own noise is in it.
-    pub rmse: f64,
-    /// relMSE of the last frame's radiance, without the references' noise.
-    pub rel_mse: f64,
-    /// Mean radiance over the last frames over the reference's.
-    pub brightness: f64,
-    /// RMS change of the error from the last frame but one to the last, left and right eye.
-    pub flicker: [f64; 2],
-    /// RMS difference between the eyes' errors at the points that both see, away from edges.
-    pub binocular: f64,
-    /// Its standard error, by blocks of 8x8 pixels.
-    pub binocular_se: f64,
-    /// Device milliseconds of a frame: lower quartile.
-    pub ms: f64,
+table_row! {
+    /// One way to reconstruct, over a scene by a method. Errors are means over both eyes where nothing else is said.
+    MotionRow {
+        words {
+            scene: "file or builtin scene",
+            method: "light transport: photon or path",
+            variant: "raw: nothing is reconstructed; separate: each eye by itself; default: as `run` does",
+            clock: "device (timestamps), or host where the adapter has none",
+        }
+        figures {
+            pixels_per_degree: "in the middle of an eye's picture",
+            rmse: "RMSE of the last frame, display light; the references' noise is in it",
+            rel_mse: "relative MSE of the last frame's radiance without the references' noise: the mean of (x - r)^2 / (r^2 + 0.01 s), s the mean of r^2",
+            brightness: "mean radiance of the last frames over the reference's",
+            flicker_left: "RMS change of the left eye's error to the last frame from the one before, display light, without the references' noise",
+            flicker_right: "the same of the right eye",
+            binocular: "RMS difference of the eyes' errors where both see a point away from edges, display light, without the references' noise",
+            binocular_se: "its standard error, by blocks of 8x8 pixels",
+            ms: "milliseconds of a frame by that clock, lower quartile",
+        }
+        besides {}
+    }
 }
 
 impl MotionRow {
     /// RMS over the eyes.
     fn flickers(&self) -> f64 {
-        self.flicker[0].hypot(self.flicker[1]) / std::f64::consts::SQRT_2
+        self.flicker_left.hypot(self.flicker_right) / std::f64::consts::SQRT_2
     }
 }
-
-/// Names of the columns of rows.csv, and what they hold.
-const COLUMNS: [(&str, &str); 13] = [
-    ("scene", "file or builtin scene"),
-    ("method", "light transport: photon or path"),
-    (
-        "variant",
-        "raw: nothing is reconstructed; separate: each eye by itself; default: as `run` does",
-    ),
-    ("pixels_per_degree", "in the middle of an eye's picture"),
-    (
-        "rmse",
-        "RMSE of the last frame, display light; the references' noise is in it",
-    ),
-    (
-        "rel_mse",
-        "relative MSE of the last frame's radiance without the references' noise: the mean of (x - r)^2 / (r^2 + 0.01 s), s the mean of r^2",
-    ),
-    (
-        "brightness",
-        "mean radiance of the last frames over the reference's",
-    ),
-    (
-        "flicker_left",
-        "RMS change of the left eye's error to the last frame from the one before, display light, without the references' noise",
-    ),
-    ("flicker_right", "the same of the right eye"),
-    (
-        "binocular",
-        "RMS difference of the eyes' errors where both see a point away from edges, display light, without the references' noise",
-    ),
-    (
-        "binocular_se",
-        "its standard error, by blocks of 8x8 pixels",
-    ),
-    ("ms", "device milliseconds of a frame, lower quartile"),
-    ("ms_over_raw", "the same over the raw variant's"),
-];
 
 /// The variant of the same scene and method whose name this is.
 fn beside<'a>(rows: &'a [MotionRow], row: &MotionRow, variant: &str) -> Option<&'a MotionRow> {
@@ -99,28 +57,19 @@ fn over(
 ///
 /// # Errors
 /// [`ReportError::Format`].
-pub fn files(rows: &[MotionRow], what: &str) -> Result<Vec<ReportFile>, ReportError> {
-    let columns = COLUMNS.map(|(name, holds)| [name, holds].map(str::to_owned));
-    let cells = |row: &MotionRow| {
-        let mut cells = vec![row.scene.clone(), row.method.clone(), row.variant.clone()];
-        let [left, right] = row.flicker;
-        let figures = [
-            row.pixels_per_degree,
-            row.rmse,
-            row.rel_mse,
-            row.brightness,
-            left,
-            right,
-            row.binocular,
-            row.binocular_se,
-            row.ms,
-            over(rows, row, "raw", |row| row.ms),
-        ];
-        cells.extend(figures.map(|figure| format!("{figure:.6}")));
-        cells
-    };
-    let cells: Vec<_> = rows.iter().map(cells).collect();
-    one_table(&columns, &cells, markdown(rows, what))
+pub fn files(
+    rows: &[MotionRow],
+    what: &str,
+    about: &Circumstances,
+) -> Result<Vec<ReportFile>, ReportError> {
+    let mut columns = MotionRow::columns(6);
+    let over_raw = |row: &MotionRow| format!("{:.6}", over(rows, row, "raw", |row| row.ms));
+    columns.push(column(
+        "ms_over_raw",
+        "the same over the raw variant's",
+        over_raw,
+    ));
+    one_table(columns, rows, about, markdown(rows, what))
 }
 
 fn markdown(rows: &[MotionRow], what: &str) -> String {
@@ -154,9 +103,8 @@ fn markdown(rows: &[MotionRow], what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::Value;
-
     use super::*;
+    use crate::one_table::tests::{circumstances, table, text};
 
     #[test]
     fn figures_stand_over_those_of_the_same_scene_and_method() {
@@ -164,7 +112,8 @@ mod tests {
             scene: scene.to_owned(),
             variant: variant.to_owned(),
             rmse: figure,
-            flicker: [figure, 7.0 * figure],
+            flicker_left: figure,
+            flicker_right: 7.0 * figure,
             binocular: figure,
             ms: 10.0 * figure,
             ..MotionRow::default()
@@ -175,23 +124,13 @@ mod tests {
             row("a, b.gltf", "separate", 0.2),
             row("a, b.gltf", "default", 0.1),
         ];
-        let files = files(&rows, "Nothing.").unwrap();
-        let text = |name: &str| {
-            let file = files.iter().find(|file| file.path.ends_with(name)).unwrap();
-            String::from_utf8(file.bytes.clone()).unwrap()
-        };
+        let files = files(&rows, "Nothing.", &circumstances()).unwrap();
         // sqrt((1 + 49) / 2) = 5 times the figure.
         let last = "| default | 0.1000 | 0.25 | 0.0000 | 0.000 | 0.5000 | 0.25 | 0.10000 ± 0.00000 | 0.50 | 1.0 | 0.25 |";
-        assert!(text("report.md").contains(last), "{}", text("report.md"));
-        let csv = text("rows.csv");
-        let mut lines = csv.lines();
-        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-        let first = lines.next().unwrap();
-        assert!(first.starts_with("\"a, b.gltf\","), "{first}");
-        // The scene's own comma is one more.
-        assert_eq!(first.split(',').count(), names.len() + 1);
-        let columns: Value = serde_json::from_str(&text("columns.json")).unwrap();
-        assert_eq!(columns.as_object().unwrap().len(), names.len());
-        assert!(names.iter().all(|name| columns[*name].is_string()));
+        let markdown = text(&files, "report.md");
+        assert!(markdown.contains(last), "{markdown}");
+        let table = table(&files);
+        assert_eq!(table[0]["scene"], "a, b.gltf");
+        assert_eq!(table[3]["ms_over_raw"], "0.250000");
     }
 }

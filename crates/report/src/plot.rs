@@ -161,6 +161,8 @@ impl Series {
         match self.mark {
             Mark::Line => None,
             Mark::Front => Some((2 * DOT, self.color().stroke_width(2))),
+            // Where colours begin anew, dots are circles.
+            _ if self.color >= PALETTE.len() => Some((DOT, self.color().stroke_width(1))),
             Mark::Points | Mark::LinePoints => Some((DOT, self.color().filled())),
         }
     }
@@ -171,7 +173,7 @@ impl Series {
 }
 
 /// A plot.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// Heading: a line, and a smaller one below it.
     pub title: String,

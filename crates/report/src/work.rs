@@ -3,9 +3,7 @@
 
 use std::fmt::Write as _;
 
-use serde::Serialize;
-
-use crate::one_table::one_table;
+use crate::one_table::{Circumstances, column, one_table, table_row};
 use crate::{ReportError, ReportFile};
 
 /// A graphics card by published figures.
@@ -76,79 +74,34 @@ pub const ASSUMED: Assumptions = Assumptions {
     instructions: [120.0, 60.0, 70.0, 15.0, 110.0],
 };
 
-/// What a pass does in a frame, at the size that is predicted; and a whole frame as the pass `all`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct WorkRow {
-    /// Scene.
-    pub scene: String,
-    /// Light transport.
-    pub method: String,
-    /// Name in timings.
-    pub pass: String,
-    /// Dispatches.
-    pub dispatches: u64,
-    /// Threads.
-    pub threads: f64,
-    /// Rays.
-    pub rays: f64,
-    /// Inner nodes that rays entered.
-    pub nodes: f64,
-    /// Tests of a triangle.
-    pub triangles: f64,
-    /// Photons tested.
-    pub photons_tested: f64,
-    /// Photons within the radius.
-    pub photons_counted: f64,
-    /// Bytes of the frame's buffers that are read.
-    pub bytes_read: f64,
-    /// The same, written.
-    pub bytes_written: f64,
-    /// Bytes of nodes, triangles and photons that rays and gathers read, were there no cache.
-    pub bytes_walked: f64,
-    /// Instructions of one thread that takes every branch and each loop once.
-    pub code_instructions: f64,
-    /// Instructions of all threads.
-    pub instructions: f64,
-    /// Predicted milliseconds per card of [`CARDS`].
-    pub ms: [f64; CARDS.len()],
+table_row! {
+    /// What a pass does in a frame, at the size that is predicted; and a whole frame as the pass `all`.
+    WorkRow {
+        words {
+            scene: "file or builtin scene",
+            method: "light transport: photon or path",
+            pass: "the pass's name in timings; all: the frame",
+        }
+        figures {
+            dispatches: "dispatches in a frame",
+            threads: "threads in a frame",
+            rays: "rays traced, shadow rays included",
+            nodes: "inner BVH nodes that rays entered",
+            triangles: "tests of a ray with a triangle",
+            photons_tested: "photons whose distance from a gather point was looked at",
+            photons_counted: "photons within the gather radius",
+            bytes_read: "bytes of the frame's buffers that are read, each once",
+            bytes_written: "bytes of the frame's buffers that are bound for writing, each once",
+            bytes_walked: "bytes of nodes, triangles and photons that rays and gathers look at, without a cache",
+            code_instructions: "RDNA 3 instructions of the pass's code (crates/isa/instructions.csv); 0: not listed there",
+            instructions: "instructions of all threads, by counts and by what a count is assumed to take",
+        }
+        besides {
+            /// Predicted milliseconds per card of [`CARDS`].
+            ms: [f64; CARDS.len()],
+        }
+    }
 }
-
-/// Names of the columns of rows.csv, and what they hold; the cards' follow.
-const COLUMNS: [(&str, &str); 15] = [
-    ("scene", "file or builtin scene"),
-    ("method", "light transport: photon or path"),
-    ("pass", "the pass's name in timings; all: the frame"),
-    ("dispatches", "dispatches in a frame"),
-    ("threads", "threads in a frame"),
-    ("rays", "rays traced, shadow rays included"),
-    ("nodes", "inner BVH nodes that rays entered"),
-    ("triangles", "tests of a ray with a triangle"),
-    (
-        "photons_tested",
-        "photons whose distance from a gather point was looked at",
-    ),
-    ("photons_counted", "photons within the gather radius"),
-    (
-        "bytes_read",
-        "bytes of the frame's buffers that are read, each once",
-    ),
-    (
-        "bytes_written",
-        "bytes of the frame's buffers that are bound for writing, each once",
-    ),
-    (
-        "bytes_walked",
-        "bytes of nodes, triangles and photons that rays and gathers look at, without a cache",
-    ),
-    (
-        "code_instructions",
-        "RDNA 3 instructions of the pass's code (crates/isa/instructions.csv); 0: not listed there",
-    ),
-    (
-        "instructions",
-        "instructions of all threads, by counts and by what a count is assumed to take",
-    ),
-];
 
 impl WorkRow {
     /// Fills in what follows from the counts. `bytes`: of a node, of a triangle, of what is read of a photon that is tested, and
@@ -198,8 +151,8 @@ impl WorkRow {
         for row in passes {
             all.scene.clone_from(&row.scene);
             all.method.clone_from(&row.method);
-            all.dispatches += row.dispatches;
             for (sum, more) in [
+                (&mut all.dispatches, row.dispatches),
                 (&mut all.threads, row.threads),
                 (&mut all.rays, row.rays),
                 (&mut all.nodes, row.nodes),
@@ -219,52 +172,26 @@ impl WorkRow {
         }
         all
     }
-
-    fn cells(&self) -> Vec<String> {
-        let mut cells = vec![self.scene.clone(), self.method.clone(), self.pass.clone()];
-        cells.push(self.dispatches.to_string());
-        let whole = [
-            self.threads,
-            self.rays,
-            self.nodes,
-            self.triangles,
-            self.photons_tested,
-            self.photons_counted,
-            self.bytes_read,
-            self.bytes_written,
-            self.bytes_walked,
-            self.code_instructions,
-            self.instructions,
-        ];
-        cells.extend(whole.map(|number| format!("{number:.0}")));
-        cells.extend(self.ms.map(|ms| format!("{ms:.4}")));
-        cells
-    }
-}
-
-fn card_column(card: &Card) -> String {
-    format!("ms.{}", card.name.to_lowercase().replace(' ', "_"))
 }
 
 /// report.md, rows.csv and columns.json. `what`: the sentence that says what was counted at which size.
 ///
 /// # Errors
 /// [`ReportError::Format`].
-pub fn files(rows: &[WorkRow], what: &str) -> Result<Vec<ReportFile>, ReportError> {
-    let named = |(name, holds): &(&str, &str)| [*name, *holds].map(str::to_owned);
-    let of_card = |card| {
-        [
-            card_column(card),
-            format!("predicted milliseconds on a {}", card.name),
-        ]
-    };
-    let columns: Vec<[String; 2]> = COLUMNS.iter().map(named).collect();
-    let columns: Vec<_> = columns
-        .into_iter()
-        .chain(CARDS.iter().map(of_card))
-        .collect();
-    let cells: Vec<_> = rows.iter().map(WorkRow::cells).collect();
-    one_table(&columns, &cells, markdown(rows, what, &ASSUMED))
+pub fn files(
+    rows: &[WorkRow],
+    what: &str,
+    about: &Circumstances,
+) -> Result<Vec<ReportFile>, ReportError> {
+    let mut columns = WorkRow::columns(0);
+    columns.extend(CARDS.iter().enumerate().map(|(index, card)| {
+        let name = format!("ms.{}", card.name.to_lowercase().replace(' ', "_"));
+        let holds = format!("predicted milliseconds on a {}", card.name);
+        column(name, holds, move |row: &WorkRow| {
+            format!("{:.4}", row.ms[index])
+        })
+    }));
+    one_table(columns, rows, about, markdown(rows, what, &ASSUMED))
 }
 
 fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
@@ -331,9 +258,8 @@ fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::Value;
-
     use super::*;
+    use crate::one_table::tests::{circumstances, table, text};
 
     /// By hand: 1e9 bytes at 70 % of 504 GB/s are 2.834 ms, and 1e9 instructions at a quarter of 14.55 T/s 0.275 ms.
     #[test]
@@ -386,23 +312,15 @@ mod tests {
     fn every_column_is_explained() {
         let rows = [WorkRow {
             scene: "a, b.gltf".to_owned(),
+            rays: 3.0,
+            ms: [0.5; CARDS.len()],
             ..WorkRow::default()
         }];
-        let files = files(&rows, "Nothing.").unwrap();
-        let text = |name: &str| {
-            let file = files.iter().find(|file| file.path.ends_with(name)).unwrap();
-            String::from_utf8(file.bytes.clone()).unwrap()
-        };
-        let csv = text("rows.csv");
-        let mut lines = csv.lines();
-        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-        assert_eq!(names.len(), rows[0].cells().len());
-        assert!(lines.next().unwrap().starts_with("\"a, b.gltf\","));
-        let columns: Value = serde_json::from_str(&text("columns.json")).unwrap();
-        assert_eq!(columns.as_object().unwrap().len(), names.len());
-        for name in names {
-            assert!(columns[name].is_string(), "{name}");
-        }
-        assert!(text("report.md").contains("no time here was measured"));
+        let files = files(&rows, "Nothing.", &circumstances()).unwrap();
+        let table = table(&files);
+        assert_eq!(table[0]["scene"], "a, b.gltf");
+        assert_eq!(table[0]["rays"], "3");
+        assert_eq!(table[0]["ms.nvidia_h200"], "0.5000");
+        assert!(text(&files, "report.md").contains("no time here was measured"));
     }
 }

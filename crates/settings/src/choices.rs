@@ -220,7 +220,7 @@ choices! {
 
     /// Surroundings that light a scene (`light`).
     pub enum Light {
-        /// A plain studio, if the scene has no light at all
+        /// A plain studio, if the scene has no light to be seen by
         Auto = "auto",
         /// A plain studio: a grey room with three soft boxes
         Studio = "studio",

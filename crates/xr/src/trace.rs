@@ -31,8 +31,7 @@ use std::path::Path;
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
 /// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located`, `controller_model` and
-/// changes of headset, and is what a file with `hidden` or `switch_reuse` states too (files of version 1 with these two, which
-/// earlier releases wrote, are read).
+/// changes of headset, and is what a file with `hidden` or `switch_reuse` states too (both are read in version 1, too).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// How every native trace begins.
 const BEGINNING: &str = r#"{"format":"stereolux-trace","version":"#;

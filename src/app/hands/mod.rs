@@ -278,11 +278,11 @@ impl World<'_> {
     /// # Errors
     /// [`WorldError::Part`]: the renderer cannot take them.
     pub fn show_hands(&mut self, shows: bool) -> Result<(), WorldError> {
-        if let Some(hands) = self.hands_mut() {
+        if let Some(hands) = self.kept.hands.as_mut() {
             hands.is_shown = shows;
         } else if shows {
             let part = self.insert(scene(), "wearer's hands", DAffine3::IDENTITY)?;
-            self.set_hands(Hands {
+            self.kept.hands = Some(Hands {
                 part,
                 models: Models::default(),
                 is_shown: true,
@@ -294,7 +294,7 @@ impl World<'_> {
     /// Puts them where a frame's input has them; what is not tracked is hidden.
     pub(super) fn move_hands(&mut self, input: &Input) -> Result<(), WorldError> {
         self.bring_model();
-        let Some(hands) = self.hands_mut() else {
+        let Some(hands) = self.kept.hands.as_mut() else {
             return Ok(());
         };
         let (is_shown, root) = (hands.is_shown, hands.part.root());

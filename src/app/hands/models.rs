@@ -45,14 +45,14 @@ fn read(side: Side, glb: &[u8]) -> Result<Scene, AppError> {
 impl World<'_> {
     /// Whether a session may give a model.
     pub(in crate::app) fn takes_model(&mut self) -> bool {
-        let hands = self.hands_mut();
+        let hands = self.kept.hands.as_mut();
         hands.is_some_and(|hands| hands.is_shown && hands.models.coming.is_none())
     }
 
     /// Begins to load a model.
     pub(in crate::app) fn take_model(&mut self, ControllerModel { side, glb }: ControllerModel) {
         let loading = self.load(move || read(side, &glb));
-        if let Some(hands) = self.hands_mut() {
+        if let Some(hands) = self.kept.hands.as_mut() {
             hands.models.coming = Some(Coming {
                 side,
                 loading,
@@ -67,7 +67,7 @@ impl World<'_> {
             coming.frames_left = coming.frames_left.saturating_sub(1);
             coming.frames_left == 0
         };
-        let hands = self.hands_mut();
+        let hands = self.kept.hands.as_mut();
         let Some(Coming { side, loading, .. }) =
             hands.and_then(|hands| hands.models.coming.take_if(is_due))
         else {
@@ -75,7 +75,7 @@ impl World<'_> {
         };
         match self.add_part(loading, &name(side), DAffine3::IDENTITY) {
             Ok(part) => {
-                if let Some(hands) = self.hands_mut() {
+                if let Some(hands) = self.kept.hands.as_mut() {
                     hands.models.shown[side as usize] = Some(part);
                 }
             }

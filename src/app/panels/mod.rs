@@ -231,7 +231,7 @@ impl World<'_> {
             options.input_options.max_click_duration = f64::INFINITY;
             options.input_options.max_click_dist = CLICK_POINTS;
         });
-        let panels = self.panels();
+        let panels = &mut self.kept.panels;
         panels.push(Some(Kept {
             part,
             pixels: spec.pixels,
@@ -249,7 +249,7 @@ impl World<'_> {
     /// # Errors
     /// [`WorldError::Panel`]: it was removed.
     pub fn node_of_panel(&mut self, panel: Panel) -> Result<usize, WorldError> {
-        let known = self.panels().get(panel.0).and_then(Option::as_ref);
+        let known = self.kept.panels.get(panel.0).and_then(Option::as_ref);
         let known = known.ok_or_else(|| WorldError::Panel("it was removed".into()))?;
         Ok(known.part.root())
     }
@@ -257,10 +257,14 @@ impl World<'_> {
     /// Takes a panel out of the scene.
     ///
     /// # Errors
-    /// [`WorldError::Panel`]: it was taken out before.
+    /// [`WorldError::Panel`]: it was taken out before. [`WorldError::Edit`]: another node shows its mesh; it stays.
     pub fn remove_panel(&mut self, panel: Panel) -> Result<(), WorldError> {
         let known = self.take_panel(panel)?;
-        self.remove_part(&known.part)
+        let removed = self.remove_part(&known.part);
+        if removed.is_err() {
+            self.kept.panels[panel.0] = Some(known);
+        }
+        removed
     }
 
     /// Lets a panel show what `content` makes of it with egui, in the frame under way; until the next call it stays as it is.
@@ -272,13 +276,14 @@ impl World<'_> {
     /// # Errors
     /// [`WorldError::Panel`]: it was removed.
     pub fn panel(&mut self, panel: Panel, content: impl FnMut(&mut Ui)) -> Result<(), WorldError> {
+        let node = self.node_of_panel(panel)?;
+        let world_from_panel = self.world_from_node(node)?;
         let mut known = self.take_panel(panel)?;
-        let world_from_panel = self.world_from_node(known.part.root())?;
         let turn = DQuat::from_mat3(&world_from_panel.matrix3).conjugate();
         let panel_from_world = Pose::new(turn * -world_from_panel.translation, turn);
         let pointer = self.pointer_on(&known, &panel_from_world);
         let mut input = known.input(pointer);
-        if let Some(frame) = self.frame() {
+        if let Some(frame) = self.frame {
             input.time = Some(frame.time_s());
             input.predicted_dt = (frame.period_ns as f64 * 1e-9) as f32;
         }
@@ -286,18 +291,18 @@ impl World<'_> {
         if let Some(rgba8) = picture {
             self.repaint(known.part.images.start, rgba8);
         }
-        self.panels()[panel.0] = Some(known);
+        self.kept.panels[panel.0] = Some(known);
         Ok(())
     }
 
     fn take_panel(&mut self, panel: Panel) -> Result<Kept, WorldError> {
-        let known = self.panels().get_mut(panel.0).and_then(Option::take);
+        let known = self.kept.panels.get_mut(panel.0).and_then(Option::take);
         known.ok_or_else(|| WorldError::Panel("it was removed".into()))
     }
 
     /// Which hand is a panel's pointer, and where.
     fn pointer_on(&self, known: &Kept, panel_from_world: &Pose) -> Pointer {
-        let Some(frame) = self.frame() else {
+        let Some(frame) = self.frame else {
             return Pointer::default();
         };
         let before = known.pointer.pressing;

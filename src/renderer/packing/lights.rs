@@ -25,6 +25,7 @@ mod motion;
 mod tree;
 
 use alias::{alias_table, chances};
+pub use glow::mean_glow;
 use glow::mesh_glows;
 pub use motion::LightUploads;
 use motion::{Emitter, Placed, is_afar};

@@ -19,8 +19,8 @@ mod vertices;
 
 pub use environment::{PackedEnvironment, pack_environment};
 pub use lights::{
-    LightKinds, LightSources, LightUploads, PackedLights, SceneBox, emitter_ordinals, pack_lights,
-    spot_falloff, spot_solid_angle,
+    LightKinds, LightSources, LightUploads, PackedLights, SceneBox, emitter_ordinals, mean_glow,
+    pack_lights, spot_falloff, spot_solid_angle,
 };
 pub use materials::pack_materials;
 pub use mips::{Averaging, alpha_of_normals};

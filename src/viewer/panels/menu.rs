@@ -10,6 +10,7 @@ use crate::viewer::frames::ViewMode;
 use crate::viewer::gizmo::Mode;
 use crate::viewer::layout::Layout;
 use crate::viewer::panels::paths::Purpose;
+use crate::viewer::save_files::Saved;
 use crate::viewer::session::{Player, Recording};
 use crate::viewer::worker::decided;
 use crate::xr::{Motion, SimulatedSession};
@@ -183,13 +184,13 @@ fn file(app: &mut App, ui: &mut Ui) {
     });
     ui.separator();
     if entry(ui, "Save scene", "Ctrl+S") {
-        app.save_scene(&context);
+        app.save(&context, Saved::Scene);
     }
     if entry(ui, "Save scene as\u{2026}", "Ctrl+Shift+S") {
-        app.ask_path(Purpose::SaveScene);
+        app.ask_path(Purpose::Save(Saved::Scene));
     }
     if entry(ui, "Save settings as\u{2026}", "") {
-        app.ask_path(Purpose::SaveSettings);
+        app.ask_path(Purpose::Save(Saved::Settings));
     }
     ui.separator();
     if entry(ui, "Screenshot", "T") {

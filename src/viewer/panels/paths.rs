@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use egui::{Align2, Context, Key, ScrollArea, TextEdit, Window};
 
 use crate::viewer::app::App;
+use crate::viewer::save_files::Saved;
 
 /// Entries of a folder that are offered at most.
 const MOST_ENTRIES: usize = 500;
@@ -16,25 +17,23 @@ const MOST_ENTRIES: usize = 500;
 pub enum Purpose {
     /// A scene, surroundings or a recording is read.
     Open,
-    /// The edited scene is written.
-    SaveScene,
-    /// The settings are written.
-    SaveSettings,
+    /// This is written to it.
+    Save(Saved),
 }
 
 impl Purpose {
     fn title(self) -> &'static str {
         match self {
             Self::Open => "Open a scene, surroundings or a recording",
-            Self::SaveScene => "Save the scene as glTF",
-            Self::SaveSettings => "Save the settings as TOML",
+            Self::Save(Saved::Scene) => "Save the scene as glTF",
+            Self::Save(Saved::Settings) => "Save the settings as TOML",
         }
     }
 
     fn verb(self) -> &'static str {
         match self {
             Self::Open => "Open",
-            Self::SaveScene | Self::SaveSettings => "Save",
+            Self::Save(_) => "Save",
         }
     }
 
@@ -42,8 +41,8 @@ impl Purpose {
     fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Open => &["glb", "gltf", "hdr", "exr", "jsonl", "csv", "txt", "tum"],
-            Self::SaveScene => &["glb", "gltf"],
-            Self::SaveSettings => &["toml"],
+            Self::Save(Saved::Scene) => &["glb", "gltf"],
+            Self::Save(Saved::Settings) => &["toml"],
         }
     }
 }
@@ -171,13 +170,9 @@ pub fn show(app: &mut App, context: &Context) {
 fn answer(app: &mut App, context: &Context, purpose: Purpose, path: String) {
     match purpose {
         Purpose::Open => app.open(context, path),
-        Purpose::SaveScene => {
-            app.fields.scene_path = path;
-            app.save_scene(context);
-        }
-        Purpose::SaveSettings => {
-            app.fields.settings_path = path;
-            app.save_settings(context);
+        Purpose::Save(what) => {
+            *app.fields.path_of(what) = path;
+            app.save(context, what);
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::options::SettingsFile as _;
 use crate::settings::{Kind, Setting, Settings, registry};
 use crate::viewer::app::App;
 use crate::viewer::layout::Layout;
+use crate::viewer::save_files::Saved;
 use crate::xr::Headset;
 
 /// The tab.
@@ -41,7 +42,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             .clicked()
         {
             let context = ui.ctx().clone();
-            app.save_settings(&context);
+            app.save(&context, Saved::Settings);
         }
     });
     ui.add(

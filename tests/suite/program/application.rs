@@ -513,6 +513,12 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
     assert!(made.join("Cargo.lock").is_file() && made.join(".gitignore").is_file());
     let test = std::fs::read_to_string(made.join("tests/replay.rs")).unwrap();
     assert!(test.contains("CARGO_BIN_EXE_my-app"));
+    // A name may be like a word of the template.
+    let odd = folder.join("STEREOLUX-NAME");
+    support::assert_success(&support::stereolux(&["new", odd.to_str().unwrap()]));
+    let manifest = std::fs::read_to_string(odd.join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = manifest.parse().unwrap();
+    assert_eq!(manifest["package"]["name"].as_str(), Some("STEREOLUX-NAME"));
     // Not over what is there, and not under a name that no crate has.
     assert_eq!(new(&[]).status.code(), Some(2));
     for name in ["9lives", "my app", "test", ".."] {

@@ -328,4 +328,7 @@ fn info_is_json() {
     assert!(info["scene"]["needs"].is_object());
     // The gallery holds glass.
     assert_says(&info["scene"].to_string(), &["dielectric"]);
+    // One goes with software adapters, the other with cards.
+    let features = &info["scene"]["shader_features"];
+    assert_ne!(features["record_texels"], features["wide_machine"]);
 }

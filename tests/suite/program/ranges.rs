@@ -66,6 +66,17 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
             assert_says(&stderr(&output), &[says]);
         };
         again(&whole, &first, "frame 0 is in");
+        let about = second.join("run.json");
+        let mut elsewhere = json(&about);
+        // Photons of a scene that stands still are traced before the second half.
+        let (traced, stands) = (
+            &elsewhere["medians"]["photons_ms"],
+            scene == "builtin:cornell",
+        );
+        assert_eq!(traced.is_null(), stands, "{traced}");
+        elsewhere["adapter"]["name"] = "another".into();
+        std::fs::write(&about, elsewhere.to_string()).unwrap();
+        again(&first, &second, "adapter.name");
         run(&second, scene, &["--range", "3..6", "--seed", "5"]);
         again(&first, &second, "settings_hash");
         let hands = folder.join("hands.toml");

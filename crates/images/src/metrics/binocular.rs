@@ -2,27 +2,19 @@
 //!
 //! An error that is the same in both eyes looks like paint on the surface; one that differs fights between the eyes.
 
-use serde::Serialize;
-
-use super::{BlockedMean, MetricsError, finite, is_finite, mean_square, require_size};
+use super::{MetricsError, finite, is_finite, mean_square, require_size};
 use crate::images::{Image, ImageRgb};
 
 /// Disagreement of the two eyes' errors over corresponding pixels. With d = (x - r) of the right eye minus (x - r) of
 /// the left eye at the same surface point, r the right eye's reference and s the mean of its squares.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BinocularError {
     /// Mean over pairs and channels of d^2 / (r^2 + 0.01 s); `None` against a black reference that is not met.
     pub rel_mse: Option<f64>,
-    /// Its standard error over blocks of 8x8 right-eye pixels.
-    pub rel_mse_se: Option<f64>,
     /// Square root of the mean of d^2.
     pub rmse: f64,
-    /// Its standard error.
-    pub rmse_se: Option<f64>,
-    /// Pairs of pixels compared.
+    /// Pairs of pixels compared: those whose channels are finite.
     pub pairs: usize,
-    /// Pairs left out because a channel is NaN or infinite.
-    pub non_finite: usize,
 }
 
 /// The signed error x - r of each pixel and channel.
@@ -55,12 +47,7 @@ pub fn binocular_error(
     require_size("the right eye's error", right_error, right_reference)?;
     require_size("the correspondence", left_from_right, right_reference)?;
     let floor = 0.01 * mean_square(right_reference);
-    let (width, height) = (right_reference.width, right_reference.height);
-    let (mut relative, mut square) = (
-        BlockedMean::new(width, height),
-        BlockedMean::new(width, height),
-    );
-    let (mut pairs, mut non_finite) = (0, 0);
+    let (mut relative, mut square, mut pairs) = (0.0, 0.0, 0);
     let right = right_error.pixels.iter().zip(&right_reference.pixels);
     for (index, ((right, r), left)) in right.zip(&left_from_right.pixels).enumerate() {
         let Some(to) = left.map(|to| to as usize) else {
@@ -75,34 +62,27 @@ pub fn binocular_error(
                 pixels: left_error.pixels.len(),
             })?;
         if ![left, right, r].into_iter().all(is_finite) {
-            non_finite += 1;
             continue;
         }
         pairs += 1;
-        let (mut relative_here, mut square_here) = (0.0, 0.0);
         for channel in 0..3 {
             let difference = f64::from(right[channel]) - f64::from(left[channel]);
             if difference != 0.0 {
-                relative_here += difference * difference / (f64::from(r[channel]).powi(2) + floor);
+                relative += difference * difference / (f64::from(r[channel]).powi(2) + floor);
             }
-            square_here += difference * difference;
+            square += difference * difference;
         }
-        relative.add(index, width, relative_here / 3.0);
-        square.add(index, width, square_here / 3.0);
     }
     if pairs == 0 {
         return Err(MetricsError::NothingCounted(
             "no finite point is seen by both eyes",
         ));
     }
-    let (rmse, rmse_se) = square.root();
+    let channels = 3.0 * pairs as f64;
     Ok(BinocularError {
-        rel_mse: finite(relative.mean()),
-        rel_mse_se: relative.standard_error().and_then(finite),
-        rmse,
-        rmse_se,
+        rel_mse: finite(relative / channels),
+        rmse: f64::sqrt(square / channels),
         pairs,
-        non_finite,
     })
 }
 

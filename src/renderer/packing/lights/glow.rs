@@ -17,6 +17,36 @@ pub(super) struct Glow {
     pub(super) double_sided: bool,
 }
 
+/// What a white surface would have as radiance, if the power of all emissive triangles were spread evenly over all surfaces,
+/// W sr^-1 m^-2, mean of the channels: sum of L A over sum of A. Meshes that deform count as they lie in the file.
+pub fn mean_glow(scene: &Scene) -> f64 {
+    let glows = scene.meshes.iter().map(|mesh| mesh_glows(scene, mesh));
+    let glows: Vec<_> = glows.collect();
+    let (mut emitted, mut total) = (0.0, 0.0);
+    for instance in scene.instances() {
+        let mesh = &scene.meshes[instance.mesh];
+        let area = |triangle| {
+            let corners = mesh.corners(triangle);
+            let [a, b, c] =
+                corners.map(|corner| instance.world_from_object.transform_point3(corner));
+            0.5 * (b - a).cross(c - a).length()
+        };
+        total += mesh.triangles.iter().map(area).sum::<f64>();
+        for glow in &glows[instance.mesh] {
+            let radiance = glow.mean.iter().sum::<f64>() / 3.0;
+            emitted += radiance * glow.sides() * area(&mesh.triangles[glow.triangle]);
+        }
+    }
+    if total > 0.0 { emitted / total } else { 0.0 }
+}
+
+impl Glow {
+    /// How many sides shine.
+    pub(super) fn sides(&self) -> f64 {
+        if self.double_sided { 2.0 } else { 1.0 }
+    }
+}
+
 pub(super) fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {
     let ordinals = emitter_ordinals(scene, mesh);
     (0..mesh.triangles.len())

@@ -36,7 +36,7 @@ impl Emitter {
             edges,
             mean: glow.mean,
             boost: glow.boost,
-            sides: if glow.double_sided { 2.0 } else { 1.0 },
+            sides: glow.sides(),
         }
     }
 
