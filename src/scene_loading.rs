@@ -229,8 +229,10 @@ mod tests {
     fn settings_of_a_scene_that_was_lit_are_accepted_again() {
         use crate::options::SettingsFile as _;
         for light in [Light::Auto, Light::Studio, Light::Sky] {
-            let mut settings = Settings::default();
-            settings.light = light;
+            let mut settings = Settings {
+                light,
+                ..Settings::default()
+            };
             let mut scene = Scene::builtin("cornell").unwrap();
             scene
                 .materials

@@ -519,8 +519,8 @@ impl<'a> World<'a> {
         self.kept.pulses.push(Pulse {
             of,
             duration_s: duration_s.max(0.0),
-            // `clamp` would keep NaN.
-            amplitude: amplitude.max(0.0).min(1.0),
+            // `clamp` alone would keep NaN.
+            amplitude: amplitude.max(0.0).clamp(0.0, 1.0),
         });
     }
 

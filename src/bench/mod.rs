@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 use stereolux_report::journal::Journal;
 use stereolux_report::records::{Machine, Row};
 use stereolux_report::rounds::Round;
-use stereolux_report::shards::{Part, Shard, join};
+use stereolux_report::shards::{FORMAT, Head, Part, Shard, join};
 use stereolux_report::{Circumstances, Report, ReportError, ReportFile};
 
 use measure::{GroupPlan, Lab};
@@ -257,19 +257,22 @@ fn references_folder(options: &BenchOptions) -> Result<PathBuf, BenchError> {
 
 fn report<'a>(
     options: &BenchOptions,
-    machine: &'a Machine,
+    machine: &Machine,
     part: Option<&'a Part>,
     unfinished: Option<[usize; 2]>,
     rows: &'a [Row],
 ) -> Report<'a> {
     Report {
-        suite: options.suite.word(),
-        version: env!("CARGO_PKG_VERSION"),
-        render_code: RENDER_CODE,
-        bench_code: BENCH_CODE,
-        reference_samples: suites::reference_samples(options),
-        samples_per_batch: BOX_SAMPLES,
-        machine,
+        head: Head {
+            format: FORMAT.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            suite: options.suite.word().to_owned(),
+            render_code: RENDER_CODE.to_owned(),
+            bench_code: BENCH_CODE.to_owned(),
+            reference_samples: suites::reference_samples(options),
+            samples_per_batch: BOX_SAMPLES,
+            machine: machine.clone(),
+        },
         part,
         unfinished,
         rows,

@@ -239,7 +239,7 @@ impl Stage<'_> {
                     scene: self.name.to_owned(),
                     method: word.to_owned(),
                     variant: (*variant).to_owned(),
-                    clock: clock(&self.device).to_owned(),
+                    clock: clock(self.device).to_owned(),
                     pixels_per_degree: pixels_per_degree(&first[0], self.size[0]),
                     ..judge(&found?, self.truth, &seen)
                 })

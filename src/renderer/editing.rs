@@ -156,6 +156,7 @@ fn glows_otherwise(before: &Material, after: &Material) -> bool {
         let emits = material.is_emissive();
         emits.then_some((
             material.emission,
+            material.coverage(),
             material.emissive_texture,
             material.double_sided,
         ))

@@ -176,12 +176,33 @@ pub fn statistics(values: &[f64]) -> (f64, f64) {
     (mean, squares.sum::<f64>() / (n - 1.0) / n)
 }
 
-/// Pixels that differ in a channel by more than `tolerance` of the larger value.
+/// Pixels that differ in a channel by more than `tolerance` of the larger value, or by no finite number.
 pub fn strays(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) -> usize {
-    let differs =
-        |(a, b): (&f32, &f32)| (a - b).abs() > tolerance * a.abs().max(b.abs()) || a.is_nan();
+    assert_eq!(a.len(), b.len());
+    let is_near = |(a, b): (&f32, &f32)| {
+        let off = (a - b).abs();
+        off.is_finite() && off <= tolerance * a.abs().max(b.abs())
+    };
     let pairs = a.iter().zip(b);
-    pairs.filter(|(a, b)| a.iter().zip(*b).any(differs)).count()
+    pairs
+        .filter(|(a, b)| !a.iter().zip(*b).all(is_near))
+        .count()
+}
+
+#[test]
+fn what_is_not_finite_strays_on_either_side() {
+    let one = [[1.0; 3]];
+    for (value, due) in [
+        (1.0, 0),
+        (0.99, 0),
+        (1.02, 1),
+        (f32::NAN, 1),
+        (f32::INFINITY, 1),
+    ] {
+        let other = [[1.0, 1.0, value]];
+        let found = [strays(&one, &other, 0.01), strays(&other, &one, 0.01)];
+        assert_eq!(found, [due; 2], "{value}");
+    }
 }
 
 /// Fails unless every channel is finite and none is negative.

@@ -469,7 +469,7 @@ pub(crate) mod tests {
         assert!((level.photon_over_path.unwrap() - 0.25).abs() < 1e-9);
         // Half the error of its most samples takes twice their time.
         let path = vec![(10.0, 0.8), (160.0, 0.05)];
-        let more = equal_error(&[], &[path.clone()], 0.025);
+        let more = equal_error(&[], std::slice::from_ref(&path), 0.025);
         assert!((more.path_ms.unwrap() - 320.0).abs() < 1e-9 && more.photon.is_none());
         // A worse path tracer beside it is not mixed in, and a better one counts.
         let [worse, better] =

@@ -34,8 +34,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 pub use one_table::Circumstances;
-use records::{Machine, Row, leaves};
-use shards::{FORMAT, Head, Part};
+use records::{Row, leaves};
+use shards::{Head, Part};
 
 /// Why a journal or a report cannot be had. Each message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -84,22 +84,10 @@ impl ReportError {
 }
 
 /// What a report is of.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Report<'a> {
-    /// The suite.
-    pub suite: &'a str,
-    /// Version of the program that measured.
-    pub version: &'a str,
-    /// Fingerprint of the code that decides pixels.
-    pub render_code: &'a str,
-    /// Fingerprint of that and of the code that measures.
-    pub bench_code: &'a str,
-    /// Most samples per pixel of a reference.
-    pub reference_samples: u32,
-    /// Samples per pixel of one batch of a reference that is filtered over the pixel.
-    pub samples_per_batch: u32,
-    /// Where this ran.
-    pub machine: &'a Machine,
+    /// What all parts of the suite have in common.
+    pub head: Head,
     /// Which part of the suite this is; `None`: all of it.
     pub part: Option<&'a Part>,
     /// Groups in the report and in the whole suite, or part of it, while it is not all there.
@@ -125,7 +113,7 @@ impl Report<'_> {
     /// [`ReportError::Plot`], [`ReportError::Format`].
     pub fn files(&self) -> Result<Vec<ReportFile>, ReportError> {
         let analysis = analysis::analyse(self.rows);
-        let charts = charts::charts(self.rows, &analysis, self.machine);
+        let charts = charts::charts(self.rows, &analysis, &self.head.machine);
         let stems: Vec<&str> = charts.iter().map(|(stem, _)| stem.as_str()).collect();
         let mut files = Vec::new();
         let mut drawings = BTreeMap::new();
@@ -146,7 +134,7 @@ impl Report<'_> {
             }
         }
         let format = |name, reason: String| ReportError::Format { name, reason };
-        let mut json = serde_json::to_value(self.head())
+        let mut json = serde_json::to_value(&self.head)
             .map_err(|error| format("report.json", error.to_string()))?;
         if let Some(part) = self.part {
             json["part"] = json!(part);
@@ -168,7 +156,7 @@ impl Report<'_> {
             .iter()
             .map(|stem| format!("[![{stem}](plots/{stem}.png)](plots/{stem}.svg)"));
         let markdown = markdown::markdown(self, &analysis, linked.collect());
-        let title = format!("stereolux bench {}", self.suite);
+        let title = format!("stereolux bench {}", self.head.suite);
         let html = html::page(&title, &markdown, &drawings);
         for (name, text) in [
             ("report.json", json),
@@ -184,19 +172,6 @@ impl Report<'_> {
             });
         }
         Ok(files)
-    }
-
-    fn head(&self) -> Head {
-        Head {
-            format: FORMAT.to_owned(),
-            version: self.version.to_owned(),
-            suite: self.suite.to_owned(),
-            render_code: self.render_code.to_owned(),
-            bench_code: self.bench_code.to_owned(),
-            reference_samples: self.reference_samples,
-            samples_per_batch: self.samples_per_batch,
-            machine: self.machine.clone(),
-        }
     }
 
     /// Rows with an error that its reference was not good enough for.

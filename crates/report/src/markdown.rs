@@ -44,17 +44,17 @@ fn fill(block: &str, values: &[(&str, String)]) -> String {
 
 /// The report: what was asked and what came out, plots, and then everything. `plots` are the lines that show them.
 pub fn markdown(report: &Report<'_>, analysis: &Analysis, plots: Vec<String>) -> String {
-    let (machine, rows) = (report.machine, report.rows);
+    let (machine, rows) = (&report.head.machine, report.rows);
     let mut text = fill(
         "head",
         &[
-            ("suite", report.suite.to_owned()),
+            ("suite", report.head.suite.clone()),
             ("adapter", machine.adapter.clone()),
             ("kind", machine.kind.clone()),
             ("backend", machine.backend.clone()),
             ("driver", machine.driver.clone()),
-            ("version", report.version.to_owned()),
-            ("code", report.bench_code.to_owned()),
+            ("version", report.head.version.clone()),
+            ("code", report.head.bench_code.clone()),
             ("rows", rows.len().to_string()),
         ],
     );
@@ -327,7 +327,7 @@ fn stereo(_: &Report<'_>, rows: &[&Row], analysis: &Analysis) -> String {
 }
 
 fn pareto(report: &Report<'_>, rows: &[&Row], analysis: &Analysis) -> String {
-    let samples = report.samples_per_batch.to_string();
+    let samples = report.head.samples_per_batch.to_string();
     let scenes = analysis
         .pareto
         .iter()
@@ -549,7 +549,7 @@ fn references(report: &Report<'_>) -> String {
             word.to_owned()
         });
     let values = [
-        ("samples", report.reference_samples.to_string()),
+        ("samples", report.head.reference_samples.to_string()),
         ("table", table.of(&parts)),
     ];
     fill("references", &values)

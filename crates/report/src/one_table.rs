@@ -150,7 +150,7 @@ pub(crate) mod tests {
         let mut reader = csv::Reader::from_reader(csv.as_bytes());
         let rows: Vec<BTreeMap<String, String>> =
             reader.deserialize().map(Result::unwrap).collect();
-        let columns: Map<String, Value> =
+        let columns: BTreeMap<String, String> =
             serde_json::from_str(&text(files, "columns.json")).unwrap();
         for row in &rows {
             assert!(row.keys().eq(columns.keys()));

@@ -39,15 +39,23 @@ pub struct Part {
 
 /// What report.json says of the suite, the same in all its parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Head {
-    pub(crate) format: String,
-    pub(crate) version: String,
-    pub(crate) suite: String,
-    pub(crate) render_code: String,
-    pub(crate) bench_code: String,
-    pub(crate) reference_samples: u32,
-    pub(crate) samples_per_batch: u32,
-    pub(crate) machine: Machine,
+pub struct Head {
+    /// [`FORMAT`].
+    pub format: String,
+    /// Version of the program that measured.
+    pub version: String,
+    /// The suite.
+    pub suite: String,
+    /// Fingerprint of the code that decides pixels.
+    pub render_code: String,
+    /// Fingerprint of that and of the code that measures.
+    pub bench_code: String,
+    /// Most samples per pixel of a reference.
+    pub reference_samples: u32,
+    /// Samples per pixel of one batch of a reference that is filtered over the pixel.
+    pub samples_per_batch: u32,
+    /// Where this ran.
+    pub machine: Machine,
 }
 
 /// report.json as it is read, without what is computed from it.
@@ -61,7 +69,7 @@ struct Saved {
 }
 
 /// The `format` of report.json.
-pub(crate) const FORMAT: &str = "stereolux-bench";
+pub const FORMAT: &str = "stereolux-bench";
 
 /// A report whose parts were measured apart.
 #[derive(Debug)]
@@ -74,15 +82,8 @@ impl Joined {
     /// The report, of all parts.
     #[must_use]
     pub fn report(&self) -> Report<'_> {
-        let head = &self.head;
         Report {
-            suite: &head.suite,
-            version: &head.version,
-            render_code: &head.render_code,
-            bench_code: &head.bench_code,
-            reference_samples: head.reference_samples,
-            samples_per_batch: head.samples_per_batch,
-            machine: &head.machine,
+            head: self.head.clone(),
             part: None,
             unfinished: None,
             rows: &self.rows,
@@ -216,15 +217,17 @@ mod tests {
     }
 
     fn files(rows: &[Row], part: Option<&Part>, version: &str) -> Vec<crate::ReportFile> {
-        let machine = Machine::default();
         let report = Report {
-            suite: "pareto",
-            version,
-            render_code: "r",
-            bench_code: "b",
-            reference_samples: 16,
-            samples_per_batch: 4,
-            machine: &machine,
+            head: Head {
+                format: FORMAT.to_owned(),
+                version: version.to_owned(),
+                suite: "pareto".to_owned(),
+                render_code: "r".to_owned(),
+                bench_code: "b".to_owned(),
+                reference_samples: 16,
+                samples_per_batch: 4,
+                machine: Machine::default(),
+            },
             part,
             unfinished: None,
             rows,

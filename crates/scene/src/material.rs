@@ -160,6 +160,15 @@ impl Material {
         self.metallic < 1.0 || self.metallic_roughness_texture.is_some()
     }
 
+    /// Chance that a ray meets it where its base colour texture is opaque: the alpha factor of blended surfaces, else 1.
+    #[must_use]
+    pub fn coverage(&self) -> f32 {
+        match self.alpha_mode {
+            AlphaMode::Blend => self.base_color[3],
+            _ => 1.0,
+        }
+    }
+
     /// Whether triangles of this material emit light.
     pub fn is_emissive(&self) -> bool {
         self.emission.iter().any(|channel| *channel > 0.0)

@@ -183,7 +183,10 @@ fn previous_points_are_those_of_the_frame_before() {
 fn a_frame_uploads_what_moved_and_no_triangles() {
     let context = context();
     let mut random = Random(63);
-    let scene = scene(&mut random, 20, DVec3::ZERO);
+    let mut scene = scene(&mut random, 20, DVec3::ZERO);
+    let mut fine = soup(&mut random, 1000, 0.2);
+    fine.normals = vec![[0.0, 1.0, 0.0]; fine.positions.len()];
+    scene.meshes[0] = fine;
     let mut buffers = buffers(&context, &scene);
     buffers.begin_frame(&context, DVec3::ZERO).unwrap();
     assert!(!buffers.scene_moved() || buffers.moved_instances().is_empty());
@@ -197,8 +200,22 @@ fn a_frame_uploads_what_moved_and_no_triangles() {
     assert!(!replaced, "nothing has to be bound again");
     assert!(buffers.scene_moved());
     assert_eq!(buffers.moved_instances(), [7]);
-    // 112 bytes of each instance or part, 64 of where an instance was, at most 64 of one node of the upper hierarchy.
+    // 112 bytes of each instance or part, 64 of where an instance was, 64 of each node of the upper hierarchy, of which there
+    // is one less than leaves: at least one leaf of each instance, and one more for whatever is opened. A mesh's triangles
+    // alone are more than all that.
     let bytes = buffers.upload_bytes();
-    let records = 20 + 2 * MOST_OPENED as u64;
-    assert!(bytes <= records * (112 + 64) + 20 * 64, "{bytes}");
+    let (parts, opened) = (2 * MOST_OPENED as u64, MOST_OPENED as u64);
+    let least = 20 * (112 + 64) + 19 * 64;
+    let most = least + parts * 112 + opened * 64;
+    assert!(
+        (least..=most).contains(&bytes),
+        "{least} <= {bytes} <= {most}"
+    );
+    let triangles = buffers.hierarchies().triangles.len() * size_of::<Triangle>();
+    assert!(triangles as u64 > most, "they would not be noticed");
+    // At rest again: where all were in the frame before, and then nothing.
+    for due in [20 * 64, 0] {
+        buffers.begin_frame(&context, DVec3::ZERO).unwrap();
+        assert_eq!(buffers.upload_bytes(), due);
+    }
 }

@@ -158,14 +158,14 @@ fn shared_structs_have_one_layout() {
 
 #[test]
 fn a_wrong_layout_is_noticed() {
-    // Two fields exchanged, a field inserted, a field grown: each must be found, and nothing else.
+    // A field grown, two exchanged, one inserted: each must be found, and nothing else.
     let exchanged = "    frame_index: u32,\n    seed: u32,";
     let inserted = "hashed_rows: u32,\n    extra: u32,\n    // Table";
     for (module, from, to, name) in [
         (
             "shared/photon",
             "position: vec3<f32>,",
-            "position: vec4<f32>,",
+            "@size(16) position: vec3<f32>,",
             "Photon",
         ),
         (
@@ -181,13 +181,10 @@ fn a_wrong_layout_is_noticed() {
             "PhotonGrid",
         ),
     ] {
-        let library = changed(module, from, to);
-        // A changed type may break code that uses it; exchanged names do not. Reflection of what still compiles is enough.
-        let outcome = std::panic::catch_unwind(|| shaders(&library));
-        if let Ok(mut found) = outcome {
-            found.remove("Dispatch");
-            assert_eq!(mismatches(&host(), &found), [name]);
-        }
+        // All of them still compile, or this fails.
+        let mut found = shaders(&changed(module, from, to));
+        found.remove("Dispatch");
+        assert_eq!(mismatches(&host(), &found), [name]);
     }
     let mut host = host();
     host.remove("Vertex");

@@ -18,14 +18,34 @@ fn views(scene: &Scene) -> [View; 2] {
     start_views(scene, 25.0)
 }
 
-/// Both eyes' bits and what the right eye took over.
-fn picture(renderer: &Renderer) -> ([Vec<[u32; 3]>; 2], Option<Vec<u32>>) {
-    (both_bits(renderer), renderer.read_provenance().unwrap())
+/// Both eyes' bits, what the right eye took over, and what else is switched on.
+fn picture(renderer: &Renderer) -> ([Vec<[u32; 3]>; 2], Option<Vec<u32>>, Vec<Vec<u32>>) {
+    let taken = renderer.read_provenance().unwrap();
+    (both_bits(renderer), taken, others(renderer))
+}
+
+/// Images that only some settings have, as bits: the light in parts, what was seen and how it moved, variances.
+fn others(renderer: &Renderer) -> Vec<Vec<u32>> {
+    let mut all = Vec::new();
+    for eye in Eye::BOTH {
+        if let Some(parts) = renderer.read_parts(eye).unwrap() {
+            all.extend(
+                [parts.direct, parts.indirect, parts.albedo].map(|part| bits(&part).concat()),
+            );
+        }
+        if let Some((seen, motion)) = renderer.read_motion(eye).unwrap() {
+            let motion = motion.as_flattened().iter();
+            all.extend([seen.concat(), motion.map(|word| word.to_bits()).collect()]);
+        }
+        let variance = renderer.read_variance(eye).unwrap();
+        all.extend(variance.map(|all| all.into_iter().map(f32::to_bits).collect()));
+    }
+    all
 }
 
 /// Frame 0 of a renderer that has shown it at `SMALL` before, and that of one made at `LARGE`; twice each, the second as
-/// frame 1, so that history counts.
-fn resized_and_made(scene: &Scene, settings: &RenderSettings) {
+/// frame 1, so that history counts. Returns the latter.
+fn resized_and_made(scene: &Scene, settings: &RenderSettings) -> Renderer {
     let views = views(scene);
     let mut resized = rendered(scene, settings, SMALL, &views);
     let small = picture(&resized);
@@ -49,6 +69,7 @@ fn resized_and_made(scene: &Scene, settings: &RenderSettings) {
     let again = picture(&resized);
     assert_eq!(again.0[0].len(), 24 * 20);
     assert!(again == small, "the old size again");
+    made
 }
 
 #[test]
@@ -85,9 +106,12 @@ fn reconstruction_parts_and_heaps_follow_the_size() {
         s.photon.radius_m = 5.0;
         s.photon.count = 65_536;
     });
-    for settings in [all, heaps] {
-        resized_and_made(&scene, &settings);
-    }
+    let made = resized_and_made(&scene, &all);
+    let lengths: Vec<_> = others(&made).iter().map(Vec::len).collect();
+    let of_an_eye = [3, 3, 3, 4, 4, 1].map(|words| words * 48 * 33);
+    assert_eq!(lengths, [of_an_eye; 2].concat());
+    let made = resized_and_made(&scene, &heaps);
+    assert!(made.photon_map().unwrap().gather_slices() > 1, "one slice");
 }
 
 #[test]

@@ -19,8 +19,12 @@ fn no_loop_is_decided_by_uniforms_alone() {
     let mut found = BTreeSet::new();
     let mut seen = HashSet::new();
     for features in kinds_of_scene() {
-        for pass in passes::ALL {
-            let features = specialised(pass, &features, true);
+        // Over the tiles of a list, and over whole images.
+        for (pass, from_list) in passes::ALL
+            .iter()
+            .flat_map(|pass| [(pass, true), (pass, false)])
+        {
+            let features = specialised(pass, &features, from_list);
             let shader = library.compile(&pass.shader_name(), &features).unwrap();
             // The library compiles nothing twice.
             if !seen.insert(Arc::as_ptr(&shader)) {

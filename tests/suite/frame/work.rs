@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stereolux::frame::work::{Dispatched, WorkCounts};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 
 use super::support::{assert_begins, both, builtin, renderer, settings, start_views};
 
@@ -66,6 +66,35 @@ fn counts_are_those_that_can_be_known() {
             _ => assert!(right < direct.rays / 2, "{right} of {}", direct.rays),
         }
     }
+}
+
+/// In a closed sphere every path of two segments is one ray to a photon that is stored; within a radius larger than the
+/// sphere every gather point, one per pixel, counts every photon.
+#[test]
+fn rays_and_photons_are_counted_one_by_one() {
+    let settings = settings(|s| {
+        s.photon.count = 2000;
+        s.photon.max_depth = 2;
+        s.photon.radius_m = 100.0;
+        s.photon.direct = DirectLight::Map;
+        s.photon.edge_correction = false;
+        s.output.work = true;
+    });
+    let scene = builtin("sphere");
+    let mut renderer = renderer(&scene, &settings, SIZE);
+    let result = renderer.render_frame(&start_views(&scene, 30.0), 0, |_| {});
+    let result = result.unwrap();
+    assert_eq!(result.photons.map.stored, 2000);
+    let of = |pass: &str| {
+        let mut counts = WorkCounts::default();
+        let dispatched = result.work.iter().filter(|d| d.label == pass);
+        dispatched.for_each(|d| counts += d.counts);
+        counts
+    };
+    assert_eq!(of("photons.photon_trace").rays, 2000);
+    let gather = of("left.photon_gather");
+    assert_eq!(gather.photons_tested, 2000 * PIXELS);
+    assert_eq!(gather.photons_counted, 2000 * PIXELS);
 }
 
 #[test]

@@ -1,17 +1,22 @@
 //! Reuse where it is hard: canted eyes, bumps at grazing angles, holes, textures that shine, shapes that change. What the
 //! right eye takes over has the mean of what it would have traced.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::Eye;
-use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
-use stereolux::settings::{Method, Reuse};
+use stereolux::scene::{
+    AlphaMode, Filter, Image, LightKind, Material, Scene, Texture, TextureRef, Wrap,
+};
+use stereolux::settings::{Eyes, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
+use super::lookup::varnished_cornell;
 use super::support::{
-    builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose, statistics,
+    builtin, parallel_views, radiance, renderer_by, settings, square_fov, start_pose, statistics,
 };
 use crate::suite::bvh::deforming::torn;
-use crate::suite::transport::hard_support::{add, quad};
+use crate::suite::transport::hard_support::{add, constant_environment, quad};
+use crate::suite::transport::lights_probe::add_light;
 
 const SIZE: usize = 32;
 /// Blocks along a side.
@@ -104,6 +109,16 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     };
     let (glowing, _) = sheet(glow, DQuat::from_rotation_x(1.2), |_, _| [255; 4]);
     let (shining, _) = sheet(sign, upright, |x, y| [255 * u8::from(checks(x, y)); 4]);
+    // Light from afar comes in by the box's open side.
+    let mut sky = varnished_cornell(0.5);
+    for material in &mut sky.materials {
+        material.emission = [0.0; 3];
+    }
+    let mut sun = sky.clone();
+    sky.environment = Some(constant_environment([1.0; 3]));
+    let slanted = DQuat::from_rotation_y(0.3) * DQuat::from_rotation_x(-0.4);
+    let place = DAffine3::from_quat(slanted);
+    add_light(&mut sun, LightKind::Directional, [3.0; 3], place);
     let parade = builtin("parade");
     let parade_views = views(start_pose(&parade));
     vec![
@@ -115,6 +130,8 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("sign", shining, views(head)),
         ("glow", glowing, views(head)),
         ("metal", metallic, views(head)),
+        ("sky", sky, views(head)),
+        ("sun", sun, views(head)),
         ("parade", parade, parade_views),
     ]
 }
@@ -145,48 +162,55 @@ fn are_alike(a: &[(f64, f64)], b: &[(f64, f64)]) -> bool {
     })
 }
 
+/// Means of blocks with the squares of their errors, over frames, of both eyes; and the share of the right eye's surfaces that
+/// was taken over.
+fn means(
+    library: &ShaderLibrary,
+    by: Method,
+    reuse: Reuse,
+    (name, scene, views): &(&str, Scene, [View; 2]),
+) -> ([Vec<(f64, f64)>; 2], f64) {
+    let settings = settings(|s| {
+        s.method = by;
+        s.reuse = reuse;
+        // Samples lie anywhere in their pixels, and elsewhere in each eye.
+        s.spp = 2;
+        s.photon.count = 4096;
+        s.photon.every_frame = true;
+    });
+    let size = [SIZE as u32; 2];
+    let mut renderer = renderer_by(library, scene, &settings, Eyes::Both, size).unwrap();
+    if *name == "parade" {
+        renderer.set_pose(&torn(scene, 0.3));
+    }
+    let mut values = Eye::BOTH.map(|_| vec![Vec::new(); BLOCKS * BLOCKS + 1]);
+    let mut reused = 0.0;
+    for index in 0..FRAMES {
+        let result = renderer.render_frame(views, index, |_| {}).unwrap();
+        let [taken, rest] = [result.stereo.reused, result.stereo.filled].map(f64::from);
+        reused += taken / (taken + rest).max(1.0) / f64::from(FRAMES);
+        for (values, eye) in values.iter_mut().zip(Eye::BOTH) {
+            for (values, value) in values.iter_mut().zip(blocks(&radiance(&renderer, eye))) {
+                values.push(value);
+            }
+        }
+    }
+    let of_eye = |eye: Vec<Vec<f64>>| -> Vec<_> { eye.iter().map(|v| statistics(v)).collect() };
+    (values.map(of_eye), reused)
+}
+
 #[test]
 fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
-    for (by, (name, scene, views)) in [Method::Photon, Method::Path]
+    let library = ShaderLibrary::embedded();
+    for (by, case) in [Method::Photon, Method::Path]
         .into_iter()
         .flat_map(|by| cases().into_iter().map(move |case| (by, case)))
     {
-        // Mean and its variance over frames, of both eyes' blocks; share of the right eye's surfaces that was taken over.
-        let of = |reuse| {
-            let settings = settings(|s| {
-                s.method = by;
-                s.reuse = reuse;
-                // Samples lie anywhere in their pixels, and elsewhere in each eye.
-                s.spp = 2;
-                s.photon.count = 4096;
-                s.photon.every_frame = true;
-            });
-            let mut renderer = renderer(&scene, &settings, [SIZE as u32; 2]);
-            if name == "parade" {
-                renderer.set_pose(&torn(&scene, 0.3));
-            }
-            let mut values = Eye::BOTH.map(|_| vec![Vec::new(); BLOCKS * BLOCKS + 1]);
-            let mut reused = 0.0;
-            for index in 0..FRAMES {
-                let result = renderer.render_frame(&views, index, |_| {}).unwrap();
-                let [taken, rest] = [result.stereo.reused, result.stereo.filled].map(f64::from);
-                reused += taken / (taken + rest).max(1.0) / f64::from(FRAMES);
-                for (values, eye) in values.iter_mut().zip(Eye::BOTH) {
-                    for (values, value) in values.iter_mut().zip(blocks(&radiance(&renderer, eye)))
-                    {
-                        values.push(value);
-                    }
-                }
-            }
-            let of_eye =
-                |eye: Vec<Vec<f64>>| -> Vec<_> { eye.iter().map(|v| statistics(v)).collect() };
-            let means = values.map(of_eye);
-            (means, reused)
-        };
-        let ([left, native], none) = of(Reuse::Off);
+        let name = case.0;
+        let ([left, native], none) = means(&library, by, Reuse::Off, &case);
         assert!(none == 0.0 && !are_alike(&left, &native), "{by:?}, {name}");
         for reuse in [Reuse::Scatter, Reuse::Lookup] {
-            let ([_, found], share) = of(reuse);
+            let ([_, found], share) = means(&library, by, reuse, &case);
             let whole = [&found, &native].map(|means| means[BLOCKS * BLOCKS].0);
             eprintln!("{by:?}, {name}, {reuse:?}: {whole:?}, {share:.2} taken over");
             assert!(
@@ -194,5 +218,35 @@ fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
                 "{by:?}, {name}, {reuse:?}"
             );
         }
+    }
+}
+
+/// Negative control of the case under a sky: what the left eye's surfaces found there is not carried over.
+#[test]
+fn a_sky_that_surfaces_found_and_that_is_not_carried_is_noticed() {
+    let case = cases().into_iter().find(|case| case.0 == "sky").unwrap();
+    for (by, module, carries) in [
+        (
+            Method::Photon,
+            "passes/direct_light",
+            "by_surface = radiance * (weight / bounce.pdf);",
+        ),
+        (
+            Method::Path,
+            "passes/path_trace",
+            "note_emitted(path, radiance * weight);",
+        ),
+    ] {
+        let mut library = ShaderLibrary::embedded();
+        let sources = library.sources().find(|(name, _)| *name == module);
+        let source = sources.unwrap().1;
+        assert_eq!(source.matches(carries).count(), 1, "{module}");
+        let without = source.replace(carries, "");
+        library.insert(module, without);
+        let [native, found] =
+            [Reuse::Off, Reuse::Lookup].map(|reuse| means(&library, by, reuse, &case).0[1].clone());
+        let whole = [&found, &native].map(|means| means[BLOCKS * BLOCKS].0);
+        eprintln!("{by:?} without {module}'s part: {whole:?}");
+        assert!(!are_alike(&found, &native), "{by:?}");
     }
 }

@@ -3,13 +3,13 @@
 use std::f64::consts::PI;
 use std::process::Command;
 
-use glam::DVec3;
+use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, Provenance, StereoStats};
-use stereolux::scene::{Material, Scene};
+use stereolux::scene::{LightKind, Material, Scene};
 use stereolux::settings::{
     DirectLight, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
 };
-use stereolux::xr::Pose;
+use stereolux::xr::{Pose, View};
 
 use super::cornell::rel_mse;
 use super::stereo_exact::{has_sharp_lobe, provenance};
@@ -20,6 +20,7 @@ use super::support::{
 };
 use crate::suite::embedded_scenes::plane;
 use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
+use crate::suite::transport::lights_probe::add_light;
 
 #[test]
 fn light_on_a_plane_is_interpolated_to_second_order() {
@@ -118,7 +119,7 @@ fn only_diffuse_light_is_taken_over_whole(by: Method) {
 }
 
 /// The box of `builtin:cornell` under varnish: every surface depends on the viewing direction.
-fn varnished_cornell(roughness: f32) -> Scene {
+pub fn varnished_cornell(roughness: f32) -> Scene {
     let mut scene = builtin("cornell");
     for material in &mut scene.materials {
         material.specular = 1.0;
@@ -189,33 +190,57 @@ fn glossy_surfaces_take_light_over(by: Method) {
     assert_eq!(stereo.resampled, 0);
 }
 
-/// A wall 2 m ahead, a point light behind the eyes and a blade between the two that no eye sees: what both see is the wall
-/// with the blade's shadow on it.
-struct Blade;
+/// A wall 2 m ahead, a light behind the eyes and a blade between the two that no eye sees: what both see is the wall with the
+/// blade's shadow on it.
+#[derive(Clone, Copy, Debug)]
+enum Blade {
+    /// A point light.
+    InLamp,
+    /// A light at infinity.
+    InSun,
+}
 
 impl Blade {
     const ALBEDO: f64 = 0.5;
     const LIGHT: DVec3 = DVec3::new(0.0, 0.3, 1.0);
     const INTENSITY: f64 = 10.0;
+    const TO_SUN: DVec3 = DVec3::new(0.2, 0.3, 1.0);
+    /// At normal incidence.
+    const IRRADIANCE: f64 = 2.0;
     const WALL_Z: f64 = -2.0;
     const CORNER: DVec3 = DVec3::new(-0.63, -3.0, 0.3);
     const WIDTH: f64 = 3.0;
     /// Its long edges lean, so that they cross pixels at every place.
     const EDGE: DVec3 = DVec3::new(1.2, 6.0, 0.0);
 
-    fn scene() -> Scene {
+    fn scene(self) -> Scene {
         let mut scene = Scene::default();
         let wall = Material::lambert("wall", [Self::ALBEDO as f32; 3]);
         add(&mut scene, &square_ahead(8.0, -Self::WALL_Z), wall);
         let blade = quad(Self::CORNER, DVec3::X * Self::WIDTH, Self::EDGE);
         add(&mut scene, &blade, Material::lambert("blade", [0.0; 3]));
-        add_point_light(&mut scene, Self::LIGHT, Self::INTENSITY as f32);
+        match self {
+            Self::InLamp => add_point_light(&mut scene, Self::LIGHT, Self::INTENSITY as f32),
+            Self::InSun => {
+                // Lights shine along their -Z.
+                let turn = DQuat::from_rotation_arc(DVec3::Z, Self::TO_SUN.normalize());
+                let place = DAffine3::from_quat(turn);
+                let irradiance = [Self::IRRADIANCE as f32; 3];
+                add_light(&mut scene, LightKind::Directional, irradiance, place);
+            }
+        }
         scene
     }
 
     /// Radiance of the wall at `point`; `None` within a tenth of a millimetre of the shadow's edge, measured on the blade.
-    fn radiance(point: DVec3) -> Option<f64> {
-        let to_light = Self::LIGHT - point;
+    fn radiance(self, point: DVec3) -> Option<f64> {
+        let (to_light, normal_irradiance) = match self {
+            Self::InLamp => {
+                let to_light = Self::LIGHT - point;
+                (to_light, Self::INTENSITY / to_light.length_squared())
+            }
+            Self::InSun => (Self::TO_SUN, Self::IRRADIANCE),
+        };
         let place = point + to_light * ((Self::CORNER.z - point.z) / to_light.z) - Self::CORNER;
         let along = place.y / Self::EDGE.y;
         let across = place.x - along * Self::EDGE.x;
@@ -223,16 +248,22 @@ impl Blade {
             return None;
         }
         assert!((0.0..1.0).contains(&along) && across < Self::WIDTH);
-        let distance = to_light.length();
-        let lit = Self::ALBEDO / PI * Self::INTENSITY * to_light.z / distance.powi(3);
+        let cosine = to_light.z / to_light.length();
+        let lit = Self::ALBEDO / PI * normal_irradiance * cosine;
         Some(if across > 0.0 { 0.0 } else { lit })
     }
 }
 
 #[test]
 fn shadows_are_the_right_eyes_own_where_it_traces_shadow_rays() {
+    for blade in [Blade::InLamp, Blade::InSun] {
+        shadows_are_the_right_eyes_own(blade);
+    }
+}
+
+fn shadows_are_the_right_eyes_own(blade: Blade) {
     const SIZE: u32 = 64;
-    let scene = Blade::scene();
+    let scene = blade.scene();
     let views = parallel_views(Pose::IDENTITY, 0.0906, square_fov(25.0));
     // Relative error of each reused pixel, or its radiance where nothing should be.
     let errors = |by, reuse, shadow_rays| {
@@ -246,7 +277,7 @@ fn shadows_are_the_right_eyes_own_where_it_traces_shadow_rays() {
         for (pixel, from) in provenance.into_iter().enumerate() {
             let ray = pixel_ray(&views[1], pixel, [SIZE, SIZE]);
             let distance = (Blade::WALL_Z - ray.origin.z) / ray.direction.z;
-            let Some(truth) = Blade::radiance(ray.origin + ray.direction * distance) else {
+            let Some(truth) = blade.radiance(ray.origin + ray.direction * distance) else {
                 continue;
             };
             if Provenance::is_reused(from) {
@@ -260,15 +291,135 @@ fn shadows_are_the_right_eyes_own_where_it_traces_shadow_rays() {
     for by in [Method::Photon, Method::Path] {
         for reuse in [Reuse::Scatter, Reuse::Lookup] {
             let worst = errors(by, reuse, true).into_iter().fold(0.0, f64::max);
-            // The light is a point and stays where it is: what is carried is exact but for packing (18 bits a channel, 2^-18)
-            // and some thirty roundings of 2^-24; the place on the wall is off by some 2^-22 of its distance, which counts
-            // threefold in cosine over distance squared.
+            // The light is a point, or a direction, and stays where it is: what is carried is exact but for packing (18 bits a
+            // channel, 2^-18) and some thirty roundings of 2^-24; the place on the wall is off by some 2^-22 of its distance,
+            // which counts threefold in a lamp's cosine over distance squared.
             let bound = 2.0_f64.powi(-18) + 30.0 * 2.0_f64.powi(-24) + 3.0 * 2.0_f64.powi(-22);
-            assert!(worst < bound, "{by:?} {reuse:?}: {worst}, bound {bound}");
+            let what = format!("{blade:?} {by:?} {reuse:?}");
+            eprintln!("{what}: off by {worst:e} of {bound:e}");
+            assert!(worst < bound, "{what}: {worst}, bound {bound}");
             // Negative control: visibility that is taken over blurs the shadow's edge.
             let blurred = errors(by, reuse, false);
             let wrong = blurred.into_iter().filter(|error| *error > 0.1).count();
-            assert!(wrong > 20, "{by:?} {reuse:?}: {wrong} pixels");
+            assert!(wrong > 20, "{what}: {wrong} pixels");
+        }
+    }
+}
+
+/// A lamp this far before a wall 2 m ahead, over the centre of one of the right eye's pixels, whose width there is 3 cm.
+struct LampAtWall {
+    height_m: f64,
+    views: [View; 2],
+    foot: DVec3,
+}
+
+impl LampAtWall {
+    const SIZE: u32 = 64;
+    const WALL_M: f64 = 2.0;
+    const ALBEDO: f64 = 0.5;
+    const INTENSITY: f64 = 0.1;
+
+    fn new(height_m: f64) -> Self {
+        let mut lamp = Self {
+            height_m,
+            views: parallel_views(Pose::IDENTITY, 0.0906, square_fov(25.0)),
+            foot: DVec3::ZERO,
+        };
+        lamp.foot = lamp.on_wall(1, f64::from(Self::SIZE / 2), Self::SIZE / 2);
+        lamp
+    }
+
+    fn scene(&self) -> Scene {
+        let mut scene = Scene::default();
+        let wall = Material::lambert("wall", [Self::ALBEDO as f32; 3]);
+        add(&mut scene, &square_ahead(8.0, Self::WALL_M), wall);
+        let place = self.foot + DVec3::Z * self.height_m;
+        add_point_light(&mut scene, place, Self::INTENSITY as f32);
+        scene
+    }
+
+    /// What the centre of an eye's pixel shows.
+    fn on_wall(&self, eye: usize, column: f64, row: u32) -> DVec3 {
+        let (x, y) = (column + 0.5, f64::from(row) + 0.5);
+        let ray = self.views[eye].ray_through_pixel(x, y, Self::SIZE, Self::SIZE);
+        ray.origin - ray.direction * (Self::WALL_M / ray.direction.z)
+    }
+
+    /// Squared distance from the lamp.
+    fn square_m2(&self, point: DVec3) -> f64 {
+        point.distance_squared(self.foot) + self.height_m * self.height_m
+    }
+
+    /// Radiance of the wall at `point` by the two left samples beside it: each has the light at its own distance, times the
+    /// ratio of the squared distances but at most `most_nearer`.
+    fn carried(&self, point: DVec3, row: u32, most_nearer: f64) -> Option<f64> {
+        let (x, _) = self.views[0].pixel_from_point_in_world(point, Self::SIZE, Self::SIZE)?;
+        let (column, part) = ((x - 0.5).floor(), (x - 0.5).fract());
+        let own = self.square_m2(point);
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (column, weight) in [(column, 1.0 - part), (column + 1.0, part)] {
+            if column < f64::from(Self::SIZE) {
+                let samples = self.square_m2(self.on_wall(0, column, row));
+                sum += weight / samples * (samples / own).min(most_nearer);
+                weights += weight;
+            }
+        }
+        let cosine = self.height_m / own.sqrt();
+        Some(Self::ALBEDO / PI * Self::INTENSITY * cosine * sum / weights)
+    }
+}
+
+#[test]
+fn lamps_close_to_a_wall_are_as_near_as_they_are_to_the_right_eyes_point() {
+    // Of shaders/passes/reuse_lookup.wesl.
+    const MOST_NEARER: f64 = 4.0;
+    for height_m in [0.1, 0.01] {
+        let lamp = LampAtWall::new(height_m);
+        let scene = lamp.scene();
+        for (by, reuse) in [Method::Photon, Method::Path]
+            .into_iter()
+            .flat_map(|by| [Reuse::Scatter, Reuse::Lookup].map(|reuse| (by, reuse)))
+        {
+            let mut settings = method(by, reuse);
+            settings.stereo.shadow_rays = true;
+            let mut renderer = renderer(&scene, &settings, [LampAtWall::SIZE; 2]);
+            let stereo = frame(&mut renderer, &lamp.views).stereo;
+            assert_all_seen(&stereo, "lamp at a wall");
+            let image = radiance(&renderer, Eye::Right);
+            // By the rule, by the closed form I cos / d^2 (which is the rule without its limit), and as if no lamp were nearer.
+            let mut worst = [0.0_f64; 3];
+            let mut compared = 0;
+            for (pixel, from) in provenance(&renderer).into_iter().enumerate() {
+                let (x, y) = (
+                    pixel as u32 % LampAtWall::SIZE,
+                    pixel as u32 / LampAtWall::SIZE,
+                );
+                let point = lamp.on_wall(1, f64::from(x), y);
+                if !Provenance::is_reused(from) {
+                    continue;
+                }
+                compared += 1;
+                let found = f64::from(image[pixel][0]);
+                for (worst, most) in worst.iter_mut().zip([MOST_NEARER, f64::INFINITY, 1.0]) {
+                    let due = lamp.carried(point, y, most).unwrap();
+                    *worst = worst.max((found / due - 1.0).abs());
+                }
+            }
+            assert!(compared > 3000, "{compared} pixels reused");
+            let what = format!("{height_m} m, {by:?} {reuse:?}");
+            eprintln!("{what}: off by {worst:?}");
+            // As for the blade; places are off by 2^-22 of 2.7 m, five of which count: cosine over distance squared at the
+            // point, and a sample's distance squared.
+            let places = 5.0 * 2.7 * 2.0_f64.powi(-22) / height_m;
+            let bound = 2.0_f64.powi(-18) + 30.0 * 2.0_f64.powi(-24) + places;
+            let [by_rule, closed, never_nearer] = worst;
+            assert!(by_rule < bound, "{what}: {by_rule}, bound {bound}");
+            // At 1 cm the limit holds light back beside the lamp, and only there.
+            let is_limited = height_m < 0.05;
+            assert_eq!(closed > bound, is_limited, "{what}: {closed}");
+            assert!(!is_limited || closed > 0.02, "{what}: {closed}");
+            // Negative control.
+            assert!(never_nearer > 20.0 * bound, "{what}: {never_nearer}");
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::suite::support::{
     parallel_views, pixel_ray, placed, radiance, rendered, renderer, square_fov, start_pose,
     start_views,
 };
+use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
 
 fn winners(renderer: &Renderer) -> Vec<u32> {
     renderer.read_winners().unwrap().unwrap()
@@ -397,4 +398,148 @@ fn mirrors_and_glass_are_not_carried_over() {
     }
     assert!(seen > 20, "only {seen} pixels show a mirror or glass");
     assert!(result.stereo.filled_because.view_dependent > 20);
+}
+
+/// A plate before a wall, both across the view, and what each right pixel must say of itself.
+struct PlateBeforeWall {
+    scene: Scene,
+    views: [View; 2],
+    /// The plate carries nothing over: it reflects nothing.
+    is_black: bool,
+}
+
+impl PlateBeforeWall {
+    const SIZE: u32 = 64;
+    const IPD_M: f64 = 0.255;
+    const PLATE_M: f64 = 1.0;
+    const WALL_M: f64 = 3.0;
+    /// Columns of the left image between which the plate is seen. The first lies just beyond a pixel's centre, which sees past the
+    /// plate; the right eye's sample there lies 0.16 of a pixel beyond that centre, on the plate.
+    const COLUMNS: [f64; 2] = [20.57, 36.3];
+
+    /// Pixels that `metres` across the view make at a distance.
+    fn pixels(metres: f64, distance_m: f64) -> f64 {
+        metres * f64::from(Self::SIZE / 2) / distance_m
+    }
+
+    fn disparity(distance_m: f64) -> f64 {
+        Self::pixels(Self::IPD_M, distance_m)
+    }
+
+    fn new(is_black: bool, has_wall: bool) -> Self {
+        let mut scene = Scene::default();
+        let middle = f64::from(Self::SIZE / 2);
+        let [left, right] = Self::COLUMNS
+            .map(|column| (column - middle) / Self::pixels(1.0, Self::PLATE_M) - Self::IPD_M / 2.0);
+        let corner = DVec3::new(left, -5.0, -Self::PLATE_M);
+        let plate = quad(corner, DVec3::X * (right - left), DVec3::Y * 10.0);
+        let albedo = if is_black { 0.0 } else { 0.5 };
+        add(&mut scene, &plate, Material::lambert("plate", [albedo; 3]));
+        if has_wall {
+            let wall = Material::lambert("wall", [0.5; 3]);
+            add(&mut scene, &square_ahead(10.0, Self::WALL_M), wall);
+        }
+        add_point_light(&mut scene, DVec3::Z, 10.0);
+        Self {
+            scene,
+            views: parallel_views(Pose::IDENTITY, Self::IPD_M, square_fov(45.0)),
+            is_black,
+        }
+    }
+
+    /// In f64, by what the left eye sees at the place of the right eye's point, and at the pixel centres beside it.
+    fn due(&self, triangles: &Triangles, pixel: usize) -> Provenance {
+        let size = [Self::SIZE; 2];
+        let row = pixel as u32 / Self::SIZE;
+        let ray = pixel_ray(&self.views[1], pixel, size);
+        let Some((t, _, surface)) = triangles.closest(ray.origin, ray.direction, 0.0) else {
+            return Provenance::Background;
+        };
+        let point = ray.origin + ray.direction * t;
+        let Some((x, _)) = self.views[0].pixel_from_point_in_world(point, Self::SIZE, Self::SIZE)
+        else {
+            return Provenance::OutOfLeftView;
+        };
+        let shown = |column: f64| {
+            let ray = pixel_ray(
+                &self.views[0],
+                (row * Self::SIZE) as usize + column as usize,
+                size,
+            );
+            triangles
+                .closest(ray.origin, ray.direction, 0.0)
+                .map(|(_, _, surface)| surface)
+        };
+        let (corner, part) = ((x - 0.5).floor(), (x - 0.5).fract());
+        let agreeing: f64 = [(corner, 1.0 - part), (corner + 1.0, part)]
+            .into_iter()
+            .filter(|(column, _)| (0.0..f64::from(Self::SIZE)).contains(column))
+            .filter(|(column, _)| shown(*column) == Some(surface))
+            .map(|(_, weight)| weight)
+            .sum();
+        assert!((agreeing - 0.2).abs() > 0.01, "choose other columns");
+        let is_plate = surface == 0;
+        // Of carried_samples.wesl: LEAST_WEIGHT.
+        if agreeing > 0.2 && !(is_plate && self.is_black) {
+            Provenance::Reused
+        } else if shown(x) == Some(surface) {
+            Provenance::Gap
+        } else if is_plate {
+            // What the left eye sees there lies behind.
+            Provenance::Edge
+        } else {
+            Provenance::Disoccluded
+        }
+    }
+}
+
+#[test]
+fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
+    let [plate, wall] =
+        [PlateBeforeWall::PLATE_M, PlateBeforeWall::WALL_M].map(PlateBeforeWall::disparity);
+    let [first, last] = PlateBeforeWall::COLUMNS;
+    for (is_black, has_wall) in [(false, true), (true, true), (false, false)] {
+        let scene = PlateBeforeWall::new(is_black, has_wall);
+        let triangles = Triangles::of(&scene.scene);
+        for reuse in [Reuse::Scatter, Reuse::Lookup] {
+            let what = format!("black {is_black}, wall {has_wall}, {reuse:?}");
+            let size = [PlateBeforeWall::SIZE; 2];
+            let settings = method(Method::Photon, reuse);
+            let mut renderer = renderer(&scene.scene, &settings, size);
+            frame(&mut renderer, &scene.views);
+            let found = provenance(&renderer);
+            for (pixel, from) in found.iter().enumerate() {
+                let due = scene.due(&triangles, pixel);
+                let at = format!("pixel {} of row {}", pixel % 64, pixel / 64);
+                assert_eq!(*from, due as u32, "{what}, {at}: {due:?} is due");
+            }
+            // In closed form, columns of every row: how much further the plate moves than the wall, by how much the wall leaves the
+            // left image, the plate's first column, and what is left of a plate of which nothing is carried.
+            let [behind, outside] = if has_wall {
+                [plate - wall, wall]
+            } else {
+                [0.0; 2]
+            };
+            let gap = if is_black { last - first - 1.0 } else { 0.0 };
+            for row in found.chunks(64) {
+                for (provenance, due) in [
+                    (Provenance::Disoccluded, behind),
+                    (Provenance::OutOfLeftView, outside),
+                    (Provenance::Edge, 1.0),
+                    (Provenance::Gap, gap),
+                ] {
+                    let columns = row
+                        .iter()
+                        .filter(|from| **from == provenance as u32)
+                        .count();
+                    let is_due =
+                        (columns as f64 - due).abs() < if due.fract() == 0.0 { 0.5 } else { 1.0 };
+                    assert!(
+                        is_due,
+                        "{what}: {columns} columns {provenance:?}, {due} due"
+                    );
+                }
+            }
+        }
+    }
 }

@@ -13,7 +13,7 @@ use super::photon_map::{
     assert_sums, directions, grid, map_only, on_one_surface, per_own_area, photons, views,
 };
 use super::support::{
-    Triangles, assert_clean, bits, both_bits, builtin, frame, pixel_ray, play, radiance, rendered,
+    Triangles, assert_clean, bits, both_bits, builtin, pixel_ray, play, radiance, rendered,
     renderer, renderer_by, settings, strays,
 };
 
@@ -125,9 +125,9 @@ fn a_tree_of_every_size_is_left_balanced_and_holds_every_photon() {
         let what = format!("{count} paths in {name}");
         let views = views(&scene, 19.0);
         let grid = rendered(&scene, &settings, [8, 8], &views);
-        let mut tree = settings.clone();
-        KD(&mut tree);
-        let mut tree = rendered(&scene, &tree, [8, 8], &views);
+        let mut by_tree = settings.clone();
+        KD(&mut by_tree);
+        let tree = rendered(&scene, &by_tree, [8, 8], &views);
         let held = photons(&tree);
         assert!(name != "sphere" || held.len() == count as usize, "{what}");
         let in_grid = sorted_bits(&photons(&grid));
@@ -143,11 +143,9 @@ fn a_tree_of_every_size_is_left_balanced_and_holds_every_photon() {
             nodes.swap(1, 2);
             assert_ne!(tree_faults(&nodes).len(), 0, "{what}: the check is blind");
         }
-        // The same photons give the same tree.
-        let before = photons(&tree);
-        frame(&mut tree, &views);
-        tree.render_frame(&views, 0, |_| {}).unwrap();
-        assert!(photons(&tree) == before, "{what}: another tree");
+        // The same photons give the same tree, however threads are scheduled.
+        let again = rendered(&scene, &by_tree, [8, 8], &views);
+        assert!(photons(&again) == held, "{what}: another tree");
     }
 }
 
@@ -401,12 +399,17 @@ fn copies_in_textures_and_wide_groups_give_the_same_images_by_every_way() {
         let (on, off) = (Force::On, Force::Off);
         let [plain, copied, wide] = [(off, off), (on, off), (off, on)].map(|(texels, groups)| {
             let mut settings = map_only(4000, way);
+            settings.photon.every_frame = true;
             settings.force.record_texels = texels;
             settings.force.wide_machine = groups;
             let mut renderer = renderer(&scene, &settings, [32, 32]);
-            // Once more with other photons: the copy follows.
-            play(&mut renderer, &views, 0..2);
-            both_bits(&renderer)
+            play(&mut renderer, &views, 0..1);
+            let first = both_bits(&renderer);
+            // Once more with other photons: the copies follow.
+            play(&mut renderer, &views, 1..2);
+            let second = both_bits(&renderer);
+            assert!(first != second, "{name}: the same photons");
+            second
         });
         let is_lit = plain.iter().flatten().any(|pixel| pixel[0] != 0);
         assert!(is_lit, "{name}: black");
@@ -457,14 +460,17 @@ fn nothing_of_another_way_is_compiled() {
 #[test]
 fn no_photons_and_vanishing_radii_are_clean_in_every_way() {
     let scene = builtin("cornell");
+    let lamps = scene.materials.iter().filter(|m| m.is_emissive());
+    let lamps: Vec<[f32; 3]> = lamps.map(|material| material.emission).collect();
     for (name, way) in WAYS {
         for (count, radius_m) in [(0, 0.05), (500, 1e-9)] {
             let base = map_only(count, |s| s.photon.radius_m = radius_m);
             let (plain, _) = image(&scene, &base, |_| {}, 16);
             let (found, _) = image(&scene, &base, way, 16);
             let what = format!("{name}, {count} photons, radius {radius_m}");
-            assert_clean(&found, &what);
-            assert_eq!(strays(&plain, &found, rounding(64)), 0, "{what}");
+            // No photon is that near: only lamps are seen.
+            let is_seen = |pixel: &[f32; 3]| *pixel == [0.0; 3] || lamps.contains(pixel);
+            assert!(found.iter().chain(&plain).all(is_seen), "{what}");
         }
     }
 }

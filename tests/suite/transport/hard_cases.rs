@@ -2,17 +2,20 @@
 
 use std::f64::consts::PI;
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{Environment, Material, Scene};
-use stereolux::settings::{Method, Reuse};
+use stereolux::scene::{Environment, LightKind, Material, Scene};
+use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
+use super::bsdf_twin::Twin;
+use super::chi_square::integrate;
 use super::hard_support::*;
+use super::lights_probe::add_light;
 use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
     assert_clean, bits, builtin, frame, mean, method, parallel_views, pixel_ray, radiance,
-    renderer, settings, square_fov, start_views,
+    renderer, settings, square_fov, start_views, statistics,
 };
 
 #[test]
@@ -257,6 +260,22 @@ fn an_empty_scene_is_black_or_its_environment() {
     }
 }
 
+/// What of light is left after a metre of [`absorbing_glass`].
+const SURVIVES_PER_M: [f64; 3] = [0.5, 0.8, 0.2];
+
+/// Glass that does not bend light.
+fn absorbing_glass(absorbs: bool) -> Material {
+    Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        ior: 1.0,
+        roughness: 0.0,
+        attenuation_distance_m: if absorbs { 1.0 } else { f32::INFINITY },
+        attenuation_color: SURVIVES_PER_M.map(|c| c as f32),
+        ..Material::default()
+    }
+}
+
 /// A white wall inside a block of absorbing glass that does not bend light, lit from inside it.
 ///
 /// Eye at the origin, block from z = -1 to -5, wall at z = -3 facing the eye, lamp at z = -2: light of radiance
@@ -265,7 +284,6 @@ fn an_empty_scene_is_black_or_its_environment() {
 fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     const INTENSITY: f32 = 7.0;
     const ALBEDO: f64 = 0.8;
-    let survives_per_m = [0.5_f64, 0.8, 0.2];
     let block: Vec<Triangle> = cube()
         .into_iter()
         .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
@@ -273,16 +291,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     let wall = square_ahead(1.9, 3.0);
     let lit = |absorbs: bool| {
         let mut scene = Scene::default();
-        let glass = Material {
-            metallic: 0.0,
-            transmission: 1.0,
-            ior: 1.0,
-            roughness: 0.0,
-            attenuation_distance_m: if absorbs { 1.0 } else { f32::INFINITY },
-            attenuation_color: survives_per_m.map(|c| c as f32),
-            ..Material::default()
-        };
-        add(&mut scene, &block, glass);
+        add(&mut scene, &block, absorbing_glass(absorbs));
         let white = Material::lambert("wall", [ALBEDO as f32; 3]);
         add(&mut scene, &wall, white);
         add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
@@ -298,7 +307,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
                 let d = to_lamp.length();
                 let light = ALBEDO / PI * f64::from(INTENSITY) * (to_lamp.z / d) / (d * d);
                 let inside = d + 2.0 / -ray.direction.z;
-                survives_per_m.map(|share| {
+                SURVIVES_PER_M.map(|share| {
                     let left = if absorbs { share.powf(inside) } else { 1.0 };
                     (light * left) as f32
                 })
@@ -320,6 +329,225 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
             assert!(off < 1e-4, "{kind:?}, absorbing {absorbs}: {off:e}");
             // Negative control.
             assert!(worst(found, &expected(!absorbs)) > 0.5);
+        }
+    }
+}
+
+/// A sun in the direction `to_sun`, of irradiance [`SUN`] at normal incidence.
+fn add_sun(scene: &mut Scene, to_sun: DVec3) {
+    let turn = DQuat::from_rotation_arc(DVec3::Z, to_sun.normalize());
+    let place = DAffine3::from_quat(turn);
+    add_light(scene, LightKind::Directional, [SUN as f32; 3], place);
+}
+
+const SUN: f64 = 3.0;
+
+/// The cube, scaled and moved along z.
+fn block(half: DVec3, middle_z: f64) -> Vec<Triangle> {
+    let moved = |corners: Triangle| corners.map(|p| p * half + DVec3::Z * middle_z);
+    cube().into_iter().map(moved).collect()
+}
+
+/// Seen through 2 m of glass, a wall in the sun has albedo / pi times E cos, times what the eye's way through the glass leaves: one
+/// wall stands behind a block, and one within a block whose top is open, by which the sun shines in. Its way there has no
+/// length, and costs nothing.
+#[test]
+fn a_wall_in_the_sun_is_dimmed_by_what_the_eye_looks_through_alone() {
+    const ALBEDO: f64 = 0.8;
+    let views = eyes_at_origin(5.0);
+    let closed = block(DVec3::new(0.5, 0.5, 1.0), -2.0);
+    let open = block(DVec3::splat(2.0), -3.0)[..10].to_vec();
+    // Segments: eye, glass, glass, wall, sun; and eye, glass, wall, sun.
+    for (name, glass, wall_m, to_sun, depth) in [
+        ("behind", closed, 9.0, DVec3::new(1.0, 0.0, 1.0), 4),
+        ("within", open, 3.0, DVec3::new(0.0, 1.0, 0.5), 3),
+    ] {
+        let lit = |absorbs: bool| {
+            let mut scene = Scene::default();
+            add(&mut scene, &glass, absorbing_glass(absorbs));
+            let white = Material::lambert("wall", [ALBEDO as f32; 3]);
+            add(&mut scene, &square_ahead(1.9, wall_m), white);
+            add_sun(&mut scene, to_sun);
+            scene
+        };
+        let expected = |absorbs: bool| -> Vec<[f32; 3]> {
+            let light = ALBEDO / PI * SUN * to_sun.normalize().z;
+            let of_pixel = |pixel| {
+                let ray = pixel_ray(&views[0], pixel, [24, 24]);
+                let inside = 2.0 * ray.direction.length() / -ray.direction.z;
+                SURVIVES_PER_M.map(|share| {
+                    let left = if absorbs { share.powf(inside) } else { 1.0 };
+                    (light * left) as f32
+                })
+            };
+            (0..24 * 24).map(of_pixel).collect()
+        };
+        for kind in [Method::Photon, Method::Path] {
+            let settings = settings(|s| {
+                s.method = kind;
+                s.reuse = Reuse::Off;
+                s.path.max_depth = depth;
+                s.photon.max_depth = depth;
+            });
+            for absorbs in [true, false] {
+                let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
+                // Some 40 operations at 2^-24, exponentials of up to 3.3 with an error of 2^-22 in their argument.
+                let off = worst(found, &expected(absorbs));
+                let what = format!("{name}, {kind:?}, absorbing {absorbs}");
+                assert!(off < 1e-5, "{what}: {off:e}");
+                // Negative control.
+                assert!(worst(found, &expected(!absorbs)) > 0.5, "{what}");
+            }
+        }
+    }
+}
+
+/// Means of the left eye's channels and their standard errors over independent frames.
+fn means_of_frames(
+    scene: &Scene,
+    settings: &RenderSettings,
+    size: u32,
+    views: &[View; 2],
+    frames: u32,
+) -> [(f64, f64); 3] {
+    let mut renderer = renderer(scene, settings, [size; 2]);
+    let mut means = [(); 3].map(|()| Vec::new());
+    for frame in 0..frames {
+        renderer.render_frame(views, frame, |_| {}).unwrap();
+        let image = radiance(&renderer, Eye::Left);
+        for (channel, means) in means.iter_mut().enumerate() {
+            let sum: f64 = image.iter().map(|pixel| f64::from(pixel[channel])).sum();
+            means.push(sum / image.len() as f64);
+        }
+    }
+    means.map(|means| {
+        let (mean, square) = statistics(&means);
+        (mean, square.sqrt())
+    })
+}
+
+/// Under a block 1 m thick a slanted sun's photons bring E cos, times what their way of 1 m / cos leaves.
+#[test]
+fn photons_of_a_slanted_sun_are_dimmed_by_their_way_through_a_block() {
+    const ALBEDO: f64 = 0.8;
+    let slant = 30.0_f64.to_radians();
+    let lit = |absorbs: bool| {
+        let mut scene = Scene::default();
+        // Behind the eye, and so wide that all light on what the eye sees comes in by its front.
+        let glass = block(DVec3::new(2.0, 2.0, 0.5), 1.0);
+        add(&mut scene, &glass, absorbing_glass(absorbs));
+        let white = Material::lambert("wall", [ALBEDO as f32; 3]);
+        add(&mut scene, &square_ahead(0.8, 1.0), white);
+        add_sun(&mut scene, DVec3::new(slant.sin(), 0.0, slant.cos()));
+        scene
+    };
+    let views = eyes_at_origin(15.0);
+    let settings = settings(|s| {
+        s.reuse = Reuse::Off;
+        s.photon.count = 131_072;
+        s.photon.radius_m = 0.1;
+        s.photon.caustic_radius_m = 0.1;
+        s.photon.every_frame = true;
+        // Sun, glass, glass, wall, eye.
+        s.photon.max_depth = 4;
+    });
+    for absorbs in [true, false] {
+        let means = means_of_frames(&lit(absorbs), &settings, 16, &views, 8);
+        for ((mean, error), share) in means.into_iter().zip(SURVIVES_PER_M) {
+            let after = |way_m: f64| {
+                ALBEDO / PI * SUN * slant.cos() * if absorbs { share.powf(way_m) } else { 1.0 }
+            };
+            let due = after(1.0 / slant.cos());
+            let what = format!("{share} a metre: {mean:.5} +- {error:.5}, {due:.5} is due");
+            eprintln!("{what}");
+            // Student's t with 7 degrees of freedom lies beyond 5 with probability 1.6e-3; photons fall evenly, so that discs add no bias.
+            let is_due = |due: f64| (mean - due).abs() <= 5.0 * error;
+            assert!(is_due(due), "{what}");
+            // Negative controls: the block's thickness in place of the way through it, and 5 % more.
+            assert!(!absorbs || share > 0.7 || !is_due(after(1.0)), "{what}");
+            assert!(!is_due(1.05 * due), "{what}");
+        }
+    }
+}
+
+/// Two metres behind the front of a block of absorbing glass a polished metal in the light of a lamp, and a wall in that of a glowing
+/// ceiling: what a path finds by chance, at the surface behind the first one and by a surface's own direction.
+#[test]
+fn light_that_paths_find_by_chance_inside_an_absorbing_body_is_dimmed() {
+    const SIZE: u32 = 16;
+    const ALBEDO: f64 = 0.8;
+    const LIGHT: f64 = 7.0;
+    const WALL_Z: f64 = -3.0;
+    let within = |material: Material| {
+        let mut scene = Scene::default();
+        add(
+            &mut scene,
+            &block(DVec3::splat(2.0), WALL_Z),
+            absorbing_glass(true),
+        );
+        add(&mut scene, &square_ahead(1.9, -WALL_Z), material);
+        scene
+    };
+    // Where its lobe is wide over pixels and narrow enough to be followed.
+    let metal = Material {
+        base_color: [ALBEDO as f32, ALBEDO as f32, ALBEDO as f32, 1.0],
+        metallic: 1.0,
+        roughness: 0.2,
+        ..Material::default()
+    };
+    let twin = Twin::new(&metal, 0);
+    let mut polished = within(metal);
+    let lamp = DVec3::new(0.02, 0.01, -2.0);
+    add_point_light(&mut polished, lamp, LIGHT as f32);
+    let highlight = eyes_at_origin(3.0);
+    let of_pixel = |pixel: usize| {
+        let ray = pixel_ray(&highlight[0], pixel, [SIZE; 2]);
+        let to_eye = -ray.direction.normalize();
+        let to_lamp = lamp - ray.origin - ray.direction * (WALL_Z / ray.direction.z);
+        let (wi, d) = (to_lamp.normalize(), to_lamp.length());
+        let light = twin.eval(to_eye, wi)[0] * LIGHT * wi.z / (d * d);
+        SURVIVES_PER_M.map(|share| light * share.powf(d + 2.0 / to_eye.z))
+    };
+    let count = (SIZE * SIZE) as usize;
+    let by_lamp = (0..count).map(of_pixel).fold([0.0; 3], |sum, pixel| {
+        [0, 1, 2].map(|channel| sum[channel] + pixel[channel] / count as f64)
+    });
+    let mut under_ceiling = within(Material::lambert("wall", [ALBEDO as f32; 3]));
+    let (height, [near, far]) = (0.5, [-2.9, -1.9]);
+    let corner = DVec3::new(-1.0, height, near);
+    let ceiling = quad(corner, 2.0 * DVec3::X, (far - near) * DVec3::Z);
+    add(&mut under_ceiling, &ceiling, glowing([LIGHT as f32; 3]));
+    // At the wall's middle, of which a degree is seen; the light bends over that by 1e-3 of itself at most.
+    let middle = eyes_at_origin(0.5);
+    let from_middle = -middle[0].position_in_world.x;
+    let by_ceiling = SURVIVES_PER_M.map(|share| {
+        let arriving = |x: f64, z: f64| {
+            let square = (x + from_middle).powi(2) + height * height + (z - WALL_Z).powi(2);
+            LIGHT * (z - WALL_Z) * height / (square * square) * share.powf(square.sqrt())
+        };
+        ALBEDO / PI * share.powi(2) * integrate(&arriving, [-1.0, 1.0], [near, far], 0)
+    });
+    for (name, scene, views, due) in [
+        ("metal", polished, highlight, by_lamp),
+        ("wall", under_ceiling, middle, by_ceiling),
+    ] {
+        for kind in [Method::Photon, Method::Path] {
+            // Eye, glass, surface, light. One sample goes through a pixel's centre.
+            let settings = settings(|s| {
+                s.method = kind;
+                s.reuse = Reuse::Off;
+                s.path.max_depth = 3;
+                s.photon.max_depth = 3;
+            });
+            let means = means_of_frames(&scene, &settings, SIZE, &views, 128);
+            for ((mean, error), due) in means.into_iter().zip(due) {
+                let what = format!("{name}, {kind:?}: {mean:.5} +- {error:.5}, {due:.5} is due");
+                eprintln!("{what}");
+                let is_due = |due: f64| (mean - due).abs() <= 4.0 * error + 1e-3 * due;
+                assert!(is_due(due), "{what}");
+                // Negative control.
+                assert!(!is_due(1.1 * due), "{what}: 10 % more passes");
+            }
         }
     }
 }

@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
 use stereolux::renderer::records::light::LIGHT_TRIANGLE;
-use stereolux::scene::{LightKind, Scene};
+use stereolux::scene::{AlphaMode, LightKind, Material, Scene};
+use stereolux::settings::{Method, Reuse, Technique};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
 use super::lights_probe::{LightProbe, Photon, add_light, add_triangles, glowing};
@@ -12,7 +13,8 @@ use super::lights_sampling::{
     DRAWS, LEVEL, area, ceiling, ceiling_triangle, cell_probabilities, environment_scene, map,
     map_coordinates, mean_and_error, placement, v, weights,
 };
-use super::support::context;
+use super::support::{context, settings};
+use super::techniques::{agree, blocks, box_with, brighter};
 
 const ALL: [&str; 5] = ["emitters", "points", "spots", "directionals", "environment"];
 
@@ -100,6 +102,138 @@ fn each_kind_of_light_emits_exactly_its_power() {
         let (at, along) = (entry[face], photon.direction[face]);
         assert!((at.abs() - half[face]).abs() < 1e-6 && at * along < 0.0);
     }
+}
+
+/// Cells across a face of the scene's box.
+const ACROSS: usize = 8;
+
+/// P-value of where photons come in by the faces of a box: by those in proportion to their areas across each photon's direction, and
+/// by cells of a face alike. `moved` moves a place along a face, from 0 to 1.
+fn entry_p_value(
+    photons: &[Photon],
+    center: DVec3,
+    half: DVec3,
+    moved: impl Fn(f64) -> f64,
+    face_area: impl Fn(DVec3) -> DVec3,
+) -> f64 {
+    let mut counts = vec![(0.0, 0.0); 3 * ACROSS * ACROSS];
+    for photon in photons {
+        let areas = face_area(photon.direction);
+        let due = areas / (areas.element_sum() * (ACROSS * ACROSS) as f64);
+        for (cell, (expected, _)) in counts.iter_mut().enumerate() {
+            *expected += due[cell / (ACROSS * ACROSS)];
+        }
+        let place = (photon.origin + photon.direction * half.length() - center) / half;
+        let face = place.abs().max_position();
+        let [x, y] = [1, 2].map(|next| {
+            let along = moved((0.5 * place[(face + next) % 3] + 0.5).clamp(0.0, 1.0));
+            ((along * ACROSS as f64) as usize).min(ACROSS - 1)
+        });
+        counts[(face * ACROSS + y) * ACROSS + x].1 += 1.0;
+    }
+    p_value_of_counts(&counts)
+}
+
+#[test]
+fn light_from_afar_comes_in_evenly_by_all_lit_faces_of_the_scenes_box() {
+    let context = context();
+    let level = sidak(LEVEL, 2);
+    // Turned, so that no side of the box is flat.
+    let place = placement(1.0, false);
+    let mut sunny = ceiling(glowing([0.0; 3]), place);
+    add_light(&mut sunny, LightKind::Directional, [3.0; 3], place);
+    let mut sky = ceiling(glowing([0.0; 3]), place);
+    sky.environment = Some(map());
+    for (scene, feature) in [(sunny, "directionals"), (sky, "environment")] {
+        let probe = LightProbe::new(&context, &[feature], &scene, DVec3::ZERO);
+        let photons = probe.photons(DRAWS, 1);
+        let scene_box = probe.lights.packed_box();
+        let (center, half) = (scene_box.center, scene_box.half_size);
+        assert!(half.min_element() > 0.05, "{half}");
+        for corner in ceiling_triangle() {
+            let off = (place.transform_point3(corner) - center).abs() - half;
+            assert!(off.max_element() < 1e-4, "{corner} in {center} +- {half}");
+        }
+        let areas = 4.0 * half.element_product() / half;
+        let across = |direction: DVec3| areas * direction.abs();
+        // Directions of the sky differ, which spreads the counts less than those of one direction.
+        let p = entry_p_value(&photons, center, half, |u| u, across);
+        assert!(p > level, "{feature}: p = {p:e}");
+        // Negative controls: places that crowd to one side, and faces by their areas alone.
+        let crowded = entry_p_value(&photons, center, half, |u| u * u, across);
+        let turned = entry_p_value(&photons, center, half, |u| u, |_| areas);
+        assert!(
+            crowded < 1e-9 && turned < 1e-9,
+            "{feature}: {crowded:e}, {turned:e}"
+        );
+    }
+}
+
+/// Share of rays that meet the blended lamps.
+const COVERAGE: f32 = 0.4;
+
+fn blended(lamp: &mut Material) {
+    lamp.alpha_mode = AlphaMode::Blend;
+    lamp.base_color[3] = COVERAGE;
+}
+
+#[test]
+fn a_blended_lamps_photons_carry_what_it_covers() {
+    let context = context();
+    let triangle = ceiling_triangle();
+    let power = |radiance: f64| radiance * PI * area(&triangle);
+    for (mode, share) in [
+        (AlphaMode::Blend, f64::from(COVERAGE)),
+        (AlphaMode::Opaque, 1.0),
+    ] {
+        let mut lamp = glowing([2.0, 1.0, 0.5]);
+        blended(&mut lamp);
+        lamp.alpha_mode = mode;
+        let scene = ceiling(lamp, DAffine3::IDENTITY);
+        let probe = LightProbe::new(&context, &["emitters", "alpha"], &scene, DVec3::ZERO);
+        for photon in probe.photons(20_000, 1) {
+            for (flux, radiance) in photon.flux.iter().zip([2.0, 1.0, 0.5]) {
+                // A dozen roundings of 2^-24.
+                let off = (flux / (share * power(radiance)) - 1.0).abs();
+                assert!(off < 1e-6, "{mode:?}: {photon:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_technique_finds_the_same_light_of_a_blended_lamp() {
+    let (mut scene, views) = box_with(|_| {});
+    let opaque = scene.clone();
+    let lamps = scene.materials.iter_mut();
+    lamps.filter(|m| m.is_emissive()).for_each(blended);
+    let of = |scene: &Scene, set, method, technique, spp| {
+        let settings = settings(|s| {
+            s.method = method;
+            s.reuse = Reuse::Off;
+            s.path.technique = technique;
+            s.path.max_depth = 2;
+            s.photon.max_depth = 2;
+            s.spp = spp;
+        });
+        blocks(scene, &views, &settings, set)
+    };
+    let mis = of(&scene, 0, Method::Path, Technique::Mis, 8);
+    let light = of(&scene, 1, Method::Path, Technique::Light, 8);
+    // Half-covered lamps are met rarely: more directions, so that a block's mean is near normal.
+    let bsdf = of(&scene, 2, Method::Path, Technique::Bsdf, 48);
+    let photons = of(&scene, 3, Method::Photon, Technique::Mis, 8);
+    for (pair, a, b) in [
+        ("mis and light", &mis, &light),
+        ("mis and bsdf", &mis, &bsdf),
+        ("light and bsdf", &light, &bsdf),
+        ("paths and photons", &mis, &photons),
+    ] {
+        agree(a, b).unwrap_or_else(|why| panic!("{pair}: {why}"));
+    }
+    // Negative controls: 5 % more, and the lamp as if it covered all.
+    assert!(agree(&brighter(&mis), &light).is_err());
+    assert!(agree(&of(&opaque, 4, Method::Path, Technique::Light, 8), &bsdf).is_err());
 }
 
 fn photon_p_value(

@@ -1,4 +1,7 @@
-//! Levels of textures: which one a ray reads, what normals add to roughness, and a checkerboard to the horizon.
+//! Levels of textures: which one a ray reads, what normals add to roughness, how wide rays are beyond surfaces, and a checkerboard
+//! to the horizon.
+
+use std::f64::consts::{FRAC_1_PI, PI};
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3};
@@ -17,10 +20,14 @@ use super::support::{
 use super::trace_probe::{ask, probe};
 
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 struct Query {
     ray_direction: [f32; 3],
     width_m: f32,
+    spread: f32,
+    distance_m: f32,
+    pdf: f32,
+    flags: u32,
 }
 
 #[repr(C)]
@@ -29,7 +36,8 @@ struct Answer {
     level: f32,
     taps: f32,
     alpha: f32,
-    reserved: f32,
+    spread: f32,
+    width_m: f32,
 }
 
 const TEXELS: u32 = 256;
@@ -59,17 +67,29 @@ fn textured(texel: impl Fn(u32, u32) -> [u8; 4], size: u32, scale: f32) -> (Scen
     (scene, reference)
 }
 
-/// Answers for the triangle (0, x, y) whose coordinates are its metres.
-fn answers(mut scene: Scene, material: Material, queries: &[Query]) -> Vec<Answer> {
-    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    add_triangles(&mut scene, &[corners], material, DAffine3::IDENTITY);
-    scene.meshes[0].normals = vec![[0.0, 0.0, 1.0]; 3];
+/// Of the triangle that is asked about; its coordinates are its metres.
+const CORNERS: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+/// Answers for the triangle with the same normal everywhere.
+fn answers(scene: Scene, material: Material, queries: &[Query]) -> Vec<Answer> {
+    answers_of([DVec3::Z; 3], scene, material, queries)
+}
+
+fn answers_of(
+    normals: [DVec3; 3],
+    mut scene: Scene,
+    material: Material,
+    queries: &[Query],
+) -> Vec<Answer> {
+    add_triangles(&mut scene, &[CORNERS], material, DAffine3::IDENTITY);
+    scene.meshes[0].normals = normals.map(|normal| normal.as_vec3().to_array()).to_vec();
     let context = context();
     let on = [
         "textures",
         "base_color_maps",
         "normal_maps",
         "glossy",
+        "dielectric",
         "mips",
     ];
     let kernel = probe(&context, include_str!("mips_probe.wesl"), &on);
@@ -85,6 +105,7 @@ fn query(width_m: f64, cosine: f64) -> Query {
     Query {
         ray_direction: direction.as_vec3().to_array(),
         width_m: width_m as f32,
+        ..Query::default()
     }
 }
 
@@ -145,6 +166,137 @@ fn normals_that_a_ray_covers_make_a_surface_rougher() {
         let tolerance = theta.tan() * (1.0 - theta.cos()) + 2.0 / 255.0;
         let off = (f64::from(found[1].alpha) - due).abs();
         assert!(off < tolerance, "{found:?}, {due}");
+    }
+}
+
+/// `BSDF_DELTA` and `BSDF_TRANSMITTED` in `shaders/shared/bsdf_types.wesl`.
+const DELTA: u32 = 1;
+const TRANSMITTED: u32 = 2;
+
+/// f64 twin: how wide a cone opens whose edge is reflected, or refracted by an index, where it meets a sphere that bulges towards it
+/// (a hollow for negative radii). A cone a millionth as wide, by exact angles.
+fn edge_beyond(width: f64, spread: f64, radius: f64, refracted_by: Option<f64>) -> f64 {
+    const SMALL: f64 = 1e-6;
+    let (height, slope) = (0.5 * SMALL * width, 0.5 * SMALL * spread);
+    let normal = (height / radius).asin();
+    // Angles away from the axis; the ray's own is measured from the normal.
+    let incident = slope.atan() + normal;
+    let beyond = match refracted_by {
+        None => incident + normal,
+        Some(eta) => (incident.sin() / eta).asin() - normal,
+    };
+    2.0 / SMALL * beyond.tan() * height.signum()
+}
+
+/// A triangle with the normals of a sphere, met along its axis from outside and from inside.
+#[test]
+fn cones_widen_beyond_curved_mirrors_and_lenses_as_their_edges_do() {
+    const IOR: f64 = 1.5;
+    let (scene, reference) = textured(|_, _| [255; 4], 8, 1.0);
+    let material = Material {
+        base_color_texture: Some(reference),
+        metallic: 0.0,
+        transmission: 1.0,
+        roughness: 0.0,
+        ior: IOR as f32,
+        ..Material::default()
+    };
+    let met = DVec3::new(0.2, 0.3, 0.0);
+    // Spheres through the corners, whose normals then are linear in the plane: interpolated they turn by one over the distance of
+    // the place in the plane from the centre. The last one is flat.
+    for depth in [2.0, 10.0, 1e9] {
+        let center = DVec3::new(0.5, 0.5, -depth);
+        let normals = CORNERS.map(|corner| (corner - center).normalize());
+        let radius = (met - center).length();
+        let (mut queries, mut due) = (Vec::new(), Vec::new());
+        // The last one has passed its focus.
+        for (width, spread, distance) in [
+            (0.0, 0.01, 2.0),
+            (0.03, 0.0, 1.0),
+            (0.03, -0.004, 3.0),
+            (0.01, -0.03, 2.0),
+        ] {
+            for (side, flags) in [
+                (1.0, DELTA),
+                (-1.0, DELTA),
+                (1.0, DELTA | TRANSMITTED),
+                (-1.0, DELTA | TRANSMITTED),
+            ] {
+                let direction = DVec3::new(0.0, 0.0, -side);
+                queries.push(Query {
+                    ray_direction: direction.as_vec3().to_array(),
+                    width_m: width as f32,
+                    spread: spread as f32,
+                    distance_m: distance as f32,
+                    pdf: 1.0,
+                    flags,
+                });
+                let there = width + spread * distance;
+                let eta = if side > 0.0 { IOR } else { 1.0 / IOR };
+                let refracted_by = (flags & TRANSMITTED != 0).then_some(eta);
+                due.push((
+                    there,
+                    spread,
+                    edge_beyond(there, spread, side * radius, refracted_by),
+                ));
+            }
+        }
+        let found = answers_of(normals, scene.clone(), material.clone(), &queries);
+        for ((query, found), (there, spread, due)) in queries.iter().zip(&found).zip(due) {
+            // A dozen roundings of 2^-24 of each term; and as many of normals, whose difference over the triangle's 1 m is the
+            // turn.
+            let turned = there.abs() / radius;
+            let tolerance = 1e-6 * (spread.abs() + turned) + 2e-6 * there.abs();
+            let off = (f64::from(found.spread) - due).abs();
+            assert!(
+                off < tolerance,
+                "{depth} {query:?}: {found:?}, not {due} +- {tolerance}"
+            );
+            let off = (f64::from(found.width_m) - there.abs()).abs();
+            assert!(off < 1e-7, "{query:?}: {found:?}, not {there} wide");
+            // Negative control: what the cone was like before is something else, but for flat mirrors.
+            let is_flat = depth > 1e6 && (query.flags == DELTA || spread == 0.0);
+            assert!(
+                is_flat || (due - spread).abs() > 100.0 * tolerance,
+                "{query:?}"
+            );
+        }
+    }
+}
+
+/// A bounce of density p adds a sixteenth of 1 / p sr to the cone's solid angle: half a radian across for a diffuse surface.
+#[test]
+fn rough_bounces_open_cones_by_their_share_of_the_density() {
+    let (scene, reference) = textured(|_, _| [255; 4], 8, 1.0);
+    let material = Material {
+        base_color_texture: Some(reference),
+        ..Material::default()
+    };
+    let densities = [FRAC_1_PI, 0.05, 4.0, 300.0];
+    for spread in [0.0, 0.02] {
+        let of = |density: f64, flags| Query {
+            spread: spread as f32,
+            distance_m: 1.0,
+            pdf: density as f32,
+            flags,
+            ..query(0.0, 1.0)
+        };
+        let queries = densities.map(|density| of(density, 0));
+        let found = answers(scene.clone(), material.clone(), &queries);
+        for (density, found) in densities.iter().zip(&found) {
+            let solid_angle = |spread: f64| 0.25 * PI * spread * spread;
+            let added = solid_angle(f64::from(found.spread)) - solid_angle(spread);
+            // A dozen roundings of 2^-24 of all of it.
+            let off = (added * 16.0 * density - 1.0).abs();
+            let whole = 1.0 + solid_angle(spread) * 16.0 * density;
+            assert!(off < 1e-6 * whole, "{density}: {found:?}");
+        }
+        if spread == 0.0 {
+            assert!((found[0].spread - 0.5).abs() < 1e-6, "{found:?}");
+        }
+        // Negative control: a mirror's bounce adds nothing.
+        let mirrored = answers(scene.clone(), material.clone(), &[of(FRAC_1_PI, DELTA)]);
+        assert_eq!(mirrored[0].spread, spread as f32);
     }
 }
 
@@ -249,8 +401,7 @@ fn a_mirrored_checkerboard_is_read_as_its_mirror_image() {
     };
     for mips in [Mips::On, Mips::Off] {
         let mirrored = seen(&checkerboard(true), EYE, 0.0, mips);
-        let turn = std::f64::consts::PI;
-        let due = turned(seen(&checkerboard(false), image_of_eye, turn, mips));
+        let due = turned(seen(&checkerboard(false), image_of_eye, PI, mips));
         // A coordinate of up to 50 repeats of 64 texels is rounded to 2^-24 of that some ten times: 2e-3 texels, of which
         // each may change the value by 1. Where the texture is not averaged, rays to the horizon multiply that.
         let allowed = if mips == Mips::On { 0.02 } else { 0.5 };

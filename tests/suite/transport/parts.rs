@@ -7,7 +7,7 @@ use stereolux::scene::{Material, Scene};
 use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
-use super::hard_support::{add, add_point_light, eyes_at_origin, quad};
+use super::hard_support::{add, add_point_light, constant_environment, eyes_at_origin, quad};
 use crate::suite::embedded_scenes::cornell;
 use crate::suite::support::{
     Folder, assert_success, bits, builtin, mean, parallel_views, radiance, run_into, settings,
@@ -239,6 +239,50 @@ fn equal_eyes_have_equal_parts() {
             for channel in 0..3 {
                 let off = (left[channel] - right[channel]).abs();
                 assert!(off <= 4.0 * f32::EPSILON, "{reuse:?} pixel {pixel}: {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_light_of_a_sky_seen_or_scattered_once_is_direct_to_the_last_bit() {
+    const SKY: [f32; 3] = [2.0, 1.0, 0.5];
+    let views = eyes_at_origin(30.0);
+    let width = SIZE[0] as usize;
+    let metal = Material {
+        roughness: 0.5,
+        ..Material::default()
+    };
+    for (name, material) in [
+        ("Lambert", Material::lambert("wall", [0.5; 3])),
+        ("metal", metal),
+    ] {
+        // A wall on the left, the sky on the right.
+        let mut scene = Scene::default();
+        let wall = quad(DVec3::new(-2.0, -1.0, -1.0), DVec3::X * 2.0, DVec3::Y * 2.0);
+        add(&mut scene, &wall, material.clone());
+        scene.environment = Some(constant_environment(SKY));
+        // Negative control: another wall lights the first one.
+        let mut corner = scene.clone();
+        let side = quad(DVec3::new(-1.0, -1.0, -1.0), DVec3::Y * 2.0, DVec3::Z * 2.0);
+        add(&mut corner, &side, Material::lambert("side", [0.5; 3]));
+        for method in [Method::Path, Method::Photon] {
+            for reuse in [Reuse::Off, Reuse::Scatter, Reuse::Lookup] {
+                let what = format!("{name} {method:?} {reuse:?}");
+                let renderer = rendered(&scene, &with(method, reuse, 2, true), &views);
+                for eye in EYES {
+                    let (split, all) = (parts(&renderer, eye), radiance(&renderer, eye));
+                    assert!(bits(&split.direct) == bits(&all), "{what} {eye:?}");
+                    assert_eq!(split.indirect, vec![[0.0; 3]; all.len()], "{what} {eye:?}");
+                    let row = &all[all.len() / 2..][..width];
+                    assert!(row[2] != SKY && row[2][0] > 0.1, "{what}: no wall");
+                    assert_eq!(row[width - 3], SKY, "{what}: no sky");
+                }
+                let renderer = rendered(&corner, &with(method, reuse, 3, true), &views);
+                for eye in EYES {
+                    let shown = mean(&parts(&renderer, eye).indirect);
+                    assert!(shown > 0.0, "{what} {eye:?}: no light between walls");
+                }
             }
         }
     }

@@ -1,12 +1,18 @@
 //! The path tracer's two ways to find lights: each alone, and both weighted, have one mean.
 
-use glam::DVec3;
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
 use stereolux::scene::{Environment, Material, Scene};
-use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
+use stereolux::settings::{Method, RenderSettings, Reuse, Sampler, Technique};
 use stereolux::xr::View;
 
-use super::hard_support::{add, add_point_light, cube, eyes_at_origin};
+use super::bsdf_twin::Twin;
+use super::chi_square::integrate;
+use super::hard_support::{
+    add, add_point_light, constant_environment, cube, eyes_at, eyes_at_origin, images, square_ahead,
+};
 use super::support::{
     assert_clean, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
     statistics,
@@ -213,4 +219,53 @@ fn techniques_agree_under_a_sky() {
     });
     // Seen from outside through the open front, where the sky comes in.
     check("sky", &scene, &views);
+}
+
+/// A metal wall under an even sky shows the sky's radiance times its directional albedo, the integral of f cos over the
+/// hemisphere. Photons' eye paths follow such a lobe into the sky, and what they meet is weighed against a sample by the lights.
+#[test]
+fn a_metal_wall_under_an_even_sky_shows_its_directional_albedo_by_both_methods() {
+    const SIZE: u32 = 16;
+    const SKY: f32 = 2.0;
+    let metal = Material {
+        base_color: [0.6, 0.6, 0.6, 1.0],
+        metallic: 1.0,
+        roughness: 0.5,
+        ..Material::default()
+    };
+    let twin = Twin::new(&metal, 0);
+    let mut scene = Scene::default();
+    add(&mut scene, &square_ahead(100.0, 2.0), metal);
+    scene.environment = Some(constant_environment([SKY; 3]));
+    for degrees in [0.0_f64, 65.0] {
+        let angle = degrees.to_radians();
+        let wo = DVec3::new(angle.sin(), 0.0, angle.cos());
+        let reflected = |z: f64, phi: f64| {
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            twin.eval(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))[0] * z
+        };
+        let cells = (-8..8).map(|step| [step, step + 1].map(|step| f64::from(step) * PI / 8.0));
+        let albedo: f64 = cells
+            .map(|cell| integrate(&reflected, [0.0, 1.0], cell, 0))
+            .sum();
+        let views = eyes_at(DVec3::ZERO, DQuat::from_rotation_y(angle), 1.0);
+        for method in [Method::Photon, Method::Path] {
+            let mut settings = settings_of(method, Technique::Mis, 2, 256);
+            settings.path.sampler = Sampler::Random;
+            let [image, _] = images(&scene, &settings, [SIZE; 2], &views);
+            let ratios: Vec<f64> = image
+                .iter()
+                .map(|color| f64::from(color[0]) / (f64::from(SKY) * albedo))
+                .collect();
+            let (mean, square) = statistics(&ratios);
+            let error = square.sqrt();
+            let what = format!("{method:?} at {degrees} degrees: {mean} +- {error} of {albedo}");
+            eprintln!("{what}");
+            // Quadrature is good to 1e-4; the albedo's bend over a view of 2 degrees is its Laplacian, at most 5, times
+            // 0.0175^2 / 6.
+            let is_due = |share: f64| (mean - share).abs() <= 4.0 * error + 4e-4;
+            assert!(is_due(1.0), "{what}");
+            assert!(!is_due(1.05), "{what}: 5 % too much passes");
+        }
+    }
 }

@@ -54,21 +54,66 @@ fn what_was_compiled_is_remembered_as_long_as_it_is_the_same() {
     assert!(same(&lambert, &compile(&changed, gather, &[])));
 }
 
+/// Copies of records in textures, and what they are copies of.
+const COPIES: [(&str, &str); 10] = [
+    ("top_node_texels", "top_nodes"),
+    ("mesh_node_texels", "mesh_nodes"),
+    ("instance_texels", "instances"),
+    ("triangle_texels", "triangles"),
+    ("corner_texels", "triangle_vertices"),
+    ("vertex_texels", "vertices"),
+    ("material_texels", "materials"),
+    ("light_texels", "lights"),
+    ("light_alias_texels", "light_alias"),
+    ("environment_map_texels", "environment_map"),
+];
+
+/// Copies that a shader reads, by slot, and those that it reads beside what they are copies of.
+fn copies_read(library: &ShaderLibrary, name: &str) -> (Vec<String>, Vec<&'static str>) {
+    let features = features(&[
+        "emitters",
+        "environment",
+        "from_list",
+        "inspects",
+        "record_texels",
+    ]);
+    let bindings = reflect_bindings(&library.compile(name, &features).unwrap()).unwrap();
+    let has = |name: &str| bindings.iter().any(|b| b.name == name);
+    let both = COPIES.iter().filter(|(copy, own)| has(copy) && has(own));
+    let both = both.map(|(copy, _)| *copy).collect();
+    let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
+    (texels.map(|b| b.name.clone()).collect(), both)
+}
+
 #[test]
 fn no_pass_reads_both_a_record_and_its_copy() {
-    let features = features(&["emitters", "record_texels", "from_list"]);
-    let shader = ShaderLibrary::embedded()
-        .compile("passes/path_trace", &features)
-        .unwrap();
-    let bindings = reflect_bindings(&shader).unwrap();
-    let texels = bindings.iter().filter(|b| b.kind == BindingKind::Texels);
-    for copy in texels {
-        let name = copy.name.trim_end_matches("_texels");
-        assert!(
-            !bindings.iter().any(|b| b.name == format!("{name}s")),
-            "{name}"
-        );
+    let mut library = ShaderLibrary::embedded();
+    // One that reads all copies, and none that the table lacks.
+    let all = COPIES.map(|(copy, _)| copy);
+    let (read, both) = copies_read(&library, "passes/path_trace");
+    assert_eq!(read, all);
+    assert!(both.is_empty(), "{both:?}");
+    for (name, _) in library
+        .sources()
+        .filter(|(name, _)| name.starts_with("passes/"))
+    {
+        let (_, both) = copies_read(&library, name);
+        assert!(both.is_empty(), "{name}: {both:?}");
     }
+    // Negative control: a shader that reads all of them twice.
+    let (mut declared, mut used) = (String::new(), String::new());
+    for (slot, (copy, own)) in COPIES.iter().enumerate() {
+        let at = 60 + slot;
+        declared += &format!(
+            "@group(0) @binding({slot}) var<storage, read> {own}: array<vec4u>;
+            @group(0) @binding({at}) var {copy}: texture_storage_2d<rgba32uint, read>;"
+        );
+        used += &format!("sums[0] += {own}[0] + textureLoad({copy}, vec2u(0u));");
+    }
+    declared += "@group(0) @binding(80) var<storage, read_write> sums: array<vec4u>;";
+    let text = format!("{declared} @compute @workgroup_size(1) fn main() {{ {used} }}");
+    library.insert("tests/both", text);
+    assert_eq!(copies_read(&library, "tests/both").1, all);
 }
 
 #[test]

@@ -1,19 +1,64 @@
 //! Compiled pipelines in a file.
 
 use std::fs;
+use std::hash::{DefaultHasher, Hasher as _};
+use std::path::{Path, PathBuf};
 
 use stereolux_gpu::{GpuContext, Kernel, ShaderLibrary};
 
 use crate::adapter;
 
-/// A device that keeps its pipelines in `folder`, with one that is compiled and stored.
-fn after_a_kernel(folder: &std::path::Path) -> GpuContext {
+/// A device that keeps its pipelines in `folder`, with those of `passes` compiled and stored.
+fn after_kernels(folder: &Path, passes: &[&str]) -> GpuContext {
     let mut context = adapter::context();
     context.keep_pipelines_in(folder);
     let library = ShaderLibrary::embedded();
-    Kernel::new(&context, &library, "passes/scan_add", &Default::default()).unwrap();
+    for pass in passes {
+        Kernel::new(&context, &library, pass, &Default::default()).unwrap();
+    }
     context.store_pipelines();
     context
+}
+
+fn after_a_kernel(folder: &Path) -> GpuContext {
+    after_kernels(folder, &["passes/scan_add"])
+}
+
+/// The only file in a folder.
+fn file_in(folder: &Path) -> PathBuf {
+    let mut files = fs::read_dir(folder).unwrap().map(Result::unwrap);
+    files.next().unwrap().path()
+}
+
+#[test]
+fn a_driver_is_given_what_it_wrote_and_nothing_of_another_adapter() {
+    let folder =
+        std::env::temp_dir().join(format!("stereolux-pipelines-given-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&folder);
+    let [first, second, both] = ["first", "second", "both"].map(|name| folder.join(name));
+    let passes = ["passes/scan_add", "passes/scan_blocks"];
+    after_kernels(&first, &passes[..1]);
+    after_kernels(&second, &passes[1..]);
+    after_kernels(&both, &passes);
+    let length = |folder: &Path| fs::metadata(file_in(folder)).unwrap().len();
+    let alone = length(&first).max(length(&second));
+    // A driver that keeps what it compiles (Mesa's llvmpipe keeps none of it here) has the first pipeline beside the second.
+    let keeps = length(&both) > alone;
+    after_kernels(&first, &passes[1..]);
+    assert_eq!(length(&first) > alone, keeps);
+    // Any other: what lies behind the checksum is looked at. Its adapter's name (in wgpu's header) is another's, so the file is
+    // refused and stays; who did not read it would write a new one.
+    let file = file_in(&both);
+    let mut bytes = fs::read(&file).unwrap();
+    bytes[8 + 20] ^= 1;
+    let mut hasher = DefaultHasher::new();
+    hasher.write(&bytes[8..]);
+    let sum = hasher.finish().to_le_bytes();
+    bytes[..8].copy_from_slice(&sum);
+    fs::write(&file, &bytes).unwrap();
+    after_kernels(&both, &passes);
+    assert!(fs::read(&file).unwrap() == bytes);
+    fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

@@ -61,6 +61,17 @@ impl Map {
             .collect()
     }
 
+    /// The unit direction that a place in texels is seen in.
+    fn direction(&self, x: f64, y: f64) -> DVec3 {
+        let [width, height] = self.size.map(|length| length as f64);
+        let (phi, theta) = (
+            std::f64::consts::TAU * (x / width - 0.5),
+            std::f64::consts::PI * y / height,
+        );
+        let from_axis = theta.sin();
+        DVec3::new(from_axis * phi.sin(), theta.cos(), -from_axis * phi.cos())
+    }
+
     /// Radiance from a unit direction: the f64 twin of `environment_radiance`.
     fn radiance(&self, direction: DVec3) -> f64 {
         let [width, height] = self.size;
@@ -105,6 +116,38 @@ impl Eye {
             }
         });
         all.collect()
+    }
+
+    /// Where a direction is seen, in pixels: `towards` the other way round.
+    fn place_of(&self, direction: DVec3) -> [f64; 2] {
+        let ahead = self.render_from_eye.inverse() * direction;
+        assert!(ahead.z < 0.0, "behind the eye");
+        let half = 0.5 * f64::from(self.pixels);
+        [
+            half * (1.0 - ahead.x / ahead.z),
+            half * (1.0 + ahead.y / ahead.z),
+        ]
+    }
+
+    /// Pixels that see a rectangle of the map's texels (first and last place along either axis), and those beside them.
+    fn pixels_around(&self, map: &Map, across: [f64; 2], down: [f64; 2]) -> Vec<u32> {
+        let places = [0, 1, 2, 3].map(|corner| {
+            let [x, y] = [across[corner % 2], down[corner / 2]];
+            self.place_of(map.direction(x, y))
+        });
+        // Its sides bend by less than a hundredth of their length.
+        let [columns, rows] = [0, 1].map(|axis| {
+            let all = places.map(|place| place[axis]);
+            let low = all.into_iter().fold(f64::INFINITY, f64::min) - 1.0;
+            let high = all.into_iter().fold(0.0, f64::max) + 1.0;
+            assert!(
+                low >= 0.0 && high < f64::from(self.pixels),
+                "outside the image"
+            );
+            low as u32..=high as u32
+        });
+        let in_row = |y: u32| columns.clone().map(move |x| y * self.pixels + x);
+        rows.flat_map(in_row).collect()
     }
 
     /// The map's mean over a pixel, by `n` times `n` directions.
@@ -207,11 +250,11 @@ fn a_sun_smaller_than_a_pixel_keeps_its_light_wherever_it_falls() {
             };
             let answers = seen(&context, &kernel, &map, &eye);
             let sum = |of: &dyn Fn(&Answer) -> f32| answers.iter().map(|a| f64::from(of(a))).sum();
-            let truth: f64 = (0..)
-                .zip(&answers)
-                .filter(|(_, answer)| answer.mean[0] > 0.0)
-                .map(|(pixel, _)| eye.mean(&map, pixel, 24))
-                .sum();
+            // Between texels light falls off over one of them: half of that is beyond the lit texels' borders.
+            let reach = |first: usize| [first as f64 - 0.5, (first + sun) as f64 + 0.5];
+            let pixels = eye.pixels_around(&map, reach(width / 2), reach(height / 3));
+            let means = pixels.into_iter().map(|pixel| eye.mean(&map, pixel, 24));
+            let truth: f64 = means.sum();
             let found: f64 = sum(&|a| a.mean[0]);
             let center: f64 = sum(&|a| a.through_center);
             ratios.push(found / truth);

@@ -9,7 +9,7 @@ const MOST_STEPS: usize = 64;
 /// What a textured emitter's power is at least, as a share of its brightest sample.
 const LEAST_SHARE: f64 = 0.01;
 
-/// Mean emission of a triangle, and by how much its pick is raised above its power so that no glowing spot is missed.
+/// Mean emission of a triangle, times its alpha factor, and by how much its pick is raised above its power so that no glowing spot is missed.
 pub(super) struct Glow {
     pub(super) triangle: usize,
     pub(super) mean: [f64; 3],
@@ -60,7 +60,10 @@ pub(super) fn mesh_glows(scene: &Scene, mesh: &Mesh) -> Vec<Glow> {
 pub(super) fn glow_of(scene: &Scene, mesh: &Mesh, triangle: usize) -> Glow {
     let corners = mesh.triangles[triangle].vertices;
     let material = &scene.materials[mesh.triangles[triangle].material as usize];
-    let factor = material.emission.map(|channel| f64::from(channel.max(0.0)));
+    // Alpha maps are left out; and no lamp is too thin to be picked.
+    let coverage = f64::from(material.coverage()).max(LEAST_SHARE);
+    let factor = material.emission;
+    let factor = factor.map(|channel| coverage * f64::from(channel.max(0.0)));
     let mut glow = Glow {
         triangle,
         mean: factor,

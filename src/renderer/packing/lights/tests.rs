@@ -1,8 +1,8 @@
 use super::glow::glow_of;
 use super::*;
 use crate::scene::{
-    Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture, TextureRef,
-    Wrap,
+    AlphaMode, Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture,
+    TextureRef, Wrap,
 };
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
@@ -103,6 +103,14 @@ fn powers_are_pi_area_radiance_and_twice_that_for_two_sides() {
     let sum: f32 = lights.records.iter().map(|record| record.pick_pdf).sum();
     assert!((sum - 1.0).abs() < 1e-5);
     assert!((lights.records[6].pick_pdf / lights.records[3].pick_pdf - 4.0).abs() < 1e-5);
+    // What is blended shines by its alpha; the point light of 4 pi stays.
+    let mut blended = scene;
+    for material in &mut blended.materials {
+        material.alpha_mode = AlphaMode::Blend;
+        material.base_color[3] = 0.25;
+    }
+    let red = 4.0 * PI + 0.25 * (red - 4.0 * PI);
+    assert!((packed(&blended).total_power[0] - red).abs() < 1e-9);
 }
 
 #[test]
@@ -268,24 +276,39 @@ fn a_lamp_has_its_chance_beside_the_sun() {
 
 #[test]
 fn spot_falloff_is_one_inside_zero_outside_and_integrates() {
-    for (inner, outer) in [(0.2f32, 0.6f32), (0.0, 1.5), (0.5, 0.5), (0.0, 0.01)] {
+    for (inner, outer) in [
+        (0.2f32, 0.6f32),
+        (0.0, 1.5),
+        (1.2, 1.5),
+        (0.5, 0.5),
+        (0.0, 0.01),
+    ] {
         let (scale, offset) = spot_falloff(inner, outer);
         let falloff = |cosine: f64| (cosine * scale + offset).clamp(0.0, 1.0).powi(2);
-        assert!(falloff(f64::from(outer).cos()) < 1e-9);
-        let steps = 2_000_000;
-        let step = 2.0 / f64::from(steps);
-        let sum: f64 = (0..steps)
-            .map(|i| falloff(-1.0 + (f64::from(i) + 0.5) * step) * step)
-            .sum();
-        let closed = spot_solid_angle(scale, offset);
+        let [inside, outside] = [inner, outer].map(|angle| f64::from(angle).cos());
+        // The ramp over the cosine, of which LEAST_RAMP is always left: 0 at the outer cone, a square up to 1.
+        let ramp = (inside - outside).max(LEAST_RAMP);
+        for (share, due) in [(-0.1, 0.0), (0.0, 0.0), (0.5, 0.25), (1.0, 1.0), (1.1, 1.0)] {
+            let found = falloff(outside + share * ramp);
+            // Two roundings of up to 1 / LEAST_RAMP, squared.
+            assert!(
+                (found - due).abs() < 1e-11,
+                "{inner} {outer}: {found} at {share}"
+            );
+        }
+        // Its integral over the cosine from the outer cone to the axis: a third of the ramp, and all beyond. A ramp that the axis
+        // cuts short ends at a share of it.
+        let end = ((1.0 - outside) / ramp).min(1.0);
+        let due = 2.0 * PI * (ramp * end.powi(3) / 3.0 + (1.0 - outside - ramp).max(0.0));
+        let found = spot_solid_angle(scale, offset);
         assert!(
-            (sum * 2.0 * PI - closed).abs() < 1e-4 * closed + 1e-9,
-            "{inner} {outer}: {closed}, sum {}",
-            sum * 2.0 * PI
+            (found / due - 1.0).abs() < 1e-9,
+            "{inner} {outer}: {found}, {due} is due"
         );
     }
+    // 2 pi (1 - cos i + (cos i - cos o) / 3), in figures.
     let (scale, offset) = spot_falloff(0.2, 0.6);
-    assert_eq!((0.2f64.cos() * scale + offset).clamp(0.0, 1.0).round(), 1.0);
+    assert!((spot_solid_angle(scale, offset) - 0.449_313_2).abs() < 1e-6);
 }
 
 /// An emissive texture of 4 x 4 texels, white in one corner.
