@@ -8,6 +8,7 @@ others: suite, x, y, what tells series apart, what tells files apart, whether li
 import argparse
 import collections
 import csv
+import itertools
 import pathlib
 import re
 
@@ -137,15 +138,15 @@ def main():
         def file_of(row):
             scene = "generated" if row["scene"].startswith("generated:") else row["scene"]
             return (scene, *(factor(row, word) for word in plot.files))
-        stems = collections.Counter()
+        stems = set()
         for key, of_file in grouped(members, file_of):
             stem = re.sub(r"[^A-Za-z0-9]", "_", "_".join([key[0].removeprefix("builtin:").split("/")[-1], *key[1:]]))
             kind = " (software adapter)" if of_file[0]["machine.software_adapter"] == "true" else ""
             label = f"{', '.join(word for word in key)}, {of_file[0]['machine.adapter']}{kind}"
             # Scenes of one name in two folders.
-            stems[stem] += 1
-            if stems[stem] > 1:
-                stem = f"{stem}_{stems[stem]}"
+            numbered = (f"{stem}_{n}" if n > 1 else stem for n in itertools.count(1))
+            stem = next(name for name in numbered if name not in stems)
+            stems.add(stem)
             draw(name, plot, of_file, label, options.out / f"{name}_{stem}.{options.format}")
 
 

@@ -11,7 +11,7 @@ use crate::settings::{Light, Settings};
 /// Prefix of scenes that are embedded in the program.
 const BUILTIN: &str = "builtin:";
 /// A scene whose surfaces alone shine is lit if what they emit would give a white surface this radiance, were it spread evenly
-/// over all surfaces: less is a picture nearly black. The embedded scenes with lamps have 0.08 and more, a helmet with glowing
+/// over all surfaces: less is a picture nearly black. The embedded scenes with lamps have 0.078 and more, a helmet with glowing
 /// displays 0.002.
 const LEAST_GLOW: f64 = 0.01;
 /// Light for a scene that has none.
@@ -159,7 +159,7 @@ fn light_scene(settings: &mut Settings, scene: &Scene) -> Option<ChosenLight> {
     };
     path.clone_into(&mut settings.environment.path);
     if !is_auto {
-        // Done; with a path these two exclude each other.
+        // Done: settings that name a path may not ask for studio or sky besides.
         settings.light = Light::None;
     }
     Some(ChosenLight { path, is_auto })

@@ -68,7 +68,7 @@ struct Shown {
     frames: Vec<[ImageRgb; 2]>,
     /// Mean radiance over [`BRIGHTNESS_FRAMES`], by eye.
     mean: [f64; 2],
-    /// Device milliseconds of each frame.
+    /// Milliseconds of each frame, by [`clock`].
     ms: Vec<f64>,
 }
 

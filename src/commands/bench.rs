@@ -23,11 +23,15 @@ pub fn bench(options: &BenchOptions) -> Result<(), Failure> {
     let outcome = bench::run(options, &mut bar);
     bar.bar.finish_and_clear();
     if matches!(outcome, Err(BenchError::Interrupted)) {
-        return Err(Failure::failed(match bar.groups {
-            [_, 0] => {
+        return Err(Failure::failed(match (options.suite, bar.groups) {
+            (Suite::Motion | Suite::Work, _) => {
                 "interrupted; no report was written, and the same command begins anew".to_owned()
             }
-            [done, all] => format!(
+            (_, [_, 0]) => {
+                "interrupted before the first group; the same command goes on with what is kept"
+                    .to_owned()
+            }
+            (_, [done, all]) => format!(
                 "interrupted after {done} of {all} groups, which are kept in {}; the same command goes on from there",
                 options.out.display()
             ),

@@ -102,9 +102,11 @@ fn write(folder: &Path, name: &str, stereolux: &str, checkout: &Path) -> std::io
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent)?;
         }
-        // The name may hold the other word, a path's text only in quotes.
-        let text = text.replace("STEREOLUX", stereolux).replace("NAME", name);
-        std::fs::write(path, text)?;
+        // Neither's text is searched for the other's word.
+        let parts = text
+            .split("STEREOLUX")
+            .map(|part| part.replace("NAME", name));
+        std::fs::write(path, parts.collect::<Vec<_>>().join(stereolux))?;
     }
     // The versions that the checkout was tested with; cargo leaves out what the crate does not need.
     let lock = checkout.join("Cargo.lock");

@@ -120,10 +120,9 @@ impl Medians {
     pub fn of(frames: &[Value]) -> Self {
         let all = |of: &dyn Fn(&Value) -> Option<f64>| median(frames.iter().filter_map(of));
         let device = |part: &str| all(&|frame| frame["gpu_ms"][part].as_f64());
-        let traced = frames
+        let traced: Vec<f64> = frames
             .iter()
-            .filter(|frame| frame["photons"]["traced"] == true);
-        let traced: Vec<f64> = traced
+            .filter(|frame| frame["photons"]["traced"] == true)
             .filter_map(|frame| frame["gpu_ms"]["photons"].as_f64())
             .collect();
         let mut by_pass: BTreeMap<&str, Vec<f64>> = BTreeMap::new();

@@ -43,11 +43,12 @@ pub fn read_images(
     non_finite_pixels: &mut usize,
 ) -> Result<FrameImages, LoopError> {
     let size = renderer.size();
-    let mut image = |mut pixels: Vec<[f32; 3]>| -> Result<ImageRgb, LoopError> {
+    // Of a pixel that is counted parts may be wrong, too.
+    let mut image = |mut pixels: Vec<[f32; 3]>, counts: bool| -> Result<ImageRgb, LoopError> {
         for pixel in &mut pixels {
             if !pixel.iter().all(|channel| channel.is_finite()) {
                 *pixel = [0.0; 3];
-                *non_finite_pixels += 1;
+                *non_finite_pixels += usize::from(counts);
             }
         }
         Ok(Image::new(size[0], size[1], pixels)?)
@@ -55,7 +56,7 @@ pub fn read_images(
     let mut radiance = Vec::new();
     for eye in [Eye::Left, Eye::Right] {
         if let Some(pixels) = renderer.read_radiance(eye)? {
-            radiance.push((eye, image(pixels)?));
+            radiance.push((eye, image(pixels, true)?));
         }
     }
     let mut parts = Vec::new();
@@ -66,7 +67,7 @@ pub fn read_images(
                 ("indirect", read.indirect),
                 ("albedo", read.albedo),
             ] {
-                parts.push((eye, part, image(pixels)?));
+                parts.push((eye, part, image(pixels, false)?));
             }
         }
     }

@@ -16,8 +16,26 @@ pub enum Question {
     Quit,
     /// Whether to open the scene of this name in place of one with changes that are not saved.
     Open(String),
-    /// Whether to write over this file.
-    Replace(PathBuf, Saved),
+    /// Whether to write over this file, and what comes after.
+    Replace(PathBuf, Saved, Option<Leave>),
+}
+
+/// Where one goes from a scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Leave {
+    /// Out of the program.
+    Quit,
+    /// To the scene of this name.
+    Open(String),
+}
+
+impl Leave {
+    fn go(self, app: &mut App, context: &Context) {
+        match self {
+            Self::Quit => app.command(WindowCommand::Quit),
+            Self::Open(spec) => app.open_in_place(context, spec),
+        }
+    }
 }
 
 /// Shows the question, and does what is answered.
@@ -36,19 +54,22 @@ pub fn show(app: &mut App, context: &Context) {
         Question::Quit => {
             ui.heading("The scene has changes that are not saved");
             let buttons = ["Quit without saving", "Save and quit"];
-            unsaved(app, ui, buttons, |app| app.command(WindowCommand::Quit));
+            unsaved(app, ui, buttons, Leave::Quit);
         }
         Question::Open(spec) => {
             ui.heading("The scene has changes that are not saved");
             ui.label(format!("{spec} takes its place."));
             let buttons = ["Open without saving", "Save and open"];
-            unsaved(app, ui, buttons, |app| app.open_in_place(context, spec));
+            unsaved(app, ui, buttons, Leave::Open(spec));
         }
-        Question::Replace(path, what) => {
+        Question::Replace(path, what, leave) => {
             ui.heading("A file of this name is there already");
             ui.label(format!("{} is lost.", path.display()));
             if is_agreed(app, ui, "Replace it") {
                 app.replace(context, path, what);
+                if let Some(leave) = leave.filter(|_| !app.document.is_modified()) {
+                    leave.go(app, context);
+                }
             }
         }
     });
@@ -68,8 +89,8 @@ fn is_agreed(app: &mut App, ui: &mut Ui, agree: &str) -> bool {
     .inner
 }
 
-/// Buttons that go away from a scene without saving it and with, by `leave`, and one that stays.
-fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: impl FnOnce(&mut App)) {
+/// Buttons that leave a scene without saving it and with, and one that stays.
+fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: Leave) {
     ui.add_space(8.0);
     ui.horizontal(|ui| {
         let goes_without = ui.button(without).clicked();
@@ -78,11 +99,17 @@ fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: impl F
         if goes_without || saves || stays {
             app.asks = None;
         }
+        let context = ui.ctx().clone();
         if saves {
-            app.save(ui.ctx(), Saved::Scene);
+            app.save(&context, Saved::Scene);
         }
-        if goes_without || (saves && !app.document.is_modified()) {
-            leave(app);
+        match &mut app.asks {
+            // Asked before it is saved.
+            Some(Question::Replace(_, _, after)) if saves => *after = Some(leave),
+            _ if goes_without || (saves && !app.document.is_modified()) => {
+                leave.go(app, &context);
+            }
+            _ => {}
         }
     });
 }

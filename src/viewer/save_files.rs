@@ -23,7 +23,7 @@ impl App {
     pub(super) fn save(&mut self, context: &Context, what: Saved) {
         let path = PathBuf::from(self.fields.path_of(what).trim());
         if path.exists() && !self.written.contains(&path) {
-            self.asks = Some(Question::Replace(path, what));
+            self.asks = Some(Question::Replace(path, what, None));
             return;
         }
         self.make_room(&path);

@@ -120,6 +120,25 @@ fn uniform_points_pass_and_a_tilt_of_five_percent_fails() {
 }
 
 #[test]
+fn densities_and_points_that_are_no_number_are_rejected() {
+    let mut unit = uniform(12);
+    let mut draw = || (unit(), unit());
+    let pilot: Vec<_> = (0..4000).map(|_| draw()).collect();
+    let mut points: Vec<_> = (0..20_000).map(|_| draw()).collect();
+    let of = |points: &[(f64, f64)], density: &dyn Fn(f64, f64) -> f64| {
+        p_value(&Sampled::in_square(points, points.len(), &pilot), density)
+    };
+    assert!(of(&points, &|_, _| 1.0) > 1e-3);
+    assert_eq!(of(&points, &|_, _| f64::NAN), 0.0);
+    assert_eq!(
+        of(&points, &|x, _| if x < 0.1 { f64::NAN } else { 1.0 }),
+        0.0
+    );
+    points[7].1 = f64::NAN;
+    assert_eq!(of(&points, &|_, _| 1.0), 0.0);
+}
+
+#[test]
 fn quadrature_resolves_a_narrow_peak() {
     let peak = |x: f64, y: f64| {
         let s = 0.01;

@@ -272,8 +272,8 @@ pub fn store(cards: &[Card], rows: &[Row]) -> Result<()> {
     Ok(csv.flush()?)
 }
 
-/// Fails with what is wrong, one line each. Counts, and exceptions that are not needed, are judged for the driver of the
-/// stored table alone: others compile otherwise. And only if the rows are all that it holds (`is_whole`).
+/// Fails with what is wrong, one line each. Counts, and exceptions that are not needed, are judged only if the rows are
+/// all that the stored table holds (`is_whole`), by its own driver: others compile otherwise.
 pub fn check(cards: &[Card], rows: &[Row], is_whole: bool) -> Result<()> {
     let file = table_file();
     let stored = csv::Reader::from_path(&file)

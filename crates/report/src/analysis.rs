@@ -1,6 +1,6 @@
 //! What the rows say together: Pareto fronts, equal time, equal error, fitted exponents, the cost of filling.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -227,20 +227,16 @@ fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
         .filter_map(front_point)
         .collect();
     // A path tracer per number of light candidates: between the samples of one its error falls as 1 / time.
-    let candidates = |row: &&Row| row.text("light_candidates");
-    let paths: Vec<Vec<(f64, f64)>> = distinct(of_method("path").iter().map(candidates))
-        .into_iter()
-        .map(|kind| {
-            let rows = of_method("path").into_iter();
-            let points = rows.filter(|row| candidates(row) == kind);
-            let mut path: Vec<(f64, f64)> = points
-                .filter_map(front_point)
-                .map(|point| (point.ms, point.rel_mse))
-                .collect();
-            path.sort_by(|a, b| a.0.total_cmp(&b.0));
-            path
-        })
-        .collect();
+    let mut paths = BTreeMap::<String, Vec<(f64, f64)>>::new();
+    for row in of_method("path") {
+        let point = front_point(row).map(|point| (point.ms, point.rel_mse));
+        let path = paths.entry(row.text("light_candidates")).or_default();
+        path.extend(point);
+    }
+    let mut paths: Vec<_> = paths.into_values().collect();
+    for path in &mut paths {
+        path.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
     let anchors: Vec<f64> = of_method("anchor")
         .into_iter()
         .filter_map(frame_ms)

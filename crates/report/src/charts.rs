@@ -1,6 +1,6 @@
 //! The plots of a report.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::analysis::{Analysis, FillCost, Growth, ParetoScene};
 use crate::plot::{Chart, Mark, Point, Reading, Series};
@@ -37,12 +37,13 @@ pub fn charts(rows: &[Row], analysis: &Analysis, machine: &Machine) -> Vec<(Stri
 
 /// Numbers plots of scenes that have one name in two folders.
 fn distinct_stems(charts: &mut [Named]) {
-    let mut stems = BTreeMap::<String, usize>::new();
+    let mut used = BTreeSet::new();
     for (stem, _) in charts {
-        let count = stems.entry(stem.clone()).or_default();
-        *count += 1;
-        if *count > 1 {
-            *stem = format!("{stem}_{count}");
+        let own = stem.clone();
+        let mut count = 1;
+        while !used.insert(stem.clone()) {
+            count += 1;
+            *stem = format!("{own}_{count}");
         }
     }
 }
@@ -439,9 +440,12 @@ mod tests {
     #[test]
     fn plots_of_scenes_of_one_name_are_all_kept() {
         let empty = |stem: &str| (stem.to_owned(), Chart::default());
-        let mut charts = ["bias_a", "bias_b", "bias_a", "bias_a"].map(empty);
+        let mut charts = ["bias_a", "bias_b", "bias_a", "bias_a_2", "bias_a"].map(empty);
         distinct_stems(&mut charts);
         let stems = charts.map(|(stem, _)| stem);
-        assert_eq!(stems, ["bias_a", "bias_b", "bias_a_2", "bias_a_3"]);
+        assert_eq!(
+            stems,
+            ["bias_a", "bias_b", "bias_a_2", "bias_a_2_2", "bias_a_3"]
+        );
     }
 }

@@ -37,6 +37,7 @@ pub(crate) fn column<'a, R>(
 }
 
 /// A row whose fields are columns of the same names; what a column holds is the field's documentation.
+/// `besides`: fields that are no columns.
 macro_rules! table_row {
     (
         $(#[$about:meta])*

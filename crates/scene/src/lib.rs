@@ -51,8 +51,8 @@ pub use pose::ScenePose;
 
 use stereolux_base::pose::Pose;
 
-/// A scene in memory. Indices between the lists are always in range, transforms are finite and invertible; those in the
-/// world, too, and within f32.
+/// A scene in memory. Indices between the lists are always in range, transforms are finite; those in the world,
+/// too, and within f32. What a transform that cannot be inverted flattens is out of sight.
 ///
 /// Fields may be added: make one with `Scene { ..., ..Scene::default() }`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -263,7 +263,7 @@ impl Scene {
     /// # Errors
     /// One line that names the file, the part at fault and how to mend it: unreadable file, broken container or JSON,
     /// index out of range, data that does not fit its buffer, vertices that are not finite, a node graph that is not a
-    /// tree, a singular transform, an extension that is required and not supported, a file outside the folder, more than
+    /// tree, a transform that is not finite, an extension that is required and not supported, a file outside the folder, more than
     /// the memory allows.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         Self::load_within(path, &LoadBudget::default())

@@ -82,6 +82,13 @@ impl HiddenArea {
             let edge = |p: [f64; 2], q: [f64; 2], x: f64, y: f64| {
                 (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
             };
+            // Either winding; edges belong to the triangle, so that neighbours leave no seam. Rounding of the
+            // runtime's f32 corners is some 1e-4 pixels.
+            let slack = 1e-3;
+            // Every point is within that of the edges of a triangle without area, which hides nothing.
+            if edge(a, b, c[0], c[1]).abs() <= slack {
+                continue;
+            }
             for j in range(1, rows) {
                 for i in range(0, columns) {
                     if corners[j * columns + i] {
@@ -89,9 +96,6 @@ impl HiddenArea {
                     }
                     let (x, y) = (i as f64, j as f64);
                     let sides = [edge(a, b, x, y), edge(b, c, x, y), edge(c, a, x, y)];
-                    // Either winding; edges belong to the triangle, so that neighbours leave no seam. Rounding of the
-                    // runtime's f32 corners is some 1e-4 pixels.
-                    let slack = 1e-3;
                     if sides.iter().all(|s| *s >= -slack) || sides.iter().all(|s| *s <= slack) {
                         corners[j * columns + i] = true;
                     }
@@ -159,5 +163,14 @@ mod tests {
             &[0, 1, 2, 0, 1, 3],
         );
         assert!(beside.pixels(&SQUARE, [9, 7]).iter().all(|word| *word == 0));
+    }
+
+    #[test]
+    fn triangles_without_area_hide_nothing() {
+        let point = [0.1, 0.1];
+        for triangle in [[point; 3], [point, [0.1001, 0.1], [0.1, 0.1001]]] {
+            let area = HiddenArea::from_triangles(vec![triangle]);
+            assert!(area.pixels(&SQUARE, [8, 8]).iter().all(|word| *word == 0));
+        }
     }
 }

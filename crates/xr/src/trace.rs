@@ -31,7 +31,7 @@ use std::path::Path;
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
 /// The versions that are read. Version 1 holds views; version 2 adds `input`, `quality`, `located`, `controller_model` and
-/// changes of headset, and is what a file with `hidden` or `switch_reuse` states too (both are read in version 1, too).
+/// changes of headset, and is what a file with `hidden` or `switch_reuse` states (both are read in version 1 as well).
 pub const VERSIONS: [u64; 2] = [1, 2];
 /// How every native trace begins.
 const BEGINNING: &str = r#"{"format":"stereolux-trace","version":"#;

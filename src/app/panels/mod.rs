@@ -248,7 +248,7 @@ impl World<'_> {
     ///
     /// # Errors
     /// [`WorldError::Panel`]: it was removed.
-    pub fn node_of_panel(&mut self, panel: Panel) -> Result<usize, WorldError> {
+    pub fn node_of_panel(&self, panel: Panel) -> Result<usize, WorldError> {
         let known = self.kept.panels.get(panel.0).and_then(Option::as_ref);
         let known = known.ok_or_else(|| WorldError::Panel("it was removed".into()))?;
         Ok(known.part.root())
@@ -257,7 +257,7 @@ impl World<'_> {
     /// Takes a panel out of the scene.
     ///
     /// # Errors
-    /// [`WorldError::Panel`]: it was taken out before. [`WorldError::Edit`]: another node shows its mesh; it stays.
+    /// [`WorldError::Panel`]: it was taken out before. [`WorldError::Edit`]: another node shows its mesh; the panel stays.
     pub fn remove_panel(&mut self, panel: Panel) -> Result<(), WorldError> {
         let known = self.take_panel(panel)?;
         let removed = self.remove_part(&known.part);
@@ -274,7 +274,7 @@ impl World<'_> {
     /// uploaded. To be called once a frame. In [`super::App::start`] nobody points.
     ///
     /// # Errors
-    /// [`WorldError::Panel`]: it was removed.
+    /// [`WorldError::Panel`]: it was removed. [`WorldError::Edit`]: its node was deleted.
     pub fn panel(&mut self, panel: Panel, content: impl FnMut(&mut Ui)) -> Result<(), WorldError> {
         let node = self.node_of_panel(panel)?;
         let world_from_panel = self.world_from_node(node)?;

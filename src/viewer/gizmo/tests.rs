@@ -134,12 +134,14 @@ fn rings_turn_about_their_axes_in_steps_of_a_32nd() {
         ..TransformGizmo::default()
     };
     let seen = geometry(&gizmo, &view());
+    let mut turned = 0;
     for axis in 0..3 {
         let ring = seen.outline(Handle::Axis(axis)).unwrap().points;
         let [from, to] = [ring[32], ring[44]].map(|point| seen.project(point).unwrap());
         if seen.pick(from) != Some(Handle::Axis(axis)) {
             continue;
         }
+        turned += 1;
         let moved = dragged(&mut gizmo, from, to);
         let turn = DQuat::from_mat3(&(moved.matrix3 * object().matrix3.inverse()));
         let (about, angle) = turn.to_axis_angle();
@@ -150,6 +152,7 @@ fn rings_turn_about_their_axes_in_steps_of_a_32nd() {
             "{steps}"
         );
     }
+    assert!(turned >= 2, "{turned} rings");
 }
 
 #[test]

@@ -108,7 +108,9 @@ fn reconstruction_parts_and_heaps_follow_the_size() {
     });
     let made = resized_and_made(&scene, &all);
     let lengths: Vec<_> = others(&made).iter().map(Vec::len).collect();
-    let of_an_eye = [3, 3, 3, 4, 4, 1].map(|words| words * 48 * 33);
+    // Direct, indirect, albedo, what was seen, motion, variance: words a pixel.
+    let pixels = (LARGE[0] * LARGE[1]) as usize;
+    let of_an_eye = [3, 3, 3, 4, 4, 1].map(|words| words * pixels);
     assert_eq!(lengths, [of_an_eye; 2].concat());
     let made = resized_and_made(&scene, &heaps);
     assert!(made.photon_map().unwrap().gather_slices() > 1, "one slice");

@@ -519,6 +519,8 @@ fn the_crate_that_new_writes_has_what_its_test_needs() {
     let manifest = std::fs::read_to_string(odd.join("Cargo.toml")).unwrap();
     let manifest: toml::Table = manifest.parse().unwrap();
     assert_eq!(manifest["package"]["name"].as_str(), Some("STEREOLUX-NAME"));
+    let path = &manifest["dependencies"]["stereolux"]["path"];
+    assert_eq!(path.as_str(), Some(checkout));
     // Not over what is there, and not under a name that no crate has.
     assert_eq!(new(&[]).status.code(), Some(2));
     for name in ["9lives", "my app", "test", ".."] {

@@ -6,7 +6,7 @@ use stereolux::options::{
     self, EarlyExit, Options, PoseOptions, RenderOptions, RunOptions, SessionChoice, SessionOptions,
 };
 use stereolux::scene::builtin;
-use stereolux::settings::{Eyes, Method, Motion, Reuse, Settings};
+use stereolux::settings::{Eyes, Light, Method, Motion, Reuse, Settings};
 use stereolux::xr::{Fov, TraceBody, TraceUp};
 
 use super::support::{assert_says, words};
@@ -29,6 +29,19 @@ fn run(args: &[&str]) -> RunOptions {
         Ok(Options::Run(options)) => *options,
         other => panic!("{other:?}"),
     }
+}
+
+#[test]
+fn view_lights_what_has_no_light_unless_it_is_told() {
+    let light = |args: &[&str]| match outcome(args) {
+        Ok(Options::View(options)) => options.settings.light,
+        Ok(Options::Run(options)) => options.settings.light,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(light(&["view"]), Light::Auto);
+    assert_eq!(light(&["view", "--light", "none"]), Light::None);
+    assert_eq!(light(&["view", "--set", "light=sky"]), Light::Sky);
+    assert_eq!(light(&["run"]), Light::None);
 }
 
 fn session(args: &[&str]) -> SessionOptions {

@@ -1,8 +1,11 @@
 //! Panels: what they show is seen in the frame that says so, and hands click what they point at.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use stereolux::egui::{self, Color32};
-use stereolux::{App, AppError, FrameInput, Panel, PanelSpec, Pose, Scene, World};
+use stereolux::{
+    App, AppError, Edit, FrameInput, NewContent, NewNode, Panel, PanelSpec, Placement, Pose, Scene,
+    World,
+};
 
 use super::application::{RAW, left, replays_to_the_bit, run_well};
 use super::support::{Folder, assert_begins};
@@ -45,6 +48,19 @@ impl App for Sheet {
             assert_begins(&refused, "panel: panel: ");
         }
         let spare = world.add_panel(&spec)?;
+        // Another node shows its mesh: it stays until that is gone.
+        let mesh = world.scene().nodes[world.node_of_panel(spare)?].mesh;
+        let copy = NewNode {
+            name: "copy".to_owned(),
+            to: Placement::Matrix(DAffine3::IDENTITY),
+            content: NewContent::Mesh(mesh.ok_or("no mesh")?),
+        };
+        let (parent, node) = (None, copy);
+        world.edit(Edit::Add { parent, node })?;
+        let copy = world.node("copy")?;
+        assert!(world.remove_panel(spare).is_err());
+        assert!(world.panel(spare, |_| {}).is_ok());
+        world.edit(Edit::Delete { node: copy })?;
         world.remove_panel(spare)?;
         assert!(world.panel(spare, |_| {}).is_err());
         Ok(())

@@ -1,12 +1,10 @@
 //! Reuse where it is hard: canted eyes, bumps at grazing angles, holes, textures that shine, shapes that change. What the
 //! right eye takes over has the mean of what it would have traced.
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::Eye;
-use stereolux::scene::{
-    AlphaMode, Filter, Image, LightKind, Material, Scene, Texture, TextureRef, Wrap,
-};
+use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
 use stereolux::settings::{Eyes, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -15,8 +13,8 @@ use super::support::{
     builtin, parallel_views, radiance, renderer_by, settings, square_fov, start_pose, statistics,
 };
 use crate::suite::bvh::deforming::torn;
-use crate::suite::transport::hard_support::{add, constant_environment, quad};
-use crate::suite::transport::lights_probe::add_light;
+use crate::suite::frame::layout::changed;
+use crate::suite::transport::hard_support::{add, add_sun, constant_environment, quad};
 
 const SIZE: usize = 32;
 /// Blocks along a side.
@@ -117,8 +115,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     let mut sun = sky.clone();
     sky.environment = Some(constant_environment([1.0; 3]));
     let slanted = DQuat::from_rotation_y(0.3) * DQuat::from_rotation_x(-0.4);
-    let place = DAffine3::from_quat(slanted);
-    add_light(&mut sun, LightKind::Directional, [3.0; 3], place);
+    add_sun(&mut sun, slanted * DVec3::Z, 3.0);
     let parade = builtin("parade");
     let parade_views = views(start_pose(&parade));
     vec![
@@ -237,12 +234,7 @@ fn a_sky_that_surfaces_found_and_that_is_not_carried_is_noticed() {
             "note_emitted(path, radiance * weight);",
         ),
     ] {
-        let mut library = ShaderLibrary::embedded();
-        let sources = library.sources().find(|(name, _)| *name == module);
-        let source = sources.unwrap().1;
-        assert_eq!(source.matches(carries).count(), 1, "{module}");
-        let without = source.replace(carries, "");
-        library.insert(module, without);
+        let library = changed(module, carries, "");
         let [native, found] =
             [Reuse::Off, Reuse::Lookup].map(|reuse| means(&library, by, reuse, &case).0[1].clone());
         let whole = [&found, &native].map(|means| means[BLOCKS * BLOCKS].0);

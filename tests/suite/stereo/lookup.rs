@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 use std::process::Command;
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::DVec3;
 use stereolux::renderer::{Eye, Provenance, StereoStats};
-use stereolux::scene::{LightKind, Material, Scene};
+use stereolux::scene::{Material, Scene};
 use stereolux::settings::{
     DirectLight, Method, RenderSettings, Reuse, Sampler, Schedule, Technique,
 };
@@ -19,8 +19,7 @@ use super::support::{
     start_pose, start_views,
 };
 use crate::suite::embedded_scenes::plane;
-use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
-use crate::suite::transport::lights_probe::add_light;
+use crate::suite::transport::hard_support::{add, add_point_light, add_sun, quad, square_ahead};
 
 #[test]
 fn light_on_a_plane_is_interpolated_to_second_order() {
@@ -221,13 +220,7 @@ impl Blade {
         add(&mut scene, &blade, Material::lambert("blade", [0.0; 3]));
         match self {
             Self::InLamp => add_point_light(&mut scene, Self::LIGHT, Self::INTENSITY as f32),
-            Self::InSun => {
-                // Lights shine along their -Z.
-                let turn = DQuat::from_rotation_arc(DVec3::Z, Self::TO_SUN.normalize());
-                let place = DAffine3::from_quat(turn);
-                let irradiance = [Self::IRRADIANCE as f32; 3];
-                add_light(&mut scene, LightKind::Directional, irradiance, place);
-            }
+            Self::InSun => add_sun(&mut scene, Self::TO_SUN, Self::IRRADIANCE as f32),
         }
         scene
     }

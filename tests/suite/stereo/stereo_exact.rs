@@ -498,6 +498,7 @@ fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
     let [plate, wall] =
         [PlateBeforeWall::PLATE_M, PlateBeforeWall::WALL_M].map(PlateBeforeWall::disparity);
     let [first, last] = PlateBeforeWall::COLUMNS;
+    const SIDE: usize = PlateBeforeWall::SIZE as usize;
     for (is_black, has_wall) in [(false, true), (true, true), (false, false)] {
         let scene = PlateBeforeWall::new(is_black, has_wall);
         let triangles = Triangles::of(&scene.scene);
@@ -510,7 +511,7 @@ fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
             let found = provenance(&renderer);
             for (pixel, from) in found.iter().enumerate() {
                 let due = scene.due(&triangles, pixel);
-                let at = format!("pixel {} of row {}", pixel % 64, pixel / 64);
+                let at = format!("pixel {} of row {}", pixel % SIDE, pixel / SIDE);
                 assert_eq!(*from, due as u32, "{what}, {at}: {due:?} is due");
             }
             // In closed form, columns of every row: how much further the plate moves than the wall, by how much the wall leaves the
@@ -521,7 +522,7 @@ fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
                 [0.0; 2]
             };
             let gap = if is_black { last - first - 1.0 } else { 0.0 };
-            for row in found.chunks(64) {
+            for row in found.chunks(SIDE) {
                 for (provenance, due) in [
                     (Provenance::Disoccluded, behind),
                     (Provenance::OutOfLeftView, outside),

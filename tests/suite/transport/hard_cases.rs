@@ -2,16 +2,15 @@
 
 use std::f64::consts::PI;
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{Environment, LightKind, Material, Scene};
+use stereolux::scene::{Environment, Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::bsdf_twin::Twin;
 use super::chi_square::integrate;
 use super::hard_support::*;
-use super::lights_probe::add_light;
 use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
     assert_clean, bits, builtin, frame, mean, method, parallel_views, pixel_ray, radiance,
@@ -333,13 +332,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     }
 }
 
-/// A sun in the direction `to_sun`, of irradiance [`SUN`] at normal incidence.
-fn add_sun(scene: &mut Scene, to_sun: DVec3) {
-    let turn = DQuat::from_rotation_arc(DVec3::Z, to_sun.normalize());
-    let place = DAffine3::from_quat(turn);
-    add_light(scene, LightKind::Directional, [SUN as f32; 3], place);
-}
-
+/// Irradiance of a sun at normal incidence.
 const SUN: f64 = 3.0;
 
 /// The cube, scaled and moved along z.
@@ -367,7 +360,7 @@ fn a_wall_in_the_sun_is_dimmed_by_what_the_eye_looks_through_alone() {
             add(&mut scene, &glass, absorbing_glass(absorbs));
             let white = Material::lambert("wall", [ALBEDO as f32; 3]);
             add(&mut scene, &square_ahead(1.9, wall_m), white);
-            add_sun(&mut scene, to_sun);
+            add_sun(&mut scene, to_sun, SUN as f32);
             scene
         };
         let expected = |absorbs: bool| -> Vec<[f32; 3]> {
@@ -438,7 +431,11 @@ fn photons_of_a_slanted_sun_are_dimmed_by_their_way_through_a_block() {
         add(&mut scene, &glass, absorbing_glass(absorbs));
         let white = Material::lambert("wall", [ALBEDO as f32; 3]);
         add(&mut scene, &square_ahead(0.8, 1.0), white);
-        add_sun(&mut scene, DVec3::new(slant.sin(), 0.0, slant.cos()));
+        add_sun(
+            &mut scene,
+            DVec3::new(slant.sin(), 0.0, slant.cos()),
+            SUN as f32,
+        );
         scene
     };
     let views = eyes_at_origin(15.0);

@@ -9,6 +9,7 @@ use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
+use super::lights_probe::add_light;
 pub use super::lights_probe::glowing;
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
@@ -71,6 +72,13 @@ pub fn add_point_light(scene: &mut Scene, position: DVec3, intensity: f32) {
         kind: LightKind::Point,
         intensity: [intensity; 3],
     });
+}
+
+/// A sun in the direction `to_sun`, of that irradiance at normal incidence. Lights shine along their -Z.
+pub fn add_sun(scene: &mut Scene, to_sun: DVec3, irradiance: f32) {
+    let turn = DQuat::from_rotation_arc(DVec3::Z, to_sun.normalize());
+    let place = DAffine3::from_quat(turn);
+    add_light(scene, LightKind::Directional, [irradiance; 3], place);
 }
 
 /// A parallelogram with its front along `u` x `v`.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DVec3};
 use stereolux::renderer::records::light::LIGHT_TRIANGLE;
 use stereolux::scene::{AlphaMode, LightKind, Material, Scene};
-use stereolux::settings::{Method, Reuse, Technique};
+use stereolux::settings::{Method, Technique};
 
 use super::chi_square::{Sampled, p_value, p_value_of_counts, sidak};
 use super::lights_probe::{LightProbe, Photon, add_light, add_triangles, glowing};
@@ -13,8 +13,8 @@ use super::lights_sampling::{
     DRAWS, LEVEL, area, ceiling, ceiling_triangle, cell_probabilities, environment_scene, map,
     map_coordinates, mean_and_error, placement, v, weights,
 };
-use super::support::{context, settings};
-use super::techniques::{agree, blocks, box_with, brighter};
+use super::support::context;
+use super::techniques::{agree, blocks, box_with, brighter, settings_of};
 
 const ALL: [&str; 5] = ["emitters", "points", "spots", "directionals", "environment"];
 
@@ -208,15 +208,7 @@ fn every_technique_finds_the_same_light_of_a_blended_lamp() {
     let lamps = scene.materials.iter_mut();
     lamps.filter(|m| m.is_emissive()).for_each(blended);
     let of = |scene: &Scene, set, method, technique, spp| {
-        let settings = settings(|s| {
-            s.method = method;
-            s.reuse = Reuse::Off;
-            s.path.technique = technique;
-            s.path.max_depth = 2;
-            s.photon.max_depth = 2;
-            s.spp = spp;
-        });
-        blocks(scene, &views, &settings, set)
+        blocks(scene, &views, &settings_of(method, technique, 2, spp), set)
     };
     let mis = of(&scene, 0, Method::Path, Technique::Mis, 8);
     let light = of(&scene, 1, Method::Path, Technique::Light, 8);

@@ -22,7 +22,7 @@ const SIZE: u32 = 64;
 const BLOCK: u32 = 8;
 const RUNS: u32 = 12;
 
-fn settings_of(method: Method, technique: Technique, depth: u32, spp: u32) -> RenderSettings {
+pub fn settings_of(method: Method, technique: Technique, depth: u32, spp: u32) -> RenderSettings {
     settings(|s| {
         s.method = method;
         s.reuse = Reuse::Off;

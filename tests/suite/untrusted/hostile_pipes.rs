@@ -58,6 +58,10 @@ fn what_a_pipe_brings_is_read() {
     let outcome = run(&["info", "--config", &config]);
     writer.join().unwrap();
     assert_eq!(outcome.status, Some(0), "{outcome:?}");
+    let (config, writer) = write("faulty", b"seed = 7\n[photon]\nkernle = 1\n".to_vec());
+    let outcome = run(&["info", "--config", &config]);
+    writer.join().unwrap();
+    assert_says(outcome.refusal(), &["kernle", "kernel"]);
 
     let image = folder.join("image.exr");
     write_exr(&image, &ImageRgb::filled(100, 100, [0.5; 3]).unwrap()).unwrap();

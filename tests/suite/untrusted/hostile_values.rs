@@ -20,16 +20,27 @@ fn is_clean(text: &str) -> bool {
 fn a_scene_of_huge_scale_has_a_finite_area() {
     let folder = Folder::new("hostile-scales");
     let path = folder.join("large.gltf");
+    let corners = [[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let bytes: Vec<u8> = corners
+        .iter()
+        .flatten()
+        .flat_map(|c| c.to_le_bytes())
+        .collect();
+    let uri = data_uri("application/octet-stream", &bytes);
     let text = document(json!({
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "mesh": 0, "scale": [1e30, 1e30, 1e30] }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
-        "accessors": [{ "componentType": 5126, "count": 3, "type": "VEC3" }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "buffers": [{ "byteLength": bytes.len(), "uri": uri }],
     }));
     std::fs::write(&path, text).unwrap();
     let report = run(&["info", "--scene", path.to_str().unwrap()]);
     let report: Value = serde_json::from_str(&report.stdout).unwrap();
-    assert!(report["scene"]["surface_area_m2"].is_number(), "{report}");
+    // More than f32 holds.
+    let area_m2 = report["scene"]["surface_area_m2"].as_f64().unwrap();
+    assert!((area_m2 / 5e59 - 1.0).abs() < 1e-12, "{area_m2}");
 }
 
 #[test]

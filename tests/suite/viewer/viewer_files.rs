@@ -13,6 +13,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::{Document, Edit};
 use stereolux::settings::Light;
 use stereolux::viewer::App;
+use stereolux::viewer::app::WindowCommand;
 use stereolux::xr::View;
 
 use super::viewer_support::{
@@ -400,6 +401,30 @@ fn files_of_others_are_written_over_only_when_asked() {
     assert!(viewer.query_by_label("Replace it").is_none());
     assert!(!viewer.state().document().is_modified());
     assert_no_errors(&viewer);
+}
+
+/// Who saves before quitting over a file of others is asked about that, and has quit then.
+#[test]
+fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
+    let folder = Folder::new("viewer-save-and-quit");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let path = folder.join("cornell_edited.glb");
+    std::fs::write(&path, "of somebody else").unwrap();
+    let node = node_of(viewer.state().document().scene(), "tall block");
+    let context = viewer.ctx.clone();
+    viewer.state_mut().edit(&context, Edit::Delete { node });
+    for (answer, commands) in [
+        ("Leave it", vec![]),
+        ("Replace it", vec![WindowCommand::Quit]),
+    ] {
+        viewer.state_mut().close_requested();
+        two_steps(&mut viewer);
+        push(&mut viewer, "Save and quit");
+        assert_eq!(viewer.state_mut().take_commands(), [], "asked first");
+        push(&mut viewer, answer);
+        assert_eq!(viewer.state_mut().take_commands(), commands, "{answer}");
+    }
+    assert!(!viewer.state().document().is_modified());
 }
 
 /// Who takes the head out of a recording stands where that was.

@@ -46,8 +46,8 @@ fn a_driver_is_given_what_it_wrote_and_nothing_of_another_adapter() {
     let keeps = length(&both) > alone;
     after_kernels(&first, &passes[1..]);
     assert_eq!(length(&first) > alone, keeps);
-    // Any other: what lies behind the checksum is looked at. Its adapter's name (in wgpu's header) is another's, so the file is
-    // refused and stays; who did not read it would write a new one.
+    // With any driver: the file's adapter, in wgpu's header, is made another's under a right checksum. So the file is refused and
+    // stays; had it not been read, a new one would be written.
     let file = file_in(&both);
     let mut bytes = fs::read(&file).unwrap();
     bytes[8 + 20] ^= 1;

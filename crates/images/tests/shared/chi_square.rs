@@ -59,6 +59,10 @@ impl<'a> Sampled<'a> {
 
 /// p-value of the hypothesis that counts have these expectations: `(expected, observed)` per bin.
 pub fn p_value_of_counts(counts: &[(f64, f64)]) -> f64 {
+    let finite = |count: &(f64, f64)| count.0.is_finite() && count.1.is_finite();
+    if !counts.iter().all(finite) {
+        return 0.0;
+    }
     let (mut statistic, mut bins) = (0.0, 0usize);
     let (mut pooled_expected, mut pooled_observed) = (0.0, 0.0);
     for (expected, observed) in counts {
@@ -89,6 +93,13 @@ pub fn p_value_of_counts(counts: &[(f64, f64)]) -> f64 {
 /// p-value of the hypothesis that the points follow `density` (per unit of both coordinates).
 pub fn p_value(sampled: &Sampled<'_>, density: &dyn Fn(f64, f64) -> f64) -> f64 {
     let draws = sampled.draws as f64;
+    if !sampled
+        .points
+        .iter()
+        .all(|p| p.0.is_finite() && p.1.is_finite())
+    {
+        return 0.0;
+    }
     let mut counts = Vec::new();
     let mut inside = 0.0;
     let edges = quantiles(

@@ -195,6 +195,42 @@ fn index_types_and_modes_give_the_same_square() {
     );
 }
 
+/// As most exporters write them: a vertex after the other, somewhere in a view.
+#[test]
+fn interleaved_attributes_are_those_that_lie_packed() {
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let normals = [
+        [0.0, 0.6, 0.8],
+        [0.6, 0.0, 0.8],
+        [0.8, 0.0, 0.6],
+        [0.0, 0.8, 0.6],
+    ];
+    let packed = with(|doc| {
+        let normals = doc.accessor(&bytes_of(normals.as_flattened()), 5126, "VEC3", 4);
+        doc.primitive()["attributes"]["NORMAL"] = json!(normals);
+    });
+    let interleaved = with(|doc| {
+        let vertices = corners.iter().zip(&normals);
+        let vertices = vertices.flat_map(|([x, y], [a, b, c])| [*x, *y, 0.0, *a, *b, *c]);
+        // Four bytes before them are nobody's.
+        let values: Vec<f32> = std::iter::once(7.0).chain(vertices).collect();
+        let view = doc.view(&bytes_of(&values));
+        doc.json["bufferViews"][view]["byteStride"] = json!(24);
+        for (name, offset) in [("POSITION", 4), ("NORMAL", 16)] {
+            let accessors = doc.json["accessors"].as_array_mut().unwrap();
+            accessors.push(json!({
+                "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": 4,
+            }));
+            let number = accessors.len() - 1;
+            doc.primitive()["attributes"][name] = json!(number);
+        }
+    });
+    assert_eq!(
+        interleaved.load().unwrap().meshes,
+        packed.load().unwrap().meshes
+    );
+}
+
 #[test]
 fn sparse_accessors_replace_elements() {
     // Vertex 2 moves to (3, 3, 0): the triangles (0,0) (1,0) (3,3) and (0,0) (3,3) (0,1) have the areas 1.5 each.
@@ -205,6 +241,18 @@ fn sparse_accessors_replace_elements() {
         "count": 1, "indices": { "bufferView": indices, "componentType": 5123 }, "values": { "bufferView": values },
     });
     assert!((doc.load().unwrap().surface_area_m2() - 3.0).abs() < 1e-12);
+
+    // Both in one view, behind what is nobody's.
+    let mut behind = Doc::square();
+    let mut bytes = vec![9, 9, 2, 0];
+    bytes.extend(bytes_of(&[7.0, 3.0, 3.0, 0.0]));
+    let view = behind.view(&bytes);
+    behind.json["accessors"][0]["sparse"] = json!({
+        "count": 1,
+        "indices": { "bufferView": view, "byteOffset": 2, "componentType": 5123 },
+        "values": { "bufferView": view, "byteOffset": 8 },
+    });
+    assert!((behind.load().unwrap().surface_area_m2() - 3.0).abs() < 1e-12);
 
     // The same over zeros: without a buffer view only the replaced vertex is away from the origin.
     doc.json["accessors"][0]

@@ -132,14 +132,34 @@ fn eight_influences_are_cut_to_four_that_sum_to_one() {
         }
     })
     .unwrap();
+    // In the second set alone: the first has no share.
+    let second = altered(|json, _| {
+        let accessors = json["accessors"].as_array().unwrap().clone();
+        let mut zeros = Vec::new();
+        for mesh in json["meshes"].as_array_mut().unwrap() {
+            let attributes = &mut mesh["primitives"][0]["attributes"];
+            if let Some(weights) = attributes.get("WEIGHTS_0").and_then(Value::as_u64) {
+                attributes["JOINTS_1"] = attributes["JOINTS_0"].clone();
+                attributes["WEIGHTS_1"] = json!(weights);
+                attributes["WEIGHTS_0"] = json!(accessors.len() + zeros.len());
+                // Without a buffer view.
+                let count = &accessors[weights as usize]["count"];
+                zeros.push(json!({ "componentType": 5126, "type": "VEC4", "count": count }));
+            }
+        }
+        json["accessors"].as_array_mut().unwrap().extend(zeros);
+    })
+    .unwrap();
     let tube = node(&plain, "tube");
     let positions = |scene: &Scene| {
         let pose = scene.pose_at(&scene.animations[0], 0.7);
         let mesh = &scene.meshes[scene.nodes[tube].mesh.unwrap()];
         scene.positions_in_world(tube, mesh, &pose)
     };
-    for (a, b) in positions(&plain).iter().zip(positions(&twice)) {
-        assert!((*a - b).length() < 1e-6, "{a} {b}");
+    for other in [twice, second] {
+        for (a, b) in positions(&plain).iter().zip(positions(&other)) {
+            assert!((*a - b).length() < 1e-6, "{a} {b}");
+        }
     }
 }
 

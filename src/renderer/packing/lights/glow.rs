@@ -6,10 +6,11 @@ use crate::scene::{Mesh, Scene};
 
 /// A textured emitter is sampled at most this finely, per edge.
 const MOST_STEPS: usize = 64;
-/// What a textured emitter's power is at least, as a share of its brightest sample.
+/// What an emitter's power is at least: as a share of its brightest sample, and of what it had if it covered all.
 const LEAST_SHARE: f64 = 0.01;
 
-/// Mean emission of a triangle, times its alpha factor, and by how much its pick is raised above its power so that no glowing spot is missed.
+/// Mean emission of a triangle, times its alpha factor, and by how much its pick is raised above its power so that no glowing
+/// spot is missed.
 pub(super) struct Glow {
     pub(super) triangle: usize,
     pub(super) mean: [f64; 3],
@@ -18,11 +19,11 @@ pub(super) struct Glow {
 }
 
 /// What a white surface would have as radiance, if the power of all emissive triangles were spread evenly over all surfaces,
-/// W sr^-1 m^-2, mean of the channels: sum of L A over sum of A. Meshes that deform count as they lie in the file.
+/// W sr^-1 m^-2, mean of the channels: sum of L A over sum of A. What shines counts as it lies in the file.
 pub fn mean_glow(scene: &Scene) -> f64 {
     let glows = scene.meshes.iter().map(|mesh| mesh_glows(scene, mesh));
     let glows: Vec<_> = glows.collect();
-    let (mut emitted, mut total) = (0.0, 0.0);
+    let mut emitted = 0.0;
     for instance in scene.instances() {
         let mesh = &scene.meshes[instance.mesh];
         let area = |triangle| {
@@ -31,13 +32,17 @@ pub fn mean_glow(scene: &Scene) -> f64 {
                 corners.map(|corner| instance.world_from_object.transform_point3(corner));
             0.5 * (b - a).cross(c - a).length()
         };
-        total += mesh.triangles.iter().map(area).sum::<f64>();
         for glow in &glows[instance.mesh] {
             let radiance = glow.mean.iter().sum::<f64>() / 3.0;
             emitted += radiance * glow.sides() * area(&mesh.triangles[glow.triangle]);
         }
     }
-    if total > 0.0 { emitted / total } else { 0.0 }
+    // Without a surface nothing is emitted.
+    if emitted > 0.0 {
+        emitted / scene.surface_area_m2()
+    } else {
+        0.0
+    }
 }
 
 impl Glow {
