@@ -311,3 +311,98 @@ fn latest<T: Copy>(said: &[(f64, T)], seconds: f64) -> Option<T> {
     let before = said.iter().take_while(|(at_s, _)| *at_s <= seconds);
     before.last().map(|(_, value)| *value)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<HandScript, String> {
+        let place_of = |name: &str| match name {
+            "vase" => Ok(DVec3::new(0.0, 1.0, -2.0)),
+            _ => Err(String::new()),
+        };
+        HandScript::parse("hands.toml", text, &Pose::IDENTITY, &place_of)
+            .map_err(|error| error.to_string())
+    }
+
+    fn grip(script: &HandScript, side: Side, seconds: f64) -> Tracked {
+        script.at((seconds * 1e9) as i64).hands[side as usize]
+            .grip
+            .unwrap()
+    }
+
+    /// Central differences of a straight line and of an even turn are exact, but for roundings of 1e-16 m over 2e-3 s.
+    #[test]
+    fn a_hand_moves_and_turns_evenly_between_two_steps() {
+        let (sine, cosine) = 0.25_f64.sin_cos();
+        let script = format!(
+            "[[right]]\nat_s = 1.0\nposition_m = [0, 0, 0]\norientation = [0, 0, 0, 1]\n\
+             [[right]]\nat_s = 2.0\nposition_m = [1, 2, -3]\norientation = [0, {sine}, 0, {cosine}]\n"
+        );
+        let script = parse(&script).unwrap();
+        let half = grip(&script, Side::Right, 1.5);
+        assert!((half.pose.position - DVec3::new(0.5, 1.0, -1.5)).length() < 1e-9);
+        assert!((half.linear_velocity - DVec3::new(1.0, 2.0, -3.0)).length() < 1e-9);
+        assert!((half.angular_velocity - DVec3::new(0.0, 0.5, 0.0)).length() < 1e-9);
+        let after = grip(&script, Side::Right, 3.0);
+        assert_eq!(after.linear_velocity, DVec3::ZERO);
+        assert_eq!(after.pose.position, DVec3::new(1.0, 2.0, -3.0));
+        assert_eq!(script.at(0).hands[Side::Left as usize], Hand::default());
+    }
+
+    #[test]
+    fn hands_rest_beside_the_head_and_wave_sideways() {
+        let script = parse("[[left]]\nat_s = 1\npress = []\n[[right]]\nat_s = 0\nwave = true\n");
+        let script = script.unwrap();
+        let left = grip(&script, Side::Left, 0.0).pose.position;
+        assert_eq!(left, REST_M * DVec3::new(-1.0, 1.0, 1.0));
+        // A quarter of a second is the end of the way, half of one its middle; a central difference leaves out a sixth of
+        // the third derivative by h^2, 0.1 (2 pi)^3 1e-6 / 6 m/s.
+        let end = grip(&script, Side::Right, 0.25).pose.position;
+        assert!((end - REST_M - DVec3::X * WAVE_M).length() < 1e-12);
+        let middle = grip(&script, Side::Right, 0.5);
+        let speed = -std::f64::consts::TAU * WAVE_M * WAVE_HZ;
+        assert!((middle.linear_velocity.x - speed).abs() < 5e-6);
+    }
+
+    #[test]
+    fn every_fault_of_a_script_is_one_line_with_its_place() {
+        for (text, line, field) in [
+            (
+                "[[right]]\nat_s = 1\n[[right]]\nat_s = 1\n",
+                3,
+                "right.at_s",
+            ),
+            ("[[left]]\nat_s = -1\n", 1, "left.at_s"),
+            (
+                "[[left]]\nat_s = 1\nposition_m = [0, 0, 0]\nreach = 'vase'\n",
+                1,
+                "left.reach",
+            ),
+            (
+                "[[left]]\nat_s = 1\norientation = [0, 0, 0, 1]\npoint_at = 'vase'\n",
+                1,
+                "left.point_at",
+            ),
+            (
+                "[[left]]\nat_s = 1\nreach = 'vase'\npoint_at = 'vase'\n",
+                1,
+                "left.point_at",
+            ),
+            ("[[left]]\nat_s = 1\nreach = 'vise'\n", 1, "left.reach"),
+            ("[[left]]\nat_s = 1\nstick = [2, 0]\n", 1, "left.stick"),
+            ("[[left]]\nat_s = 1\npress = ['nose']\n", 1, "left.press"),
+            (
+                "[[left]]\nat_s = 1\nposition_m = [0, nan, 0]\n",
+                1,
+                "left.position_m",
+            ),
+        ] {
+            let error = parse(text).unwrap_err();
+            let place = format!("line {line}, field {field}: ");
+            assert!(error.contains(&place), "{error}");
+            assert!(!error.contains('\n'), "{error}");
+        }
+    }
+}

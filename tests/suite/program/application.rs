@@ -484,6 +484,45 @@ fn the_world_changes_by_name_and_refuses_what_cannot_be() {
     assert_eq!(changed, [false, true, false, false]);
 }
 
+/// Counts its ends; fails in a frame, or quits in it.
+struct Ending {
+    ends: u32,
+    fails: bool,
+}
+
+impl App for Ending {
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        match frame.frame {
+            1 if self.fails => Err("it is over".into()),
+            1 => {
+                world.quit();
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn end(&mut self, _: &mut World) {
+        self.ends += 1;
+    }
+}
+
+#[test]
+fn an_application_ends_once_however_the_loop_does() {
+    let folder = support::Folder::new("application-ends");
+    let still = ["--scene=builtin:plane", "--set=output.images=false"];
+    for (fails, frames, status) in [(false, 1, 0), (false, 4, 0), (true, 4, 1)] {
+        let mut app = Ending { ends: 0, fails };
+        let frames = format!("--frames={frames}");
+        let found = run(&mut app, &still, folder.path(), &[&frames]);
+        assert_eq!(
+            (found, app.ends),
+            (ExitCode::from(status), 1),
+            "{frames}, fails {fails}"
+        );
+    }
+}
+
 /// What `stereolux new` writes, and its recording replayed by its own code: the cube goes with the hand. Cargo's part, building the crate, is not repeated here: it takes minutes.
 #[test]
 fn the_crate_that_new_writes_has_what_its_test_needs() {

@@ -48,21 +48,27 @@ impl App for Sheet {
             assert_begins(&refused, "panel: panel: ");
         }
         let spare = world.add_panel(&spec)?;
-        // Another node shows its mesh: it stays until that is gone.
-        let mesh = world.scene().nodes[world.node_of_panel(spare)?].mesh;
+        world.remove_panel(spare)?;
+        assert!(world.panel(spare, |_| {}).is_err());
+        // Behind the head, with another node that shows its mesh: it stays.
+        let shared = world.add_panel(&PanelSpec {
+            world_from_panel: before_head(-0.5),
+            ..spec
+        })?;
+        let root = world.node_of_panel(shared)?;
+        let nodes = &world.scene().nodes;
+        let mesh = nodes[nodes[root].children[0]].mesh;
         let copy = NewNode {
             name: "copy".to_owned(),
             to: Placement::Matrix(DAffine3::IDENTITY),
             content: NewContent::Mesh(mesh.ok_or("no mesh")?),
         };
-        let (parent, node) = (None, copy);
-        world.edit(Edit::Add { parent, node })?;
-        let copy = world.node("copy")?;
-        assert!(world.remove_panel(spare).is_err());
-        assert!(world.panel(spare, |_| {}).is_ok());
-        world.edit(Edit::Delete { node: copy })?;
-        world.remove_panel(spare)?;
-        assert!(world.panel(spare, |_| {}).is_err());
+        world.edit(Edit::Add {
+            parent: None,
+            node: copy,
+        })?;
+        assert!(world.remove_panel(shared).is_err());
+        world.panel(shared, |_| {})?;
         Ok(())
     }
 

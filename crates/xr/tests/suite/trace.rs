@@ -427,6 +427,48 @@ fn quality_is_written_where_it_changes() {
 }
 
 #[test]
+fn what_changes_in_frames_that_nobody_sees_shows_in_the_next_line() {
+    let header = HEADER.replace("\"version\":1", "\"version\":2");
+    let switched = |t_ns| frame_at(t_ns).replace("}}]", "}}],\"switch_reuse\":true");
+    let [source, file] = ["seen.jsonl", "hidden.jsonl"].map(TemporaryFile::new);
+    let frames = [
+        frame_at(1),
+        switched(2),
+        frame_at(3),
+        switched(4),
+        switched(5),
+        frame_at(6),
+    ];
+    std::fs::write(&source.0, format!("{header}\n{}\n", frames.join("\n"))).unwrap();
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
+    let session = ReplaySession::open(&source.0, options).unwrap();
+    let mut recorder = Recorder::create(&file.0, session).unwrap();
+    let quality = Quality::of(&RenderSettings::default());
+    let none = (true, None);
+    for (is_seen, quality) in [
+        none,
+        (false, None),
+        none,
+        (false, Some(quality)),
+        none,
+        none,
+    ] {
+        let (frame, views) = begin(&mut recorder).unwrap();
+        let views = Some(&views).filter(|_| is_seen);
+        let submission = FrameSubmission::new(frame.predicted_display_time_ns, views);
+        recorder
+            .end_frame(submission.with_quality(quality))
+            .unwrap();
+    }
+    let lines = Trace::read(&file.0).unwrap().frames;
+    // The second switch in a row undoes the first.
+    let switches: Vec<bool> = lines.iter().map(|line| line.switch_reuse).collect();
+    assert_eq!(switches, [false, true, false, false]);
+    let qualities: Vec<_> = lines.iter().map(|line| line.quality).collect();
+    assert_eq!(qualities, [None, None, Some(quality), None]);
+}
+
+#[test]
 fn unwritable_recordings() {
     for path in [Path::new("/nowhere/at/all.jsonl"), &std::env::temp_dir()] {
         let error = Recorder::create(path, simulated(1)).unwrap_err();

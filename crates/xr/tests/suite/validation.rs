@@ -200,6 +200,19 @@ fn a_bad_pose_repeats_the_last_good_one_and_is_counted() {
 }
 
 #[test]
+fn a_pose_that_is_repeated_moves_with_the_wearer() {
+    let mut session = Validated::new(Scripted::new(vec![Some(good(1.0)), None]));
+    session.locate_views(0).unwrap();
+    let by_m = DVec3::new(0.5, 2.0, -3.0);
+    session.move_wearer(by_m);
+    let repeated = session.locate_views(0).unwrap().unwrap();
+    assert!(repeated.repeated);
+    for (view, before) in repeated.views.iter().zip(&good(1.0).views) {
+        assert_eq!(view.position_in_world, before.position_in_world + by_m);
+    }
+}
+
+#[test]
 fn nearly_unit_quaternions_from_a_runtime_come_out_unit() {
     let mut views = good(0.0);
     views.views[0].orientation = DQuat::from_xyzw(0.0, 0.600_1, 0.0, 0.8);
