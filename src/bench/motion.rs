@@ -17,7 +17,7 @@ use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
 use super::suites::framing_headset;
 use super::{
-    BenchError, BenchProgress, Outcome, circumstances, clock, go_on, machine_of, make_folder,
+    BenchError, BenchProgress, Outcome, circumstances, clock, go_on, make_folder,
     references_folder, scenes_or_two, suites, write_table,
 };
 use crate::gpu::timing::milliseconds_since;
@@ -125,12 +125,12 @@ pub(super) fn run(
     let rounds = options.rounds.unwrap_or(ROUNDS);
     let most = suites::reference_samples(options);
     let device = GpuContext::open(Some(&settings.adapter))?;
-    let machine = machine_of(&device.adapter);
+    let about = circumstances(&device, settings);
     let out = options.out.as_path();
     make_folder(out)?;
     let folder = references_folder(options)?;
     let open = |samples: u32| {
-        reference::References::open(&folder, samples, library.clone(), machine.clone())
+        reference::References::open(&folder, samples, library.clone(), about.machine.clone())
     };
     let mut whole = open(most.min(MEAN_SAMPLES));
     // Nobody asks for the spread of a picture's mean.
@@ -185,9 +185,8 @@ pub(super) fn run(
          {BRIGHTNESS_FRAMES} frames over that of their references. Milliseconds: lower quartile of {rounds} rounds in turn.",
         size[0],
         size[1],
-        machine.label(),
+        about.machine.label(),
     );
-    let about = circumstances(&device, settings);
     write_table(options, rows.len(), files(&rows, &what, &about)?)
 }
 

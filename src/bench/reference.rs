@@ -106,7 +106,7 @@ pub struct References {
 }
 
 impl References {
-    /// Keeps its files in `folder`, which exists, and renders at most `max_samples` samples per pixel of each, but [`FEWEST_BATCHES`] in any case.
+    /// Keeps its files in `folder`, which exists; [`Self::most_samples`] says how long a reference is rendered.
     #[must_use]
     pub fn open(folder: &Path, max_samples: u32, library: ShaderLibrary, machine: Machine) -> Self {
         Self {

@@ -10,9 +10,10 @@ use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::renderer::test_support::{
     context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
 };
-use crate::renderer::{Eye, Renderer};
+use crate::renderer::{Eye, FrameResult, Renderer};
 use crate::scene::{LightKind, Material, Node, PunctualLight, Scene};
-use crate::settings::{Eyes, Force};
+use crate::settings::{Eyes, Force, RenderSettings};
+use crate::xr::View;
 
 const PATHS: u32 = 1 << 19;
 const SEEDS: u32 = 4;
@@ -87,6 +88,22 @@ struct Found {
     radius_m: f64,
 }
 
+/// The left eye's frame, a square of `pixels`, and its renderer.
+fn frame(
+    context: &GpuContext,
+    library: &ShaderLibrary,
+    scene: &Scene,
+    settings: &RenderSettings,
+    view: &View,
+    pixels: u32,
+) -> (Renderer, FrameResult) {
+    let (context, size) = (context.clone(), [pixels; 2]);
+    let renderer = Renderer::new(context, library, scene, settings, Eyes::Left, size);
+    let mut renderer = renderer.unwrap();
+    let result = renderer.render_frame(&[*view; 2], 0, |_| {}).unwrap();
+    (renderer, result)
+}
+
 fn found(context: &GpuContext, sun: Sun, adaptive: bool, corrected: bool) -> Found {
     let mut settings = direct_from_map(PATHS);
     // Eye, plate, perhaps mirror, sun.
@@ -109,17 +126,7 @@ fn found(context: &GpuContext, sun: Sun, adaptive: bool, corrected: bool) -> Fou
     let of_the_sun = PI / f64::from(ALBEDO * IRRADIANCE * SEEDS as f32);
     for seed in 0..SEEDS {
         settings.seed = seed;
-        let size = [SIZE as u32; 2];
-        let mut renderer = Renderer::new(
-            context.clone(),
-            &library,
-            &scene,
-            &settings,
-            Eyes::Left,
-            size,
-        )
-        .unwrap();
-        let result = renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+        let (renderer, result) = frame(context, &library, &scene, &settings, &view, SIZE as u32);
         let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
         for (sum, pixel) in found.picture.iter_mut().zip(&picture) {
             *sum += of_the_sun * f64::from(pixel[0]);
@@ -243,17 +250,7 @@ fn held(context: &GpuContext, library: &ShaderLibrary, cells: [u32; 4]) -> (f64,
         settings.force.guided_photons = Force::Off;
         settings.photon.grid_cells_max = cells;
         settings.output.work = true;
-        let size = [PIXELS; 2];
-        let mut renderer = Renderer::new(
-            context.clone(),
-            library,
-            &scene,
-            &settings,
-            Eyes::Left,
-            size,
-        )
-        .unwrap();
-        let result = renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+        let (renderer, result) = frame(context, library, &scene, &settings, &view, PIXELS);
         let gathers = result
             .work
             .iter()

@@ -50,8 +50,8 @@ struct Arguments {
     /// How the table is written to stdout
     #[arg(long, value_enum, default_value = "table")]
     format: Format,
-    /// Fails where a kernel breaks a limit, has over 5 % more instructions than crates/isa/instructions.csv says (all cards, scenes and passes asked for), is no valid
-    /// SPIR-V, or cannot be written in HLSL or MSL
+    /// Fails where a kernel breaks a limit, has over 5 % more instructions than crates/isa/instructions.csv says (where all
+    /// cards, scenes and passes are asked for), is no valid SPIR-V, or cannot be written in HLSL or MSL
     #[arg(long)]
     check: bool,
     /// Writes crates/isa/instructions.csv anew

@@ -5,12 +5,13 @@ use std::f64::consts::PI;
 use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
 use stereolux::scene::{Environment, Material, Scene};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::{Pose, View};
 
 use super::bsdf_twin::Twin;
 use super::chi_square::integrate;
 use super::hard_support::*;
+use super::techniques::settings_of;
 use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
     assert_clean, bits, builtin, frame, mean, method, parallel_views, pixel_ray, radiance,
@@ -315,12 +316,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     };
     for kind in [Method::Photon, Method::Path] {
         // Eye, glass, wall, lamp: three segments, so nothing but this light.
-        let settings = settings(|s| {
-            s.method = kind;
-            s.reuse = Reuse::Off;
-            s.path.max_depth = 3;
-            s.photon.max_depth = 3;
-        });
+        let settings = settings_of(kind, Technique::Mis, 3, 1);
         for absorbs in [true, false] {
             let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
             // Some 50 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
@@ -530,12 +526,7 @@ fn light_that_paths_find_by_chance_inside_an_absorbing_body_is_dimmed() {
     ] {
         for kind in [Method::Photon, Method::Path] {
             // Eye, glass, surface, light. One sample goes through a pixel's centre.
-            let settings = settings(|s| {
-                s.method = kind;
-                s.reuse = Reuse::Off;
-                s.path.max_depth = 3;
-                s.photon.max_depth = 3;
-            });
+            let settings = settings_of(kind, Technique::Mis, 3, 1);
             let means = means_of_frames(&scene, &settings, SIZE, &views, 128);
             for ((mean, error), due) in means.into_iter().zip(due) {
                 let what = format!("{name}, {kind:?}: {mean:.5} +- {error:.5}, {due:.5} is due");

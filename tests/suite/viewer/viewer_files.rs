@@ -377,14 +377,21 @@ fn another_scene_takes_the_place_of_unsaved_changes_only_when_told_to() {
     until(&mut viewer, "the third", |app| app.settings().scene == name);
 }
 
+/// The box in a window whose scene would be saved where a file of others lies, and that file.
+fn before_a_file_of_others(folder: &Folder) -> (Viewer, PathBuf) {
+    let path = folder.join("cornell_edited.glb");
+    std::fs::write(&path, THEIRS).unwrap();
+    (open("builtin:cornell", folder, path_tracing), path)
+}
+
+const THEIRS: &str = "of somebody else";
+
 /// Saving writes over what the window wrote itself, and asks about everything else.
 #[test]
 fn files_of_others_are_written_over_only_when_asked() {
     let folder = Folder::new("viewer-replace");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let path = folder.join("cornell_edited.glb");
-    std::fs::write(&path, "of somebody else").unwrap();
-    let is_theirs = || std::fs::read(&path).unwrap() == b"of somebody else";
+    let (mut viewer, path) = before_a_file_of_others(&folder);
+    let is_theirs = || std::fs::read(&path).unwrap() == THEIRS.as_bytes();
     for (answer, stays) in [("Leave it", true), ("Replace it", false)] {
         press(&mut viewer, Modifiers::COMMAND, Key::S);
         two_steps(&mut viewer);
@@ -407,9 +414,7 @@ fn files_of_others_are_written_over_only_when_asked() {
 #[test]
 fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
     let folder = Folder::new("viewer-save-and-quit");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let path = folder.join("cornell_edited.glb");
-    std::fs::write(&path, "of somebody else").unwrap();
+    let (mut viewer, _) = before_a_file_of_others(&folder);
     let node = node_of(viewer.state().document().scene(), "tall block");
     let context = viewer.ctx.clone();
     viewer.state_mut().edit(&context, Edit::Delete { node });
