@@ -105,6 +105,13 @@ pub fn glb() -> Vec<u8> {
     [b"glTF", &word(2), &word(12 + chunks.len()), &chunks[..]].concat()
 }
 
+/// How fast it moves, m/s.
+pub const VELOCITY: xr::Vector3f = xr::Vector3f {
+    x: 0.5,
+    y: -0.25,
+    z: 2.0,
+};
+
 /// Whether the runtime has the extension.
 pub(crate) fn is_offered() -> bool {
     OFFERED.into_iter().any(asked_for)

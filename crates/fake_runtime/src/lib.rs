@@ -17,7 +17,7 @@
 //!
 //! | value | in a session |
 //! |---|---|
-//! | `profiles`, `no_extensions` | with every extension that brings controllers, or none: says on standard error which bindings are suggested |
+//! | `profiles`, `no_extensions` | with every extension that brings controllers, or none: says on standard error which bindings are suggested and what vibrates |
 //! | `trackers` | with joints of hands and gaze, at the places that [`joint_at`] and [`GAZE`] say: in the frames that [`is_tracked`] names, else lost in one way or another |
 //! | `no_trackers` | knows joints of hands and gaze, its headset does not |
 //! | `refused_trackers` | its headset has joints of hands and gaze; making a tracker and binding the gaze fail |
@@ -775,6 +775,12 @@ unsafe extern "system" fn locate_space(
     if name.is_some_and(|name| controller_model::is_at_grip(name)) {
         (*out).pose = controller_model::GRIP;
         (*out).location_flags = valid() | tracked();
+        if let Some(velocity) = (*out).next.cast::<xr::SpaceVelocity>().as_mut() {
+            // How fast it turns nobody knows.
+            velocity.velocity_flags = xr::SpaceVelocityFlags::LINEAR_VALID;
+            velocity.linear_velocity = controller_model::VELOCITY;
+            velocity.angular_velocity = controller_model::VELOCITY;
+        }
         return R::SUCCESS;
     }
     let is_wild = asked_for("wild_hands");
@@ -893,10 +899,23 @@ unsafe extern "system" fn locate_hand_joints(
 }
 
 unsafe extern "system" fn apply_haptics(
-    _: xr::Session,
-    _: *const xr::HapticActionInfo,
-    _: *const xr::HapticBaseHeader,
+    session: xr::Session,
+    info: *const xr::HapticActionInfo,
+    event: *const xr::HapticBaseHeader,
 ) -> R {
+    let state = state();
+    check!(state, session);
+    if asked_for("profiles") {
+        let name = |handle: u64| state.names.get(&handle).map_or("?", String::as_str);
+        let event = event.cast::<xr::HapticVibration>().read();
+        eprintln!(
+            "vibrates: {} {} {} ns {}",
+            name((*info).action.into_raw()),
+            name((*info).subaction_path.into_raw()),
+            event.duration.as_nanos(),
+            event.amplitude
+        );
+    }
     R::SUCCESS
 }
 

@@ -6,7 +6,9 @@ use std::process::{ExitCode, Output};
 
 use glam::{DVec2, DVec3};
 use stereolux::xr::trace::Trace;
-use stereolux::{ActionKind, Actions, App, AppError, FrameInput, Tracked, World, run_app_with};
+use stereolux::{
+    ActionKind, Actions, App, AppError, FrameInput, Side, Tracked, World, run_app_with,
+};
 
 use super::openxr_failures::{one_error, program_on_fake};
 use super::openxr_remote::scripted;
@@ -75,6 +77,10 @@ impl App for Marks {
         ));
         if pressed {
             world.vibrate_action("buzz", 0.01, 1.0)?;
+        }
+        if self.seen.len() == 20 {
+            world.vibrate(Side::Right, 0.25, 2.0);
+            world.vibrate_action("buzz", 0.0, 0.5)?;
         }
         let vibrated = world
             .vibrate_action("mark", 0.0, 0.0)
@@ -235,6 +241,11 @@ fn an_applications_bindings_are_suggested_and_its_locomotion_dropped() {
     ] {
         assert_says(&text, &[&format!("suggested: {expected}\n")]);
     }
+    // Strength in range; no time at all is the shortest that there is.
+    for expected in ["haptic /user/hand/right 250000000 ns 1", "buzz ? -1 ns 0.5"] {
+        assert_says(&text, &[&format!("vibrates: {expected}\n")]);
+    }
+    assert_eq!(text.matches("vibrates: ").count(), 2, "{text}");
     let walks = text.contains(" walk ") || text.contains(" advance ");
     assert!(!walks, "{text}");
 }

@@ -646,7 +646,12 @@ fn a_runtime_s_model_is_shown_at_the_grip_recorded_and_replayed() {
     let frame = &Trace::read(&trace("controller_model")).unwrap().frames[64];
     let wedge = Scene::from_bytes("wedge", &fake::controller_model::glb()).unwrap();
     let colors: Vec<_> = wedge.materials.iter().map(|m| m.emission).collect();
-    let world_from_grip = frame.input.hands[1].grip.unwrap().pose.affine();
+    let grip = frame.input.hands[1].grip.unwrap();
+    let velocity = fake::controller_model::VELOCITY;
+    let velocity = [velocity.x, velocity.y, velocity.z].map(f64::from);
+    assert_eq!(grip.linear_velocity.to_array(), velocity);
+    assert_eq!(grip.angular_velocity, DVec3::ZERO, "not known");
+    let world_from_grip = grip.pose.affine();
     let wedge = Triangles::of(&placed(wedge, world_from_grip));
     let mut seen = BTreeSet::new();
     for (view, eye) in frame.views.views.iter().zip(["left", "right"]) {
