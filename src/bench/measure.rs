@@ -564,13 +564,7 @@ fn correspondence(
         .map(|(left, right)| {
             let places = left_from_right(views, size, &left, &right);
             let pixels = places.pixels.iter();
-            Image {
-                width: places.width,
-                height: places.height,
-                pixels: pixels
-                    .map(|to| to.map(|to| pixel_at(to, size[0])))
-                    .collect(),
-            }
+            places.like(pixels.map(|to| to.map(|to| pixel_at(to, size[0]))))
         }))
 }
 

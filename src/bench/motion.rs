@@ -368,12 +368,7 @@ fn mean(image: &ImageRgb) -> f64 {
 }
 
 fn displayed(image: &ImageRgb) -> ImageRgb {
-    let pixels = image.pixels.iter().map(|&pixel| shown(Tone::Aces, pixel));
-    Image {
-        width: image.width,
-        height: image.height,
-        pixels: pixels.collect(),
-    }
+    image.like(image.pixels.iter().map(|&pixel| shown(Tone::Aces, pixel)))
 }
 
 /// Square root that keeps the sign: a product of differences may be negative by chance.
@@ -471,11 +466,7 @@ fn away_from_edges(
         is_even(1, here) && around.all(|tap| is_even(0, pixel_at(tap, seen.width) as usize))
     };
     let kept = |(here, to): (usize, &Option<[f64; 2]>)| to.filter(|&to| is_away(here, to));
-    Image {
-        width: seen.width,
-        height: seen.height,
-        pixels: seen.pixels.iter().enumerate().map(kept).collect(),
-    }
+    seen.like(seen.pixels.iter().enumerate().map(kept))
 }
 
 /// Pixels per degree in the middle of a picture `width` pixels wide.

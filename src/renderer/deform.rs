@@ -11,8 +11,8 @@ use glam::{DAffine3, DVec3};
 
 use super::RenderError;
 use crate::bvh::mesh::node_room;
+use crate::bvh::parts::Grafted;
 use crate::bvh::records::{BvhNode, Triangle};
-use crate::bvh::refit::Rebuilt;
 use crate::bvh::{Bounds32, MaterialMarks, MeshHierarchies, MeshRange};
 use crate::frame::ShapeCounts;
 use crate::gpu::{FrameRecorder, GpuContext, Resources, storage_buffer, storage_buffer_with_data};
@@ -236,7 +236,7 @@ impl Deformer {
         context: &GpuContext,
         hierarchies: &mut MeshHierarchies,
         bytes: &mut u64,
-    ) -> Result<Vec<(usize, Rebuilt)>, RenderError> {
+    ) -> Result<Vec<(usize, Grafted)>, RenderError> {
         let mut rebuilt = Vec::new();
         if !self.is_new {
             return Ok(rebuilt);

@@ -41,20 +41,11 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 
 /// wgpu's and WESL's messages span lines and may be coloured; an error of ours is one plain line.
 pub fn one_line(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut chars = text.chars();
-    while let Some(c) = chars.next() {
-        if c == '\u{1b}' {
-            // A colour sequence ends with the letter m.
-            for skipped in chars.by_ref() {
-                if skipped == 'm' {
-                    break;
-                }
-            }
-        } else {
-            plain.push(c);
-        }
-    }
+    let mut pieces = text.split('\u{1b}');
+    let first = pieces.next().unwrap_or_default();
+    // A colour sequence ends with the letter m.
+    let rest = pieces.map(|piece| piece.split_once('m').map_or("", |(_, rest)| rest));
+    let plain: String = std::iter::once(first).chain(rest).collect();
     plain.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::bounds::{Bounds32, PAD_UNITS};
 use crate::records::{BvhNode, NO_EMITTER, Triangle};
-use crate::tree::{self, Flat, Scratch, Shape, Split, Tree, TreeNode};
+use crate::tree::{self, Flat, Shape, Split, Tree, TreeNode};
 use crate::{BvhError, MAX_COORDINATE, MAX_INDEX, MESH_STACK};
 
 /// What the hierarchy notes about a material in its triangles.
@@ -56,7 +56,7 @@ pub fn node_room(triangles: usize) -> usize {
 }
 
 /// Where one mesh lies in the arrays of [`MeshHierarchies`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeshRange {
     /// Its root node.
     pub root: u32,
@@ -186,8 +186,6 @@ impl MeshHierarchies {
             .extend(nodes.map(|node| tree::shifted(node, root, first_triangle)));
         let end = self.nodes.len().max(root as usize + room);
         self.nodes.resize(end, BvhNode::default());
-        let marks_of = |material: u32| marks.get(material as usize).copied().unwrap_or_default();
-        let (emitters, emitter_count) = emitter_numbers(mesh, marks);
         for &index in &part.order {
             let triangle = &mesh.triangles()[index as usize];
             let [v0, v1, v2] = triangle
@@ -196,11 +194,9 @@ impl MeshHierarchies {
             let [a, b, c] = triangle.vertices.map(|vertex| vertex + first_vertex);
             self.triangles.push(Triangle {
                 v0,
-                material: triangle.material,
                 v1,
-                emitter: emitters[index as usize],
                 v2,
-                flags: marks_of(triangle.material).flags,
+                ..Triangle::default()
             });
             self.triangle_vertices.push([a, b, c, index]);
         }
@@ -209,11 +205,12 @@ impl MeshHierarchies {
             first_triangle,
             triangle_count: part.order.len() as u32,
             first_vertex,
-            emitter_count,
+            emitter_count: 0,
             depth: part.depth,
             bounds: part.bounds,
             is_rigid: room == 0,
         });
+        self.repaint(self.meshes.len() - 1, mesh, marks);
         self.revision += 1;
         self.max_depth = self.max_depth.max(part.depth);
     }
@@ -228,16 +225,29 @@ impl MeshHierarchies {
         let range = &mut self.meshes[index];
         let first = range.first_triangle as usize;
         let triangles = first..first + range.triangle_count as usize;
-        let (emitters, emitter_count) = emitter_numbers(mesh, marks);
-        range.emitter_count = emitter_count;
+        let marks_of = |source: &MeshTriangle| {
+            let marks = marks.get(source.material as usize);
+            marks.copied().unwrap_or_default()
+        };
+        // Numbered in the mesh's order.
+        range.emitter_count = 0;
+        let numbers: Vec<u32> = mesh
+            .triangles()
+            .iter()
+            .map(|source| match marks_of(source).emits {
+                true => {
+                    range.emitter_count += 1;
+                    range.emitter_count - 1
+                }
+                false => NO_EMITTER,
+            })
+            .collect();
         for at in triangles.clone() {
             let source = self.triangle_vertices[at][3] as usize;
-            let material = mesh.triangles()[source].material;
-            let marks = marks.get(material as usize).copied().unwrap_or_default();
             let triangle = &mut self.triangles[at];
-            triangle.material = material;
-            triangle.emitter = emitters[source];
-            triangle.flags = marks.flags;
+            triangle.material = mesh.triangles()[source].material;
+            triangle.emitter = numbers[source];
+            triangle.flags = marks_of(&mesh.triangles()[source]).flags;
         }
         triangles
     }
@@ -257,32 +267,14 @@ impl MeshHierarchies {
                 mesh.depth.min(MESH_STACK),
                 |triangle| {
                     let triangle = &self.triangles[triangle as usize];
-                    Bounds32::of_points([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from))
+                    let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
+                    Some(Bounds32::of_points(corners))
                 },
             )
             .map_err(|reason| BvhError::Invalid(format!("mesh {index}: {reason}")))?;
         }
         Ok(())
     }
-}
-
-/// For each triangle its number among those of its mesh that emit, or [`NO_EMITTER`]; and how many do.
-fn emitter_numbers(mesh: &impl MeshSource, marks: &[MaterialMarks]) -> (Vec<u32>, u32) {
-    let mut count = 0;
-    let numbers = mesh
-        .triangles()
-        .iter()
-        .map(|triangle| {
-            let marks = marks.get(triangle.material as usize);
-            if marks.is_some_and(|marks| marks.emits) {
-                count += 1;
-                count - 1
-            } else {
-                NO_EMITTER
-            }
-        })
-        .collect();
-    (numbers, count)
 }
 
 pub(crate) fn build_one(
@@ -320,16 +312,15 @@ pub(crate) fn build_one(
         }
         boxes.push(bounds);
     }
-    let scratch = &mut Scratch::default();
     if is_uniform(&boxes) {
         let shape = Shape {
             split: Split::BinnedSah,
             ..MESH_SHAPE
         };
-        return Ok(tree::flatten(None, &boxes, &shape, scratch));
+        return Ok(tree::flatten(None, &boxes, &shape));
     }
     let tree = quality_tree(&boxes, build);
-    Ok(tree::flatten(Some(&tree), &boxes, &MESH_SHAPE, scratch))
+    Ok(tree::flatten(Some(&tree), &boxes, &MESH_SHAPE))
 }
 
 /// Whether nearly all boxes have the same few sizes, as coincident triangles and regular strips do. Clustering takes

@@ -102,7 +102,7 @@ fn shorten<T>(array: &mut Vec<T>, len: usize) {
     }
 }
 
-/// Where meshes that were added lie.
+/// Where meshes lie that were added or built anew.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grafted {
     /// Nodes.
@@ -114,8 +114,10 @@ pub struct Grafted {
 /// Which places of [`MeshHierarchies`]' arrays are taken.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
-    nodes: Places,
-    triangles: Places,
+    /// Those of the nodes.
+    pub nodes: Places,
+    /// Those of the triangles, and of their vertices.
+    pub triangles: Places,
 }
 
 impl Room {
@@ -126,18 +128,6 @@ impl Room {
             nodes: Places::new(hierarchies.nodes.len()),
             triangles: Places::new(hierarchies.triangles.len()),
         }
-    }
-
-    /// Those of the nodes.
-    #[must_use]
-    pub fn nodes(&self) -> &Places {
-        &self.nodes
-    }
-
-    /// Those of the triangles, and of their vertices.
-    #[must_use]
-    pub fn triangles(&self) -> &Places {
-        &self.triangles
     }
 }
 
@@ -199,14 +189,8 @@ impl MeshHierarchies {
     pub fn prune(&mut self, meshes: Range<usize>, grafted: &Grafted, room: &mut Room) {
         for range in self.meshes.get_mut(meshes).into_iter().flatten() {
             *range = MeshRange {
-                root: 0,
-                first_triangle: 0,
-                triangle_count: 0,
-                first_vertex: 0,
-                emitter_count: 0,
-                depth: 0,
-                bounds: None,
                 is_rigid: true,
+                ..MeshRange::default()
             };
         }
         // What is left is never read; blank, it depends on nothing that was.

@@ -1,20 +1,10 @@
 //! Meshes that change their shape: the order in which boxes are refitted, what a hierarchy costs, and building one anew.
 
-use std::ops::Range;
-
 use crate::mesh::{self, MaterialMarks, MeshHierarchies, MeshSource, node_room};
+use crate::parts::Grafted;
 use crate::records::BvhNode;
 use crate::tree::{self, children};
 use crate::{Bounds32, BvhError, MESH_STACK};
-
-/// What a rebuilt mesh changes in the arrays.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rebuilt {
-    /// Nodes.
-    pub nodes: Range<usize>,
-    /// Triangles, and their vertices.
-    pub triangles: Range<usize>,
-}
 
 impl MeshHierarchies {
     /// Nodes of a mesh by height above the leaves, the lowest first: refitted in this order, children come before
@@ -66,7 +56,7 @@ impl MeshHierarchies {
         mesh: usize,
         shape: &impl MeshSource,
         marks: &[MaterialMarks],
-    ) -> Result<Rebuilt, BvhError> {
+    ) -> Result<Grafted, BvhError> {
         let range = *self.meshes.get(mesh).ok_or(BvhError::MeshIndex {
             instance: 0,
             mesh: mesh as u32,
@@ -97,7 +87,7 @@ impl MeshHierarchies {
         self.revision += 1;
         self.max_depth = self.max_depth.max(part.depth);
         debug_assert!(self.max_depth <= MESH_STACK);
-        Ok(Rebuilt { nodes, triangles })
+        Ok(Grafted { nodes, triangles })
     }
 }
 

@@ -59,7 +59,6 @@ pub struct TopLevel {
     /// Largest coordinate of an instance's box.
     scene_radius: f64,
     scratch: Scratch,
-    skipped: u32,
     chosen: Option<Chosen>,
 }
 
@@ -124,7 +123,6 @@ impl TopLevel {
         }
         self.instances.clear();
         self.bounds.clear();
-        self.skipped = 0;
         self.sources = sources.len();
         self.scene_radius = 0.0;
         let mut ill_conditioned = false;
@@ -141,7 +139,6 @@ impl TopLevel {
             let bounds = placed
                 .zip(mesh.bounds)
                 .map(|((_, placement), bounds)| placement.bounds(&bounds));
-            self.skipped += u32::from(placed.is_none());
             let blank = Instance {
                 blas_root: mesh.entry(),
                 node: source.node,
@@ -358,61 +355,23 @@ impl TopLevel {
         self.flat.depth
     }
 
-    /// Instances left out because their matrix has no usable inverse.
-    pub fn skipped(&self) -> u32 {
-        self.skipped
-    }
-
     /// Proves that every visible instance lies in exactly one leaf, or each of its parts does, inside all boxes above them and
     /// within the depth limit.
     ///
     /// # Errors
     /// [`BvhError::Invalid`] with what is wrong.
     pub fn validate(&self) -> Result<(), BvhError> {
-        let mut position = vec![u32::MAX; self.instances.len()];
-        for (place, &instance) in self.flat.order.iter().enumerate() {
-            position[instance as usize] = place as u32;
-        }
-        let renamed: Vec<BvhNode> = self
-            .flat
-            .nodes
+        let opened: BTreeSet<u32> = self.instances[self.sources..]
             .iter()
-            .map(|node| {
-                let name = |index: u32, count: u32| {
-                    if count > 0 {
-                        position[index as usize]
-                    } else {
-                        index
-                    }
-                };
-                BvhNode {
-                    left_index: name(node.left_index, node.left_count),
-                    right_index: name(node.right_index, node.right_count),
-                    ..*node
-                }
-            })
+            .map(|part| part.flags >> INSTANCE_NUMBER_SHIFT)
             .collect();
-        let leaves = self.flat.order.len() as u32;
-        tree::check(&renamed, 0, 0..leaves, TOP_STACK, |place| {
-            self.bounds[self.flat.order[place as usize] as usize]
+        let records = self.instances.len() as u32;
+        tree::check(&self.flat.nodes, 0, 0..records, TOP_STACK, |record| {
+            let bounds = self.bounds[record as usize];
+            let is_part = record as usize >= self.sources;
+            (is_part || !(bounds.is_empty() || opened.contains(&record))).then_some(bounds)
         })
-        .map_err(|reason| BvhError::Invalid(format!("instance hierarchy: {reason}")))?;
-        let opened: BTreeSet<usize> = self.instances[self.sources..]
-            .iter()
-            .map(|part| (part.flags >> INSTANCE_NUMBER_SHIFT) as usize)
-            .collect();
-        let is_met = |record: usize| {
-            let is_part = record >= self.sources;
-            is_part || !(self.bounds[record].is_empty() || opened.contains(&record))
-        };
-        let mut records = position.iter().enumerate();
-        if records.any(|(record, place)| is_met(record) != (*place != u32::MAX)) {
-            return Err(BvhError::Invalid(
-                "instance hierarchy: an instance or a part is missing, or is met whole and in parts"
-                    .to_owned(),
-            ));
-        }
-        Ok(())
+        .map_err(|reason| BvhError::Invalid(format!("instance hierarchy: {reason}")))
     }
 }
 

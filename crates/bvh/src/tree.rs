@@ -120,14 +120,9 @@ fn balanced_depth(count: u32, leaf_size: u32) -> u32 {
 /// Converts `tree`, or all of `boxes` where it is `None`, into nodes.
 ///
 /// `boxes` holds each primitive's bounds. Every primitive that the tree refers to, or every one, ends in one leaf.
-pub fn flatten(
-    tree: Option<&Tree>,
-    boxes: &[Bounds32],
-    shape: &Shape,
-    scratch: &mut Scratch,
-) -> Flat {
+pub fn flatten(tree: Option<&Tree>, boxes: &[Bounds32], shape: &Shape) -> Flat {
     let mut flat = Flat::default();
-    flatten_into(tree, boxes, shape, scratch, &mut flat);
+    flatten_into(tree, boxes, shape, &mut Scratch::default(), &mut flat);
     flat
 }
 
@@ -494,7 +489,7 @@ pub fn check(
     root: u32,
     expected: std::ops::Range<u32>,
     max_depth: u32,
-    bounds_of: impl Fn(u32) -> Bounds32,
+    bounds_of: impl Fn(u32) -> Option<Bounds32>,
 ) -> Result<(), String> {
     let everywhere = Bounds32 {
         min: Vec3::NEG_INFINITY,
@@ -540,7 +535,10 @@ pub fn check(
                 if std::mem::replace(&mut seen[(primitive - expected.start) as usize], true) {
                     return Err(format!("primitive {primitive} lies in two leaves"));
                 }
-                if !bounds.contains(&bounds_of(primitive)) {
+                let Some(own) = bounds_of(primitive) else {
+                    return Err(format!("primitive {primitive} is to lie in no leaf"));
+                };
+                if !bounds.contains(&own) {
                     return Err(format!(
                         "primitive {primitive} sticks out of its leaf's box in node {index}"
                     ));
@@ -548,11 +546,11 @@ pub fn check(
             }
         }
     }
-    match seen.iter().position(|&found| !found) {
-        Some(missing) => Err(format!(
-            "primitive {} lies in no leaf",
-            expected.start + missing as u32
-        )),
+    let is_missing = |primitive: &u32| {
+        !seen[(primitive - expected.start) as usize] && bounds_of(*primitive).is_some()
+    };
+    match expected.clone().find(is_missing) {
+        Some(missing) => Err(format!("primitive {missing} lies in no leaf")),
         None => Ok(()),
     }
 }
@@ -609,7 +607,7 @@ mod tests {
                 split: Split::Median,
                 pad_units: 0.0,
             };
-            let flat = flatten(Some(&comb(count)), &boxes, &shape, &mut Scratch::default());
+            let flat = flatten(Some(&comb(count)), &boxes, &shape);
             assert!(
                 flat.depth <= max_depth,
                 "{count} primitives: depth {}",
@@ -619,7 +617,7 @@ mod tests {
             // A comb that is cut keeps its upper part: the rebuilt subtree hangs as low as it can.
             assert!(flat.rebuilt <= 1);
             check(&flat.nodes, 0, 0..count, max_depth, |i| {
-                boxes[flat.order[i as usize] as usize]
+                Some(boxes[flat.order[i as usize] as usize])
             })
             .unwrap();
         }
@@ -634,10 +632,10 @@ mod tests {
             split: Split::BinnedSah,
             pad_units: 0.0,
         };
-        let flat = flatten(None, &boxes, &shape, &mut Scratch::default());
+        let flat = flatten(None, &boxes, &shape);
         let check = |nodes: &[BvhNode], depth| {
             check(nodes, 0, 0..100, depth, |i| {
-                boxes[flat.order[i as usize] as usize]
+                Some(boxes[flat.order[i as usize] as usize])
             })
         };
         check(&flat.nodes, flat.depth).unwrap();

@@ -78,6 +78,16 @@ pub type ImageRgb = Image<[f32; 3]>;
 pub type ImageRgb8 = Image<[u8; 3]>;
 
 impl<P: Copy> Image<P> {
+    /// An image of the same size, of as many pixels.
+    #[must_use]
+    pub fn like<Q>(&self, pixels: impl IntoIterator<Item = Q>) -> Image<Q> {
+        Image {
+            width: self.width,
+            height: self.height,
+            pixels: pixels.into_iter().collect(),
+        }
+    }
+
     /// An image from its pixels.
     ///
     /// # Errors
@@ -213,13 +223,7 @@ pub fn tone_map(image: &ImageRgb, exposure: f64) -> ImageRgb8 {
 pub fn to_bytes(image: &ImageRgb, display_light: impl Fn([f32; 3]) -> [f32; 3]) -> ImageRgb8 {
     let encode = |light: f32| (srgb_encode(light) * 255.0).round() as u8;
     let pixels = image.pixels.iter();
-    ImageRgb8 {
-        width: image.width,
-        height: image.height,
-        pixels: pixels
-            .map(|pixel| display_light(*pixel).map(encode))
-            .collect(),
-    }
+    image.like(pixels.map(|pixel| display_light(*pixel).map(encode)))
 }
 
 /// Reads EXR and Radiance HDR as they are, PNG and JPEG decoded from sRGB; alpha is dropped. The content decides about

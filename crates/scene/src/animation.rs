@@ -160,14 +160,12 @@ impl Track {
     fn rotation(&self, time_s: f64) -> DQuat {
         let (key, share, gap_s) = self.locate(time_s);
         if self.interpolation == Interpolation::Linear && gap_s > 0.0 {
-            let at = |key: usize| -> DQuat {
-                let value = |component| {
-                    let index = key * self.width + component;
-                    self.values.get(index).copied().unwrap_or_default()
-                };
-                unit([value(0), value(1), value(2), value(3)])
-            };
-            return slerp(at(key), at(key + 1), share);
+            let [from, to] = [key, key + 1].map(|key| {
+                let value = |component| self.values.get(key * self.width + component);
+                unit([0, 1, 2, 3].map(|component| value(component).copied().unwrap_or_default()))
+            });
+            // The shorter way round.
+            return from.slerp(to, share).normalize();
         }
         let mut value = [0.0; 4];
         self.sample_into(time_s, &mut value);
@@ -189,19 +187,6 @@ impl Track {
         let gap_s = self.times_s[key + 1] - self.times_s[key];
         (key, (time_s - self.times_s[key]) / gap_s, gap_s)
     }
-}
-
-/// Appendix C.4, the shorter way round.
-fn slerp(from: DQuat, to: DQuat, share: f64) -> DQuat {
-    let cosine = from.dot(to);
-    let to = if cosine < 0.0 { -to } else { to };
-    let angle = cosine.abs().min(1.0).acos();
-    // Below this the sines' ratio is the share itself to the last digit.
-    if angle < 1e-6 {
-        return (from * (1.0 - share) + to * share).normalize();
-    }
-    let weight = |share: f64| (share * angle).sin() / angle.sin();
-    (from * weight(1.0 - share) + to * weight(share)).normalize()
 }
 
 fn unit(value: [f64; 4]) -> DQuat {

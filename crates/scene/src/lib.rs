@@ -274,7 +274,9 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`].
     pub fn load_within(path: impl AsRef<Path>, budget: &LoadBudget) -> Result<Self, SceneError> {
-        import::load(path.as_ref(), budget)
+        let path = path.as_ref();
+        let bytes = import::read_file(path, budget)?;
+        import::from_bytes(path, &bytes, budget)
     }
 
     /// Imports a `.glb` or self-contained `.gltf` held in memory. Files that it names must lie below the working directory.
@@ -290,7 +292,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::from_bytes`]; a file that it names.
     pub fn self_contained(name: &str, bytes: &[u8]) -> Result<Self, SceneError> {
-        import::self_contained(Path::new(name), bytes, &LoadBudget::default())
+        import::self_contained(Path::new(name), bytes)
     }
 
     /// Makes an embedded scene, by name with or without the prefix `builtin:`.
@@ -332,25 +334,28 @@ impl Scene {
     }
 
     fn placed(&self, admits: impl Fn(&Node) -> bool) -> Vec<(usize, DAffine3)> {
+        self.below(&self.roots, DAffine3::IDENTITY, admits)
+    }
+
+    /// Placements of nodes that hang side by side in `world_from_parent`, and of all below them, depth first; not of those that
+    /// are not admitted, and what is below them.
+    pub(crate) fn below(
+        &self,
+        nodes: &[usize],
+        world_from_parent: DAffine3,
+        admits: impl Fn(&Node) -> bool,
+    ) -> Vec<(usize, DAffine3)> {
         let mut placed = Vec::with_capacity(self.nodes.len());
-        let mut pending: Vec<(usize, DAffine3)> = self
-            .roots
-            .iter()
-            .rev()
-            .map(|root| (*root, DAffine3::IDENTITY))
-            .collect();
+        let roots = nodes.iter().rev().map(|node| (*node, world_from_parent));
+        let mut pending: Vec<_> = roots.collect();
         while let Some((index, world_from_parent)) = pending.pop() {
             let Some(node) = self.nodes.get(index).filter(|node| admits(node)) else {
                 continue;
             };
             let world_from_node = world_from_parent * node.parent_from_node;
             placed.push((index, world_from_node));
-            pending.extend(
-                node.children
-                    .iter()
-                    .rev()
-                    .map(|child| (*child, world_from_node)),
-            );
+            let children = node.children.iter().rev();
+            pending.extend(children.map(|child| (*child, world_from_node)));
         }
         placed
     }
@@ -407,14 +412,7 @@ impl Scene {
         let rest = self.rest_pose();
         let boxes = self.instances().into_iter().filter_map(|instance| {
             let mesh = &self.meshes[instance.mesh];
-            if self.deforms(instance.node) {
-                return Bounds::of_points(self.positions_in_world(instance.node, mesh, &rest));
-            }
-            Bounds::of_points(mesh.positions.iter().map(|position| {
-                instance
-                    .world_from_object
-                    .transform_point3(as_dvec3(*position))
-            }))
+            Bounds::of_points(self.positions_in_world(instance.node, mesh, &rest))
         });
         Bounds::around(boxes)
     }
@@ -422,54 +420,30 @@ impl Scene {
     /// Middle of the box around the triangles that hang on a node and below it, in their rest pose; the node's origin if
     /// there are none. Metres in the world, in which `world_from_node` places the node.
     pub fn center_of_node(&self, node: usize, world_from_node: &DAffine3) -> DVec3 {
-        let mut boxes = Vec::new();
-        let mut pending = vec![(node, *world_from_node)];
-        while let Some((index, world_from_node)) = pending.pop() {
-            let Some(node) = self.nodes.get(index) else {
-                continue;
-            };
-            if let Some(mesh) = node.mesh.and_then(|mesh| self.meshes.get(mesh)) {
-                let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
-                boxes.extend(Bounds::of_points(
-                    positions.map(|position| world_from_node.transform_point3(position)),
-                ));
-            }
-            let children = node.children.iter();
-            pending.extend(children.map(|child| {
-                let parent_from_child = self.nodes[*child].parent_from_node;
-                (*child, world_from_node * parent_from_child)
-            }));
-        }
+        let children = self.nodes.get(node).map_or(&[][..], |node| &node.children);
+        let below = self.below(children, *world_from_node, |_| true);
+        let placed = std::iter::once((node, *world_from_node)).chain(below);
+        let boxes = placed.filter_map(|(index, world_from_node)| {
+            let mesh = self.meshes.get(self.nodes.get(index)?.mesh?)?;
+            let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
+            Bounds::of_points(positions.map(|position| world_from_node.transform_point3(position)))
+        });
         Bounds::around(boxes).map_or(world_from_node.translation, |bounds| bounds.center())
     }
 
     /// Area of all triangles in the world, m^2, front sides only.
     pub fn surface_area_m2(&self) -> f64 {
         let rest = self.rest_pose();
-        self.instances()
-            .iter()
-            .map(|instance| {
-                let mesh = &self.meshes[instance.mesh];
-                let world_from_object = instance.world_from_object;
-                let deformed = self
-                    .deforms(instance.node)
-                    .then(|| self.positions_in_world(instance.node, mesh, &rest));
-                mesh.triangles
-                    .iter()
-                    .map(|triangle| {
-                        let [a, b, c] = match &deformed {
-                            Some(positions) => {
-                                triangle.vertices.map(|vertex| positions[vertex as usize])
-                            }
-                            None => mesh
-                                .corners(triangle)
-                                .map(|corner| world_from_object.transform_point3(corner)),
-                        };
-                        0.5 * (b - a).cross(c - a).length()
-                    })
-                    .sum::<f64>()
-            })
-            .sum()
+        let area_m2 = |instance: &Instance| {
+            let mesh = &self.meshes[instance.mesh];
+            let positions = self.positions_in_world(instance.node, mesh, &rest);
+            let triangles = mesh.triangles.iter().map(|triangle| {
+                let [a, b, c] = triangle.vertices.map(|vertex| positions[vertex as usize]);
+                0.5 * (b - a).cross(c - a).length()
+            });
+            triangles.sum::<f64>()
+        };
+        self.instances().iter().map(area_m2).sum()
     }
 
     /// Where the head starts, `world_from_head`: the pose of the first glTF camera as it stands, else a level pose outside the scene,

@@ -2,7 +2,7 @@
 
 use glam::DAffine3;
 
-use super::Scene;
+use super::{Animation, Scene};
 
 /// A pose of a scene: what animations change.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,19 +16,7 @@ pub struct ScenePose {
 impl Scene {
     /// The pose in which the file stores its nodes.
     pub fn rest_pose(&self) -> ScenePose {
-        let locals: Vec<DAffine3> = self
-            .nodes
-            .iter()
-            .map(|node| node.parent_from_node)
-            .collect();
-        ScenePose {
-            world_from_node: self.world_from_nodes(&locals),
-            morph_weights: self
-                .nodes
-                .iter()
-                .map(|node| node.morph_weights.clone())
-                .collect(),
-        }
+        self.pose_at(&Animation::default(), 0.0)
     }
 
     /// Where one node is stored to stand; the identity for one that the scene does not have.

@@ -115,11 +115,7 @@ fn pictures(
 /// A picture of the same size.
 fn map<P: Copy>(image: &Image<P>, color: impl Fn(usize, P) -> [u8; 3]) -> ImageRgb8 {
     let pixels = image.pixels.iter().enumerate();
-    Image {
-        width: image.width,
-        height: image.height,
-        pixels: pixels.map(|(index, pixel)| color(index, *pixel)).collect(),
-    }
+    image.like(pixels.map(|(index, pixel)| color(index, *pixel)))
 }
 
 /// Colour of a signed share, -1 to 1: white is no difference.

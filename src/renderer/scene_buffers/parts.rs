@@ -207,7 +207,7 @@ impl SceneBuffers {
     /// Gives the arrays' buffers the size that they need.
     fn fit(&mut self, context: &GpuContext) -> Result<Fitted, RenderError> {
         let places = &self.places;
-        let (nodes, triangles) = (places.room.nodes().len(), places.room.triangles().len());
+        let (nodes, triangles) = (places.room.nodes.len(), places.room.triangles.len());
         let mut wanted = vec![
             (&mut self.mesh_nodes, nodes * size_of::<BvhNode>()),
             (&mut self.triangles, triangles * size_of::<Triangle>()),

@@ -177,7 +177,7 @@ fn check_boxes(held: &Geometry, renderer: &Renderer) {
         let triangles = range.first_triangle..end;
         let bounds = |triangle: u32| {
             let Triangle { v0, v1, v2, .. } = held.triangles[triangle as usize];
-            Bounds32::of_points([v0, v1, v2].map(Vec3::from))
+            Some(Bounds32::of_points([v0, v1, v2].map(Vec3::from)))
         };
         let checked = tree::check(&held.nodes, range.root, triangles, range.depth, bounds);
         assert_eq!(checked, Ok(()));

@@ -24,13 +24,7 @@ pub struct BinocularError {
 pub fn error_image(image: &ImageRgb, reference: &ImageRgb) -> Result<ImageRgb, MetricsError> {
     require_size("the image", image, reference)?;
     let pixels = image.pixels.iter().zip(&reference.pixels);
-    Ok(Image {
-        width: image.width,
-        height: image.height,
-        pixels: pixels
-            .map(|(x, r)| std::array::from_fn(|c| x[c] - r[c]))
-            .collect(),
-    })
+    Ok(image.like(pixels.map(|(x, r)| std::array::from_fn(|c| x[c] - r[c]))))
 }
 
 /// Compares the eyes' errors at the points that both see. `left_from_right` gives for each right-eye pixel (by rows from

@@ -1,5 +1,6 @@
 //! `compare`: one image against its reference.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -7,7 +8,7 @@ use serde::Serialize;
 use super::flip::{FlipView, flip_map};
 use super::{BlockedMean, Mask, MetricsError, finite, is_finite, mean_square, require_size};
 use crate::images::{Image, ImageError, ImageFile, ImageRgb, luminance};
-use stereolux_base::limits::{LoadBudget, LoadLimits, OverBudget};
+use stereolux_base::limits::{LoadBudget, LoadLimits};
 
 /// Errors of an image against a reference.
 ///
@@ -61,25 +62,15 @@ pub enum CompareError {
     /// An image cannot be read.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// The images do not go together.
+    /// The images do not go together, or their differences take more memory than they may.
     #[error("{} against {}: {fault}", image.display(), reference.display())]
-    Metrics {
+    Pair {
         /// The image.
         image: PathBuf,
         /// The reference.
         reference: PathBuf,
         /// What is wrong.
-        fault: MetricsError,
-    },
-    /// Their differences take more memory than they may.
-    #[error("{} against {}: {fault}", image.display(), reference.display())]
-    TooLarge {
-        /// The image.
-        image: PathBuf,
-        /// The reference.
-        reference: PathBuf,
-        /// What is wrong.
-        fault: OverBudget,
+        fault: String,
     },
 }
 
@@ -115,50 +106,34 @@ pub fn compare_and_keep(
     more_bytes: u64,
 ) -> Result<ComparedFiles, CompareError> {
     let budget = LoadBudget::new(limits);
-    let both = (image.to_owned(), reference.to_owned());
-    let image = ImageFile::open(image, &budget)?;
-    let reference = ImageFile::open(reference, &budget)?;
+    let fault = |fault: &dyn Display| CompareError::Pair {
+        image: image.to_owned(),
+        reference: reference.to_owned(),
+        fault: fault.to_string(),
+    };
+    let test = ImageFile::open(image, &budget)?;
+    let truth = ImageFile::open(reference, &budget)?;
     let mask = mask
         .map(|mask| ImageFile::open(mask, &budget))
         .transpose()?;
     // Before anything is decoded, so that what cannot be compared is not read either.
-    let bytes = reference
-        .pixels()?
-        .saturating_mul(METRIC_BYTES + more_bytes);
-    if let Err(fault) = budget.take(bytes, "the images' differences") {
-        let (image, reference) = both;
-        return Err(CompareError::TooLarge {
-            image,
-            reference,
-            fault,
-        });
-    }
-    let (image, reference) = (image.decode(&budget)?, reference.decode(&budget)?);
+    let bytes = truth.pixels()?.saturating_mul(METRIC_BYTES + more_bytes);
+    let taken = budget.take(bytes, "the images' differences");
+    taken.map_err(|error| fault(&error))?;
+    let (test, truth) = (test.decode(&budget)?, truth.decode(&budget)?);
     let mask = mask
         .map(|mask| mask.decode(&budget))
         .transpose()?
         .map(|mask| Mask::from_image(&mask));
-    let found = flip_map(&image, &reference, view).and_then(|flip| {
-        let comparison = compare_by(&flip, &image, &reference, mask.as_ref())?;
-        Ok((flip, comparison))
-    });
-    match found {
-        Ok((flip, comparison)) => Ok(ComparedFiles {
-            image,
-            reference,
-            mask,
-            flip,
-            comparison,
-        }),
-        Err(fault) => {
-            let (image, reference) = both;
-            Err(CompareError::Metrics {
-                image,
-                reference,
-                fault,
-            })
-        }
-    }
+    let flip = flip_map(&test, &truth, view).map_err(|error| fault(&error))?;
+    let comparison = compare_by(&flip, &test, &truth, mask.as_ref());
+    Ok(ComparedFiles {
+        comparison: comparison.map_err(|error| fault(&error))?,
+        image: test,
+        reference: truth,
+        mask,
+        flip,
+    })
 }
 
 /// (x - r)^2 / (r^2 + floor) of one channel.
@@ -191,16 +166,8 @@ pub fn rel_mse_map(
             .sum();
         Some(sum / 3.0).filter(|error| error.is_finite())
     };
-    Ok(Image {
-        width: reference.width,
-        height: reference.height,
-        pixels: image
-            .pixels
-            .iter()
-            .zip(&reference.pixels)
-            .map(error)
-            .collect(),
-    })
+    let pixels = image.pixels.iter().zip(&reference.pixels);
+    Ok(reference.like(pixels.map(error)))
 }
 
 /// Compares an image with a reference, over the pixels of `mask` if there is one.

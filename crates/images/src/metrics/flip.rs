@@ -56,11 +56,7 @@ pub fn flip_map(
     let [truth, test] = [&truth, &test]
         .map(|image| nv_flip::FlipImageRgb8::with_data(width, height, image.pixels.as_flattened()));
     let map = nv_flip::flip(truth, test, view.pixels_per_degree as f32);
-    Ok(Image {
-        width,
-        height,
-        pixels: map.to_vec(),
-    })
+    Ok(reference.like(map.to_vec()))
 }
 
 #[cfg(test)]

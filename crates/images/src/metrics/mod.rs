@@ -116,11 +116,7 @@ impl Mask {
     pub fn from_image(image: &ImageRgb) -> Self {
         let half = srgb_decode(0.5);
         let white = |pixel: &[f32; 3]| pixel.iter().any(|&channel| channel >= half);
-        Self {
-            width: image.width,
-            height: image.height,
-            pixels: image.pixels.iter().map(white).collect(),
-        }
+        image.like(image.pixels.iter().map(white))
     }
 }
 

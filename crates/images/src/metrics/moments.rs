@@ -74,16 +74,9 @@ impl RenderMoments {
     /// The mean as an image of floats.
     #[must_use]
     pub fn mean_image(&self) -> ImageRgb {
-        Image {
-            width: self.mean.width,
-            height: self.mean.height,
-            pixels: self
-                .mean
-                .pixels
-                .iter()
-                .map(|pixel| pixel.map(|channel| channel as f32))
-                .collect(),
-        }
+        let pixels = self.mean.pixels.iter();
+        self.mean
+            .like(pixels.map(|pixel| pixel.map(|channel| channel as f32)))
     }
 
     /// Variance of the mean itself, v / n, in units of relative MSE over the pixels of `mask`; `None` from fewer than two

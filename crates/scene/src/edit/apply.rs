@@ -2,6 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
+use glam::DAffine3;
+
 use super::super::import::{NOT_FINITE, transform_fault};
 use super::super::{LightKind, Material, Node, PunctualLight, Scene, Trs};
 use super::{Edit, EditError, NewContent, NewNode, Placement, Tail};
@@ -28,11 +30,7 @@ impl Edit {
             }
             Self::Material { material, to } => {
                 check_material(scene, &to)?;
-                let count = scene.materials.len();
-                let slot = scene
-                    .materials
-                    .get_mut(material)
-                    .ok_or(missing("material", material, count))?;
+                let slot = entry(&mut scene.materials, "material", material)?;
                 let before = std::mem::replace(slot, *to);
                 Ok(Self::Material {
                     material,
@@ -43,11 +41,7 @@ impl Edit {
             Self::SharedMaterial { mesh } => shared_material(scene, mesh),
             Self::Light { light, to } => {
                 check_light(&to)?;
-                let count = scene.lights.len();
-                let slot = scene
-                    .lights
-                    .get_mut(light)
-                    .ok_or(missing("light", light, count))?;
+                let slot = entry(&mut scene.lights, "light", light)?;
                 let before = std::mem::replace(slot, to);
                 Ok(Self::Light { light, to: before })
             }
@@ -84,11 +78,16 @@ fn value(name: &str, reason: impl Into<String>) -> EditError {
 }
 
 fn node_mut(scene: &mut Scene, node: usize) -> Result<&mut Node, EditError> {
-    let count = scene.nodes.len();
-    scene
-        .nodes
-        .get_mut(node)
-        .ok_or(missing("node", node, count))
+    entry(&mut scene.nodes, "node", node)
+}
+
+fn entry<'a, T>(
+    list: &'a mut [T],
+    what: &'static str,
+    index: usize,
+) -> Result<&'a mut T, EditError> {
+    let count = list.len();
+    list.get_mut(index).ok_or(missing(what, index, count))
 }
 
 fn several(scene: &mut Scene, edits: Vec<Edit>) -> Result<Edit, EditError> {
@@ -256,17 +255,9 @@ fn check_light(light: &PunctualLight) -> Result<(), EditError> {
 }
 
 fn own_material(scene: &mut Scene, mesh: usize, material: usize) -> Result<Edit, EditError> {
-    let (meshes, materials) = (scene.meshes.len(), scene.materials.len());
-    let copy = scene
-        .materials
-        .get(material)
-        .cloned()
-        .ok_or(missing("material", material, materials))?;
-    let data = scene
-        .meshes
-        .get_mut(mesh)
-        .ok_or(missing("mesh", mesh, meshes))?;
-    let (from, to) = (material as u32, materials as u32);
+    let copy = entry(&mut scene.materials, "material", material)?.clone();
+    let data = entry(&mut scene.meshes, "mesh", mesh)?;
+    let (from, to) = (material as u32, scene.materials.len() as u32);
     let mut painted = 0;
     for triangle in &mut data.triangles {
         if triangle.material == from {
@@ -286,11 +277,8 @@ fn own_material(scene: &mut Scene, mesh: usize, material: usize) -> Result<Edit,
 }
 
 fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
-    let (meshes, materials) = (scene.meshes.len(), scene.materials.len());
-    let data = scene
-        .meshes
-        .get_mut(mesh)
-        .ok_or(missing("mesh", mesh, meshes))?;
+    let materials = scene.materials.len();
+    let data = entry(&mut scene.meshes, "mesh", mesh)?;
     let Some(&[from, to]) = data.repainted.last() else {
         return Err(EditError::Stale);
     };
@@ -359,20 +347,6 @@ fn new_tail(scene: &Scene, parent: Option<usize>, node: NewNode) -> Result<Tail,
     })
 }
 
-/// A node and everything below it, depth first.
-fn subtree(scene: &Scene, root: usize) -> Vec<usize> {
-    let mut found = Vec::new();
-    let mut pending = vec![root];
-    while let Some(index) = pending.pop() {
-        let Some(node) = scene.nodes.get(index) else {
-            continue;
-        };
-        found.push(index);
-        pending.extend(node.children.iter().rev());
-    }
-    found
-}
-
 /// Fails unless the node hangs below a root of the scene.
 fn check_placed(scene: &Scene, node: usize) -> Result<(), EditError> {
     let count = scene.nodes.len();
@@ -388,7 +362,8 @@ fn check_placed(scene: &Scene, node: usize) -> Result<(), EditError> {
 
 fn copied_tail(scene: &Scene, node: usize) -> Result<Tail, EditError> {
     check_placed(scene, node)?;
-    let sources = subtree(scene, node);
+    let below = scene.below(&[node], DAffine3::IDENTITY, |_| true);
+    let sources: Vec<usize> = below.into_iter().map(|(node, _)| node).collect();
     let copies: HashMap<usize, usize> = sources.iter().copied().zip(scene.nodes.len()..).collect();
     let new_of = |old: usize| copies.get(&old).copied();
     let mut lights = Vec::new();
@@ -518,16 +493,20 @@ fn is_tail(scene: &Scene, first: usize, first_light: usize) -> bool {
 
 fn delete(scene: &mut Scene, node: usize) -> Result<Edit, EditError> {
     check_placed(scene, node)?;
-    let gone = subtree(scene, node);
+    let gone = scene.subtree(node);
     // A skinned mesh whose joints stop following what they hung on would be torn out of shape.
     for (index, user) in scene.nodes.iter().enumerate() {
         let Some(skin) = user.skin.and_then(|skin| scene.skins.get(skin)) else {
             continue;
         };
-        if gone.contains(&index) || check_placed(scene, index).is_err() {
+        if gone[index] || check_placed(scene, index).is_err() {
             continue;
         }
-        if skin.joints.iter().any(|joint| gone.contains(joint)) {
+        if skin
+            .joints
+            .iter()
+            .any(|joint| gone.get(*joint) == Some(&true))
+        {
             return Err(EditError::Skinned {
                 name: scene.nodes[node].name.clone(),
                 reason: format!(

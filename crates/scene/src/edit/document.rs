@@ -64,7 +64,7 @@ struct Step {
 }
 
 /// A scene that is edited.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Document {
     scene: Scene,
     original: Original,
@@ -117,14 +117,7 @@ impl Document {
         Self {
             scene,
             original,
-            undo: VecDeque::new(),
-            redo: Vec::new(),
-            state: 0,
-            saved: 0,
-            last_state: 0,
-            gesture: None,
-            gestures: 0,
-            changes: None,
+            ..Self::default()
         }
     }
 
@@ -230,13 +223,11 @@ impl Document {
         let Some(step) = self.undo.back() else {
             return Ok(false);
         };
-        step.undo.clone().apply(&mut self.scene)?;
-        let Some(step) = self.undo.pop_back() else {
-            return Ok(false);
-        };
-        self.state = step.before;
-        self.note(&step.undo);
-        self.redo.push(step);
+        let (edit, state) = (step.undo.clone(), step.before);
+        edit.clone().apply(&mut self.scene)?;
+        self.state = state;
+        self.note(&edit);
+        self.redo.extend(self.undo.pop_back());
         Ok(true)
     }
 
@@ -249,13 +240,11 @@ impl Document {
         let Some(step) = self.redo.last() else {
             return Ok(false);
         };
-        step.redo.clone().apply(&mut self.scene)?;
-        let Some(step) = self.redo.pop() else {
-            return Ok(false);
-        };
-        self.state = step.after;
-        self.note(&step.redo);
-        self.undo.push_back(step);
+        let (edit, state) = (step.redo.clone(), step.after);
+        edit.clone().apply(&mut self.scene)?;
+        self.state = state;
+        self.note(&edit);
+        self.undo.extend(self.redo.pop());
         Ok(true)
     }
 

@@ -6,8 +6,8 @@ use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
 use super::super::SceneError;
-use super::buffers::Buffers;
 use super::document::Document;
+use super::resources::Buffer;
 use stereolux_base::limits::product;
 
 /// What a number that is read takes, bytes: as f32, and as f64 or in a vector of a fixed size after that. Accessors may
@@ -18,7 +18,7 @@ const NUMBER_BYTES: u64 = 12;
 pub struct Reader<'a> {
     pub document: &'a Document<'a>,
     /// One per buffer of the document, cut to its declared length.
-    pub buffers: &'a Buffers<'a>,
+    pub buffers: &'a [Buffer<'a>],
 }
 
 /// Where an accessor's elements lie.
@@ -70,16 +70,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn layout(&self, index: usize, place: &str) -> Result<Layout<'a>, SceneError> {
-        self.layout_of(index, place, false)
-    }
-
-    fn layout_of(
-        &self,
-        index: usize,
-        place: &str,
-        matrices: bool,
-    ) -> Result<Layout<'a>, SceneError> {
+    fn layout(&self, index: usize, place: &str, matrices: bool) -> Result<Layout<'a>, SceneError> {
         let accessor = self.accessor(index, place)?;
         let fault = |what: String| {
             self.document
@@ -107,15 +98,16 @@ impl<'a> Reader<'a> {
                 "count is 0; leave the accessor out instead".to_owned(),
             ));
         }
+        let mut layout = Layout {
+            data: None,
+            stride: element_size,
+            count: count as usize,
+            multiplicity,
+            component,
+            normalized: accessor.normalized,
+        };
         let Some(view_index) = accessor.buffer_view else {
-            return Ok(Layout {
-                data: None,
-                stride: element_size,
-                count: count as usize,
-                multiplicity,
-                component,
-                normalized: accessor.normalized,
-            });
+            return Ok(layout);
         };
         let view_index = view_index.value();
         let bytes = self.view(view_index, &format!("accessors[{index}]"))?;
@@ -137,14 +129,8 @@ impl<'a> Reader<'a> {
                 bytes.len()
             )));
         }
-        Ok(Layout {
-            data: bytes.get(offset as usize..),
-            stride,
-            count: count as usize,
-            multiplicity,
-            component,
-            normalized: accessor.normalized,
-        })
+        (layout.data, layout.stride) = (bytes.get(offset as usize..), stride);
+        Ok(layout)
     }
 
     /// Asks for the memory of what an accessor expands to.
@@ -162,7 +148,7 @@ impl<'a> Reader<'a> {
 
     /// Number of an accessor's elements, which have their bytes in the buffer view, if there is one. Nothing is read.
     pub fn count_of(&self, index: usize, place: &str) -> Result<u64, SceneError> {
-        Ok(self.layout(index, place)?.count as u64)
+        Ok(self.layout(index, place, false)?.count as u64)
     }
 
     /// Reads an accessor as floats: `(components per element, values)`. Normalised integers are scaled (glTF 2.0,
@@ -173,7 +159,7 @@ impl<'a> Reader<'a> {
         allowed: &[usize],
         place: &str,
     ) -> Result<(usize, Vec<f32>), SceneError> {
-        let layout = self.layout(index, place)?;
+        let layout = self.layout(index, place, false)?;
         let fault = |what: String| {
             self.document
                 .fault(format!("accessors[{index}] ({place}): {what}"))
@@ -201,7 +187,7 @@ impl<'a> Reader<'a> {
 
     /// Reads an accessor of 4x4 matrices, column by column.
     pub fn read_matrices(&self, index: usize, place: &str) -> Result<Vec<[f32; 16]>, SceneError> {
-        let layout = self.layout_of(index, place, true)?;
+        let layout = self.layout(index, place, true)?;
         let convert = |bytes: &[u8]| to_float(layout.component, false, bytes);
         self.take(index, &layout)?;
         let mut values = read_all(&layout, convert);
@@ -211,7 +197,7 @@ impl<'a> Reader<'a> {
 
     /// Reads an accessor of vertex indices.
     pub fn read_indices(&self, index: usize, place: &str) -> Result<Vec<u32>, SceneError> {
-        let layout = self.layout(index, place)?;
+        let layout = self.layout(index, place, false)?;
         let is_index = matches!(
             layout.component,
             ComponentType::U8 | ComponentType::U16 | ComponentType::U32

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::super::{LightKind, Scene, as_dvec3};
+use super::super::{LightKind, Scene};
 use super::Notes;
 
 /// The greatest power that is rendered right, W. A photon or a sample of a light carries its power over the chance that it is
@@ -68,9 +68,7 @@ fn glow_of(emission: &[f64], mesh: &super::super::Mesh) -> f64 {
             if most == 0.0 {
                 return 0.0;
             }
-            let [a, b, c] = triangle
-                .vertices
-                .map(|vertex| as_dvec3(mesh.positions[vertex as usize]));
+            let [a, b, c] = mesh.corners(triangle);
             most * PI * 0.5 * (b - a).cross(c - a).length()
         })
         .sum()

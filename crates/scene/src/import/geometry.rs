@@ -403,7 +403,7 @@ fn unit_tangent(tangent: [f32; 4], normal: [f32; 3]) -> [f32; 4] {
     let normal_d = as_dvec3(normal);
     let handedness = if tangent[3] < 0.0 { -1.0 } else { 1.0 };
     match (direction - normal_d * direction.dot(normal_d)).try_normalize() {
-        Some(unit) => [unit.x as f32, unit.y as f32, unit.z as f32, handedness],
+        Some(unit) => unit.as_vec3().extend(handedness).to_array(),
         None => tangents::any_tangent(normal),
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use gltf::json;
+use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::validation::Checked;
 use serde::Deserialize as _;
 use serde_json::Value;
@@ -105,24 +106,22 @@ struct MaterialImport<'a, 'd> {
 impl MaterialImport<'_, '_> {
     fn import(&mut self, name: String, source: &json::Material) -> Result<Material, SceneError> {
         let pbr = &source.pbr_metallic_roughness;
-        let extensions = source.extensions.as_ref();
-        let specular = extensions.and_then(|extensions| extensions.specular.as_ref());
-        let transmission = extensions.and_then(|extensions| extensions.transmission.as_ref());
-        let volume = extensions.and_then(|extensions| extensions.volume.as_ref());
-        let strength = extensions
-            .and_then(|extensions| extensions.emissive_strength.as_ref())
-            .map_or(1.0, |e| e.emissive_strength.0);
-        let ior = extensions
-            .and_then(|extensions| extensions.ior.as_ref())
-            .map_or(1.5, |ior| ior.ior.0);
-        if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
+        // What is absent has the extensions' defaults.
+        let extensions = source.extensions.clone().unwrap_or_default();
+        let has_volume = extensions.volume.is_some();
+        let specular = extensions.specular.unwrap_or_default();
+        let transmission = extensions.transmission.unwrap_or_default();
+        let volume = extensions.volume.unwrap_or_default();
+        let strength = extensions.emissive_strength.unwrap_or_default();
+        let ior = extensions.ior.unwrap_or_default().ior.0;
+        if extensions.unlit.is_some() {
             self.notes.warn(format_args!(
                 "{}: unlit, shaded as a lit surface",
                 self.place
             ));
         }
 
-        if transmission.is_some_and(|t| t.transmission_factor.0 > 0.0) && volume.is_none() {
+        if transmission.transmission_factor.0 > 0.0 && !has_volume {
             self.notes.warn(format_args!(
                 "{}: transmission without KHR_materials_volume is a thin wall by the standard; here it is solid glass, which \
                  closed surfaces bound",
@@ -130,6 +129,7 @@ impl MaterialImport<'_, '_> {
             ));
         }
 
+        let strength = strength.emissive_strength.0;
         let strength = self.at_least("emissiveStrength", strength, 0.0)?;
         let mut emission = source.emissive_factor.0;
         for channel in &mut emission {
@@ -150,21 +150,18 @@ impl MaterialImport<'_, '_> {
                 "normalTexture",
                 normal.index.value(),
                 normal.tex_coord,
-                self.raw_transform("normalTexture")?,
+                self.raw_transform("normalTexture")?.as_ref(),
             ),
             None => None,
         };
-        let attenuation_distance_m = match volume.map(|volume| volume.attenuation_distance.0) {
-            None => f32::INFINITY,
-            Some(distance) if distance > 0.0 => distance,
-            Some(distance) => {
-                self.notes.warn(format_args!(
-                    "{}: attenuationDistance {distance} is not above 0, taken as infinite",
-                    self.place
-                ));
-                f32::INFINITY
-            }
-        };
+        let mut attenuation_distance_m = volume.attenuation_distance.0;
+        if attenuation_distance_m.is_nan() || attenuation_distance_m <= 0.0 {
+            self.notes.warn(format_args!(
+                "{}: attenuationDistance {attenuation_distance_m} is not above 0, taken as infinite",
+                self.place
+            ));
+            attenuation_distance_m = f32::INFINITY;
+        }
         Ok(Material {
             name,
             base_color: self.unit("baseColorFactor", pbr.base_color_factor.0)?,
@@ -186,17 +183,10 @@ impl MaterialImport<'_, '_> {
             emission,
             emissive_texture: self.info("emissiveTexture", source.emissive_texture.as_ref()),
             ior,
-            specular: self.unit(
-                "specularFactor",
-                [specular.map_or(1.0, |specular| specular.specular_factor.0)],
-            )?[0],
-            specular_texture: self.info(
-                "specularTexture",
-                specular.and_then(|specular| specular.specular_texture.as_ref()),
-            ),
+            specular: self.unit("specularFactor", [specular.specular_factor.0])?[0],
+            specular_texture: self.info("specularTexture", specular.specular_texture.as_ref()),
             specular_color: {
-                let mut color =
-                    specular.map_or([1.0; 3], |specular| specular.specular_color_factor.0);
+                let mut color = specular.specular_color_factor.0;
                 for channel in &mut color {
                     *channel = self.at_least("specularColorFactor", *channel, 0.0)?;
                 }
@@ -204,26 +194,16 @@ impl MaterialImport<'_, '_> {
             },
             specular_color_texture: self.info(
                 "specularColorTexture",
-                specular.and_then(|specular| specular.specular_color_texture.as_ref()),
+                specular.specular_color_texture.as_ref(),
             ),
-            transmission: self.unit(
-                "transmissionFactor",
-                [transmission.map_or(0.0, |transmission| transmission.transmission_factor.0)],
-            )?[0],
+            transmission: self.unit("transmissionFactor", [transmission.transmission_factor.0])?[0],
             transmission_texture: self.info(
                 "transmissionTexture",
-                transmission.and_then(|transmission| transmission.transmission_texture.as_ref()),
+                transmission.transmission_texture.as_ref(),
             ),
-            thickness: self.at_least(
-                "thicknessFactor",
-                volume.map_or(0.0, |volume| volume.thickness_factor.0),
-                0.0,
-            )?,
+            thickness: self.at_least("thicknessFactor", volume.thickness_factor.0, 0.0)?,
             attenuation_distance_m,
-            attenuation_color: self.unit(
-                "attenuationColor",
-                volume.map_or([1.0; 3], |volume| volume.attenuation_color.0),
-            )?,
+            attenuation_color: self.unit("attenuationColor", volume.attenuation_color.0)?,
             alpha_mode: match source.alpha_mode {
                 Checked::Valid(json::material::AlphaMode::Mask) => {
                     let cutoff = source.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
@@ -282,21 +262,15 @@ impl MaterialImport<'_, '_> {
             .extensions
             .as_ref()
             .and_then(|extensions| extensions.texture_transform.as_ref());
-        let transform = transform.map(Transform::of);
         self.texture(field, info.index.value(), info.tex_coord, transform)
     }
 
     /// KHR_texture_transform of a slot whose typed form drops it.
-    fn raw_transform(&self, field: &str) -> Result<Option<Transform>, SceneError> {
-        let slot = self.raw.and_then(|raw| raw.get(field)?.get("extensions"));
-        let Some(transform) = slot.and_then(|slot| slot.get("KHR_texture_transform")) else {
-            return Ok(None);
-        };
-        let read = json::extensions::texture::TextureTransform::deserialize(transform);
-        match read {
-            Ok(transform) => Ok(Some(Transform::of(&transform))),
-            Err(error) => Err(self.fault(&format!("{field}.KHR_texture_transform: {error}"))),
-        }
+    fn raw_transform(&self, field: &str) -> Result<Option<TextureTransform>, SceneError> {
+        let extensions = self.raw.and_then(|raw| raw.get(field)?.get("extensions"));
+        let transform = extensions.and_then(|found| found.get("KHR_texture_transform"));
+        let read = transform.map(TextureTransform::deserialize).transpose();
+        read.map_err(|error| self.fault(&format!("{field}.KHR_texture_transform: {error}")))
     }
 
     fn texture(
@@ -304,12 +278,10 @@ impl MaterialImport<'_, '_> {
         field: &str,
         source: usize,
         tex_coord: u32,
-        transform: Option<Transform>,
+        transform: Option<&TextureTransform>,
     ) -> Option<TextureRef> {
-        let uv_set = transform
-            .as_ref()
-            .and_then(|transform| transform.tex_coord)
-            .unwrap_or(tex_coord);
+        let uv_set = transform.and_then(|transform| transform.tex_coord);
+        let uv_set = uv_set.unwrap_or(tex_coord);
         if uv_set > 1 {
             self.notes.warn(format_args!("{}: {field} reads TEXCOORD_{uv_set}; only sets 0 and 1 are supported, the texture is left out", self.place));
             return None;
@@ -321,8 +293,7 @@ impl MaterialImport<'_, '_> {
             ));
             return None;
         };
-        let texcoord_from_uv =
-            transform.map_or(TextureRef::IDENTITY, |transform| transform.matrix());
+        let texcoord_from_uv = transform.map_or(TextureRef::IDENTITY, matrix_of);
         if texcoord_from_uv.iter().any(|value| !value.is_finite()) {
             self.notes.warn(format_args!(
                 "{}: the texture transform of {field} is not finite, the texture is left out",
@@ -338,53 +309,36 @@ impl MaterialImport<'_, '_> {
     }
 }
 
-/// KHR_texture_transform.
-struct Transform {
-    offset: [f32; 2],
-    rotation: f32,
-    scale: [f32; 2],
-    tex_coord: Option<u32>,
-}
-
-impl Transform {
-    fn of(transform: &json::extensions::texture::TextureTransform) -> Self {
-        Self {
-            offset: transform.offset.0,
-            rotation: transform.rotation.0,
-            scale: transform.scale.0,
-            tex_coord: transform.tex_coord,
-        }
-    }
-
-    /// Translation * rotation * scale. The rotation is counter-clockwise as seen with v pointing down, which turns +u
-    /// towards -v: so reads the extension's example that takes the lower left quadrant with offset (0, 1).
-    fn matrix(&self) -> [f32; 6] {
-        let (sin, cos) = f64::from(self.rotation).sin_cos();
-        let [su, sv] = self.scale.map(f64::from);
-        [
-            (cos * su) as f32,
-            (sin * sv) as f32,
-            self.offset[0],
-            (-sin * su) as f32,
-            (cos * sv) as f32,
-            self.offset[1],
-        ]
-    }
+/// Translation * rotation * scale. The rotation is counter-clockwise as seen with v pointing down, which turns +u
+/// towards -v: so reads the extension's example that takes the lower left quadrant with offset (0, 1).
+fn matrix_of(transform: &TextureTransform) -> [f32; 6] {
+    let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
+    let [su, sv] = transform.scale.0.map(f64::from);
+    let offset = transform.offset.0;
+    [
+        (cos * su) as f32,
+        (sin * sv) as f32,
+        offset[0],
+        (-sin * su) as f32,
+        (cos * sv) as f32,
+        offset[1],
+    ]
 }
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]
     fn texture_transform_follows_the_extension() {
-        let transform = Transform {
-            offset: [0.25, 0.5],
-            rotation: std::f32::consts::FRAC_PI_2,
-            scale: [2.0, 3.0],
-            tex_coord: None,
+        let matrix = |offset: [f32; 2], scale: [f32; 2]| {
+            let rotation = std::f32::consts::FRAC_PI_2;
+            let json = json!({"offset": offset, "rotation": rotation, "scale": scale});
+            matrix_of(&TextureTransform::deserialize(json).unwrap())
         };
-        let m = transform.matrix();
+        let m = matrix([0.25, 0.5], [2.0, 3.0]);
         let apply = |u: f32, v: f32| [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]];
         // Rounding of f32 sums of magnitude 3.
         let close =
@@ -402,13 +356,7 @@ mod tests {
         );
 
         // The extension's own example: the lower left quadrant, turned by 90 degrees.
-        let m = Transform {
-            offset: [0.0, 1.0],
-            rotation: std::f32::consts::FRAC_PI_2,
-            scale: [0.5, 0.5],
-            tex_coord: None,
-        }
-        .matrix();
+        let m = matrix([0.0, 1.0], [0.5, 0.5]);
         for (u, v) in [(0.01, 0.01), (0.99, 0.01), (0.01, 0.99), (0.99, 0.99)] {
             let (u, v) = (m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]);
             assert!(

@@ -7,7 +7,6 @@
 
 mod accessors;
 mod brightness;
-mod buffers;
 mod container;
 mod document;
 mod extensions;
@@ -23,10 +22,10 @@ use std::path::Path;
 
 use super::needs::LeftOut;
 use super::{Scene, SceneError, SourceFacts, demand};
-pub(super) use buffers::Buffers;
 pub(super) use container::read_file;
 use document::Document;
 pub(super) use nodes::{NOT_FINITE, transform_fault};
+pub(super) use resources::Buffer;
 use stereolux_base::limits::LoadBudget;
 use stereolux_base::printable;
 
@@ -82,12 +81,6 @@ impl Notes {
     }
 }
 
-/// See [`Scene::load_within`].
-pub(super) fn load(path: &Path, budget: &LoadBudget) -> Result<Scene, SceneError> {
-    let bytes = read_file(path, budget)?;
-    from_bytes(path, &bytes, budget)
-}
-
 /// See [`Scene::from_bytes`].
 pub(super) fn from_bytes(
     path: &Path,
@@ -141,11 +134,7 @@ pub(super) fn from_bytes(
 }
 
 /// See [`Scene::self_contained`].
-pub(super) fn self_contained(
-    path: &Path,
-    bytes: &[u8],
-    budget: &LoadBudget,
-) -> Result<Scene, SceneError> {
+pub(super) fn self_contained(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError> {
     let file = container::split(path, bytes, &mut Notes::default())?;
     let own_budget = LoadBudget::default();
     let document = Document::parse(path, file.json, &own_budget)?;
@@ -156,7 +145,7 @@ pub(super) fn self_contained(
         Some(uri) => {
             Err(document.fault(format!("names the file '{uri}' and must hold all itself")))
         }
-        None => from_bytes(path, bytes, budget),
+        None => from_bytes(path, bytes, &LoadBudget::default()),
     }
 }
 
@@ -165,7 +154,7 @@ pub(super) struct RawParts<'a> {
     /// All of its JSON, `extras` and all.
     pub json: serde_json::Value,
     /// Its buffers.
-    pub buffers: Buffers<'a>,
+    pub buffers: Vec<Buffer<'a>>,
     /// One per image: the bytes of those that lie in files of their own and are pictures.
     pub images: Vec<Option<Vec<u8>>>,
 }

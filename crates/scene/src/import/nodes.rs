@@ -1,6 +1,6 @@
 //! The node tree, cameras and lights.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4};
 use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
@@ -276,21 +276,13 @@ fn transform_of(
         let exact = document
             .raw_item("nodes", index)
             .and_then(|node| node.get("matrix"));
-        let m = precisely(exact, matrix);
-        let last_row = [m[3], m[7], m[11], m[15] - 1.0];
-        if last_row.iter().any(|value| value.abs() > 1e-6) {
+        let matrix = DMat4::from_cols_array(&precisely(exact, matrix));
+        if (matrix.row(3) - DVec4::W).abs().max_element() > 1e-6 {
             return Err(fault(
                 "the matrix is not affine: its last row must be 0 0 0 1",
             ));
         }
-        DAffine3::from_mat3_translation(
-            DMat3::from_cols(
-                DVec3::new(m[0], m[1], m[2]),
-                DVec3::new(m[4], m[5], m[6]),
-                DVec3::new(m[8], m[9], m[10]),
-            ),
-            DVec3::new(m[12], m[13], m[14]),
-        )
+        DAffine3::from_mat4(matrix)
     } else {
         parts
             .ok_or_else(|| fault("the rotation quaternion has no length"))?

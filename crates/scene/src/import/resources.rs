@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use image::ImageFormat;
 use rayon::prelude::*;
@@ -10,7 +12,6 @@ use rayon::prelude::*;
 use super::super::{Image, SceneError};
 use super::Notes;
 use super::accessors::Reader;
-use super::buffers::{Buffer, Buffers};
 use super::container;
 use super::document::Document;
 use super::extensions;
@@ -106,12 +107,26 @@ fn resolve(
     }
 }
 
+/// A buffer's bytes, cut to its declared length. A file that several name is held once.
+pub struct Buffer<'a> {
+    bytes: Arc<Cow<'a, [u8]>>,
+    length: usize,
+}
+
+impl Deref for Buffer<'_> {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.bytes[..self.length]
+    }
+}
+
 /// Reads the buffers, of each file no more than the document declares.
 pub fn load_buffers<'a>(
     document: &Document<'_>,
     places: &Places,
     blob: Option<&'a [u8]>,
-) -> Result<Buffers<'a>, SceneError> {
+) -> Result<Vec<Buffer<'a>>, SceneError> {
     let sources = document.root.buffers.iter().zip(&places.buffers);
     // How much of each file is declared.
     let mut wanted: HashMap<&Path, u64> = HashMap::new();
@@ -121,33 +136,26 @@ pub fn load_buffers<'a>(
             *most = source.byte_length.0.max(*most);
         }
     }
-    let mut file_of: HashMap<&Path, usize> = HashMap::new();
-    let mut loaded = Buffers::default();
+    let mut file_of: HashMap<&Path, Arc<Cow<'a, [u8]>>> = HashMap::new();
+    let mut loaded = Vec::new();
     for (index, (source, found)) in sources.enumerate() {
         let place = format!("buffers[{index}]");
         let fault = |what: String| document.fault(format!("{place}: {what}"));
         let declared = source.byte_length.0;
-        let (bytes, file) = match (&source.uri, found, blob) {
+        let bytes = match (&source.uri, found, blob) {
             (Some(_), Some(found), _) => {
                 let path = found.as_ref().map_err(|what| fault(what.clone()))?;
-                let file = match file_of.get(path.as_path()) {
-                    Some(file) => *file,
-                    None => {
-                        let most = wanted.get(path.as_path()).copied().unwrap_or_default();
-                        loaded.files.push(read(document, &place, path, most)?);
-                        let file = loaded.files.len() - 1;
-                        file_of.insert(path, file);
-                        file
-                    }
-                };
-                (&loaded.files[file][..], Some(file))
+                if let Some(file) = file_of.get(path.as_path()) {
+                    Arc::clone(file)
+                } else {
+                    let most = wanted.get(path.as_path()).copied().unwrap_or_default();
+                    let file = Arc::new(Cow::Owned(read(document, &place, path, most)?));
+                    file_of.insert(path, Arc::clone(&file));
+                    file
+                }
             }
-            (Some(uri), None, _) => {
-                loaded.files.push(decode_uri(document, &place, uri)?);
-                let file = loaded.files.len() - 1;
-                (&loaded.files[file][..], Some(file))
-            }
-            (None, _, Some(blob)) if index == 0 => (blob, None),
+            (Some(uri), None, _) => Arc::new(Cow::Owned(decode_uri(document, &place, uri)?)),
+            (None, _, Some(blob)) if index == 0 => Arc::new(Cow::Borrowed(blob)),
             (None, ..) => {
                 let raw = document.raw_item("buffers", index);
                 return Err(fault(match extensions::compression_of(raw) {
@@ -167,10 +175,7 @@ pub fn load_buffers<'a>(
                 bytes.len()
             )));
         };
-        loaded.buffers.push(match (file, blob) {
-            (None, Some(blob)) => Buffer::Chunk(&blob[..length]),
-            (file, _) => Buffer::File(file.unwrap_or_default(), length),
-        });
+        loaded.push(Buffer { bytes, length });
     }
     Ok(loaded)
 }

@@ -12,7 +12,7 @@ use super::super::as_dvec3;
 /// Any unit vector perpendicular to a unit normal, with handedness 1: the filler where no tangent is asked for.
 pub fn any_tangent(normal: [f32; 3]) -> [f32; 4] {
     let tangent = as_dvec3(normal).any_orthonormal_vector();
-    [tangent.x as f32, tangent.y as f32, tangent.z as f32, 1.0]
+    tangent.as_vec3().extend(1.0).to_array()
 }
 
 /// Unit normal from the area-weighted triangles around each vertex, for vertices whose own normal has no length.
@@ -75,12 +75,7 @@ pub fn derive(
         .zip(normals)
         .zip(handedness)
         .map(|((sum, normal), handedness)| match sum.try_normalize() {
-            Some(tangent) => [
-                tangent.x as f32,
-                tangent.y as f32,
-                tangent.z as f32,
-                handedness,
-            ],
+            Some(tangent) => tangent.as_vec3().extend(handedness).to_array(),
             None => any_tangent(*normal),
         })
         .collect()

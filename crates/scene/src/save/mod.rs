@@ -1,6 +1,6 @@
 //! Saving an edited scene: the original glTF with what was edited changed in it.
 //!
-//! Buffers, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
+//! Buffer, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
 //! edit has touched. Buffers and pictures beside the original go into the new one, which therefore stands alone; a file that
 //! is named as a picture and is none is not carried along. Read back it gives the same
 //! scene: transforms are written with all digits of f64, colours and factors with those that f32 needs. JSON values are
@@ -19,7 +19,7 @@ use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 
 use super::edit::{Document, Original};
-use super::import::{Buffers, RawParts, raw_parts};
+use super::import::{Buffer, RawParts, raw_parts};
 use super::{Scene, SceneError, gltf_writer};
 use stereolux_base::files::write_beside;
 use stereolux_base::limits::LoadBudget;
@@ -92,7 +92,11 @@ fn patched(original: &Original, scene: &Scene) -> Result<(Value, Vec<u8>), Scene
         images,
     } = raw_parts(original.path(), &original.bytes, &budget)?;
     let pictures = images.iter().flatten().map(Vec::len);
-    let embedded: usize = buffers.iter().map(<[u8]>::len).chain(pictures).sum();
+    let embedded: usize = buffers
+        .iter()
+        .map(|buffer| buffer.len())
+        .chain(pictures)
+        .sum();
     // Gathered in one buffer, and written into a file behind the JSON, as base64 at worst.
     budget
         .take(3 * embedded as u64, "the bytes of its buffers and images")
@@ -109,10 +113,10 @@ fn is_compression(extension: &str) -> bool {
 }
 
 /// Gathers all buffers, and images that lie in other files, into one buffer.
-fn embed(root: &mut Value, buffers: &Buffers<'_>, images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
+fn embed(root: &mut Value, buffers: &[Buffer<'_>], images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
     let mut bin = Vec::new();
     let mut starts = Vec::new();
-    for buffer in buffers.iter() {
+    for buffer in buffers {
         bin.resize(bin.len().next_multiple_of(4), 0);
         starts.push(bin.len());
         bin.extend_from_slice(buffer);

@@ -1,5 +1,6 @@
 //! Nodes, the scene's roots, and lights.
 
+use glam::DMat4;
 use serde_json::{Value, json};
 
 use super::super::gltf_writer::{number, numbers, put_light_kind};
@@ -102,15 +103,7 @@ fn patch_node(value: &mut Value, before: Option<&Node>, node: &Node, used: &mut 
 fn patch_transform(value: &mut Value, before: Option<&Node>, node: &Node) {
     let Some(parts) = node.exact_parts() else {
         remove(value, &["translation", "rotation", "scale"]);
-        let [x, y, z] = [
-            node.parent_from_node.x_axis,
-            node.parent_from_node.y_axis,
-            node.parent_from_node.z_axis,
-        ];
-        let at = node.parent_from_node.translation;
-        value["matrix"] = json!([
-            x.x, x.y, x.z, 0.0, y.x, y.y, y.z, 0.0, z.x, z.y, z.z, 0.0, at.x, at.y, at.z, 1.0
-        ]);
+        value["matrix"] = json!(DMat4::from(node.parent_from_node).to_cols_array());
         return;
     };
     remove(value, &["matrix"]);
