@@ -3,7 +3,9 @@
 //! A buffer is allocated if a pass of the plan binds it, at full size if one writes it; what is only declared gets
 //! [`TOKEN_BYTES`]. A buffer has a texture copy if a shader declares a texture under its name.
 
-use super::photon_layout::{GUIDE_BYTES, GUIDE_CELLS, MapLayout};
+use super::photon_layout::{
+    GUIDE_BYTES, GUIDE_CELLS, MapLayout, PHOTON_BYTES, SORTED_PHOTON_BYTES,
+};
 use crate::renderer::records::photon::{PhotonCounters, PhotonGrid};
 use crate::renderer::records::stereo::StereoCounters;
 
@@ -66,15 +68,6 @@ impl ImageLayout {
     #[must_use]
     pub fn tiles(&self) -> [u32; 2] {
         self.size.map(|pixels| pixels.div_ceil(8))
-    }
-
-    /// Pixels that gather at half rate: every other one in each direction (`shaders/shared/coarse.wesl`).
-    #[must_use]
-    pub fn every_other(&self) -> u64 {
-        self.size
-            .map(|pixels| u64::from(pixels.div_ceil(2)))
-            .iter()
-            .product()
     }
 
     /// Pixels of an eye's image.
@@ -226,8 +219,10 @@ pub const BUFFERS: &[BufferRow] = &[
     fixed!(Frame, "gather_count", 16).cleared(&[Moment::HalfRate]),
     fixed!(Frame, "gather_groups", 32),
     // Demodulated light that other pixels take: `shaders/shared/carried.wesl`.
-    // One for every other pixel in each direction.
-    BufferRow::new("coarse_light", Scope::Frame(|image| image.every_other() * 16))
+    // One for every other pixel in each direction (`shaders/shared/coarse.wesl`).
+    BufferRow::new("coarse_light", Scope::Frame(|image| {
+        image.size.map(|pixels| u64::from(pixels.div_ceil(2))).iter().product::<u64>() * 16
+    }))
         .holds(Holds::Within)
         .cleared(&[Moment::HalfRate]),
     BufferRow::new("nearest_heaps", Scope::Frame(|image| image.pixels() * image.heap_bytes)),
@@ -291,20 +286,20 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Frame, "inspection", 16).holds(Holds::Always).cleared(&[Moment::View]),
 
     // Photon paths of a batch, in slots of their own.
-    batch("path_photons", |map| map.slot_bytes()),
+    batch("path_photons", |map| u64::from(map.batch_paths) * u64::from(map.slots_per_path) * PHOTON_BYTES),
     batch("path_counts", |map| map.path_count_bytes()).cleared(&[Moment::Batch]),
     scratch("path_starts", |map| map.path_count_bytes()),
     // Of all values of a prefix sum, which nobody asks for.
     scratch("scan_total", |_| TOKEN_BYTES),
     scratch("path_sums", |map| MapLayout::sum_bytes(map.path_count_bytes())),
     // Where to emit: pilot paths, what each is worth, then sums over the cells: `shaders/shared/photon_guide.wesl`.
-    scratch("pilot_photons", |map| map.pilot_bytes()),
+    scratch("pilot_photons", |map| u64::from(GUIDE_CELLS) * u64::from(map.slots_per_path) * PHOTON_BYTES),
     scratch("pilot_counts", |_| u64::from(GUIDE_CELLS) * 4),
     scratch("pilot_worths", |_| u64::from(GUIDE_CELLS) * 4),
     map("photon_guide", |_| GUIDE_BYTES).cleared(&[Moment::Guide]),
     scratch("guide_sums", |_| MapLayout::sum_bytes(GUIDE_BYTES)),
     // The list, the grid over it and the sort by cell.
-    scratch("photons", |map| map.photon_bytes()),
+    scratch("photons", |map| u64::from(map.capacity) * PHOTON_BYTES),
     map("photon_counters", |_| size_of::<PhotonCounters>() as u64).cleared(&[Moment::Map]),
     map("photon_bounds", |_| 24).cleared(&[Moment::Map]),
     map("photon_grid", |_| size_of::<PhotonGrid>() as u64),
@@ -315,7 +310,7 @@ pub const BUFFERS: &[BufferRow] = &[
     scratch("radix_odd", |map| u64::from(map.capacity) * 8),
     scratch("radix_table", |map| map.radix_bytes()).cleared(&[Moment::Digit]),
     scratch("radix_sums", |map| MapLayout::sum_bytes(map.radix_bytes())),
-    map("sorted_photons", |map| map.sorted_bytes()),
+    map("sorted_photons", |map| u64::from(map.capacity) * SORTED_PHOTON_BYTES),
     // The kd-tree: photon numbers in the orders of x, y and z; levels read one and write the other.
     scratch("kd_orders_even", |map| map.kd_places() * 4),
     scratch("kd_orders_odd", |map| map.kd_places() * 4),

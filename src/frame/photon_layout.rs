@@ -263,40 +263,10 @@ impl MapLayout {
         self.capacity.div_ceil(RADIX_BLOCK)
     }
 
-    /// Digits of a sort and bits of a digit.
-    #[must_use]
-    pub fn digits(&self) -> (u32, u32) {
-        self.config.digits()
-    }
-
     /// Levels of a full kd-tree that are split: all but the bottom one.
     #[must_use]
     pub fn parted_levels(&self) -> u32 {
         self.capacity.checked_ilog2().unwrap_or(0)
-    }
-
-    /// Bytes of all photons.
-    #[must_use]
-    pub fn photon_bytes(&self) -> u64 {
-        u64::from(self.capacity) * PHOTON_BYTES
-    }
-
-    /// Bytes of all photons in the order of gathers.
-    #[must_use]
-    pub fn sorted_bytes(&self) -> u64 {
-        u64::from(self.capacity) * SORTED_PHOTON_BYTES
-    }
-
-    /// Bytes of the slots of a batch's paths.
-    #[must_use]
-    pub fn slot_bytes(&self) -> u64 {
-        u64::from(self.batch_paths) * u64::from(self.slots_per_path) * PHOTON_BYTES
-    }
-
-    /// Bytes of the slots of the pilot paths.
-    #[must_use]
-    pub fn pilot_bytes(&self) -> u64 {
-        u64::from(GUIDE_CELLS) * u64::from(self.slots_per_path) * PHOTON_BYTES
     }
 
     /// Bytes of the counts of a batch's paths, and their sum.
@@ -320,7 +290,7 @@ impl MapLayout {
     /// Bytes of the table of the radix sort.
     #[must_use]
     pub fn radix_bytes(&self) -> u64 {
-        (u64::from(self.blocks()) << self.digits().1) * 4
+        (u64::from(self.blocks()) << self.config.digits().1) * 4
     }
 
     /// Places of the kd-tree's three orders of photons.
@@ -343,7 +313,9 @@ impl MapLayout {
 }
 
 impl MapConfig {
-    fn digits(&self) -> (u32, u32) {
+    /// Digits of a sort and bits of a digit.
+    #[must_use]
+    pub fn digits(&self) -> (u32, u32) {
         match self.search {
             Search::KdTree => (KD_DIGITS, KD_DIGIT_BITS),
             Search::Grid => {

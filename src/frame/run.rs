@@ -12,9 +12,7 @@ use super::photon_layout::MapLayout;
 use super::step::{Action, Only, PlannedStage, Size, Stage, Step, Words};
 use super::work::{Dispatched, Traffic, WorkLog, traffic};
 use crate::gpu::features::ShaderFeatures;
-use crate::gpu::kernel::{
-    Binding, BindingKind, Bound, DISPATCH_BINDING, DispatchTable, linear_groups,
-};
+use crate::gpu::kernel::{Binding, BindingKind, DISPATCH_BINDING, DispatchTable, linear_groups};
 use crate::gpu::raster::Raster;
 use crate::gpu::{
     FrameRecorder, GpuContext, GpuError, Kernel, PassTimes, Resources, ShaderLibrary, Workgroups,
@@ -63,7 +61,7 @@ enum BoundAction {
     Dispatch {
         kernel: KernelKey,
         /// By parity of the frame; one if nothing is double-buffered.
-        bound: Vec<Bound>,
+        bound: Vec<wgpu::BindGroup>,
         groups: Groups,
         /// Which of the stage's words.
         pattern: u32,
@@ -132,11 +130,7 @@ impl FrameRun {
     pub fn new(features: ShaderFeatures) -> Self {
         Self {
             features,
-            kernels: BTreeMap::new(),
-            buffers: Buffers::default(),
-            stages: BTreeMap::new(),
-            tables: BTreeMap::new(),
-            work: None,
+            ..Self::default()
         }
     }
 
@@ -403,7 +397,7 @@ impl FrameRun {
         step: &Step,
         kernel: &Kernel,
         given: &Resources<'_>,
-    ) -> Result<Vec<Bound>, GpuError> {
+    ) -> Result<Vec<wgpu::BindGroup>, GpuError> {
         let takes_turns = kernel.bindings.iter().any(|binding| {
             let found = meaning(&named(step, &binding.name), step.owner);
             found.is_some_and(|found| self.buffers.takes_turns(&found.place))
@@ -562,9 +556,15 @@ pub fn named(step: &Step, binding: &str) -> String {
     if let Some((_, buffer)) = renamed {
         return (*buffer).to_owned();
     }
-    let read = list.and_then(|list| list.read_as(binding));
-    let appended = appends.and_then(|list| list.appended_as(binding));
-    read.or(appended).unwrap_or_else(|| binding.to_owned())
+    let (list, part) = match binding {
+        "pixel_list" => (list, "list"),
+        "pixel_count" => (list, "count"),
+        "list_groups" => (list, "groups"),
+        "appended_list" => (appends, "list"),
+        "appended_count" => (appends, "count"),
+        _ => return binding.to_owned(),
+    };
+    list.map_or_else(|| binding.to_owned(), |list| format!("{}_{part}", list.0))
 }
 
 /// Notes how a pass at moment `at` uses which buffers; passes come in order.

@@ -115,29 +115,6 @@ impl List {
     pub const COARSE: Self = Self("coarse");
     /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.
     pub const GATHER: Self = Self("gather");
-
-    /// The list's buffer for the names of a pass that runs over it or sets it up.
-    #[must_use]
-    pub fn read_as(self, name: &str) -> Option<String> {
-        let part = match name {
-            "pixel_list" => "list",
-            "pixel_count" => "count",
-            "list_groups" => "groups",
-            _ => return None,
-        };
-        Some(format!("{}_{part}", self.0))
-    }
-
-    /// The list's buffer for the names of a pass that appends to it.
-    #[must_use]
-    pub fn appended_as(self, name: &str) -> Option<String> {
-        let part = match name {
-            "appended_list" => "list",
-            "appended_count" => "count",
-            _ => return None,
-        };
-        Some(format!("{}_{part}", self.0))
-    }
 }
 
 /// Workgroups of a dispatch.

@@ -66,7 +66,7 @@ struct Shape {
 pub struct Deformer {
     /// Nodes and skins, and the meshes that change.
     skeleton: Scene,
-    marks: Vec<MaterialMarks>,
+    pub(super) marks: Vec<MaterialMarks>,
     shapes: Vec<Shape>,
     joint_rows: Vec<[f32; 4]>,
     weights: Vec<f32>,
@@ -354,10 +354,6 @@ impl Deformer {
     }
 
     /// Other marks of materials, for hierarchies that are built anew.
-    pub fn set_marks(&mut self, marks: Vec<MaterialMarks>) {
-        self.marks = marks;
-    }
-
     /// Where the previous frame's positions of a mesh begin.
     pub fn first_position(&self, mesh: usize) -> Option<u32> {
         let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;
@@ -504,16 +500,10 @@ fn joint_bounds(mesh: &Mesh, joints: Option<usize>) -> Vec<Option<Bounds>> {
             if weight > 0.0
                 && let Some(around) = bounds.get_mut(usize::from(*joint))
             {
-                *around = Some(around.map_or(
-                    Bounds {
-                        min: point,
-                        max: point,
-                    },
-                    |around| Bounds {
-                        min: around.min.min(point),
-                        max: around.max.max(point),
-                    },
-                ));
+                let corners = around
+                    .into_iter()
+                    .flat_map(|around| [around.min, around.max]);
+                *around = Bounds::of_points(corners.chain([point]));
             }
         }
     }

@@ -169,7 +169,9 @@ impl Renderer {
     /// is taken over from it, and without its photons they are all traced anew. Whether meshes took its pose nobody knows.
     pub(crate) fn give_up_frame(&mut self, without_photons: bool) {
         self.forget_frames();
-        self.scene.pose_again();
+        if let Some(deformer) = self.scene.deformer_mut() {
+            deformer.pose_again();
+        }
         self.edit_base.outdates_photons |= without_photons;
     }
 

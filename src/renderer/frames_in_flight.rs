@@ -260,7 +260,11 @@ impl Renderer {
         {
             match steers {
                 Steers::Map(index, counted) => self.maps[index].steer(counted),
-                Steers::Costs(ratios) => self.scene.note_costs(&ratios),
+                Steers::Costs(ratios) => {
+                    if let Some(deformer) = self.scene.deformer_mut() {
+                        deformer.note_costs(&ratios);
+                    }
+                }
             }
         }
     }

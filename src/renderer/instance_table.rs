@@ -1,5 +1,7 @@
 //! Instances by number: a slot keeps its number as long as its instance lives, so that frames can be compared.
 
+use std::collections::BTreeSet;
+
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::bvh::records::{NO_EMITTER, NO_POSITIONS, PreviousInstance};
@@ -21,7 +23,7 @@ const NOWHERE: DAffine3 = DAffine3 {
 pub struct InstanceTable {
     sources: Vec<InstanceSource>,
     is_live: Vec<bool>,
-    free: Vec<u32>,
+    free: BTreeSet<u32>,
     /// Left in this frame: free from the next one on.
     leaving: Vec<u32>,
     /// Changed since the last frame began, each once.
@@ -106,15 +108,8 @@ impl InstanceTable {
     /// Adds an instance in the lowest free slot.
     pub fn add(&mut self, source: InstanceSource) -> InstanceId {
         // The lowest, so that numbers depend on what was added and removed, not on how the list happens to lie.
-        let lowest = self
-            .free
-            .iter()
-            .enumerate()
-            .min_by_key(|(_, slot)| **slot)
-            .map(|(at, _)| at);
-        let slot = match lowest {
-            Some(at) => {
-                let slot = self.free.swap_remove(at);
+        let slot = match self.free.pop_first() {
+            Some(slot) => {
                 self.sources[slot as usize] = source;
                 self.is_live[slot as usize] = true;
                 slot
@@ -221,7 +216,7 @@ impl InstanceTable {
         for slot in &self.moved {
             self.is_changed[*slot as usize] = false;
         }
-        self.free.append(&mut self.leaving);
+        self.free.extend(self.leaving.drain(..));
         Begun {
             is_new,
             previous_is_new,

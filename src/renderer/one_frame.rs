@@ -284,7 +284,9 @@ impl Renderer {
         }
         flight.tickets.push(recorder.send("frame")?);
         if is_last {
-            self.scene.note_asked();
+            if let Some(deformer) = self.scene.deformer_mut() {
+                deformer.note_asked();
+            }
             self.inspector.note(frame, self.origin_in_world);
         }
         Ok(())

@@ -47,7 +47,7 @@ pub struct PhotonMap {
     /// The frame of the last trace, as [`Counted::serial`].
     traced_in: u64,
     /// What steers frames: from a fixed number of frames ago, or from a trace that was waited for.
-    steering: Counted,
+    pub(super) steering: Counted,
     /// What arrived last.
     last: Counted,
 }
@@ -81,10 +81,6 @@ impl PhotonMap {
     }
 
     /// Counters that steer the next frame.
-    pub(super) fn steering(&self) -> PhotonCounters {
-        self.steering.counters
-    }
-
     /// Where (world, metres) and in which frame the photons were traced last.
     pub fn traced_at(&self) -> Option<(DVec3, u32)> {
         self.traced_at
@@ -176,10 +172,6 @@ impl PhotonMap {
     }
 
     /// Retraces its paths in other shares from now on, at most as many as it was made for.
-    pub(super) fn share(&mut self, shares: u32) {
-        self.layout.shares_in_use = shares;
-    }
-
     /// Slices that the gather needs for the photons that arrived last ([`PhotonMap::slices_for`]).
     pub fn gather_slices(&self) -> u32 {
         self.slices_for(self.last, [1, 1])

@@ -79,7 +79,7 @@ impl Renderer {
         let limits = adapter_limits(&self.context);
         let mut grew = false;
         for map in &mut self.maps {
-            let dropped = map.steering().dropped;
+            let dropped = map.steering.counters.dropped;
             if map.grow(&limits)? {
                 log::info!(
                     "the photon list overflowed by {dropped} photons and now holds {}",

@@ -17,7 +17,7 @@ pub(super) struct Qualities {
     /// The present scale; all other values stand where they are used.
     scale: f32,
     /// From the next frame on.
-    wanted: Option<Quality>,
+    pub(super) wanted: Option<Quality>,
     /// Somebody has set it since that was asked last.
     is_told: bool,
 }
@@ -29,16 +29,6 @@ impl Qualities {
             scale: most.resolution_scale,
             wanted: None,
             is_told: false,
-        }
-    }
-
-    pub(super) fn want(&mut self, quality: Quality) {
-        self.wanted = Some(quality);
-    }
-
-    pub(super) fn switch_reuse(&mut self, reuses: bool) {
-        if let Some(wanted) = &mut self.wanted {
-            wanted.reuse = reuses;
         }
     }
 }
@@ -79,7 +69,7 @@ impl Renderer {
     /// [`RenderError::Settings`]: a value out of its range, or one that the renderer would have had to be made for, by name.
     pub fn set_quality(&mut self, quality: &Quality) -> Result<(), RenderError> {
         self.check_quality(quality)?;
-        self.quality.want(*quality);
+        self.quality.wanted = Some(*quality);
         self.quality.is_told = true;
         Ok(())
     }
@@ -124,7 +114,7 @@ impl Renderer {
         }
         if wanted.photon_shares != now.photon_shares {
             for map in &mut self.maps {
-                map.share(wanted.photon_shares);
+                map.layout.shares_in_use = wanted.photon_shares;
             }
             self.refresh.begin_again(wanted.photon_shares);
         }

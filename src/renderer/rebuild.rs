@@ -83,7 +83,7 @@ impl Renderer {
     pub fn succeed_by(&mut self, mut successor: Self) -> Result<(), RenderError> {
         successor.resize(self.full_size)?;
         let quality = self.quality();
-        successor.quality.want(quality);
+        successor.quality.wanted = Some(quality);
         successor.reuse_from_now_on(quality.reuse);
         successor.frames_begun = self.frames_begun;
         successor.frames_before = self.frames_begun;

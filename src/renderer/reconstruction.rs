@@ -188,11 +188,7 @@ impl Reconstruction {
             taa_alpha: own.taa_alpha as f32,
             taa_clip: own.taa_clip as f32,
             firefly_frames: own.firefly_frames as f32,
-            light_switched: if self.switched_frames_left > 0 {
-                1.0
-            } else {
-                0.0
-            },
+            light_switched: f32::from(self.switched_frames_left > 0),
             rest_share: if own.still.is_on() {
                 1.0 / self.still_frames as f32
             } else {

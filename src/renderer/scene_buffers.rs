@@ -398,7 +398,11 @@ impl SceneBuffers {
         context: &GpuContext,
         origin_in_world: DVec3,
     ) -> Result<bool, RenderError> {
-        let mut uploads = Uploads::new(context);
+        let mut uploads = Uploads {
+            context,
+            bytes: 0,
+            replaced: false,
+        };
         uploads.replaced = self.begin_shapes(context, &mut uploads.bytes)?;
         let deformer = self.deformer.as_ref();
         let begun = self
@@ -410,7 +414,8 @@ impl SceneBuffers {
         if begun.previous_is_new {
             uploads.all(&mut self.previous_instances, self.table.previous())?;
         }
-        if begun.is_new || self.lights_moved {
+        let is_new = begun.is_new || self.lights_moved;
+        if is_new {
             self.top
                 .rebuild(origin_in_world, self.table.sources(), &self.hierarchies)?;
             self.widen_infinite_lights(origin_in_world);
@@ -426,7 +431,6 @@ impl SceneBuffers {
                 uploads.all(&mut self.light_alias, &self.packed_lights.alias)?;
             }
         }
-        let is_new = begun.is_new || self.lights_moved;
         let replaced = uploads.replaced;
         self.last_upload_bytes = uploads.bytes;
         let replaced_texels = is_new
@@ -476,11 +480,9 @@ impl SceneBuffers {
         has_work.then(|| deformer.has_new_pose())
     }
 
-    /// Meshes that change their shape take the pose that they have once more.
-    pub(super) fn pose_again(&mut self) {
-        if let Some(deformer) = &mut self.deformer {
-            deformer.pose_again();
-        }
+    /// The meshes that change their shape, if there are any.
+    pub(super) fn deformer_mut(&mut self) -> Option<&mut Deformer> {
+        self.deformer.as_mut()
     }
 
     /// Shapes have been taken to the frame's pose on the device.
@@ -511,20 +513,6 @@ impl SceneBuffers {
     pub(super) fn ask_costs(&self, recorder: &mut FrameRecorder<'_>) -> Option<Vec<f64>> {
         let deformer = self.deformer.as_ref()?;
         deformer.ask_costs(recorder, &self.hierarchies)
-    }
-
-    /// As [`Deformer::note_asked`].
-    pub(super) fn note_asked(&mut self) {
-        if let Some(deformer) = &mut self.deformer {
-            deformer.note_asked();
-        }
-    }
-
-    /// As [`Deformer::note_costs`].
-    pub(super) fn note_costs(&mut self, ratios: &[f64]) {
-        if let Some(deformer) = &mut self.deformer {
-            deformer.note_costs(ratios);
-        }
     }
 
     /// Light from infinitely far comes in through a box around the scene; an instance may have left it.
@@ -646,15 +634,7 @@ struct Uploads<'a> {
     replaced: bool,
 }
 
-impl<'a> Uploads<'a> {
-    fn new(context: &'a GpuContext) -> Self {
-        Self {
-            context,
-            bytes: 0,
-            replaced: false,
-        }
-    }
-
+impl Uploads<'_> {
     fn all<T: bytemuck::NoUninit>(
         &mut self,
         buffer: &mut GrowingBuffer,

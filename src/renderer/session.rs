@@ -62,7 +62,9 @@ impl Renderer {
         if has_reuse {
             let reuses = !self.quality().reuse;
             self.reuse_from_now_on(reuses);
-            self.quality.switch_reuse(reuses);
+            if let Some(wanted) = &mut self.quality.wanted {
+                wanted.reuse = reuses;
+            }
         }
         has_reuse
     }

@@ -90,11 +90,6 @@ pub struct Kernel {
     is_dynamic: bool,
 }
 
-/// Resources bound for one kernel.
-pub struct Bound {
-    pub(super) group: wgpu::BindGroup,
-}
-
 /// Bindings of group 0 that `shader` declares, in slot order.
 ///
 /// # Errors
@@ -274,20 +269,8 @@ impl Kernel {
         name: &str,
         features: &ShaderFeatures,
     ) -> Result<Self, GpuError> {
-        let shader = library.compile(name, features)?;
+        let shader = &library.compile(name, features)?;
         let pass = name.strip_prefix("passes/").unwrap_or(name);
-        Self::from_shader(context, pass, &shader)
-    }
-
-    /// Builds the pipeline of a shader that is compiled already.
-    ///
-    /// # Errors
-    /// As [`Kernel::new`].
-    pub fn from_shader(
-        context: &GpuContext,
-        pass: &str,
-        shader: &CompiledShader,
-    ) -> Result<Self, GpuError> {
         let bindings = reflect_bindings(shader)?;
         let workgroup_size = shader
             .module
@@ -342,7 +325,11 @@ impl Kernel {
     ///
     /// # Errors
     /// [`GpuError::Unbound`] if a name is missing, [`GpuError::Validation`] if a resource does not fit.
-    pub fn bind(&self, context: &GpuContext, resources: &Resources<'_>) -> Result<Bound, GpuError> {
+    pub fn bind(
+        &self,
+        context: &GpuContext,
+        resources: &Resources<'_>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
         self.bind_by(context, |binding| resources.get(&binding.name))
     }
 
@@ -354,15 +341,14 @@ impl Kernel {
         &self,
         context: &GpuContext,
         resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
-    ) -> Result<Bound, GpuError> {
-        let group = bind_group(
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        bind_group(
             context,
             &self.name,
             &self.layout,
             &self.bindings,
             resource_of,
-        )?;
-        Ok(Bound { group })
+        )
     }
 
     /// Workgroups that cover `threads` threads along x in a 2D grid that keeps within the dimension limit.
@@ -375,12 +361,12 @@ impl Kernel {
     pub(super) fn set<'p>(
         &self,
         pass: &mut wgpu::ComputePass<'p>,
-        bound: &Bound,
+        bound: &wgpu::BindGroup,
         dispatch_index: u32,
     ) {
         pass.set_pipeline(&self.pipeline);
         let offset = [dispatch_index * DISPATCH_STRIDE as u32];
-        pass.set_bind_group(0, &bound.group, if self.is_dynamic { &offset } else { &[] });
+        pass.set_bind_group(0, bound, if self.is_dynamic { &offset } else { &[] });
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::buffers::Mapping;
 use super::context::{GpuContext, GpuError};
-use super::kernel::{Bound, Kernel};
+use super::kernel::Kernel;
 use super::texels::TexelCopy;
 
 /// Queries of one set; wgpu's own limit.
@@ -208,7 +208,7 @@ impl<'a> FrameRecorder<'a> {
         &mut self,
         label: &str,
         kernel: &Kernel,
-        bound: &Bound,
+        bound: &wgpu::BindGroup,
         dispatch_index: u32,
         groups: Workgroups<'_>,
     ) {

@@ -38,7 +38,7 @@ pub(super) fn photons(map: &MapLayout, settings: &PhotonSettings) -> Vec<Step> {
     steps.run(&passes::photon_bounds, sixteenths);
     steps
         .run(&passes::grid_setup, Size::Once)
-        .words(0, 1 << map.digits().1, 0);
+        .words(0, 1 << map.config.digits().1, 0);
     if map.is_tree() {
         kd_tree(&mut steps, map);
     } else {
@@ -173,7 +173,7 @@ fn grid(steps: &mut Steps, map: &MapLayout) {
 
 /// Stable radix sort by key, between two buffers.
 fn radix_sort(steps: &mut Steps, map: &MapLayout) {
-    let (digits, bits) = map.digits();
+    let (digits, bits) = map.config.digits();
     let wide = map.config.wide_machine;
     // A workgroup per block, or a thread.
     let size = if wide {

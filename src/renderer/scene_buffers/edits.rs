@@ -266,7 +266,7 @@ impl SceneBuffers {
             *relights |= self.packed_lights.emits(index);
         }
         if let Some(deformer) = self.deformer.as_mut().filter(|_| painted.is_some()) {
-            deformer.set_marks(marks);
+            deformer.marks = marks;
         }
         painted
     }

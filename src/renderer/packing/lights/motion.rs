@@ -453,12 +453,6 @@ fn gram(world_from_object: &DAffine3) -> DMat3 {
 }
 
 fn is_close(a: &DMat3, b: &DMat3) -> bool {
-    let largest = b
-        .to_cols_array()
-        .into_iter()
-        .fold(0.0, |most: f64, x| most.max(x.abs()));
-    (*a - *b)
-        .to_cols_array()
-        .into_iter()
-        .all(|difference| difference.abs() <= SAME_AREA * largest)
+    let largest = b.to_cols_array().into_iter().map(f64::abs);
+    a.abs_diff_eq(*b, SAME_AREA * largest.fold(0.0, f64::max))
 }
