@@ -240,10 +240,8 @@ impl XrSession for DesktopSession {
     }
 
     fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
-        let is_closed = {
-            let desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
-            desk.is_closed
-        };
+        let desk = self.desk.lock();
+        let is_closed = desk.unwrap_or_else(PoisonError::into_inner).is_closed;
         if is_closed || self.frame_limit.is_some_and(|most| self.frames >= most) {
             return Ok(None);
         }

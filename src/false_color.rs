@@ -337,67 +337,45 @@ pub fn motion_color(vector: [f32; 2], longest: f64) -> [u8; 3] {
     hsv(turn.rem_euclid(1.0), share, 0.25 + 0.75 * share.sqrt())
 }
 
-fn picture_of<P: Copy>(
-    inspected: &Inspected,
-    values: &[P],
-    color: impl Fn(P) -> [u8; 3],
-) -> Result<ImageRgb8, ImageError> {
-    let pixels = values
-        .iter()
-        .enumerate()
-        .map(|(pixel, value)| {
-            if has_value(inspected, pixel) {
-                color(*value)
-            } else {
-                NO_VALUE
-            }
-        })
-        .collect();
-    Image::new(inspected.size[0], inspected.size[1], pixels)
-}
-
-fn has_value(inspected: &Inspected, pixel: usize) -> bool {
-    match &inspected.has_value {
+/// Values as an image, `None` in pixels that have none.
+fn valued<P: Copy>(inspected: &Inspected, values: &[P]) -> Result<Image<Option<P>>, ImageError> {
+    let has_value = |pixel| match &inspected.has_value {
         Some(has) => has.get(pixel).copied().unwrap_or(false),
         None => true,
+    };
+    let values = values.iter().enumerate();
+    let pixels = values.map(|(pixel, value)| has_value(pixel).then_some(*value));
+    let [width, height] = inspected.size;
+    Image::new(width, height, pixels.collect())
+}
+
+fn colored<P: Copy>(values: &Image<Option<P>>, color: impl Fn(P) -> [u8; 3]) -> ImageRgb8 {
+    let pixels = values.pixels.iter();
+    Image {
+        width: values.width,
+        height: values.height,
+        pixels: pixels.map(|value| value.map_or(NO_VALUE, &color)).collect(),
     }
 }
 
-/// The numbers of pixels that have one.
-fn known<'a, P: Copy>(inspected: &'a Inspected, values: &'a [P]) -> impl Iterator<Item = P> + 'a {
-    let with = values.iter().enumerate();
-    with.filter(|(pixel, _)| has_value(inspected, *pixel))
-        .map(|(_, value)| *value)
-}
-
-fn bar(
-    size: [u32; 2],
-    values: &[f32],
-    has: impl Fn(usize) -> bool,
+fn bar<P: Copy + Into<f64>>(
+    values: &Image<Option<P>>,
     unit: &'static str,
     coloring: Coloring,
-) -> Result<Picture, ImageError> {
+) -> Picture {
     let scale = coloring.scale;
-    let range = coloring.range.unwrap_or_else(|| {
-        let known = values.iter().enumerate().filter(|(pixel, _)| has(*pixel));
-        automatic_range(known.map(|(_, value)| f64::from(*value)), scale)
-    });
-    let pixels = values.iter().enumerate().map(|(pixel, value)| {
-        if has(pixel) {
-            map_color(share_of(f64::from(*value), range, scale))
-        } else {
-            NO_VALUE
-        }
-    });
-    Ok(Picture {
-        image: Image::new(size[0], size[1], pixels.collect())?,
+    let known = values.pixels.iter().flatten().map(|value| (*value).into());
+    let range = coloring.range;
+    let range = range.unwrap_or_else(|| automatic_range(known, scale));
+    Picture {
+        image: colored(values, |v| map_color(share_of(v.into(), range, scale))),
         legend: Legend::Bar {
             unit,
             scale,
             range,
             ticks: ticks(range, scale),
         },
-    })
+    }
 }
 
 /// Provenances with their names and colours.
@@ -451,50 +429,43 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
     match &inspected.values {
         InspectedValues::Scalar(values) => {
             let is_depth = inspected.inspection == Inspection::Depth;
-            let depths = || depth_range(known(inspected, values).map(f64::from));
+            let values = valued(inspected, values)?;
+            let depths = || depth_range(values.pixels.iter().flatten().map(|v| f64::from(*v)));
             let range = coloring.range.or_else(|| is_depth.then(depths));
-            bar(
-                inspected.size,
-                values,
-                |pixel| has_value(inspected, pixel),
-                unit,
-                Coloring { range, ..coloring },
-            )
+            Ok(bar(&values, unit, Coloring { range, ..coloring }))
         }
         InspectedValues::Color(values) => {
             // Reflectance is shown as it is.
-            let automatic = || {
-                if unit.is_empty() {
-                    return 1.0;
-                }
-                automatic_white(
-                    known(inspected, values).map(|v| f64::from(v[0].max(v[1]).max(v[2]))),
-                )
+            let values = valued(inspected, values)?;
+            let brightest = |v: &[f32; 3]| f64::from(v[0].max(v[1]).max(v[2]));
+            let automatic = || match unit {
+                "" => 1.0,
+                _ => automatic_white(values.pixels.iter().flatten().map(brightest)),
             };
             let white = coloring.range.map_or_else(automatic, |range| range[1]);
             let encode =
                 |value: f32| (srgb_encode((f64::from(value) / white) as f32) * 255.0).round() as u8;
             Ok(Picture {
-                image: picture_of(inspected, values, |value| value.map(encode))?,
+                image: colored(&values, |value| value.map(encode)),
                 legend: Legend::White { unit, white },
             })
         }
         InspectedValues::Direction(values) => Ok(Picture {
-            image: picture_of(inspected, values, |n| {
+            image: colored(&valued(inspected, values)?, |n| {
                 n.map(|c| (255.0 * (0.5 + 0.5 * f64::from(c))).round() as u8)
-            })?,
+            }),
             legend: Legend::Axes,
         }),
         InspectedValues::Vector2(values) => {
-            let longest = coloring.range.map_or_else(
-                || {
-                    let lengths = known(inspected, values).map(|v| f64::from(v[0].hypot(v[1])));
-                    automatic_range(lengths, Scale::Linear)[1].max(LEAST_MOTION_PX)
-                },
-                |range| range[1],
-            );
+            let values = valued(inspected, values)?;
+            let length = |v: &[f32; 2]| f64::from(v[0].hypot(v[1]));
+            let automatic = || {
+                let lengths = values.pixels.iter().flatten().map(length);
+                automatic_range(lengths, Scale::Linear)[1].max(LEAST_MOTION_PX)
+            };
+            let longest = coloring.range.map_or_else(automatic, |range| range[1]);
             Ok(Picture {
-                image: picture_of(inspected, values, |v| motion_color(v, longest))?,
+                image: colored(&values, |v| motion_color(v, longest)),
                 legend: Legend::Wheel { unit, longest },
             })
         }
@@ -505,7 +476,8 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
             } else {
                 label_color
             };
-            let mut labels: Vec<u32> = known(inspected, values).collect();
+            let values = valued(inspected, values)?;
+            let mut labels: Vec<u32> = values.pixels.iter().flatten().copied().collect();
             labels.sort_unstable();
             labels.dedup();
             let name = |label: u32| {
@@ -521,22 +493,11 @@ pub fn picture(inspected: &Inspected, coloring: Coloring) -> Result<Picture, Ima
                     .collect()
             };
             Ok(Picture {
-                image: picture_of(inspected, values, color)?,
+                image: colored(&values, color),
                 legend: Legend::Labels(legend),
             })
         }
     }
-}
-
-/// What goes wrong with an error map. Each message is one line.
-#[derive(Debug, thiserror::Error)]
-pub enum ErrorMapError {
-    /// Sizes differ.
-    #[error(transparent)]
-    Metrics(#[from] MetricsError),
-    /// No picture.
-    #[error(transparent)]
-    Image(#[from] ImageError),
 }
 
 /// Squared relative error of each pixel, the terms whose mean is [`crate::metrics::Comparison::rel_mse`], as a picture. Of
@@ -544,25 +505,14 @@ pub enum ErrorMapError {
 /// against a black reference, have no value.
 ///
 /// # Errors
-/// [`ErrorMapError::Metrics`] if the images differ in size.
+/// [`MetricsError::SizeMismatch`] if the images differ in size.
 pub fn relative_error(
     image: &ImageRgb,
     reference: &ImageRgb,
     coloring: Coloring,
-) -> Result<Picture, ErrorMapError> {
+) -> Result<Picture, MetricsError> {
     let errors = crate::metrics::rel_mse_map(image, reference)?;
-    let values: Vec<f32> = errors
-        .pixels
-        .iter()
-        .map(|e| e.unwrap_or(0.0) as f32)
-        .collect();
-    Ok(bar(
-        [image.width, image.height],
-        &values,
-        |pixel| errors.pixels.get(pixel).is_some_and(Option::is_some),
-        "",
-        coloring,
-    )?)
+    Ok(bar(&errors, "", coloring))
 }
 
 impl Legend {

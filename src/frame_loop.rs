@@ -29,7 +29,6 @@ use crate::xr::{
 use images::read_aovs;
 pub use images::{inspection, read_images};
 pub use stats::{CpuMs, FrameStats, GpuSums};
-use stats::{counts_by_pass, pass_ms};
 
 /// Frames kept for the medians of `run.json`; a session may run for hours.
 pub const KEPT_FRAMES: usize = 1000;
@@ -212,80 +211,21 @@ impl Rendered {
     /// The frame's statistics, `frame_ms` being the host's time for it; call it last, so that `cpu_ms.write` and
     /// `cpu_ms.mirror` are filled in, of a retired frame.
     pub fn into_stats(self, frame: u32, non_finite_pixels: usize, frame_ms: f64) -> FrameStats {
-        let Self {
-            flight: _,
-            display_time_ns,
-            located,
-            result,
-            mut cpu_ms,
-            stages: _,
-            pose_age_ms,
-            host_waits,
-        } = self;
+        let mut cpu_ms = self.cpu_ms;
         cpu_ms.frame = frame_ms;
         let stages = cpu_ms.wait + cpu_ms.session + cpu_ms.submit + cpu_ms.mirror + cpu_ms.write;
         let rendering = cpu_ms.renderer.update + cpu_ms.renderer.render + cpu_ms.renderer.read_back;
         cpu_ms.overhead = (cpu_ms.frame - stages - rendering).max(0.0);
         FrameStats {
-            frame,
-            display_time_ns,
-            pass_ms: pass_ms(&result.times),
-            gpu_ms: GpuSums::of(&result.times),
-            work: counts_by_pass(&result.work),
+            display_time_ns: self.display_time_ns,
             cpu_ms,
-            photons: result.photons,
-            stereo: result.stereo,
             non_finite_pixels,
-            pose_repeated: located.repeated,
-            pose_age_ms,
-            host_waits,
+            pose_repeated: self.located.repeated,
+            pose_age_ms: self.pose_age_ms,
+            host_waits: self.host_waits,
+            ..FrameStats::of(frame, self.result)
         }
     }
-}
-
-/// A frame whose eyes were sent.
-struct Eyed {
-    /// The views that they have.
-    located: LocatedViews,
-    pose_age_ms: f64,
-    /// Of a frame that has landed.
-    result: FrameResult,
-    flight: Option<Flight>,
-    relocating: HostSpan,
-}
-
-/// Prepares a frame by the views that were `located` first, asks where the eyes are by now, and renders them.
-fn render(
-    session: &mut dyn XrSession,
-    renderer: &mut Renderer,
-    index: u32,
-    in_flight: usize,
-    state: &FrameState,
-    located: LocatedViews,
-    sample: impl FnMut(u32) -> ControlFlow<()>,
-) -> Result<Eyed, LoopError> {
-    let flight = renderer.prepare_frame(&located.views, index)?;
-    let asked = Instant::now();
-    let again = session.relocate_views(state.predicted_display_time_ns)?;
-    let located = again.unwrap_or(located);
-    let relocating = HostSpan::since("session", asked);
-    let lands = in_flight == 1;
-    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
-    let pose_age_ms = flight
-        .eyes_sent()
-        .map_or(0.0, |sent| (sent - asked).as_secs_f64() * 1e3);
-    let (result, flight) = if lands {
-        (renderer.retire(flight)?, None)
-    } else {
-        (FrameResult::default(), Some(flight))
-    };
-    Ok(Eyed {
-        located,
-        pose_age_ms,
-        result,
-        flight,
-        relocating,
-    })
 }
 
 /// One turn of the loop: waits for the session's next frame, renders it and hands it over. `update` takes the scene to where
@@ -330,15 +270,22 @@ pub fn step(
     let frame = FrameInput::new(index, &state, &located, input);
     update(session, renderer, frame)?;
     let quality = settle_quality(renderer, &state, before)?;
-    let eyes = render(session, renderer, index, in_flight, &state, located, sample)?;
-    let Eyed {
-        located,
-        pose_age_ms,
-        mut result,
-        flight,
-        relocating,
-    } = eyes;
-    stages.push(relocating);
+    let flight = renderer.prepare_frame(&located.views, index)?;
+    // Where the eyes are by now.
+    let asked = Instant::now();
+    let again = session.relocate_views(state.predicted_display_time_ns)?;
+    let located = again.unwrap_or(located);
+    stages.push(HostSpan::since("session", asked));
+    let lands = in_flight == 1;
+    let flight = renderer.send_eyes(flight, &located.views, index, lands, sample)?;
+    let pose_age_ms = flight
+        .eyes_sent()
+        .map_or(0.0, |sent| (sent - asked).as_secs_f64() * 1e3);
+    let (mut result, flight) = if lands {
+        (renderer.retire(flight)?, None)
+    } else {
+        (FrameResult::default(), Some(flight))
+    };
     stages.append(&mut result.stages);
     let called = Instant::now();
     let targets = session.acquire_targets()?;
@@ -487,6 +434,7 @@ pub fn run(
         in_flight: options.in_flight,
         turns: VecDeque::new(),
         retired_ms: 0.0,
+        progress,
         output,
         outcome,
     };
@@ -496,13 +444,12 @@ pub fn run(
         library,
         &mut way,
         options,
-        progress,
         mirror,
         application,
     );
     application.end();
     // Frames before an error have statistics too.
-    let retired = way.retire(renderer, 0, progress);
+    let retired = way.retire(renderer, 0);
     ended.and(retired)
 }
 
@@ -522,22 +469,18 @@ struct OnTheirWay<'a> {
     turns: VecDeque<Turn>,
     /// Milliseconds that retiring frames has taken since the present one began.
     retired_ms: f64,
+    progress: &'a mut dyn LoopProgress,
     output: &'a mut OutputFolder,
     outcome: &'a mut Outcome,
 }
 
 impl OnTheirWay<'_> {
     /// Retires the oldest until `left` are on their way.
-    fn retire(
-        &mut self,
-        renderer: &mut Renderer,
-        left: usize,
-        progress: &mut dyn LoopProgress,
-    ) -> Result<(), LoopError> {
+    fn retire(&mut self, renderer: &mut Renderer, left: usize) -> Result<(), LoopError> {
         let began = Instant::now();
         while self.turns.len() > left {
             if let Some(turn) = self.turns.pop_front() {
-                self.finish(turn, renderer, progress)?;
+                self.finish(turn, renderer)?;
             }
         }
         self.retired_ms += milliseconds_since(began);
@@ -545,12 +488,7 @@ impl OnTheirWay<'_> {
     }
 
     /// Writes a frame's statistics, when it is done.
-    fn finish(
-        &mut self,
-        turn: Turn,
-        renderer: &mut Renderer,
-        progress: &mut dyn LoopProgress,
-    ) -> Result<(), LoopError> {
+    fn finish(&mut self, turn: Turn, renderer: &mut Renderer) -> Result<(), LoopError> {
         let began = Instant::now();
         let mut frame = turn.frame;
         frame.retire(renderer)?;
@@ -566,7 +504,7 @@ impl OnTheirWay<'_> {
             .trace_frame(index, slot, &stages, &submissions)?;
         let stats = frame.into_stats(index, turn.non_finite_pixels, frame_ms);
         self.output.append_stats(&stats)?;
-        progress.frame(&stats);
+        self.progress.frame(&stats);
         if self.outcome.last.len() == KEPT_FRAMES {
             self.outcome.last.pop_front();
         }
@@ -577,14 +515,12 @@ impl OnTheirWay<'_> {
 }
 
 /// The loop of [`run`]; frames are left on their way at its end.
-#[expect(clippy::too_many_arguments, reason = "those of `run`")]
 fn run_frames(
     session: &mut dyn XrSession,
     renderer: &mut Renderer,
     library: &ShaderLibrary,
     way: &mut OnTheirWay<'_>,
     options: LoopOptions<'_>,
-    progress: &mut dyn LoopProgress,
     mut mirror: Option<&mut Mirror>,
     application: &mut Application<'_>,
 ) -> Result<(), LoopError> {
@@ -599,14 +535,14 @@ fn run_frames(
             // Also while the session shows nothing.
             mirror.serve();
         }
-        application.kept_mut().rebuild(renderer, library)?;
+        application.kept.rebuild(renderer, library)?;
         let role = options.role(index);
         if role == Role::Last {
             return Ok(());
         }
-        way.retire(renderer, options.in_flight - 1, progress)?;
+        way.retire(renderer, options.in_flight - 1)?;
         let told = |done| {
-            progress.sample(index, done);
+            way.progress.sample(index, done);
             match crate::interrupt::requested() {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
@@ -624,14 +560,14 @@ fn run_frames(
             Err(LoopError::Render(RenderError::Interrupted)) => return Ok(()),
             turn => turn?,
         };
-        for pulse in application.kept_mut().take_pulses() {
+        for pulse in std::mem::take(&mut application.kept.pulses) {
             session.vibrate(&pulse)?;
         }
-        session.move_wearer(application.kept_mut().take_move());
+        session.move_wearer(std::mem::take(&mut application.kept.moved_m));
         let mut frame = match turn {
             Step::Ended => return Ok(()),
             Step::Hidden => {
-                if application.kept().is_over() {
+                if application.kept.is_over {
                     return Ok(());
                 }
                 index += u32::from(role == Role::Skipped);
@@ -651,7 +587,7 @@ fn run_frames(
             let has_images = options.images && index % options.every.max(1) == 0;
             if has_images {
                 // Reading images waits for the device anyway, and views of the photons know their number then.
-                way.retire(renderer, 0, progress)?;
+                way.retire(renderer, 0)?;
                 frame.retire(renderer)?;
             }
             let written = Instant::now();
@@ -677,9 +613,9 @@ fn run_frames(
             own_ms: milliseconds_since(began) - way.retired_ms,
         });
         if in_flight == 1 {
-            way.retire(renderer, 0, progress)?;
+            way.retire(renderer, 0)?;
         }
-        if application.kept().is_over() {
+        if application.kept.is_over {
             return Ok(());
         }
         index += 1;

@@ -55,7 +55,7 @@
 //! - `commands`, `options`, `settings`: the program's commands, their checked options, every setting;
 //! - `app`: an application's trait, its input, its world;
 //! - `frame_loop`, `xr`, `output`, `mirror`: frames from a session to files, a headset, a window;
-//! - `viewer`: the same loop in a window in which a scene is walked through and edited;
+//! - `viewer`: a window in which a scene is walked through and edited;
 //! - `renderer`, `frame`, `gpu`: images from views;
 //! - `scene`, `bvh`: what is rendered;
 //! - `chrome_trace`: host and device times of a run on one clock;

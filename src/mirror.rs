@@ -163,17 +163,13 @@ pub struct Mirror {
     window: MirrorWindow,
 }
 
-/// The first format of `offered` that encodes sRGB itself, else the first with 8 bits, which the pass encodes.
-fn choose_format(offered: &[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat> {
-    use wgpu::TextureFormat as F;
-    let known = |wanted: [F; 2]| {
-        offered
-            .iter()
-            .copied()
-            .find(|format| wanted.contains(format))
-    };
-    known([F::Bgra8UnormSrgb, F::Rgba8UnormSrgb]).or(known([F::Bgra8Unorm, F::Rgba8Unorm]))
-}
+/// Formats that encode sRGB themselves, then those with 8 bits, which the pass encodes.
+const FORMATS: [wgpu::TextureFormat; 4] = [
+    wgpu::TextureFormat::Bgra8UnormSrgb,
+    wgpu::TextureFormat::Rgba8UnormSrgb,
+    wgpu::TextureFormat::Bgra8Unorm,
+    wgpu::TextureFormat::Rgba8Unorm,
+];
 
 impl Mirror {
     /// Prepares the window for images of `context`'s device.
@@ -185,8 +181,8 @@ impl Mirror {
             adapter: context.adapter.name.clone(),
             reason,
         };
-        let surface = WindowSurface::new(context, Arc::clone(&window.window), choose_format)
-            .map_err(cannot)?;
+        let surface =
+            WindowSurface::new(context, Arc::clone(&window.window), &FORMATS).map_err(cannot)?;
         log::debug!("mirror: {:?}, {:?}", surface.format, surface.present_mode);
         Ok(Self {
             surface: Some(surface),
@@ -287,21 +283,5 @@ impl Mirror {
         }
         self.not_before = Instant::now() + rest;
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use wgpu::TextureFormat as F;
-
-    #[test]
-    fn a_format_that_encodes_comes_first() {
-        assert_eq!(
-            choose_format(&[F::Rgba16Float, F::Bgra8Unorm, F::Rgba8UnormSrgb]),
-            Some(F::Rgba8UnormSrgb)
-        );
-        assert_eq!(choose_format(&[F::Bgra8Unorm]), Some(F::Bgra8Unorm));
-        assert_eq!(choose_format(&[F::Rgba16Float]), None);
     }
 }

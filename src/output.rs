@@ -13,7 +13,7 @@ use crate::false_color::provenance_color;
 use crate::gpu::{HostSpan, Submission};
 use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, write_atomically, write_png};
 use crate::renderer::{Eye, Inspected, InspectedValues};
-use crate::settings::{ExrLayout, ExrPrecision, OutputSettings, Settings, Tone};
+use crate::settings::{ExrLayout, ExrPrecision, Settings};
 use crate::tone::tone_map_by;
 use crate::xr::View;
 
@@ -43,39 +43,6 @@ pub enum OutputError {
 
 /// Statistics, a line per frame.
 const STATS: &str = "stats.jsonl";
-
-/// How files are written.
-#[derive(Debug, Clone)]
-pub struct Style {
-    /// Exposure of the tone-mapped pictures.
-    pub exposure: f64,
-    /// Their curve.
-    pub tone: Tone,
-    /// Samples of EXR files.
-    pub exr: ExrPrecision,
-    /// EXR files by eye or by frame.
-    pub layout: ExrLayout,
-    /// The adapter's name.
-    pub adapter: String,
-    /// [`Settings::picture_hash`].
-    pub settings_hash: u64,
-}
-
-impl Style {
-    /// By the settings.
-    pub fn of(settings: &Settings, adapter: &str) -> Self {
-        let OutputSettings { exr, layout, .. } = settings.output;
-        let shown = &settings.render.output;
-        Self {
-            exposure: shown.exposure,
-            tone: shown.tone,
-            exr,
-            layout,
-            adapter: adapter.to_owned(),
-            settings_hash: settings.picture_hash(),
-        }
-    }
-}
 
 /// What a frame's files say about it.
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +80,10 @@ impl FrameImages {
 /// The folder that a run writes to.
 pub struct OutputFolder {
     path: PathBuf,
-    style: Style,
+    /// How files are written.
+    settings: Settings,
+    /// The adapter's name.
+    adapter: String,
     /// `stats.jsonl` was made for this run.
     is_new: bool,
     stats: File,
@@ -144,7 +114,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// [`OutputError::Folder`] if that is impossible, or another run writes there.
-    pub fn open(path: &Path, style: Style) -> Result<Self, OutputError> {
+    pub fn open(path: &Path, settings: &Settings, adapter: &str) -> Result<Self, OutputError> {
         let fail = |error: io::Error| OutputError::Folder {
             path: path.to_owned(),
             reason: error.to_string(),
@@ -159,7 +129,8 @@ impl OutputFolder {
         }
         Ok(Self {
             path: path.to_owned(),
-            style,
+            settings: settings.clone(),
+            adapter: adapter.to_owned(),
             is_new,
             stats,
             trace: None,
@@ -232,12 +203,12 @@ impl OutputFolder {
         }
     }
 
-    /// Begins `trace.json`. `device` is the adapter's name; `clocks` are submissions to compare the clocks by.
+    /// Begins `trace.json`. `clocks` are submissions to compare the clocks by.
     ///
     /// # Errors
     /// [`OutputError::File`].
-    pub fn begin_trace(&mut self, device: &str, clocks: &[Submission]) -> Result<(), OutputError> {
-        let trace = ChromeTrace::create(&self.trace_path(), device, clocks);
+    pub fn begin_trace(&mut self, clocks: &[Submission]) -> Result<(), OutputError> {
+        let trace = ChromeTrace::create(&self.trace_path(), &self.adapter, clocks);
         self.trace = Some(trace.map_err(|error| self.trace_failed(&error))?);
         Ok(())
     }
@@ -292,7 +263,7 @@ impl OutputFolder {
         self.path.join(format!("frame_{index:04}{rest}"))
     }
 
-    /// Writes a frame's images: EXR by the style's layout, both eyes tone mapped side by side, provenance in false colour.
+    /// Writes a frame's images: EXR by the settings' layout, both eyes tone mapped side by side, provenance in false colour.
     ///
     /// # Errors
     /// [`OutputError`].
@@ -302,7 +273,7 @@ impl OutputFolder {
         images: &FrameImages,
     ) -> Result<(), OutputError> {
         let index = facts.frame;
-        match self.style.layout {
+        match self.settings.output.layout {
             ExrLayout::Files => self.write_files(facts, images)?,
             ExrLayout::Multiview => self.write_multiview(facts, images)?,
         }
@@ -319,10 +290,10 @@ impl OutputFolder {
 
     /// The eyes side by side as a screen shows them.
     fn picture(&self, images: &FrameImages) -> Result<Option<ImageRgb8>, OutputError> {
-        let Style { exposure, tone, .. } = self.style;
+        let output = &self.settings.render.output;
         let shown = |eye: Eye| {
             let image = images.radiance(eye);
-            image.map(|image| tone_map_by(image, exposure, tone))
+            image.map(|image| tone_map_by(image, output.exposure, output.tone))
         };
         Ok(match (shown(Eye::Left), shown(Eye::Right)) {
             (Some(left), Some(right)) => Some(Image::side_by_side(&left, &right)?),
@@ -332,7 +303,7 @@ impl OutputFolder {
 
     /// A file per eye, its further layers in it, and one per part.
     fn write_files(&self, facts: &FrameFacts<'_>, images: &FrameImages) -> Result<(), OutputError> {
-        let half = self.style.exr == ExrPrecision::F16;
+        let half = self.settings.output.exr == ExrPrecision::F16;
         let eyes = images.radiance.iter().map(|(eye, image)| (*eye, "", image));
         let parts = images.parts.iter();
         let parts = parts.map(|(eye, part, image)| (*eye, *part, image));
@@ -361,7 +332,7 @@ impl OutputFolder {
         facts: &FrameFacts<'_>,
         images: &FrameImages,
     ) -> Result<(), OutputError> {
-        let half = self.style.exr == ExrPrecision::F16;
+        let half = self.settings.output.exr == ExrPrecision::F16;
         let Some((first, image)) = images.radiance.first() else {
             return Ok(());
         };
@@ -417,11 +388,11 @@ impl OutputFolder {
         let thousandths = (facts.refresh_hz * 1000.0).round() as i32;
         file.set("framesPerSecond", ExrAttribute::Rational(thousandths, 1000));
         for (name, text) in [
-            ("stereolux.adapter", self.style.adapter.clone()),
+            ("stereolux.adapter", self.adapter.clone()),
             ("stereolux.displayTimeNs", facts.display_time_ns.to_string()),
             (
                 "stereolux.settings",
-                format!("{:016x}", self.style.settings_hash),
+                format!("{:016x}", self.settings.picture_hash()),
             ),
         ] {
             file.set(name, ExrAttribute::Text(text));

@@ -48,12 +48,16 @@ pub(crate) fn plain(reason: &str) -> String {
     words.trim_end_matches('.').to_owned()
 }
 
+/// The first of `wanted` that is among `offered`.
+fn first_of<T: Copy + PartialEq>(wanted: &[T], offered: &[T]) -> Option<T> {
+    let mut wanted = wanted.iter().copied();
+    wanted.find(|wanted| offered.contains(wanted))
+}
+
 /// Which of `offered` is presented in: one that never waits for the display, if there is one.
 fn choose_mode(offered: &[wgpu::PresentMode]) -> wgpu::PresentMode {
-    [wgpu::PresentMode::Mailbox, wgpu::PresentMode::Immediate]
-        .into_iter()
-        .find(|mode| offered.contains(mode))
-        .unwrap_or(wgpu::PresentMode::Fifo)
+    use wgpu::PresentMode as P;
+    first_of(&[P::Mailbox, P::Immediate], offered).unwrap_or(P::Fifo)
 }
 
 /// A window's surface, which images of one device are shown on.
@@ -75,17 +79,18 @@ pub(crate) struct Acquired {
 }
 
 impl WindowSurface {
-    /// The surface of `window` for images of `context`'s device, in the first format that `choose` picks of those on offer.
+    /// The surface of `window` for images of `context`'s device, in the first of the formats `wanted` that is on offer.
     ///
     /// # Errors
     /// The reason, for brackets: the adapter cannot show images there.
     pub(crate) fn new(
         context: &GpuContext,
         window: Arc<Window>,
-        choose: fn(&[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat>,
+        wanted: &[wgpu::TextureFormat],
     ) -> Result<Self, String> {
         let (surface, offered) = context.surface(window).map_err(|reason| plain(&reason))?;
-        let format = choose(&offered.formats).ok_or_else(|| match offered.formats.as_slice() {
+        let format = first_of(wanted, &offered.formats);
+        let format = format.ok_or_else(|| match offered.formats.as_slice() {
             [] => "it does not drive the display".to_owned(),
             others => format!("the display takes only {others:?}"),
         })?;
@@ -155,13 +160,22 @@ pub(crate) fn present(context: &GpuContext, image: wgpu::SurfaceTexture) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wgpu::PresentMode as P;
+    use wgpu::{PresentMode as P, TextureFormat as F};
 
     #[test]
     fn reasons_are_plain() {
         let said = "os error at /home/x/winit/src/mod.rs:788: Failed: no server.";
         assert_eq!(plain(said), "Failed: no server");
         assert_eq!(plain("two\nlines."), "two lines");
+    }
+
+    #[test]
+    fn a_format_that_is_wanted_more_comes_first() {
+        let wanted = [F::Rgba8UnormSrgb, F::Bgra8Unorm];
+        let offered = [F::Rgba16Float, F::Bgra8Unorm, F::Rgba8UnormSrgb];
+        assert_eq!(first_of(&wanted, &offered), Some(F::Rgba8UnormSrgb));
+        assert_eq!(first_of(&wanted, &offered[..2]), Some(F::Bgra8Unorm));
+        assert_eq!(first_of(&wanted, &offered[..1]), None);
     }
 
     #[test]

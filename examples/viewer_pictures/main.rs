@@ -213,7 +213,7 @@ fn main() -> Outcome<()> {
     )?;
     let mut canvas = Canvas::new(app)?;
     for layout in Layout::ALL {
-        canvas.app.window_state_mut().layout = layout;
+        canvas.app.window_state.layout = layout;
         canvas.settle()?;
         if layout == Layout::Split {
             canvas.until("the other method", |app| {
@@ -225,25 +225,25 @@ fn main() -> Outcome<()> {
         let name = layout.name().to_lowercase().replace(' ', "_");
         canvas.save(&folder, &format!("layout_{name}"))?;
     }
-    canvas.app.window_state_mut().layout = Layout::SideBySide;
+    canvas.app.window_state.layout = Layout::SideBySide;
     let vase = node(&canvas.app, "vase").or_else(|| node(&canvas.app, "ball"));
     canvas.app.select(vase.or(Some(0)));
     canvas.settle()?;
     canvas.save(&folder, "panel_inspector")?;
-    canvas.app.set_tab(Tab::Settings);
+    canvas.app.tab = Tab::Settings;
     canvas.pass()?;
     canvas.settle()?;
     canvas.save(&folder, "panel_settings")?;
     canvas.app.select(None);
-    canvas.app.show_help(true);
+    canvas.app.shows_help = true;
     canvas.settle()?;
     canvas.save(&folder, "panel_help")?;
-    canvas.app.show_help(false);
+    canvas.app.shows_help = false;
     canvas.fade()?;
-    canvas.app.set_tab(Tab::Inspector);
+    canvas.app.tab = Tab::Inspector;
 
     // Views: the picture's area alone, a smaller one each, with its legend.
-    let shown = canvas.app.window_state_mut();
+    let shown = &mut canvas.app.window_state;
     shown.layout = Layout::Left;
     shown.hierarchy = false;
     shown.side = false;
@@ -252,20 +252,20 @@ fn main() -> Outcome<()> {
     for mode in ViewMode::all() {
         // Provenance is the right eye's.
         let is_right = mode == ViewMode::Inspection(Inspection::Provenance);
-        canvas.app.window_state_mut().layout = if is_right {
+        canvas.app.window_state.layout = if is_right {
             Layout::Right
         } else {
             Layout::Left
         };
-        canvas.app.set_view_mode(mode);
+        canvas.app.view_mode = mode;
         if mode == ViewMode::Error {
             canvas.until("a reference", |app| {
                 app.frame()
-                    .is_some_and(|f| f.legend.is_some() && f.frames >= FRAMES)
+                    .is_some_and(|f| f.shown.legend.is_some() && f.frames >= FRAMES)
             })?;
         }
         canvas.settle()?;
-        let (_, rect) = canvas.app.shown_at()[0];
+        let (_, rect) = canvas.app.shown_at[0];
         // The legend lies left of the picture.
         let area = Rect::from_min_max(pos2(0.0, rect.min.y), rect.max);
         views.push(cut(&canvas.image()?, area, 3)?);

@@ -1,12 +1,12 @@
 //! What of a world outlives a call of the application, and how it comes to be shown.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
 
 use super::hands::Hands;
-use super::loading::{Question, Successor};
+use super::loading::{Answer, Successor};
 use crate::gpu::ShaderLibrary;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
 use crate::scene::{Scene, ScenePart};
@@ -30,7 +30,7 @@ pub(super) struct Arrival {
 /// What of a world outlives a call of the application.
 #[derive(Default)]
 pub(crate) struct Kept {
-    pub(super) scene: Scene,
+    pub(crate) scene: Scene,
     pub(super) actions: Actions,
     /// The scene differs from what the renderer shows.
     pub(super) is_changed: bool,
@@ -42,10 +42,8 @@ pub(crate) struct Kept {
     arrival: Option<Arrival>,
     /// Shaders of all renderers.
     pub(super) library: Option<ShaderLibrary>,
-    /// Of threads that load parts.
-    pub(super) questions: Vec<Question>,
-    /// Each of those threads holds one until it is done.
-    pub(super) loaders: Arc<()>,
+    /// Threads that load parts and wait for the scene; each of those threads holds this until it is done.
+    pub(super) asked: Arc<Mutex<Vec<Answer>>>,
     /// How often the surroundings were replaced.
     pub(super) surroundings: u32,
     /// The surroundings are others.
@@ -62,10 +60,11 @@ pub(crate) struct Kept {
     pub(super) panels: Vec<Option<super::panels::Kept>>,
     /// The quality that was set in this frame.
     pub(super) quality: Option<Quality>,
-    pub(super) pulses: Vec<Pulse>,
+    /// The controllers' vibrations that were asked for.
+    pub(crate) pulses: Vec<Pulse>,
     /// How far the wearer is moved.
-    pub(super) moved_m: DVec3,
-    pub(super) is_over: bool,
+    pub(crate) moved_m: DVec3,
+    pub(crate) is_over: bool,
 }
 
 impl Kept {
@@ -75,28 +74,6 @@ impl Kept {
             actions,
             ..Self::default()
         }
-    }
-
-    pub(crate) fn actions(&self) -> &Actions {
-        &self.actions
-    }
-
-    pub(crate) fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
-    pub(crate) fn is_over(&self) -> bool {
-        self.is_over
-    }
-
-    /// How far the application moves the wearer.
-    pub(crate) fn take_move(&mut self) -> DVec3 {
-        std::mem::take(&mut self.moved_m)
-    }
-
-    /// The controllers' vibrations that it asked for.
-    pub(crate) fn take_pulses(&mut self) -> Vec<Pulse> {
-        std::mem::take(&mut self.pulses)
     }
 
     /// Notes a part that came or went; the second in a frame is one too many to be shown in place.

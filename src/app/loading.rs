@@ -1,8 +1,8 @@
 //! glTF scenes that are loaded and prepared on threads while frames go on.
 
 use std::num::NonZero;
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use rayon::ThreadPoolBuilder;
@@ -50,18 +50,9 @@ impl Successor {
     }
 }
 
-/// The scene as it is, for a renderer that is made on a thread. Only what lacks shaders asks for it: copying a large scene
-/// takes a frame's time.
-struct Shown {
-    scene: Scene,
-    surroundings: u32,
-}
-
-/// A thread's question for the scene that is shown.
-pub(super) struct Question {
-    asked: Receiver<()>,
-    answer: Sender<Shown>,
-}
+/// Gives a thread the scene as it is, with [`Kept::surroundings`], for another renderer. Only what lacks shaders asks for
+/// it: copying a large scene takes a frame's time.
+pub(super) type Answer = Sender<(Scene, u32)>;
 
 /// What a thread needs to prepare a part for a renderer.
 pub(super) struct Maker {
@@ -76,11 +67,8 @@ impl PartLoading {
         load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
         maker: Option<Maker>,
     ) -> Self {
-        let (ask, asked) = channel();
-        let (answer, answered) = channel();
-        if maker.is_some() {
-            kept.questions.push(Question { asked, answer });
-        }
+        let running = Arc::clone(&kept.asked);
+        let asked = Arc::clone(&kept.asked);
         let make = move || {
             let scene = load()?;
             let Some(maker) = maker else {
@@ -88,20 +76,18 @@ impl PartLoading {
             };
             let needs = Needs::of(&scene);
             let mut successor = None;
-            // Nobody answers once the run is over.
-            if !maker.rebuild.can_show(&needs)
-                && ask.send(()).is_ok()
-                && let Ok(Shown {
-                    scene,
-                    surroundings,
-                }) = answered.recv()
-            {
-                let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
-                successor = Some(Box::new(Successor {
-                    renderer,
-                    surroundings,
-                    needs,
-                }));
+            if !maker.rebuild.can_show(&needs) {
+                let (answer, answered) = channel();
+                locked(&asked).push(answer);
+                // Nobody answers once the run is over.
+                if let Ok((scene, surroundings)) = answered.recv() {
+                    let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
+                    successor = Some(Box::new(Successor {
+                        renderer,
+                        surroundings,
+                        needs,
+                    }));
+                }
             }
             let own = successor
                 .as_ref()
@@ -113,7 +99,6 @@ impl PartLoading {
                 successor,
             })
         };
-        let running = Arc::clone(&kept.loaders);
         Self(std::thread::spawn(move || {
             // Of its own: frames that ask rayon's for a moment's work would wait there until all shaders are compiled.
             let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
@@ -137,27 +122,22 @@ impl PartLoading {
 impl Kept {
     /// Waits for all threads, which may be busy on the device, and tells those that ask that the run is over.
     pub(super) fn end_loading(&mut self) {
-        self.questions.clear();
-        while Arc::strong_count(&self.loaders) > 1 {
+        while Arc::strong_count(&self.asked) > 1 {
+            locked(&self.asked).clear();
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
     }
 
     /// Gives the scene to threads that ask for it.
     pub(super) fn answer_questions(&mut self) {
-        let shown = || Shown {
-            scene: self.scene.clone(),
-            surroundings: self.surroundings,
-        };
-        self.questions
-            .retain(|question| match question.asked.try_recv() {
-                Ok(()) => {
-                    // A thread that has fallen over wants no answer.
-                    let _ = question.answer.send(shown());
-                    false
-                }
-                Err(TryRecvError::Empty) => true,
-                Err(TryRecvError::Disconnected) => false,
-            });
+        let asked = std::mem::take(&mut *locked(&self.asked));
+        for answer in asked {
+            // A thread that has fallen over wants no answer.
+            let _ = answer.send((self.scene.clone(), self.surroundings));
+        }
     }
+}
+
+fn locked(asked: &Mutex<Vec<Answer>>) -> MutexGuard<'_, Vec<Answer>> {
+    asked.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -180,7 +180,7 @@ impl FrameInput {
 /// An application with its world, for the frame loop.
 pub struct Application<'a> {
     app: &'a mut dyn App,
-    kept: Kept,
+    pub(crate) kept: Kept,
     held: Held,
 }
 
@@ -207,14 +207,6 @@ impl<'a> Application<'a> {
         })
     }
 
-    pub(crate) fn kept(&self) -> &Kept {
-        &self.kept
-    }
-
-    pub(crate) fn kept_mut(&mut self) -> &mut Kept {
-        &mut self.kept
-    }
-
     /// Lets it change the world for a frame, with the scene's animation where it then stands, and shows the wearer's hands
     /// as far as `session` knows them.
     ///
@@ -226,7 +218,7 @@ impl<'a> Application<'a> {
         renderer: &mut Renderer,
         mut frame: FrameInput,
     ) -> Result<(), LoopError> {
-        let actions = frame.input.actions.of(self.kept.actions());
+        let actions = frame.input.actions.of(&self.kept.actions);
         frame.input.actions = actions.map_err(|error| LoopError::App(error.into()))?;
         renderer.animate(frame.display_time_ns);
         let frame = frame.after(&mut self.held);

@@ -5,42 +5,24 @@ use std::path::{Path, PathBuf};
 use super::{Failure, print_line};
 use crate::options::NewOptions;
 
+macro_rules! files {
+    ($($file:literal = $source:literal),+ $(,)?) => {
+        &[$(($file, include_str!(concat!("../../assets/template/", $source)))),+]
+    };
+}
+
 /// Files of the crate, and what is in them; `NAME` and `STEREOLUX` stand for what differs.
-const FILES: &[(&str, &str)] = &[
-    (
-        "Cargo.toml",
-        include_str!("../../assets/template/Cargo.toml.in"),
-    ),
-    ("README.md", include_str!("../../assets/template/README.md")),
-    (
-        ".gitignore",
-        include_str!("../../assets/template/gitignore"),
-    ),
-    (
-        "src/main.rs",
-        include_str!("../../assets/template/src/main.rs"),
-    ),
-    (
-        "tests/replay.rs",
-        include_str!("../../assets/template/tests/replay.rs"),
-    ),
-    (
-        "scene.gltf",
-        include_str!("../../assets/template/scene.gltf"),
-    ),
-    (
-        "hands.toml",
-        include_str!("../../assets/template/hands.toml"),
-    ),
-    (
-        "recording.jsonl",
-        include_str!("../../assets/template/recording.jsonl"),
-    ),
-    (
-        ".github/workflows/test.yml",
-        include_str!("../../assets/template/.github/workflows/test.yml"),
-    ),
-];
+const FILES: &[(&str, &str)] = files! {
+    "Cargo.toml" = "Cargo.toml.in",
+    "README.md" = "README.md",
+    ".gitignore" = "gitignore",
+    "src/main.rs" = "src/main.rs",
+    "tests/replay.rs" = "tests/replay.rs",
+    "scene.gltf" = "scene.gltf",
+    "hands.toml" = "hands.toml",
+    "recording.jsonl" = "recording.jsonl",
+    ".github/workflows/test.yml" = ".github/workflows/test.yml",
+};
 
 /// Where this program's sources were when it was built. They are on no registry.
 const BUILT_FROM: &str = env!("CARGO_MANIFEST_DIR");

@@ -68,22 +68,20 @@ impl Bar {
         }
         self.last_line = Some(Instant::now());
         let elapsed_s = self.began.elapsed().as_secs_f64();
-        let line = progress_line(
-            [self.first, frame, done],
-            [self.frames, Some(self.samples)],
-            elapsed_s,
-        );
+        let counts = [self.first, frame, done];
+        let line = progress_line(counts, self.frames, self.samples, elapsed_s);
         eprint_line!("{line}");
     }
 }
 
-/// Where a run stands: the first frame that counts, this one, and finished samples of that; how many there are of each.
+/// Where a run stands: the first frame that counts, this one, and finished samples of that; how many frames there are, and
+/// samples of each.
 fn progress_line(
     [first, frame, done]: [u32; 3],
-    [frames, samples]: [Option<u32>; 2],
+    frames: Option<u32>,
+    samples: u32,
     elapsed_s: f64,
 ) -> String {
-    let samples = samples.unwrap_or(1);
     let done = if frame < first { 0 } else { done };
     let finished = f64::from(frame.saturating_sub(first)) + f64::from(done) / f64::from(samples);
     let of_frames = frames.map_or(String::new(), |frames| format!(" of {frames}"));
@@ -125,21 +123,21 @@ mod tests {
 
     #[test]
     fn progress_says_what_is_done_and_what_is_left() {
-        let line = progress_line([0, 4, 1], [Some(20), Some(1)], 10.0);
+        let line = progress_line([0, 4, 1], Some(20), 1, 10.0);
         // 5 of 20 frames in 10 s.
         assert_eq!(line, "frame 5 of 20: 10 s so far, about 30 s left");
         // Frames 100 to 119 of a range.
-        let line = progress_line([100, 104, 1], [Some(120), Some(1)], 10.0);
+        let line = progress_line([100, 104, 1], Some(120), 1, 10.0);
         assert_eq!(line, "frame 105 of 120: 10 s so far, about 30 s left");
         // The first frame of all goes before them.
-        let line = progress_line([100, 0, 1], [Some(120), Some(1)], 10.0);
+        let line = progress_line([100, 0, 1], Some(120), 1, 10.0);
         assert_eq!(line, "frame 1 of 120: 10 s so far");
-        let line = progress_line([0, 0, 16], [Some(1), Some(64)], 10.0);
+        let line = progress_line([0, 0, 16], Some(1), 64, 10.0);
         assert_eq!(
             line,
             "frame 1 of 1, sample 16 of 64: 10 s so far, about 30 s left"
         );
-        let line = progress_line([0, 9, 1], [None, Some(1)], 12.4);
+        let line = progress_line([0, 9, 1], None, 1, 12.4);
         assert_eq!(line, "frame 10: 12 s so far");
     }
 }

@@ -14,7 +14,7 @@ use crate::gpu::GpuContext;
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
 use crate::options::{RenderOptions, RunOptions, SessionChoice};
-use crate::output::{OutputFolder, Style};
+use crate::output::OutputFolder;
 use crate::printable::did_you_mean;
 use crate::renderer::Renderer;
 use crate::scene::{Camera, Needs, Scene};
@@ -265,7 +265,7 @@ fn render_session(
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
     let mut application = Application::start(app, actions, scene, settings.input.show_hands)
         .map_err(Failure::unusable)?;
-    let scene = application.kept().scene();
+    let scene = &application.kept.scene;
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;
     let mut render = settings.render.clone();
     for aov in &aovs {
@@ -295,8 +295,8 @@ fn render_session(
         ));
     }
     // Everything that can be refused has been; only now do files appear, and old ones go once the new can be written.
-    let style = Style::of(settings, &renderer.context().adapter.name);
-    let mut output = OutputFolder::open(job.out, style)?;
+    let adapter = &renderer.context().adapter.name;
+    let mut output = OutputFolder::open(job.out, settings, adapter)?;
     let mut session: Box<dyn XrSession> = match job.record {
         Some(path) => match Recorder::create(path, session) {
             Ok(recorder) => Box::new(recorder),
@@ -317,7 +317,7 @@ fn render_session(
     }
     if settings.render.output.chrome_trace {
         let clocks = renderer.compare_clocks()?;
-        output.begin_trace(&renderer.context().adapter.name, &clocks)?;
+        output.begin_trace(&clocks)?;
     }
     if let Some(light) = &light {
         bar.print(&format!("light: {light}"));
@@ -363,7 +363,7 @@ fn render_session(
         }
         Ok(())
     });
-    let scene = application.kept().scene();
+    let scene = &application.kept.scene;
     let needs = Needs::of(scene);
     let run = report::RunReport::new(
         settings,

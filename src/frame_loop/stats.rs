@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::frame::work::{Dispatched, WorkCounts};
 use crate::gpu::PassTimes;
-use crate::renderer::{CpuTimes, PhotonStats, StereoStats};
+use crate::renderer::{CpuTimes, FrameResult, PhotonStats, StereoStats};
 
 /// One line of `stats.jsonl`.
 #[derive(Debug, Clone, Serialize)]
@@ -41,8 +41,32 @@ pub struct FrameStats {
     pub host_waits: u64,
 }
 
+impl FrameStats {
+    /// What the renderer reports of frame `frame`; 0 what only a session knows.
+    pub(crate) fn of(frame: u32, result: FrameResult) -> Self {
+        let passes = result.times.passes.iter();
+        Self {
+            frame,
+            display_time_ns: 0,
+            pass_ms: passes.map(|(name, (ms, _))| (name.clone(), *ms)).collect(),
+            gpu_ms: GpuSums::of(&result.times),
+            cpu_ms: CpuMs {
+                renderer: result.cpu_ms,
+                ..CpuMs::default()
+            },
+            photons: result.photons,
+            stereo: result.stereo,
+            non_finite_pixels: 0,
+            pose_repeated: false,
+            pose_age_ms: 0.0,
+            work: counts_by_pass(&result.work),
+            host_waits: 0,
+        }
+    }
+}
+
 /// Counts by pass, those of several dispatches added.
-pub(super) fn counts_by_pass(work: &[Dispatched]) -> BTreeMap<String, WorkCounts> {
+fn counts_by_pass(work: &[Dispatched]) -> BTreeMap<String, WorkCounts> {
     let mut passes: BTreeMap<String, WorkCounts> = BTreeMap::new();
     for dispatched in work {
         *passes.entry(dispatched.label.clone()).or_default() += dispatched.counts;
@@ -66,7 +90,7 @@ pub struct GpuSums {
 }
 
 impl GpuSums {
-    pub(super) fn of(times: &PassTimes) -> Self {
+    fn of(times: &PassTimes) -> Self {
         let sum = |prefix: &str| times.sum_ms(|name| name.starts_with(prefix));
         Self {
             photons: sum("photons."),
@@ -98,13 +122,4 @@ pub struct CpuMs {
     pub overhead: f64,
     /// The whole frame, waiting for the session included.
     pub frame: f64,
-}
-
-/// Device milliseconds by pass.
-pub(super) fn pass_ms(times: &PassTimes) -> BTreeMap<String, f64> {
-    times
-        .passes
-        .iter()
-        .map(|(name, (ms, _))| (name.clone(), *ms))
-        .collect()
 }

@@ -18,12 +18,12 @@ const MAX_CONFIG_BYTES: u64 = 1 << 20;
 /// The settings while layers are put on.
 #[derive(Clone, Debug, Default)]
 pub struct Layers {
-    settings: Settings,
-    changed: Vec<&'static str>,
+    pub(super) settings: Settings,
+    pub(super) changed: Vec<&'static str>,
 }
 
 /// Where a value was written.
-enum Place<'a> {
+pub(super) enum Place<'a> {
     Line(&'a str, usize),
     Set,
     Flag(&'static str),
@@ -40,23 +40,6 @@ impl fmt::Display for Place<'_> {
 }
 
 impl Layers {
-    /// Begins with these settings in place of the defaults.
-    #[must_use]
-    pub fn of(settings: &Settings) -> Self {
-        Self {
-            settings: settings.clone(),
-            changed: Vec::new(),
-        }
-    }
-
-    /// Puts one value on, checked as [`Self::add_set`] checks it; `null` unsets a setting that may be unset.
-    ///
-    /// # Errors
-    /// As [`Self::add_set`].
-    pub fn add_value(&mut self, key: &str, value: &Value) -> Result<(), OptionsError> {
-        self.put(key, value, &value.to_string(), &Place::Set)
-    }
-
     /// Whether a layer above the defaults has set this key.
     #[must_use]
     pub fn is_set(&self, key: &str) -> bool {
@@ -68,7 +51,7 @@ impl Layers {
     /// # Errors
     /// [`OptionsError`] with the file's path, and the 1-based line where one is at fault.
     pub fn add_file(&mut self, path: &Path) -> Result<(), OptionsError> {
-        let shown = shown_path(path);
+        let shown = escaped(&path.display().to_string());
         let unreadable = |reason: String| OptionsError::ConfigUnreadable {
             path: shown.clone(),
             reason,
@@ -211,7 +194,8 @@ impl Layers {
         self.put(key, &raw, value, &Place::Flag(flag))
     }
 
-    fn put(
+    /// Puts one value on, which messages show as `source`; `null` unsets a setting that may be unset.
+    pub(super) fn put(
         &mut self,
         key: &str,
         raw: &Value,
@@ -312,10 +296,6 @@ fn nearest(unknown: &str, section: bool) -> &'static str {
         }
     }
     best.0
-}
-
-fn shown_path(path: &Path) -> String {
-    escaped(&path.display().to_string())
 }
 
 /// A value in a message, as it was written but on one line.

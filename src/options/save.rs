@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::OptionsError;
-use super::layers::Layers;
+use super::layers::{Layers, Place};
 use crate::files::write_beside;
 use crate::scene::builtin;
 use crate::settings::Settings;
@@ -166,8 +166,11 @@ impl SettingsFile for Settings {
     }
 
     fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError> {
-        let mut layers = Layers::of(self);
-        layers.add_value(key, value)?;
+        let mut layers = Layers {
+            settings: self.clone(),
+            ..Layers::default()
+        };
+        layers.put(key, value, &value.to_string(), &Place::Set)?;
         layers.finish()
     }
 }

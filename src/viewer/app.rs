@@ -18,7 +18,7 @@ use super::panels::paths::{PathQuestion, Purpose};
 use super::question::Question;
 use super::selection::Selection;
 use super::session::{Player, Recording};
-use super::sketch::{Source, Stand, Wish};
+use super::sketch::{Stand, Wish};
 use super::textures::Pictures;
 use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
@@ -97,7 +97,8 @@ pub enum WindowCommand {
 pub struct App {
     pub(super) document: Document,
     pub(super) settings: Arc<Settings>,
-    pub(super) other: Arc<Settings>,
+    /// The settings to the right of a split view's divider.
+    pub other: Arc<Settings>,
     pub(super) headset: Headset,
     /// What the environment that is shown was read by.
     pub(super) environment: EnvironmentSettings,
@@ -107,10 +108,14 @@ pub struct App {
     pub(super) player: Option<Player>,
     pub(super) clock: SceneClock,
     pub(super) selected: Selection,
-    pub(super) window_state: WindowState,
-    pub(super) view_mode: ViewMode,
-    pub(super) tab: Tab,
-    pub(super) shows_help: bool,
+    /// What the window remembers until the next start.
+    pub window_state: WindowState,
+    /// What is shown of frames.
+    pub view_mode: ViewMode,
+    /// Tab of the right panel.
+    pub tab: Tab,
+    /// The list of keys is open.
+    pub shows_help: bool,
     /// The picture has the whole window.
     pub(super) hides_panels: bool,
     /// The path that is asked for.
@@ -128,9 +133,12 @@ pub struct App {
     /// Other views of the last frame.
     stock: Stock,
     pub(super) pictures: Pictures,
-    pub(super) gizmo: TransformGizmo,
-    pub(super) history: VecDeque<[f32; 4]>,
-    pub(super) messages: Vec<Message>,
+    /// The selected node's handles.
+    pub gizmo: TransformGizmo,
+    /// Device milliseconds of frames in the chart of times: photons, left eye, right eye, reconstruction.
+    pub history: VecDeque<[f32; 4]>,
+    /// What has been said and not been closed.
+    pub messages: Vec<Message>,
     pub(super) busy: &'static str,
     pub(super) loading: Option<Loading>,
     pub(super) fields: Fields,
@@ -139,8 +147,8 @@ pub struct App {
     pub(super) written: HashSet<PathBuf>,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
-    /// Where the last pass drew which picture.
-    pub(super) shown_at: Vec<(Part, egui::Rect)>,
+    /// Which pictures the last pass drew, and where in the window, points.
+    pub shown_at: Vec<(Part, egui::Rect)>,
     pub(super) gamepad: Gamepad,
     worker: Worker,
     /// Where the worker was last asked for radiance.
@@ -200,7 +208,7 @@ impl App {
         // From here on they count.
         document.take_changes();
         let stands = VecDeque::from([(0, Stand::of(document.scene()))]);
-        let worker = Worker::start(Box::new(document.scene().clone()), wanted, &headset, wake)?;
+        let worker = Worker::start(Box::new(document.scene().clone()), wanted, wake)?;
         Ok(Self {
             other: Arc::new(other_method(&settings)),
             environment: settings.environment.clone(),
@@ -261,16 +269,6 @@ impl App {
         self.commands.push(command);
     }
 
-    /// What the window remembers until the next start.
-    pub fn window_state(&self) -> &WindowState {
-        &self.window_state
-    }
-
-    /// As [`App::window_state`], for what only the window knows.
-    pub fn window_state_mut(&mut self) -> &mut WindowState {
-        &mut self.window_state
-    }
-
     /// The scene with its history.
     pub fn document(&self) -> &Document {
         &self.document
@@ -323,16 +321,6 @@ impl App {
         format!("stereolux: {}{mark}", self.document.scene().name)
     }
 
-    /// What has been said and not been closed.
-    pub fn messages(&self) -> &[Message] {
-        &self.messages
-    }
-
-    /// Frames in the chart of times.
-    pub fn charted(&self) -> usize {
-        self.history.len()
-    }
-
     /// Whether a scene is being read or shaders are compiled.
     pub fn is_busy(&self) -> bool {
         !self.busy.is_empty() || self.loading.is_some()
@@ -342,46 +330,6 @@ impl App {
     pub fn select(&mut self, node: Option<usize>) {
         self.selected
             .set(node.filter(|node| self.document.scene().reaches(*node)));
-    }
-
-    /// Shows something else of frames.
-    pub fn set_view_mode(&mut self, mode: ViewMode) {
-        self.view_mode = mode;
-    }
-
-    /// Shows another tab of the right panel.
-    pub fn set_tab(&mut self, tab: Tab) {
-        self.tab = tab;
-    }
-
-    /// Opens or closes the list of keys.
-    pub fn show_help(&mut self, shows: bool) {
-        self.shows_help = shows;
-    }
-
-    /// What is shown of frames.
-    pub fn view_mode(&self) -> ViewMode {
-        self.view_mode
-    }
-
-    /// How the eyes share the picture's area.
-    pub fn layout(&self) -> Layout {
-        self.window_state.layout
-    }
-
-    /// Where the gizmo's axes can be grabbed, x, y and z, points of the window; `None` while there is no gizmo.
-    pub fn gizmo_handles(&self) -> Option<[egui::Pos2; 3]> {
-        self.gizmo.handles()
-    }
-
-    /// Which pictures are shown, and where in the window, points.
-    pub fn shown_at(&self) -> &[(Part, egui::Rect)] {
-        &self.shown_at
-    }
-
-    /// The settings to the right of a split view's divider.
-    pub fn other_settings(&self) -> &Settings {
-        &self.other
     }
 
     pub(super) fn say(&mut self, context: &Context, text: impl Into<String>, is_error: bool) {
@@ -484,7 +432,8 @@ impl App {
         let Some(pictures) = kept.or_else(made) else {
             return;
         };
-        let last = frame.show_as(wanted, pictures);
+        frame.view_mode = wanted;
+        let last = std::mem::replace(&mut frame.shown, pictures);
         self.stock.put(frame.picture, shown, last.kept());
         self.pictures.take(context, frame);
     }
@@ -613,7 +562,7 @@ impl App {
     pub(super) fn freeze(&mut self, context: &Context) {
         self.frozen = match (self.frozen.take(), &self.frame) {
             (None, Some(frame)) => Some([0, 1].map(|eye| {
-                let picture = Arc::clone(&frame.eyes[eye]);
+                let picture = Arc::clone(&frame.shown.eyes[eye]);
                 context.load_texture("frozen", picture, egui::TextureOptions::LINEAR)
             })),
             _ => None,
@@ -636,17 +585,13 @@ impl App {
         self.asks_path = Some(PathQuestion::new(purpose, text));
     }
 
-    pub(super) fn request_quit(&mut self) {
+    /// Closes the window, or asks first where something is not saved.
+    pub fn request_quit(&mut self) {
         if self.document.is_modified() {
             self.asks = Some(Question::Quit);
         } else {
             self.commands.push(WindowCommand::Quit);
         }
-    }
-
-    /// The window was asked to close.
-    pub fn close_requested(&mut self) {
-        self.request_quit();
     }
 
     /// Both eyes' views: of the recording, or of the head.
@@ -692,9 +637,7 @@ impl App {
         self.is_sketched.then(|| Wish {
             scene: self.document.scene(),
             scene_number: self.opened_at,
-            source: frame
-                .zip(self.stands.front())
-                .map(|(frame, (_, stand))| Source { frame, stand }),
+            source: frame.zip(self.stands.front().map(|(_, stand)| stand)),
             views: self.views(),
             size: self.size,
             near_m: 1e-3 * self.camera.speed,

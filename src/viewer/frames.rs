@@ -5,7 +5,6 @@ use std::sync::Arc;
 use egui::ColorImage;
 
 use super::view_pictures::ViewPictures;
-use crate::false_color::Legend;
 use crate::frame_loop::FrameStats;
 use crate::renderer::{Inspection, InstanceId, SeenSurface};
 use crate::settings::{Eyes, Settings, Tone};
@@ -209,8 +208,8 @@ pub struct FrameReport {
     pub index: u32,
     /// The eyes that were rendered.
     pub rendered: Eyes,
-    /// Left and right eye. One that was not rendered has the other's.
-    pub eyes: [Arc<ColorImage>; 2],
+    /// Both eyes' pictures of that view.
+    pub shown: ViewPictures,
     /// The rendered eyes as [`ViewMode::Picture`] shows them, whatever is shown.
     pub pictures: [Option<Arc<ColorImage>>; 2],
     /// At the place that was asked for last, if an eye that was rendered has it.
@@ -219,10 +218,6 @@ pub struct FrameReport {
     pub radii_m: [f64; 2],
     /// The left eye under the other settings.
     pub other: Option<Arc<ColorImage>>,
-    /// What the colours of `eyes` mean, if they are false.
-    pub legend: Option<Legend>,
-    /// A line that is said of an eye's picture, such as why there is nothing to see.
-    pub notes: [Option<String>; 2],
     /// What the pixels of the rendered eyes see.
     pub seen: [Arc<Seen>; 2],
     /// The views that were rendered.
@@ -244,19 +239,9 @@ const DARK: &str =
     "the scene holds no light: drop an .hdr onto the window, or add a light to a node";
 
 impl FrameReport {
-    /// Shows another view from now on; gives back the one that it showed.
-    pub fn show_as(&mut self, mode: ViewMode, pictures: ViewPictures) -> ViewPictures {
-        self.view_mode = mode;
-        ViewPictures {
-            eyes: std::mem::replace(&mut self.eyes, pictures.eyes),
-            legend: std::mem::replace(&mut self.legend, pictures.legend),
-            notes: std::mem::replace(&mut self.notes, pictures.notes),
-        }
-    }
-
     /// The line that is said of an eye's picture, if any.
     pub fn note(&self, eye: usize) -> Option<&str> {
-        let of_view = self.notes[eye].as_deref();
+        let of_view = self.shown.notes[eye].as_deref();
         of_view.or(self.is_dark.then_some(DARK))
     }
 

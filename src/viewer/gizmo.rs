@@ -167,7 +167,7 @@ impl TransformGizmo {
         self.drag.is_some()
     }
 
-    /// See [`super::app::App::gizmo_handles`].
+    /// Where its axes can be grabbed, x, y and z, points of the window; `None` while there is no gizmo.
     pub fn handles(&self) -> Option<[Pos2; 3]> {
         self.handles
     }

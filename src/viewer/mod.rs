@@ -2,10 +2,9 @@
 //! looks into what the renderer does.
 //!
 //! Three threads: the UI thread answers events and draws egui ([`window`], [`ui`], [`app`]); the render thread turns requests
-//! into pictures through the frame loop ([`worker`], [`render_engine`]); a third reads files ([`loading`]). The window
-//! never waits for either. A frame travels as an image and as what its pixels see ([`frames`]), so that a click finds its
-//! object without asking the device; an edit travels as an [`Edit`](crate::scene::edit::Edit), which both ends carry out on
-//! their own copy of the scene.
+//! into pictures ([`worker`], [`render_engine`]); a third reads files ([`loading`]). The window never waits for either. A
+//! frame travels as an image and as what its pixels see ([`frames`]), so that a click finds its object without asking the
+//! device; an edit travels as an [`Edit`](crate::scene::edit::Edit), which both ends carry out on their own copy of the scene.
 
 mod aim;
 pub mod app;

@@ -86,7 +86,7 @@ fn show_notes(app: &App, ui: &Ui, frame: &FrameReport, parts: &[Part], area: Rec
             .rect_filled(area, 0.0, Color32::from_black_alpha(200));
         let awaited = app.awaited().unwrap_or_default();
         note(ui.painter(), area, &awaited);
-    } else if let Some(legend) = &frame.legend {
+    } else if let Some(legend) = &frame.shown.legend {
         show_legend(ui.painter(), area, &frame.view_mode.name(), legend);
     }
     let notes = parts.iter().filter_map(|part| frame.note(part.eye()));

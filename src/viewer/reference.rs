@@ -1,15 +1,12 @@
 //! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
 
-use std::ops::ControlFlow;
-
 use super::render_engine::{EngineError, library, mean_of};
-use super::session::DesktopSession;
-use crate::frame_loop;
 use crate::gpu::{Gate, GpuContext, ShaderLibrary};
 use crate::images::ImageRgb;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::settings::{Eyes, Method, Mips, ReconstructSettings, RenderSettings, Reuse, Settings};
+use crate::xr::View;
 
 /// Frames of the reference have numbers of their own, so that their noise is independent of the picture's.
 const FIRST_FRAME: u32 = 1 << 31;
@@ -59,31 +56,21 @@ impl Reference {
         })
     }
 
-    /// Adds a frame.
+    /// Adds a frame of `views`.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn add(
         &mut self,
-        session: &mut DesktopSession,
+        views: &[View; 2],
         index: u32,
         scene_time_ns: Option<i64>,
     ) -> Result<(), EngineError> {
         let index = FIRST_FRAME.wrapping_add(index);
-        frame_loop::step(
-            session,
-            &mut self.renderer,
-            &self.library,
-            index,
-            1,
-            |_, renderer, _| {
-                if let Some(time_ns) = scene_time_ns {
-                    renderer.animate(time_ns);
-                }
-                Ok(())
-            },
-            |_| ControlFlow::Continue(()),
-        )?;
+        if let Some(time_ns) = scene_time_ns {
+            self.renderer.animate(time_ns);
+        }
+        self.renderer.render_frame(views, index, |_| {})?;
         self.renderer.average(&self.library, None)?;
         Ok(())
     }

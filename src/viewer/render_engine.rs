@@ -1,9 +1,7 @@
 //! A scene with its edits, a renderer for it, and the frames that it has made: what the rendering thread keeps for each set
 //! of settings.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
 
 use egui::ColorImage;
 
@@ -11,21 +9,20 @@ use super::frames::{
     FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted, without_display,
 };
 use super::reference::Reference;
-use super::session::DesktopSession;
-use super::view_pictures::{Colored, EYES, NO_REFERENCE, ViewPictures, color, shared, with_legend};
-use crate::app::FrameInput;
-use crate::false_color::{self, Coloring, ErrorMapError, Legend, Scale};
+use super::view_pictures::{Colored, NO_REFERENCE, ViewPictures, color, shared, with_legend};
+use crate::false_color::{self, Coloring, Legend, Scale};
 use crate::frame::user_passes::shader_library;
-use crate::frame_loop::{self, FrameStats, LoopError, Step};
+use crate::frame_loop::FrameStats;
 use crate::gpu::{Gate, GpuContext, GpuError, ShaderLibrary};
 use crate::images::{ImageError, ImageRgb};
+use crate::metrics::MetricsError;
 use crate::renderer::{
-    Applied, Display, Inspected, InspectedValues, Inspection, RenderError, Renderer,
+    Applied, Display, Eye, Inspected, InspectedValues, Inspection, RenderError, Renderer,
 };
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
-use crate::xr::{View, XrSession};
+use crate::xr::View;
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -33,9 +30,6 @@ pub enum EngineError {
     /// A pass, the device, settings that do not go together.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The session.
-    #[error(transparent)]
-    Loop(#[from] LoopError),
     /// An edit that the scene refuses.
     #[error(transparent)]
     Edit(#[from] EditError),
@@ -44,7 +38,7 @@ pub enum EngineError {
     Image(#[from] ImageError),
     /// A picture and its reference do not go together.
     #[error(transparent)]
-    ErrorMap(#[from] ErrorMapError),
+    ErrorMap(#[from] MetricsError),
     /// Settings were refused before; nothing is rendered until they change.
     #[error("nothing is rendered: the last settings or shaders were refused")]
     NoRenderer,
@@ -59,11 +53,7 @@ impl From<GpuError> for EngineError {
 impl EngineError {
     /// Whether the device is gone.
     pub fn is_lost(&self) -> bool {
-        matches!(
-            self,
-            Self::Render(RenderError::Gpu(GpuError::Lost { .. }))
-                | Self::Loop(LoopError::Render(RenderError::Gpu(GpuError::Lost { .. })))
-        )
+        matches!(self, Self::Render(RenderError::Gpu(GpuError::Lost { .. })))
     }
 }
 
@@ -152,7 +142,8 @@ impl RenderEngine {
                 && compiled.rendered == rendered
                 && !self.is_outgrown
         });
-        !fits && !is_refused(self.refused.as_ref(), settings)
+        let refused = self.refused.as_ref();
+        !fits && !refused.is_some_and(|refused| same_renderer(refused, settings))
     }
 
     /// Makes a renderer. One that was there stays until the new one is whole.
@@ -256,22 +247,6 @@ impl RenderEngine {
         Ok(true)
     }
 
-    /// The renderer, for images of `size`.
-    ///
-    /// # Errors
-    /// [`EngineError::NoRenderer`], [`EngineError::Render`].
-    fn renderer_of(
-        &mut self,
-        size: [u32; 2],
-    ) -> Result<(&mut Renderer, &ShaderLibrary), EngineError> {
-        let compiled = self.compiled.as_mut().ok_or(EngineError::NoRenderer)?;
-        if compiled.size != size {
-            compiled.renderer.resize(size)?;
-            compiled.size = size;
-        }
-        Ok((&mut compiled.renderer, &compiled.library))
-    }
-
     /// The frame that was just rendered was given up: nothing of it is kept.
     pub fn give_up(&mut self, without_photons: bool) {
         if let Some(compiled) = &mut self.compiled {
@@ -284,34 +259,31 @@ impl RenderEngine {
         self.compiled.as_mut().ok_or(EngineError::NoRenderer)
     }
 
-    /// One frame through the frame loop, added to the mean, which is shown as is `wanted`; `None` if the session shows nothing.
+    /// One frame of `size`, added to the mean, which is shown as is `wanted`.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn frame(
         &mut self,
-        session: &mut DesktopSession,
         index: u32,
         wanted: &Wanted,
         size: [u32; 2],
-    ) -> Result<Option<FrameStats>, EngineError> {
-        let began = Instant::now();
-        let (renderer, library) = self.renderer_of(size)?;
-        let update = |_: &mut dyn XrSession, renderer: &mut Renderer, _: FrameInput| {
-            if let Some(time_ns) = wanted.scene_time_ns {
-                renderer.animate(time_ns);
-            }
-            Ok(())
-        };
-        let step = frame_loop::step(session, renderer, library, index, 1, update, |_| {
-            ControlFlow::Continue(())
-        })?;
-        let Step::Rendered(rendered) = step else {
-            return Ok(None);
-        };
-        let non_finite = self.average(wanted)?;
-        let frame_ms = crate::gpu::timing::milliseconds_since(began);
-        Ok(Some(rendered.into_stats(index, non_finite, frame_ms)))
+    ) -> Result<FrameStats, EngineError> {
+        let compiled = self.compiled()?;
+        if compiled.size != size {
+            compiled.renderer.resize(size)?;
+            compiled.size = size;
+        }
+        if let Some(time_ns) = wanted.scene_time_ns {
+            compiled.renderer.animate(time_ns);
+        }
+        let result = compiled
+            .renderer
+            .render_frame(&wanted.views, index, |_| {})?;
+        Ok(FrameStats {
+            non_finite_pixels: self.average(wanted)?,
+            ..FrameStats::of(index, result)
+        })
     }
 
     /// Adds the frame that was just rendered to the mean; returns pixels that were not finite, which count as 0.
@@ -353,7 +325,7 @@ impl RenderEngine {
         let Some(pixel) = seen[eye].pixel_at(at) else {
             return Ok(None);
         };
-        let read = compiled.renderer.read_mean_at(EYES[eye], pixel)?;
+        let read = compiled.renderer.read_mean_at(Eye::BOTH[eye], pixel)?;
         Ok(read.map(|radiance| PixelRadiance {
             eye,
             pixel,
@@ -377,7 +349,7 @@ impl RenderEngine {
         let rendered = [0, 1].map(|eye| self.pictures[eye].is_some());
         let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
-        for (eye, is_rendered) in EYES.into_iter().zip(rendered) {
+        for (eye, is_rendered) in Eye::BOTH.into_iter().zip(rendered) {
             if !is_rendered {
                 found.push(Arc::default());
                 continue;
@@ -403,7 +375,7 @@ impl RenderEngine {
         reference: Option<&Reference>,
     ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
-        let pictures = self.pictures(wanted.view_mode, size, reference)?;
+        let shown = self.pictures(wanted.view_mode, size, reference)?;
         let renderer = &self.compiled()?.renderer;
         let is_dark = renderer.scene().light_count() == 0;
         let radii_m = [renderer.radius_m(), renderer.caustic_radius_m()];
@@ -415,13 +387,11 @@ impl RenderEngine {
             view_mode: wanted.view_mode,
             index: stats.frame,
             rendered: wanted.rendered,
-            eyes: pictures.eyes,
+            shown,
             pictures: self.pictures.clone(),
             radiance: None,
             radii_m,
             other: None,
-            legend: pictures.legend,
-            notes: pictures.notes,
             seen,
             views,
             size,
@@ -514,7 +484,7 @@ impl RenderEngine {
             && let Some(compiled) = &self.compiled
             && inspection.missing(&compiled.settings.render).is_some()
         {
-            let variance = compiled.renderer.read_mean_variance(EYES[eye])?;
+            let variance = compiled.renderer.read_mean_variance(Eye::BOTH[eye])?;
             let values = variance.ok_or_else(|| {
                 RenderError::Settings(
                     "variance needs two frames of a view that stands still".to_owned(),
@@ -522,7 +492,7 @@ impl RenderEngine {
             })?;
             return Ok(Inspected {
                 inspection,
-                eye: EYES[eye],
+                eye: Eye::BOTH[eye],
                 size,
                 values: InspectedValues::Scalar(values),
                 has_value: None,
@@ -532,14 +502,14 @@ impl RenderEngine {
             .seen
             .as_ref()
             .filter(|seen| seen[eye].size == size)
-            .and_then(|seen| seen[eye].inspected(inspection, EYES[eye]))
+            .and_then(|seen| seen[eye].inspected(inspection, Eye::BOTH[eye]))
         {
             return Ok(inspected);
         }
         let compiled = self.compiled()?;
         Ok(compiled
             .renderer
-            .inspect(&compiled.library, inspection, EYES[eye])?)
+            .inspect(&compiled.library, inspection, Eye::BOTH[eye])?)
     }
 }
 
@@ -549,7 +519,7 @@ impl RenderEngine {
 /// [`EngineError`].
 pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
     let [width, height] = renderer.size();
-    let mean = renderer.read_mean(EYES[eye])?;
+    let mean = renderer.read_mean(Eye::BOTH[eye])?;
     let image = mean.map(|pixels| ImageRgb::new(width, height, pixels));
     Ok(image.transpose()?)
 }
@@ -559,10 +529,6 @@ fn same_renderer(one: &Settings, other: &Settings) -> bool {
     one.adapter == other.adapter
         && one.gpu == other.gpu
         && without_display(one).render == without_display(other).render
-}
-
-fn is_refused(refused: Option<&Arc<Settings>>, settings: &Settings) -> bool {
-    refused.is_some_and(|refused| same_renderer(refused, settings))
 }
 
 /// Shaders of the program, or of the folder that the settings name.
@@ -614,8 +580,6 @@ mod tests {
             view_mode: ViewMode::Picture,
             stands: false,
         };
-        let shared = Arc::new(std::sync::Mutex::new(views));
-        let mut session = DesktopSession::new(&headset, shared);
         let mut engine = RenderEngine::new(scene, Arc::new(|_: &str| true));
         engine.prepare(&settings, Eyes::Right, size).unwrap();
         let place = PicturePlace {
@@ -624,8 +588,8 @@ mod tests {
         };
         assert_eq!(engine.radiance_at(place).unwrap(), None, "no frame yet");
         for index in 0..2 {
-            let stats = engine.frame(&mut session, index, &wanted, size).unwrap();
-            let report = engine.report(&wanted, size, views, stats.unwrap(), None);
+            let stats = engine.frame(index, &wanted, size).unwrap();
+            let report = engine.report(&wanted, size, views, stats, None);
             assert_eq!(report.unwrap().frames, index + 1);
         }
         let mean = engine.mean(1).unwrap().unwrap();

@@ -1,71 +1,9 @@
-//! The desktop as a session: views come from a head that the window moves, or from a recording that it plays.
+//! A recording that the window plays: views come from it in place of the head that is moved by hand.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
-use crate::xr::{
-    FrameState, FrameSubmission, Headset, LocatedViews, QualityFrom, RenderTargets, SessionInfo,
-    View, XrError, XrSession, all_frames,
-};
-
-/// The views that the window wants, shared with the thread that renders.
-pub type SharedViews = Arc<Mutex<[View; 2]>>;
-
-/// A session that shows what the window wants. It never waits and never ends: the thread that renders decides when there
-/// is something to show.
-pub struct DesktopSession {
-    info: SessionInfo,
-    views: SharedViews,
-    frames: i64,
-    period_ns: i64,
-}
-
-impl DesktopSession {
-    /// Shows `views` on `headset`.
-    pub fn new(headset: &Headset, views: SharedViews) -> Self {
-        Self {
-            info: SessionInfo::of_profile("desktop".to_owned(), headset),
-            views,
-            frames: 0,
-            period_ns: (1e9 / headset.refresh_hz).round() as i64,
-        }
-    }
-}
-
-impl XrSession for DesktopSession {
-    fn info(&self) -> &SessionInfo {
-        &self.info
-    }
-
-    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
-        let state = FrameState {
-            predicted_display_time_ns: self.frames * self.period_ns,
-            period_ns: self.period_ns,
-            should_render: true,
-            switch_reuse: false,
-            quality: QualityFrom::Application,
-        };
-        self.frames += 1;
-        Ok(Some(state))
-    }
-
-    fn begin_frame(&mut self) -> Result<(), XrError> {
-        Ok(())
-    }
-
-    fn locate_views(&mut self, _: i64) -> Result<Option<LocatedViews>, XrError> {
-        let views = *self.views.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(Some(LocatedViews::valid(views)))
-    }
-
-    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
-        Ok(RenderTargets::FrameLoopOwned)
-    }
-
-    fn end_frame(&mut self, _: FrameSubmission<'_>) -> Result<(), XrError> {
-        Ok(())
-    }
-}
+use crate::xr::{View, XrError, XrSession, all_frames};
 
 /// All frames of a session that ends, to be played, stepped and scrubbed.
 #[derive(Clone, Debug)]
@@ -192,7 +130,7 @@ pub fn is_trace(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::xr::{Motion, Pose, SimulatedSession};
+    use crate::xr::{Headset, Motion, Pose, SimulatedSession};
 
     fn recording(frames: u64) -> Recording {
         let headset = Headset::load("symmetric").unwrap();
@@ -228,20 +166,5 @@ mod tests {
         assert_eq!(player.frame(), 9);
         assert!(!player.is_playing);
         assert_eq!(player.views(), player.recording.views(9));
-    }
-
-    #[test]
-    fn the_session_shows_what_is_wanted() {
-        let headset = Headset::load("symmetric").unwrap();
-        let views = headset.views_from_head(&Pose::IDENTITY);
-        let shared: SharedViews = Arc::new(Mutex::new(views));
-        let mut session = DesktopSession::new(&headset, Arc::clone(&shared));
-        let first = session.wait_frame().unwrap().unwrap();
-        assert_eq!(session.locate_views(0).unwrap().unwrap().views, views);
-        let moved = recording(20).views(19).unwrap();
-        *shared.lock().unwrap() = moved;
-        let second = session.wait_frame().unwrap().unwrap();
-        assert!(second.predicted_display_time_ns > first.predicted_display_time_ns);
-        assert_eq!(session.locate_views(0).unwrap().unwrap().views, moved);
     }
 }

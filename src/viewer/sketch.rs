@@ -11,6 +11,7 @@ use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, Mat4, Vec4};
+use wgpu::util::{DeviceExt as _, TextureDataOrder};
 
 use super::frames::{FrameReport, ViewMode};
 use crate::gpu::kernel::layouts;
@@ -63,22 +64,14 @@ fn factor(material: &Material) -> [f32; 3] {
     }
 }
 
-/// A frame whose light is taken over.
-pub struct Source<'a> {
-    /// The frame.
-    pub frame: &'a FrameReport,
-    /// What stood where in it.
-    pub stand: &'a Stand,
-}
-
 /// What is drawn.
 pub struct Wish<'a> {
     /// The scene now.
     pub scene: &'a Scene,
     /// Another number for every scene that was opened.
     pub scene_number: u64,
-    /// Whose light is taken over.
-    pub source: Option<Source<'a>>,
+    /// A frame whose light is taken over, and what stood where in it.
+    pub source: Option<(&'a FrameReport, &'a Stand)>,
     /// The views now.
     pub views: [View; 2],
     /// Pixels of an image.
@@ -233,7 +226,7 @@ impl Sketcher {
             {
                 self.images = Some(Images::new(gpu, wish.size));
             }
-            self.take_source(gpu, wish.source.as_ref());
+            self.take_source(gpu, wish.source.map(|(frame, _)| frame));
             for eye in 0..2 {
                 self.draw_eye(gpu, wish, eye);
             }
@@ -246,18 +239,18 @@ impl Sketcher {
     }
 
     /// Brings the last frame to the device, unless it is there.
-    fn take_source(&mut self, gpu: &GpuContext, source: Option<&Source<'_>>) {
-        let of = source.map(|source| (source.frame.index, source.frame.view_mode));
+    fn take_source(&mut self, gpu: &GpuContext, source: Option<&FrameReport>) {
+        let of = source.map(|frame| (frame.index, frame.view_mode));
         if self.source.as_ref().is_some_and(|known| known.of == of) {
             return;
         }
         let eyes = [0, 1].map(|eye| match source {
             None => [FORMAT, wgpu::TextureFormat::R32Float]
                 .map(|format| upload(gpu, [1, 1], format, &[0; 4])),
-            Some(source) => {
-                let eye = source.frame.stands_for(eye);
-                let seen = &source.frame.seen[eye];
-                let picture = &source.frame.eyes[eye];
+            Some(frame) => {
+                let eye = frame.stands_for(eye);
+                let seen = &frame.seen[eye];
+                let picture = &frame.shown.eyes[eye];
                 let texels: Vec<u8> = picture
                     .pixels
                     .iter()
@@ -276,9 +269,8 @@ impl Sketcher {
 
     fn draw_eye(&mut self, gpu: &GpuContext, wish: &Wish<'_>, eye: usize) {
         let (scene, view) = (wish.scene, &wish.views[eye]);
-        let source_view = wish.source.as_ref().map_or(*view, |source| {
-            source.frame.views[source.frame.stands_for(eye)]
-        });
+        let of_eye = |(frame, _): (&FrameReport, &Stand)| frame.views[frame.stands_for(eye)];
+        let source_view = wish.source.map_or(*view, of_eye);
         let tangents = |view: &View| {
             let t = view.fov.tangents();
             Vec4::new(t.left as f32, t.right as f32, t.up as f32, t.down as f32)
@@ -298,7 +290,7 @@ impl Sketcher {
         let pose = LazyCell::new(|| scene.rest_pose());
         for instance in scene.instances() {
             let now = instance.world_from_object;
-            let stand = wish.source.as_ref().map(|source| source.stand);
+            let stand = wish.source.map(|(_, stand)| stand);
             let then = stand.and_then(|stand| stand.world_from_object.get(&instance.node));
             let source_from_object = source_view.eye_from_world() * *then.unwrap_or(&now);
             let is_selected = wish
@@ -541,17 +533,11 @@ fn upload(
     format: wgpu::TextureFormat,
     texels: &[u8],
 ) -> wgpu::TextureView {
-    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-    let texture = gpu.device.create_texture(&descriptor(size, format, usage));
-    gpu.queue.write_texture(
-        texture.as_image_copy(),
+    let texture = gpu.device.create_texture_with_data(
+        &gpu.queue,
+        &descriptor(size, format, wgpu::TextureUsages::TEXTURE_BINDING),
+        TextureDataOrder::default(),
         texels,
-        wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(4 * size[0]),
-            rows_per_image: None,
-        },
-        texture.size(),
     );
     texture.create_view(&Default::default())
 }

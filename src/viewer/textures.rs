@@ -68,7 +68,7 @@ impl Pictures {
                 context,
                 &mut self.eyes[eye],
                 name,
-                Arc::clone(&frame.eyes[eye]),
+                Arc::clone(&frame.shown.eyes[eye]),
                 options,
             );
         }
@@ -108,7 +108,7 @@ impl Pictures {
                 } else {
                     difference
                 };
-                let image = combine(&frame.eyes[0], &frame.eyes[1]);
+                let image = combine(&frame.shown.eyes[0], &frame.shown.eyes[1]);
                 let texture = context.load_texture("both eyes", image, self.options());
                 self.combined = Some((part, frame.index, texture.clone()));
                 Some(texture)

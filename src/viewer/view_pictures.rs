@@ -10,8 +10,6 @@ use crate::false_color::{self, Coloring, Legend, Picture};
 use crate::images::{ImageError, ImageRgb8};
 use crate::renderer::{Eye, Inspected, InspectedValues, Inspection};
 
-/// In the order of all pairs of eyes here.
-pub const EYES: [Eye; 2] = [Eye::Left, Eye::Right];
 /// Pixels of a picture that is kept in stock, at most; larger ones are kept coarser.
 const MOST_KEPT_PIXELS: usize = 512 * 512;
 
@@ -100,7 +98,7 @@ impl ViewPictures {
             match mode {
                 ViewMode::Picture => Ok(shown.map(|picture| (picture, None, None))),
                 ViewMode::Inspection(inspection) => frame.seen[eye]
-                    .inspected(inspection, EYES[eye])
+                    .inspected(inspection, Eye::BOTH[eye])
                     .map(|inspected| color(&inspected, first))
                     .transpose(),
                 ViewMode::Error => {

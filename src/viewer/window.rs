@@ -191,8 +191,7 @@ impl Open {
             adapter: gpu.adapter.name.clone(),
             reason,
         };
-        let surface =
-            WindowSurface::new(&gpu, Arc::clone(&window), choose_format).map_err(cannot)?;
+        let surface = WindowSurface::new(&gpu, Arc::clone(&window), &FORMATS).map_err(cannot)?;
         log::debug!(
             "window: {:?}, {:?}, {}",
             surface.format,
@@ -242,7 +241,7 @@ impl Open {
     ) -> Result<bool, ViewError> {
         match &event {
             WindowEvent::CloseRequested => {
-                self.app.close_requested();
+                self.app.request_quit();
                 self.window.request_redraw();
             }
             WindowEvent::RedrawRequested => {
@@ -288,11 +287,11 @@ impl Open {
                 .inner_size()
                 .to_logical::<f32>(self.window.scale_factor());
             if size.width > 0.0 && size.height > 0.0 {
-                self.app.window_state_mut().size = [size.width, size.height];
+                self.app.window_state.size = [size.width, size.height];
             }
         }
         if let Some(path) = path
-            && let Err(reason) = WindowState::save(self.app.window_state(), path)
+            && let Err(reason) = WindowState::save(&self.app.window_state, path)
         {
             log::warn!("the window's size and layout are not kept: {reason}");
         }
@@ -378,15 +377,10 @@ impl Open {
     }
 }
 
-/// The first format of `offered` with 8 bits that encodes nothing itself: egui paints in display values.
-fn choose_format(offered: &[wgpu::TextureFormat]) -> Option<wgpu::TextureFormat> {
-    use wgpu::TextureFormat as F;
-    [
-        F::Bgra8Unorm,
-        F::Rgba8Unorm,
-        F::Bgra8UnormSrgb,
-        F::Rgba8UnormSrgb,
-    ]
-    .into_iter()
-    .find(|format| offered.contains(format))
-}
+/// Formats with 8 bits, first those that encode nothing themselves: egui paints in display values.
+const FORMATS: [wgpu::TextureFormat; 4] = [
+    wgpu::TextureFormat::Bgra8Unorm,
+    wgpu::TextureFormat::Rgba8Unorm,
+    wgpu::TextureFormat::Bgra8UnormSrgb,
+    wgpu::TextureFormat::Rgba8UnormSrgb,
+];

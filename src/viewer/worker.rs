@@ -20,7 +20,6 @@ use super::pressure::{Asked, Pressure};
 use super::reference::Reference;
 use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
-use super::session::{DesktopSession, SharedViews};
 use super::view_pictures::ViewPictures;
 use crate::gpu::Gate;
 use crate::gpu::timing::milliseconds_since;
@@ -28,7 +27,7 @@ use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
 use crate::settings::{Kept, Settings};
-use crate::xr::{Headset, View};
+use crate::xr::View;
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
 const PREVIEW_BUDGET_MS: f64 = 100.0;
@@ -98,13 +97,10 @@ impl Worker {
     pub fn start(
         scene: Box<Scene>,
         wanted: Wanted,
-        headset: &Headset,
         wake: impl Fn() + Send + 'static,
     ) -> std::io::Result<Self> {
         let (requests, receiver) = channel();
         let (sender, reports) = channel();
-        let views: SharedViews = Arc::new(Mutex::new(wanted.views));
-        let session = DesktopSession::new(headset, Arc::clone(&views));
         let wanted = Arc::new(Mutex::new(wanted));
         let shared = Arc::clone(&wanted);
         let pressure = Arc::new(Pressure::default());
@@ -126,8 +122,6 @@ impl Worker {
                         let _ = sender.send(report);
                         wake();
                     }),
-                    views,
-                    session,
                     engine: RenderEngine::new(*scene, Arc::clone(&gate)),
                     gate,
                     other: None,
@@ -262,8 +256,6 @@ struct Inner {
     wanted: Arc<Mutex<Wanted>>,
     requests: Receiver<Request>,
     reports: Box<dyn Fn(Report) + Send>,
-    views: SharedViews,
-    session: DesktopSession,
     pressure: Arc<Pressure>,
     gate: Gate,
     engine: RenderEngine,
@@ -506,14 +498,11 @@ impl Inner {
         let Some(size) = self.next_size(wanted) else {
             return Ok(Turn::Rest);
         };
-        *self.views.lock().unwrap_or_else(PoisonError::into_inner) = wanted.views;
         self.pressure.begin();
         let began = Instant::now();
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
-        let Some(stats) = self.engine.frame(&mut self.session, index, wanted, size)? else {
-            return Ok(Turn::Rest);
-        };
+        let stats = self.engine.frame(index, wanted, size)?;
         if self.pressure.gave_up().is_some() {
             self.give_up(wanted, size, began);
             return Ok(Turn::Go);
@@ -533,7 +522,7 @@ impl Inner {
         let other = match &mut self.other {
             None => None,
             Some(other) => {
-                other.frame(&mut self.session, index, wanted, size)?;
+                other.frame(index, wanted, size)?;
                 other.picture()
             }
         };
@@ -550,7 +539,7 @@ impl Inner {
                     )?)
                 }
             };
-            reference.add(&mut self.session, index, wanted.scene_time_ns)?;
+            reference.add(&wanted.views, index, wanted.scene_time_ns)?;
         }
         let reference = self.reference.as_ref();
         let mut report = self

@@ -14,29 +14,23 @@ type Corner = (DVec2, DVec2);
 
 /// Radius 1 about the origin.
 pub(super) fn ball() -> Mesh {
-    turned("ball", &[arc(DVec2::ZERO, 1.0, -FRAC_PI_2, FRAC_PI_2)])
+    turned(&[arc(DVec2::ZERO, 1.0, -FRAC_PI_2, FRAC_PI_2)])
 }
 
 /// Radius 1 about Z from 0 to 1, open at both ends: what it joins closes it.
 pub(super) fn tube() -> Mesh {
     let normal = DVec2::X;
-    turned(
-        "tube",
-        &[vec![(DVec2::X, normal), (DVec2::new(1.0, 1.0), normal)]],
-    )
+    turned(&[vec![(DVec2::X, normal), (DVec2::new(1.0, 1.0), normal)]])
 }
 
 /// The half of the ball where Z is positive, open.
 pub(super) fn half() -> Mesh {
-    turned("half", &[arc(DVec2::ZERO, 1.0, 0.0, FRAC_PI_2)])
+    turned(&[arc(DVec2::ZERO, 1.0, 0.0, FRAC_PI_2)])
 }
 
 /// The origin, X and Y.
 pub(super) fn triangle() -> Mesh {
-    let mut mesh = Mesh {
-        name: "skin".to_owned(),
-        ..Mesh::default()
-    };
+    let mut mesh = Mesh::default();
     for corner in [DVec3::ZERO, DVec3::X, DVec3::Y] {
         push(&mut mesh, corner, DVec3::Z, DVec3::X);
     }
@@ -62,7 +56,7 @@ pub(super) fn handle() -> Mesh {
     profile.extend(rings.map(|(z_m, radius_m)| (DVec2::new(radius_m, z_m), DVec2::X)));
     profile.extend(bow(top_radius_m - ROUND_M, top_m, 0.0, -FRAC_PI_2));
     profile.push((DVec2::new(0.0, top_m - ROUND_M), DVec2::NEG_Y));
-    turned("handle", &[profile])
+    turned(&[profile])
 }
 
 /// What sits on the handle: a disc with a stick, a trigger below, and a ring before it. It points along -Z, its top is +Y.
@@ -72,16 +66,13 @@ pub(super) fn head() -> Mesh {
     // Their axes point up.
     let upright = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
     let at = |x: f64, y: f64, z: f64| DAffine3::from_mat3_translation(upright, DVec3::new(x, y, z));
-    let mut mesh = Mesh {
-        name: "head".to_owned(),
-        ..Mesh::default()
-    };
+    let mut mesh = Mesh::default();
     let [radius_m, half_m] = DISC_M;
     let edge = |from, to| arc(DVec2::new(radius_m - half_m, 0.0), half_m, from, to);
     let mut disc = vec![(DVec2::new(0.0, -half_m), DVec2::NEG_Y)];
     disc.extend(edge(-FRAC_PI_2, FRAC_PI_2));
     disc.push((DVec2::new(0.0, half_m), DVec2::Y));
-    add(&mut mesh, &at(0.0, 0.0, 0.0), &turned("", &[disc]));
+    add(&mut mesh, &at(0.0, 0.0, 0.0), &turned(&[disc]));
     // A stick: a stem under a cap.
     let stem = vec![
         (DVec2::new(0.004, 0.0), DVec2::X),
@@ -98,7 +89,7 @@ pub(super) fn head() -> Mesh {
     add(
         &mut mesh,
         &at(0.0, 0.0, 0.0),
-        &turned("", &[stem, cap.collect()]),
+        &turned(&[stem, cap.collect()]),
     );
     let [radius_m, half_m] = RING_M;
     let ring = arc(DVec2::new(radius_m, 0.0), half_m, -PI, PI);
@@ -106,7 +97,7 @@ pub(super) fn head() -> Mesh {
     add(
         &mut mesh,
         &at(0.0, 0.0, -radius_m - 0.006),
-        &turned("", &[ring]),
+        &turned(&[ring]),
     );
     let trigger = DAffine3::from_scale_rotation_translation(
         DVec3::new(0.007, 0.014, 0.009),
@@ -129,11 +120,8 @@ fn arc(middle: DVec2, radius: f64, from_rad: f64, to_rad: f64) -> Vec<Corner> {
 }
 
 /// Profiles turned about Z.
-fn turned(name: &str, profiles: &[Vec<Corner>]) -> Mesh {
-    let mut mesh = Mesh {
-        name: name.to_owned(),
-        ..Mesh::default()
-    };
+fn turned(profiles: &[Vec<Corner>]) -> Mesh {
+    let mut mesh = Mesh::default();
     for profile in profiles {
         let first = mesh.positions.len() as u32;
         for (corner, normal) in profile {

@@ -1,5 +1,7 @@
 //! The scene as a tree, with search.
 
+use std::iter::successors;
+
 use egui::collapsing_header::CollapsingState;
 use egui::{Panel, ScrollArea, TextEdit, Ui};
 
@@ -38,16 +40,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let scene = app.document.scene();
             if wanted.is_empty() {
                 // Ancestors of the selection open, so that it can be seen.
-                let mut opened = Vec::new();
-                if scrolls {
-                    let mut at = selected
-                        .last()
-                        .and_then(|node| scene.nodes.get(node)?.parent);
-                    while let Some(node) = at {
-                        opened.push(node);
-                        at = scene.nodes.get(node).and_then(|node| node.parent);
-                    }
-                }
+                let last = selected.last().filter(|_| scrolls);
+                let up = successors(last, |node| scene.nodes.get(*node)?.parent);
+                let opened: Vec<usize> = up.skip(1).collect();
                 let tree = Tree {
                     scene,
                     selected,

@@ -60,11 +60,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     ui.separator();
     let pressed = buttons(node, ui, &mut edits);
     carry_out(app, ui, edits);
-    match pressed {
-        Some(Pressed::Focus) => app.focus_selected(),
-        Some(Pressed::Duplicate) => app.duplicate_selected(ui.ctx()),
-        Some(Pressed::Delete) => app.delete_selected(ui.ctx()),
-        None => {}
+    if let Some(pressed) = pressed {
+        pressed(app, ui.ctx());
     }
 }
 
@@ -96,18 +93,14 @@ fn name(
 }
 
 /// What is done with all that is selected.
-enum Pressed {
-    Focus,
-    Duplicate,
-    Delete,
-}
+type Pressed = fn(&mut App, &egui::Context);
 
 /// What can be done with the node, and with all that is selected.
 fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> Option<Pressed> {
-    let mut pressed = None;
+    let mut pressed: Option<Pressed> = None;
     ui.horizontal_wrapped(|ui| {
         if ui.add(Button::new("Focus").shortcut_text("F")).clicked() {
-            pressed = Some(Pressed::Focus);
+            pressed = Some(|app, _| app.focus_selected());
         }
         let child = |name: &str, content| Edit::Add {
             parent: Some(node),
@@ -131,10 +124,10 @@ fn buttons(node: usize, ui: &mut Ui, edits: &mut Edits) -> Option<Pressed> {
         }
         let duplicate = Button::new("Duplicate").shortcut_text("Ctrl+D");
         if ui.add(duplicate).clicked() {
-            pressed = Some(Pressed::Duplicate);
+            pressed = Some(App::duplicate_selected);
         }
         if ui.add(Button::new("Delete").shortcut_text("Del")).clicked() {
-            pressed = Some(Pressed::Delete);
+            pressed = Some(App::delete_selected);
         }
     });
     pressed

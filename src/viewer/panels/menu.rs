@@ -140,11 +140,9 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
         ui.menu_button("Views", |ui| {
             for slot in 0..app.bookmarks.len() {
                 let is_kept = app.bookmarks[slot].is_some();
-                let go = Button::new(format!("View {}", slot + 1));
-                let go = go.shortcut_text(format!("Ctrl+{}", slot + 1));
-                if ui.add_enabled(is_kept, go).clicked() {
+                let (view, keys) = (format!("View {}", slot + 1), format!("Ctrl+{}", slot + 1));
+                if entry(ui, is_kept, &view, &keys) {
                     app.go_to_bookmark(&context, slot);
-                    ui.close();
                 }
             }
             ui.weak("Ctrl+Shift+1 to 5 keep the view");
@@ -153,23 +151,26 @@ fn toolbar(app: &mut App, ui: &mut Ui) {
     app.set_settings(&context, settings);
 }
 
+/// An entry of a menu, with its keys; true if it was chosen.
+fn entry(ui: &mut Ui, is_enabled: bool, text: &str, keys: &str) -> bool {
+    let button = Button::new(text).shortcut_text(keys);
+    let chosen = ui.add_enabled(is_enabled, button).clicked();
+    if chosen {
+        ui.close();
+    }
+    chosen
+}
+
 fn file(app: &mut App, ui: &mut Ui) {
     let context = ui.ctx().clone();
-    let entry = |ui: &mut Ui, text: &str, keys: &str| {
-        let chosen = ui.add(Button::new(text).shortcut_text(keys)).clicked();
-        if chosen {
-            ui.close();
-        }
-        chosen
-    };
-    if entry(ui, "Open\u{2026}", "Ctrl+O") {
+    if entry(ui, true, "Open\u{2026}", "Ctrl+O") {
         app.ask_path(Purpose::Open);
     }
     let recent = app.window_state.recent.clone();
     ui.add_enabled_ui(!recent.is_empty(), |ui| {
         ui.menu_button("Open recent", |ui| {
             for path in recent {
-                if entry(ui, &path, "") {
+                if entry(ui, true, &path, "") {
                     app.open(&context, path);
                 }
             }
@@ -177,30 +178,30 @@ fn file(app: &mut App, ui: &mut Ui) {
     });
     ui.menu_button("Embedded scenes", |ui| {
         for name in builtin::NAMES {
-            if entry(ui, name, "") {
+            if entry(ui, true, name, "") {
                 app.open(&context, format!("builtin:{name}"));
             }
         }
     });
     ui.separator();
-    if entry(ui, "Save scene", "Ctrl+S") {
+    if entry(ui, true, "Save scene", "Ctrl+S") {
         app.save(&context, Saved::Scene);
     }
-    if entry(ui, "Save scene as\u{2026}", "Ctrl+Shift+S") {
+    if entry(ui, true, "Save scene as\u{2026}", "Ctrl+Shift+S") {
         app.ask_path(Purpose::Save(Saved::Scene));
     }
-    if entry(ui, "Save settings as\u{2026}", "") {
+    if entry(ui, true, "Save settings as\u{2026}", "") {
         app.ask_path(Purpose::Save(Saved::Settings));
     }
     ui.separator();
-    if entry(ui, "Screenshot", "T") {
+    if entry(ui, true, "Screenshot", "T") {
         app.screenshot();
     }
-    if entry(ui, "Reload shaders", "F5") {
+    if entry(ui, true, "Reload shaders", "F5") {
         app.reload_shaders();
     }
     ui.separator();
-    if entry(ui, "Quit", "Ctrl+Q") {
+    if entry(ui, true, "Quit", "Ctrl+Q") {
         app.request_quit();
     }
 }
@@ -213,21 +214,13 @@ fn edit(app: &mut App, ui: &mut Ui) {
     };
     let undo = labelled("Undo", app.document.undo_label());
     let can_undo = app.document.undo_label().is_some();
-    if ui
-        .add_enabled(can_undo, Button::new(undo).shortcut_text("Ctrl+Z"))
-        .clicked()
-    {
+    if entry(ui, can_undo, &undo, "Ctrl+Z") {
         app.undo(&context);
-        ui.close();
     }
     let redo = labelled("Redo", app.document.redo_label());
     let can_redo = app.document.redo_label().is_some();
-    if ui
-        .add_enabled(can_redo, Button::new(redo).shortcut_text("Ctrl+Shift+Z"))
-        .clicked()
-    {
+    if entry(ui, can_redo, &redo, "Ctrl+Shift+Z") {
         app.redo(&context);
-        ui.close();
     }
     ui.separator();
     for step in app
@@ -255,12 +248,8 @@ fn window(app: &mut App, ui: &mut Ui) {
     }
     app.hides_panels = are_hidden;
     ui.separator();
-    if ui
-        .add(Button::new("Full screen").shortcut_text("F11"))
-        .clicked()
-    {
+    if entry(ui, true, "Full screen", "F11") {
         app.command(WindowCommand::ToggleFullScreen);
-        ui.close();
     }
 }
 

@@ -136,16 +136,9 @@ fn plot(app: &App, ui: &mut Ui) {
 fn passes(stats: &FrameStats, ui: &mut Ui) {
     let mut passes: Vec<(&String, &f64)> = stats.pass_ms.iter().collect();
     passes.sort_by(|a, b| b.1.total_cmp(a.1));
-    ui.vertical(|ui| {
-        ui.label(RichText::new("Passes of the last frame, ms").strong());
-        Grid::new("passes").num_columns(2).show(ui, |ui| {
-            for (name, ms) in passes {
-                ui.label(name.as_str());
-                ui.monospace(format!("{ms:8.3}"));
-                ui.end_row();
-            }
-        });
-    });
+    let rows = passes.into_iter();
+    let rows = rows.map(|(name, ms)| (name.as_str(), format!("{ms:8.3}")));
+    table(ui, "Passes of the last frame, ms", rows);
 }
 
 fn counts(frame: &FrameReport, ui: &mut Ui) {
@@ -166,9 +159,13 @@ fn counts(frame: &FrameReport, ui: &mut Ui) {
         ("Photons stored", photons.map.stored.to_string()),
         ("Photons dropped", photons.map.dropped.to_string()),
     ];
+    table(ui, "Stereo reuse and photons", rows);
+}
+
+fn table<'a>(ui: &mut Ui, title: &str, rows: impl IntoIterator<Item = (&'a str, String)>) {
     ui.vertical(|ui| {
-        ui.label(RichText::new("Stereo reuse and photons").strong());
-        Grid::new("counts").num_columns(2).show(ui, |ui| {
+        ui.label(RichText::new(title).strong());
+        Grid::new(title).num_columns(2).show(ui, |ui| {
             for (name, value) in rows {
                 ui.label(name);
                 ui.monospace(value);

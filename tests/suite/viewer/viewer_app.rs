@@ -43,7 +43,7 @@ fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
     assert_eq!(viewer.state().head(), walked);
 
     // A drag turns the head and selects nothing.
-    let rect = viewer.state().shown_at()[0].1;
+    let rect = viewer.state().shown_at[0].1;
     drag(&mut viewer, rect.center(), vec2(40.0, 0.0));
     assert_eq!(viewer.state().selected(), None);
     let turned = viewer.state().head();
@@ -93,14 +93,14 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
         blue.iter().sum::<f64>() / blue.len() as f64
     };
     let frame = shown(viewer.state());
-    let [was, is] = [&before, &frame.eyes[0].pixels].map(|pixels| blue_of(pixels, frame));
+    let [was, is] = [&before, &frame.shown.eyes[0].pixels].map(|pixels| blue_of(pixels, frame));
     assert!(is > was + 20.0, "{was} {is}");
 
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     assert_eq!(viewer.state().document().scene().materials[material], from);
     settle(&mut viewer);
     let frame = shown(viewer.state());
-    let back = blue_of(&frame.eyes[0].pixels, frame);
+    let back = blue_of(&frame.shown.eyes[0].pixels, frame);
     // Noise of two means of path traced frames, far under the step above.
     assert!((back - was).abs() < 10.0, "{was} {back}");
     press(&mut viewer, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
@@ -119,7 +119,7 @@ fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
     let scene = viewer.state().document().scene();
     let from = scene.nodes[node].clone();
     let before = picture(&viewer);
-    let [x_handle, ..] = viewer.state().gizmo_handles().expect("handles");
+    let [x_handle, ..] = viewer.state().gizmo.handles().expect("handles");
     drag(&mut viewer, x_handle, vec2(40.0, 0.0));
     let to = viewer.state().document().scene().nodes[node].clone();
     let way = to.parent_from_node.translation - from.parent_from_node.translation;
@@ -146,33 +146,34 @@ fn every_layout_and_every_view_shows_something_of_its_own() {
     // Glass and a lamp: every intermediate result has something to show.
     let mut viewer = open("builtin:caustic", &folder, |_| ());
     for layout in Layout::ALL {
-        let now = viewer.state().layout().name();
+        let now = viewer.state().window_state.layout.name();
         choose(&mut viewer, now, layout.name());
-        assert_eq!(viewer.state().layout(), layout);
+        assert_eq!(viewer.state().window_state.layout, layout);
         viewer.step();
-        let parts = viewer.state().shown_at().iter().map(|(part, _)| *part);
+        let parts = viewer.state().shown_at.iter().map(|(part, _)| *part);
         assert_eq!(parts.collect::<Vec<Part>>(), layout.parts());
     }
     let has_other = |app: &App| shown(app).other.is_some();
     until(&mut viewer, "the other method's picture", has_other);
-    assert_eq!(viewer.state().other_settings().render.method, Method::Path);
+    assert_eq!(viewer.state().other.render.method, Method::Path);
     choose(&mut viewer, Layout::Split.name(), Layout::SideBySide.name());
     let mut pictures: Vec<(ViewMode, Arc<egui::ColorImage>)> = Vec::new();
     for mode in ViewMode::all() {
-        if mode != viewer.state().view_mode() {
-            let now = viewer.state().view_mode().name();
+        if mode != viewer.state().view_mode {
+            let now = viewer.state().view_mode.name();
             choose(&mut viewer, &now, &mode.name());
         }
-        assert_eq!(viewer.state().view_mode(), mode);
+        assert_eq!(viewer.state().view_mode, mode);
         settle(&mut viewer);
         if mode != ViewMode::Picture {
             // The error's reference and the variance begin with later frames.
-            until(&mut viewer, "a legend", |app| shown(app).legend.is_some());
+            let has_legend = |app: &App| shown(app).shown.legend.is_some();
+            until(&mut viewer, "a legend", has_legend);
         }
         let frame = shown(viewer.state());
         // Provenance is the right eye's.
         let eye = usize::from(mode == ViewMode::Inspection(Inspection::Provenance));
-        let picture = Arc::clone(&frame.eyes[eye]);
+        let picture = Arc::clone(&frame.shown.eyes[eye]);
         let first = picture.pixels[0];
         // Nothing moves.
         let is_flat = mode == ViewMode::Inspection(Inspection::Motion);
@@ -193,7 +194,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         path_tracing(settings);
         settings.render.reuse = Reuse::Off;
     });
-    let pictures = |app: &App| shown(app).eyes.each_ref().map(|eye| eye.pixels.clone());
+    let pictures = |app: &App| [0, 1].map(|eye| shown(app).shown.eyes[eye].pixels.clone());
     // Single samples of a lit room: eyes that see it from other places differ in far more than this.
     let far = |a: &[egui::Color32], b: &[egui::Color32]| {
         let differing = a.iter().zip(b).filter(|(a, b)| a.r().abs_diff(b.r()) > 60);
@@ -211,7 +212,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
         let mut passes = frame.stats.pass_ms.keys();
         // A single eye lies in the left one's buffers, whichever it is.
         assert!(passes.all(|pass| !pass.starts_with("right.")));
-        let one = &frame.eyes[eye].pixels;
+        let one = &frame.shown.eyes[eye].pixels;
         let [own, other] = [eye, 1 - eye].map(|eye| far(one, &both[eye]));
         assert!(2 * own < other, "{next:?}: {own} {other}");
         // A click finds what that eye sees.
@@ -259,7 +260,7 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
     settle(&mut viewer);
     assert_eq!(count(viewer.state(), "tall block"), 0);
     // The keyboard belongs to the picture again.
-    let rect = viewer.state().shown_at()[1].1;
+    let rect = viewer.state().shown_at[1].1;
     click_at(&mut viewer, rect.left_top() + vec2(3.0, 3.0));
     press(&mut viewer, Modifiers::COMMAND, Key::Z);
     settle(&mut viewer);

@@ -49,7 +49,7 @@ fn what_is_saved_renders_to_the_picture_that_was_shown() {
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     click_node(&mut viewer, "short block");
     two_steps(&mut viewer);
-    let [x_handle, ..] = viewer.state().gizmo_handles().unwrap();
+    let [x_handle, ..] = viewer.state().gizmo.handles().unwrap();
     drag(&mut viewer, x_handle, vec2(-30.0, 0.0));
     viewer.get_by_label("Delete Del").scroll_to_me();
     push(&mut viewer, "Add child with light");
@@ -64,7 +64,7 @@ fn what_is_saved_renders_to_the_picture_that_was_shown() {
     let [settings, scene] = ["settings.toml", "cornell_edited.glb"].map(|name| folder.join(name));
     let frame = shown(viewer.state());
     let (last, frames) = (frame.index, frame.frames);
-    let pixels = frame.eyes[0].pixels.clone();
+    let pixels = frame.shown.eyes[0].pixels.clone();
     let value = |linear: f64| srgb_encode(aces_filmic(linear as f32)) * 255.0;
     let is_off = |linear: f64, byte: u8| (value(linear) - f32::from(byte)).abs() > 0.51;
     let differing = |scene: &Path| {
@@ -123,7 +123,7 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
 }
 
 fn has_said(app: &App, what: &str) -> bool {
-    app.messages().iter().any(|m| m.text.contains(what))
+    app.messages.iter().any(|m| m.text.contains(what))
 }
 
 #[derive(Debug)]
@@ -202,7 +202,7 @@ fn a_scene_without_light_is_lit_when_it_is_opened_and_the_next_one_is_left_alone
         until_shown(&mut viewer, "the scene", |app| app.settings().scene == name);
         let app = viewer.state();
         assert_eq!(app.settings().environment.path, around, "{name}");
-        let is_black = shown(app).eyes[0].pixels[0] == egui::Color32::BLACK;
+        let is_black = shown(app).shown.eyes[0].pixels[0] == egui::Color32::BLACK;
         assert_eq!(is_black, around.is_empty(), "{name}");
     }
 }
@@ -219,24 +219,24 @@ fn a_studio_that_was_chosen_stays_and_the_chart_begins_anew_with_another_scene()
     let mut document = Document::load("builtin:cornell").unwrap();
     document.save(&path).unwrap();
     until(&mut viewer, "frames of the first scene", |app| {
-        app.charted() > 12
+        app.history.len() > 12
     });
     drop_file(&mut viewer, &path);
     let name = path.to_string_lossy().into_owned();
     until(&mut viewer, "the scene", |app| app.settings().scene == name);
     // Of the first scene there are more.
-    let charted = viewer.state().charted();
+    let charted = viewer.state().history.len();
     assert!(charted < 12, "{charted}");
     settle(&mut viewer);
     let app = viewer.state();
     assert_eq!(app.settings().environment.path, "builtin:studio");
-    let color = shown(app).eyes[0].pixels[0];
+    let color = shown(app).shown.eyes[0].pixels[0];
     assert!(color != egui::Color32::BLACK);
-    assert!(app.charted() > 0);
+    assert!(!app.history.is_empty());
     // Embedded surroundings are stronger at will, too.
     type_strength(&mut viewer, "4");
     until_shown(&mut viewer, "a stronger studio", |app| {
-        shown(app).eyes[0].pixels[0].r() > color.r()
+        shown(app).shown.eyes[0].pixels[0].r() > color.r()
     });
     let environment = &viewer.state().settings().environment;
     assert_eq!(
@@ -266,7 +266,7 @@ fn type_strength(viewer: &mut Viewer, text: &str) {
 fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
     let folder = Folder::new("viewer-environment");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let corner = |app: &App| shown(app).eyes[0].pixels[0];
+    let corner = |app: &App| shown(app).shown.eyes[0].pixels[0];
     assert_eq!(corner(viewer.state()), egui::Color32::BLACK);
     let sky = folder.join("sky.exr");
     write_exr(&sky, &ImageRgb::filled(8, 4, [0.2; 3]).unwrap()).unwrap();
@@ -333,7 +333,7 @@ fn a_scenes_own_surroundings_are_stronger_at_will_and_filtered_frames_are_counte
         path_tracing(settings);
         settings.render.reconstruct.taa = true.into();
     });
-    let corner = |app: &App| shown(app).eyes[0].pixels[0].r();
+    let corner = |app: &App| shown(app).shown.eyes[0].pixels[0].r();
     until_shown(&mut viewer, "clouds", |app| corner(app) > 0);
     let before = corner(viewer.state());
     until_shown(&mut viewer, "a few frames", |app| shown(app).frames > 3);
@@ -422,7 +422,7 @@ fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
         ("Leave it", vec![]),
         ("Replace it", vec![WindowCommand::Quit]),
     ] {
-        viewer.state_mut().close_requested();
+        viewer.state_mut().request_quit();
         two_steps(&mut viewer);
         push(&mut viewer, "Save and quit");
         assert_eq!(viewer.state_mut().take_commands(), [], "asked first");

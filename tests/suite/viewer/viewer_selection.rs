@@ -100,7 +100,7 @@ fn all_that_is_selected_is_deleted_hidden_copied_and_moved_as_one_step() {
 
     // By the handles, which stand at the last one.
     settle(&mut viewer);
-    let [x_handle, ..] = viewer.state().gizmo_handles().expect("handles");
+    let [x_handle, ..] = viewer.state().gizmo.handles().expect("handles");
     drag(&mut viewer, x_handle, vec2(40.0, 0.0));
     let after = places(viewer.state());
     let ways = [0, 1].map(|block| after[block] - before[block]);

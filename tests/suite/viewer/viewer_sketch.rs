@@ -5,7 +5,7 @@ use stereolux::scene::Scene;
 use stereolux::scene::edit::Edit;
 use stereolux::viewer::App;
 use stereolux::viewer::frames::FrameReport;
-use stereolux::viewer::sketch::{Sketcher, Source, Stand, Wish};
+use stereolux::viewer::sketch::{Sketcher, Stand, Wish};
 use stereolux::xr::View;
 
 use super::textures::bytes;
@@ -25,7 +25,7 @@ fn left_eye(
     let wish = Wish {
         scene,
         scene_number: 0,
-        source: source.map(|(frame, stand)| Source { frame, stand }),
+        source,
         views,
         size: SIZE,
         near_m: 1e-3,
@@ -52,7 +52,7 @@ fn alike(
     at: impl Fn(usize) -> Option<usize>,
     admits: impl Fn(usize) -> bool,
 ) -> f64 {
-    let frame = &shown(app).eyes[0].pixels;
+    let frame = &shown(app).shown.eyes[0].pixels;
     let is_alike = |pixel: usize| {
         let of_sketch = sketch[at(pixel)?];
         let of_frame = frame[pixel];

@@ -70,7 +70,7 @@ pub fn until(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
         if done(viewer.state()) {
             return;
         }
-        let said = viewer.state().messages().iter().map(|m| &m.text);
+        let said = viewer.state().messages.iter().map(|m| &m.text);
         let said: Vec<&String> = said.collect();
         assert!(began.elapsed() < PATIENCE, "{what}: in vain; {said:?}");
         std::thread::sleep(Duration::from_millis(5));
@@ -125,7 +125,7 @@ pub fn fields(viewer: &Viewer, role: Role) -> Vec<Pos2> {
 
 /// The left eye's picture.
 pub fn picture(viewer: &Viewer) -> Vec<egui::Color32> {
-    shown(viewer.state()).eyes[0].pixels.clone()
+    shown(viewer.state()).shown.eyes[0].pixels.clone()
 }
 
 pub fn assert_no_errors(viewer: &Viewer) {
@@ -147,7 +147,7 @@ pub fn settle(viewer: &mut Viewer) {
 pub fn place_of(app: &App, name: &str) -> Pos2 {
     let scene = app.document().scene();
     let node = node_of(scene, name) as u32;
-    let (part, rect) = app.shown_at()[0];
+    let (part, rect) = app.shown_at[0];
     let seen = &shown(app).seen[part.eye()];
     let mut pixels: Vec<usize> = (0..seen.nodes.len()).collect();
     pixels.retain(|pixel| seen.nodes[*pixel] == node);
@@ -200,14 +200,14 @@ pub fn press(viewer: &mut Viewer, modifiers: Modifiers, key: Key) {
 
 /// Share of pixels that differ.
 pub fn changed(a: &FrameReport, b: &[egui::Color32]) -> f64 {
-    let pixels = &a.eyes[0].pixels;
+    let pixels = &a.shown.eyes[0].pixels;
     assert_eq!(pixels.len(), b.len());
     let differing = pixels.iter().zip(b).filter(|(a, b)| a != b).count();
     differing as f64 / b.len() as f64
 }
 
 pub fn errors(app: &App) -> Vec<&str> {
-    let errors = app.messages().iter().filter(|message| message.is_error);
+    let errors = app.messages.iter().filter(|message| message.is_error);
     errors.map(|message| message.text.as_str()).collect()
 }
 

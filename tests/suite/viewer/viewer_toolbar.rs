@@ -26,7 +26,7 @@ fn surrounded(folder: &Folder) -> Viewer {
 }
 
 fn corner(app: &App) -> u8 {
-    shown(app).eyes[0].pixels[0].r()
+    shown(app).shown.eyes[0].pixels[0].r()
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
     let folder = Folder::new("viewer-frozen");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     viewer.step();
-    let picture = viewer.state().shown_at()[0].1;
+    let picture = viewer.state().shown_at[0].1;
     let [(present, whole)] = textured(&viewer, picture)[..] else {
         panic!("{:?}", textured(&viewer, picture));
     };
@@ -128,7 +128,7 @@ fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
     let folder = Folder::new("viewer-zoom");
     let mut viewer = open("builtin:cornell", &folder, path_tracing);
     viewer.step();
-    let picture = viewer.state().shown_at()[0].1;
+    let picture = viewer.state().shown_at[0].1;
     let at = place_of(viewer.state(), "short block");
     let whole = |viewer: &Viewer| drawn(viewer, picture)[0].1;
     assert_eq!(whole(&viewer), picture);
@@ -142,7 +142,7 @@ fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
     let there = enlarged.min + share * enlarged.size();
     assert!((there - at).length() < 0.01, "{there}");
     // Both pictures show the same part.
-    let other = viewer.state().shown_at()[1].1;
+    let other = viewer.state().shown_at[1].1;
     let of_other = drawn(&viewer, other)[0].1;
     assert!(((of_other.min - other.min) - (enlarged.min - picture.min)).length() < 0.01);
 
@@ -190,16 +190,16 @@ fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
     assert_eq!(viewer.state().head(), start);
 
     viewer.step();
-    let beside = viewer.state().shown_at()[0].1.width();
+    let beside = viewer.state().shown_at[0].1.width();
     assert!(viewer.query_by_label("Freeze A").is_some());
     press(&mut viewer, Modifiers::NONE, Key::Tab);
     viewer.step();
     assert!(viewer.query_by_label("Freeze A").is_none());
-    assert!(viewer.state().shown_at()[0].1.width() > beside);
+    assert!(viewer.state().shown_at[0].1.width() > beside);
     press(&mut viewer, Modifiers::NONE, Key::Escape);
     viewer.step();
     assert!(viewer.query_by_label("Freeze A").is_some());
-    assert_eq!(viewer.state().shown_at()[0].1.width(), beside);
+    assert_eq!(viewer.state().shown_at[0].1.width(), beside);
 
     push(&mut viewer, "Window");
     push(&mut viewer, "Log");

@@ -12,13 +12,13 @@ use super::viewer_support::{Viewer, choose, narrow, open, settle, shown, until};
 use crate::suite::support::Folder;
 
 fn pixels(app: &App) -> [Vec<egui::Color32>; 2] {
-    [0, 1].map(|eye| shown(app).eyes[eye].pixels.clone())
+    [0, 1].map(|eye| shown(app).shown.eyes[eye].pixels.clone())
 }
 
 fn look(viewer: &mut Viewer, mode: ViewMode) {
-    let now = viewer.state().view_mode().name();
+    let now = viewer.state().view_mode.name();
     choose(viewer, &now, &mode.name());
-    assert_eq!(viewer.state().view_mode(), mode);
+    assert_eq!(viewer.state().view_mode, mode);
 }
 
 #[test]
@@ -51,11 +51,11 @@ fn a_view_stands_with_the_next_pass_and_the_frame_of_it_is_no_other() {
         .filter(|view| Seen::holds(*view))
     {
         let mode = ViewMode::Inspection(inspection);
-        viewer.state_mut().set_view_mode(mode);
+        viewer.state_mut().view_mode = mode;
         viewer.step();
         let frame = shown(viewer.state());
         assert_eq!(frame.view_mode, mode, "no frame was awaited");
-        assert!(frame.legend.is_some(), "{inspection:?}");
+        assert!(frame.shown.legend.is_some(), "{inspection:?}");
         let at_once = pixels(viewer.state());
         assert_ne!(at_once, picture, "{inspection:?}");
         settle(&mut viewer);
@@ -65,10 +65,10 @@ fn a_view_stands_with_the_next_pass_and_the_frame_of_it_is_no_other() {
     let last = shown(viewer.state()).index;
     assert!(last > index, "frames of these views came");
     // The picture too: the frame has it.
-    viewer.state_mut().set_view_mode(ViewMode::Picture);
+    viewer.state_mut().view_mode = ViewMode::Picture;
     viewer.step();
     assert_eq!(shown(viewer.state()).view_mode, ViewMode::Picture);
-    assert!(shown(viewer.state()).legend.is_none());
+    assert!(shown(viewer.state()).shown.legend.is_none());
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn views_that_are_traced_are_in_stock_once_the_view_has_stood_still() {
         // Noise and history make another one of each frame; it is one of the same thing.
         let frame = shown(viewer.state());
         assert_eq!(frame.view_mode, mode);
-        assert_eq!(at_once[0].len(), frame.eyes[0].pixels.len());
+        assert_eq!(at_once[0].len(), frame.shown.eyes[0].pixels.len());
     }
     // What was in stock was of the place where the head was.
     let before = viewer.state().head();
