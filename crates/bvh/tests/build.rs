@@ -9,9 +9,9 @@ use stereolux_bvh::{
     BvhError, InstanceSource, MAX_INDEX, MaterialMarks, MeshHierarchies, TOP_STACK, TopLevel,
 };
 
-use shared::mesh::Mesh;
+use shared::mesh::{Mesh, mesh_of, placed, soup};
 use shared::reference::{Arrays, ExactInstance, Ray, brute_force, exact_instances, trace};
-use shared::shapes::{self, Random};
+use shared::shapes::Random;
 
 /// What the tests of the device use too.
 #[allow(dead_code, reason = "each user takes a part")]
@@ -21,24 +21,12 @@ mod shared {
     pub mod shapes;
 }
 
-fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
-    let (positions, triangles) = shapes::unshared(triangles);
-    Mesh {
-        positions,
-        triangles,
-    }
-}
-
-fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
-    mesh_of(&shapes::soup(random, count, size))
-}
-
-fn placed(world_from_object: DAffine3, mesh: u32) -> InstanceSource {
-    InstanceSource {
-        world_from_object,
-        mesh,
-        node: 0,
-        first_emitter: 0,
+/// A ray that reaches 1e9.
+fn ray(origin: Vec3, direction: Vec3) -> Ray {
+    Ray {
+        origin,
+        t_max: 1e9,
+        direction,
     }
 }
 
@@ -56,6 +44,11 @@ impl World {
         top.validate().unwrap();
         let exact = exact_instances(sources, &meshes, origin);
         Self { meshes, top, exact }
+    }
+
+    /// A mesh as it lies.
+    fn of(mesh: Mesh) -> Self {
+        Self::new(&[mesh], &[placed(DAffine3::IDENTITY, 0)], DVec3::ZERO)
     }
 
     fn arrays(&self) -> Arrays<'_> {
@@ -159,10 +152,8 @@ fn world_far_from_origin_is_like_one_at_it() {
         .map(|_| {
             // Multiples of 2^-10 stay exact beside 3e6.
             let at = (random.vector() * 2048.0).round() / 1024.0;
-            placed(
-                DAffine3::from_rotation_translation(random.rotation(), at),
-                0,
-            )
+            let at = DAffine3::from_rotation_translation(random.rotation(), at);
+            placed(at, 0)
         })
         .collect();
     let mut far_sources = near_sources.clone();
@@ -186,11 +177,7 @@ fn axis_aligned_rays_and_flat_meshes() {
             triangles.push([at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
     }
-    let world = World::new(
-        &[mesh_of(&triangles)],
-        &[placed(DAffine3::IDENTITY, 0)],
-        DVec3::ZERO,
-    );
+    let world = World::of(mesh_of(&triangles));
     for i in 0..=32 {
         for j in 0..=32 {
             let origin = Vec3::new(0.5 * i as f32, 3.0, 0.5 * j as f32);
@@ -199,11 +186,7 @@ fn axis_aligned_rays_and_flat_meshes() {
                     // Truly beside the border.
                     continue;
                 }
-                let ray = Ray {
-                    origin,
-                    t_max: 1e9,
-                    direction: Vec3::new(zero, -2.0, zero),
-                };
+                let ray = ray(origin, Vec3::new(zero, -2.0, zero));
                 assert_eq!(
                     trace(&world.arrays(), &ray, false).map(|hit| hit.t),
                     Some(1.5),
@@ -243,12 +226,8 @@ fn degenerate_sets_build_and_never_hit_wrongly() {
         (mesh_of(&[unit.map(|v| v * 1e-12), unit]), true),
     ];
     for (index, (mesh, can_hit)) in sets.into_iter().enumerate() {
-        let world = World::new(&[mesh], &[placed(DAffine3::IDENTITY, 0)], DVec3::ZERO);
-        let ray = Ray {
-            origin: Vec3::new(0.25, 0.25, 1.0),
-            t_max: 1e9,
-            direction: Vec3::NEG_Z,
-        };
+        let world = World::of(mesh);
+        let ray = ray(Vec3::new(0.25, 0.25, 1.0), Vec3::NEG_Z);
         let hit = trace(&world.arrays(), &ray, false);
         assert_eq!(hit.is_some(), can_hit, "set {index}");
         if let Some(hit) = hit {
@@ -266,65 +245,38 @@ fn many_triangles_of_one_size_build_in_time_and_hit() {
         .collect();
     for (triangles, last) in [(vec![unit; COUNT], 0), (strip, COUNT - 1)] {
         let began = std::time::Instant::now();
-        let world = World::new(
-            &[mesh_of(&triangles)],
-            &[placed(DAffine3::IDENTITY, 0)],
-            DVec3::ZERO,
-        );
+        let world = World::of(mesh_of(&triangles));
         // Clustering takes minutes over these.
         assert!(began.elapsed().as_secs() < 30, "{:?}", began.elapsed());
         world.meshes.validate().unwrap();
-        let ray = Ray {
-            origin: Vec3::new(last as f32 + 0.25, 0.25, 1.0),
-            t_max: 1e9,
-            direction: Vec3::NEG_Z,
-        };
-        assert_eq!(
-            trace(&world.arrays(), &ray, false).map(|hit| hit.t),
-            Some(1.0)
-        );
+        let ray = ray(Vec3::new(last as f32 + 0.25, 0.25, 1.0), Vec3::NEG_Z);
+        let hit = trace(&world.arrays(), &ray, false);
+        assert_eq!(hit.map(|hit| hit.t), Some(1.0));
     }
 }
 
 #[test]
 fn equal_distances_are_decided_by_index() {
     let unit = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let ray = Ray {
-        origin: Vec3::new(0.2, 0.2, 1.0),
-        t_max: 1e9,
-        direction: Vec3::NEG_Z,
-    };
-    let world = World::new(
-        &[mesh_of(&vec![unit; 100])],
-        &[placed(DAffine3::IDENTITY, 0); 37],
-        DVec3::ZERO,
-    );
-    let hit = trace(&world.arrays(), &ray, false).unwrap();
-    assert_eq!((hit.instance, hit.triangle), (0, 0));
+    let sources = [placed(DAffine3::IDENTITY, 0); 37];
+    let world = World::new(&[mesh_of(&vec![unit; 100])], &sources, DVec3::ZERO);
     // The winner must not owe its place to the order of visits: the same from behind.
-    let back = Ray {
-        origin: Vec3::new(0.2, 0.2, -1.0),
-        direction: Vec3::Z,
-        ..ray
-    };
-    let hit = trace(&world.arrays(), &back, false).unwrap();
-    assert_eq!((hit.instance, hit.triangle), (0, 0));
+    for (height, direction) in [(1.0, Vec3::NEG_Z), (-1.0, Vec3::Z)] {
+        let ray = ray(Vec3::new(0.2, 0.2, height), direction);
+        let hit = trace(&world.arrays(), &ray, false).unwrap();
+        assert_eq!((hit.instance, hit.triangle), (0, 0));
+    }
 }
 
 #[test]
 fn empty_scene_misses() {
     let world = World::new(&[], &[], DVec3::ZERO);
     let ray = Ray {
-        origin: Vec3::ZERO,
         t_max: 1e30,
-        direction: Vec3::X,
+        ..ray(Vec3::ZERO, Vec3::X)
     };
     assert_eq!(trace(&world.arrays(), &ray, false), None);
-    let world = World::new(
-        &[Mesh::default()],
-        &[placed(DAffine3::IDENTITY, 0)],
-        DVec3::ZERO,
-    );
+    let world = World::of(Mesh::default());
     assert_eq!(trace(&world.arrays(), &ray, true), None);
 }
 
@@ -341,15 +293,9 @@ fn instances_without_inverse_are_left_out() {
     let world = World::new(&[mesh], &sources, DVec3::ZERO);
     let left_out = world.top.bounds().iter().filter(|b| b.is_empty());
     assert_eq!(left_out.count(), 2);
-    let ray = Ray {
-        origin: Vec3::new(0.2, 0.2, 1.0),
-        t_max: 1e9,
-        direction: Vec3::NEG_Z,
-    };
-    assert_eq!(
-        trace(&world.arrays(), &ray, false).map(|hit| hit.instance),
-        Some(1)
-    );
+    let ray = ray(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z);
+    let hit = trace(&world.arrays(), &ray, false);
+    assert_eq!(hit.map(|hit| hit.instance), Some(1));
 }
 
 #[test]
@@ -501,10 +447,8 @@ fn instance_hierarchies_of_all_sizes_fit_their_stack() {
                         // Exponentially spaced: a surface area split peels them off one by one.
                         _ => DVec3::X * 1.5f64.powi((i % 60) as i32),
                     };
-                    placed(
-                        DAffine3::from_rotation_translation(random.rotation(), at),
-                        0,
-                    )
+                    let at = DAffine3::from_rotation_translation(random.rotation(), at);
+                    placed(at, 0)
                 })
                 .collect();
             let top = TopLevel::build(DVec3::ZERO, &sources, &meshes).unwrap();
@@ -520,10 +464,8 @@ fn rebuilding_reuses_and_repeats() {
     let meshes = MeshHierarchies::build(&[soup(&mut random, 30, 0.3)], &[]).unwrap();
     let sources: Vec<_> = (0..100)
         .map(|_| {
-            placed(
-                DAffine3::from_rotation_translation(random.rotation(), 20.0 * random.vector()),
-                0,
-            )
+            let at = (random.rotation(), 20.0 * random.vector());
+            placed(DAffine3::from_rotation_translation(at.0, at.1), 0)
         })
         .collect();
     let fresh = TopLevel::build(DVec3::ONE, &sources, &meshes).unwrap();

@@ -5,9 +5,9 @@ use glam::{DAffine3, DVec3, Vec3};
 use stereolux_bvh::cast::{Ray, cast_at_all};
 use stereolux_bvh::{InstanceSource, MeshHierarchies, MeshTriangle};
 
-use shared::mesh::Mesh;
+use shared::mesh::{Mesh, placed, soup};
 use shared::reference::{brute_force, exact_instances};
-use shared::shapes::{self, Random};
+use shared::shapes::Random;
 
 /// What the other tests use too.
 #[allow(dead_code, reason = "each user takes a part")]
@@ -26,14 +26,6 @@ impl Mesh {
         Self {
             positions: positions.iter().map(Vec3::to_array).collect(),
             triangles: triangles.into_iter().map(triangle).collect(),
-        }
-    }
-
-    fn soup(random: &mut Random, count: usize, size: f64) -> Self {
-        let (positions, triangles) = shapes::unshared(&shapes::soup(random, count, size));
-        Self {
-            positions,
-            triangles,
         }
     }
 
@@ -68,15 +60,6 @@ fn ray(origin: DVec3, direction: DVec3) -> Ray {
     }
 }
 
-fn placed(world_from_object: DAffine3, mesh: u32) -> InstanceSource {
-    InstanceSource {
-        world_from_object,
-        mesh,
-        node: 0,
-        first_emitter: 0,
-    }
-}
-
 fn random_rays(random: &mut Random, count: usize, center: DVec3, spread: f64) -> Vec<Ray> {
     let ray = |_| ray(center + spread * random.vector(), random.direction());
     (0..count).map(ray).collect()
@@ -102,7 +85,7 @@ fn the_tree_loses_nothing() {
         (3000, 0.1, 1.2),
         (500, 0.5, 1e4),
     ] {
-        let mesh = Mesh::soup(&mut random, count, size);
+        let mesh = soup(&mut random, count, size);
         let mut meshes = MeshHierarchies::build(std::slice::from_ref(&mesh), &[]).unwrap();
         let mut rays = random_rays(&mut random, 2000, DVec3::ZERO, spread);
         // Far ones are aimed; some run along an axis, where slabs have no distance.
@@ -135,7 +118,7 @@ fn the_tree_loses_nothing() {
 #[test]
 fn placed_meshes_are_met_where_they_are() {
     let mut random = Random(2);
-    let meshes = [300, 40, 1].map(|count| Mesh::soup(&mut random, count, 0.3));
+    let meshes = [300, 40, 1].map(|count| soup(&mut random, count, 0.3));
     let trees = MeshHierarchies::build(&meshes, &[]).unwrap();
     // At 1e6 m, too: f64 has 1e-10 m there.
     for center in [DVec3::ZERO, DVec3::new(1e6, -2e6, 1e6)] {

@@ -7,6 +7,8 @@
     missing_docs
 )]
 
+#[path = "../../base/tests/shared/cases.rs"]
+mod cases;
 #[path = "shared/edits.rs"]
 mod edits;
 /// The example that makes the files under assets/.

@@ -7,6 +7,8 @@
     missing_docs
 )]
 
+#[path = "../../base/tests/shared/cases.rs"]
+mod cases;
 #[path = "../../base/tests/shared/folders.rs"]
 #[allow(dead_code)]
 mod folders;

@@ -1,7 +1,7 @@
 //! The shaders' traversal: nearest hits against exhaustive search in f64, watertight, free of self-intersection.
 
 use glam::{DAffine3, DVec3, Vec3};
-use stereolux_gpu::ShaderLibrary;
+use stereolux_gpu::{GpuContext, ShaderLibrary};
 use stereolux_scene::{Mesh, MeshTriangle};
 
 use crate::adapter::context;
@@ -9,6 +9,17 @@ use crate::bvh_reference::{Arrays, Ray, trace};
 use crate::trace_probe::*;
 
 const MILLION: usize = 1_000_000;
+
+/// A mesh by itself.
+fn alone(context: &GpuContext, mesh: &Mesh, at: DAffine3) -> TraceScene {
+    TraceScene::new(context, std::slice::from_ref(mesh), &[(at, 0)], DVec3::ZERO)
+}
+
+/// How many rays meet anything.
+fn hits(answers: &[TraceAnswer]) -> usize {
+    let hits = answers.iter().filter(|answer| answer.instance != MISS);
+    hits.count()
+}
 
 fn random_scene(random: &mut Random) -> (Vec<Mesh>, Vec<(DAffine3, u32)>) {
     let needles: Vec<_> = (0..40)
@@ -74,23 +85,15 @@ fn nearest_hits_equal_exhaustive_search() {
         }
         let scene = TraceScene::new(&context, &meshes, &placed, origin);
         let answers = probe.run(&scene, &queries);
-        let (wrong, hits) = disagreements(
-            &scene.exact,
-            &scene.meshes.triangles,
-            &queries,
-            &answers,
-            DVec3::ZERO,
-        );
+        let disagreements = |moved| {
+            let (exact, triangles) = (&scene.exact, &scene.meshes.triangles);
+            disagreements(exact, triangles, &queries, &answers, moved)
+        };
+        let (wrong, hits) = disagreements(DVec3::ZERO);
         assert!(hits > 2000, "{hits} rays hit");
         assert_eq!(wrong, 0, "{far} m from the origin");
         // Negative control: the comparison notices rays that were moved by a tenth of a metre.
-        let (wrong, _) = disagreements(
-            &scene.exact,
-            &scene.meshes.triangles,
-            &queries,
-            &answers,
-            DVec3::splat(0.1),
-        );
+        let (wrong, _) = disagreements(DVec3::splat(0.1));
         assert!(wrong > 1000, "{wrong}");
 
         // The twin on the CPU: the same surface but for rays that graze a border, where contraction may differ.
@@ -111,14 +114,9 @@ fn nearest_hits_equal_exhaustive_search() {
                 };
                 let twin = trace(&arrays, &ray, false)
                     .map_or((MISS, MISS), |hit| (hit.instance, hit.triangle));
-                twin != (
-                    answer.instance,
-                    if answer.instance == MISS {
-                        MISS
-                    } else {
-                        answer.triangle
-                    },
-                )
+                let is_miss = answer.instance == MISS;
+                let triangle = if is_miss { MISS } else { answer.triangle };
+                twin != (answer.instance, triangle)
             })
             .count();
         assert!(differing <= 6, "{differing} of 6000 rays");
@@ -226,28 +224,13 @@ fn perturbed_sphere_is_watertight() {
                 TraceQuery::ray(origin, target - origin)
             })
             .collect();
-        let scene = TraceScene::new(
-            &context,
-            std::slice::from_ref(&ball),
-            &[(transform, 0)],
-            DVec3::ZERO,
-        );
-        let misses = probe
-            .run(&scene, &queries)
-            .iter()
-            .filter(|answer| answer.instance == MISS)
-            .count();
-        assert_eq!(misses, 0);
+        let scene = alone(&context, &ball, transform);
+        assert_eq!(hits(&probe.run(&scene, &queries)), queries.len());
 
         // Negative control: one triangle less, and rays get out.
         open.triangles.swap_remove(1000);
-        let scene = TraceScene::new(&context, &[open], &[(transform, 0)], DVec3::ZERO);
-        let misses = probe
-            .run(&scene, &queries)
-            .iter()
-            .filter(|answer| answer.instance == MISS)
-            .count();
-        assert!(misses > 0);
+        let scene = alone(&context, &open, transform);
+        assert!(hits(&probe.run(&scene, &queries)) < queries.len());
     }
 }
 
@@ -288,7 +271,7 @@ fn needles_leave_no_gaps() {
     };
     let transform =
         DAffine3::from_rotation_translation(random.rotation(), DVec3::new(0.5, -0.5, 0.25));
-    let scene = TraceScene::new(&context, &[mesh], &[(transform, 0)], DVec3::ZERO);
+    let scene = alone(&context, &mesh, transform);
     let queries: Vec<_> = (0..200_000)
         .map(|i| {
             let x = if i % 2 == 0 {
@@ -310,12 +293,7 @@ fn needles_leave_no_gaps() {
             TraceQuery::ray(from, target.as_vec3() - from)
         })
         .collect();
-    let misses = probe
-        .run(&scene, &queries)
-        .iter()
-        .filter(|answer| answer.instance == MISS)
-        .count();
-    assert_eq!(misses, 0);
+    assert_eq!(hits(&probe.run(&scene, &queries)), queries.len());
 }
 
 /// Leaves surface points and counts rays that meet the very triangle they left, and points farther from its plane than
@@ -497,11 +475,8 @@ fn flat_and_convex_surfaces_do_not_shadow_themselves() {
                     .to_array();
             }
             let answers = probe.run(&scene, &queries);
-            let false_hits = answers
-                .iter()
-                .filter(|answer| answer.instance != MISS)
-                .count();
-            assert_eq!(false_hits, 0, "plane {is_plane}, {distance} m away");
+            let place = format!("plane {is_plane}, {distance} m away");
+            assert_eq!(hits(&answers), 0, "{place}");
             // The normal is the outward one.
             let inward = queries
                 .iter()
@@ -512,21 +487,9 @@ fn flat_and_convex_surfaces_do_not_shadow_themselves() {
                 .count();
             assert_eq!(inward, 0);
             // The offset does it without the other guard; without both there are hits.
-            let count = |answers: &[TraceAnswer]| {
-                answers
-                    .iter()
-                    .filter(|answer| answer.instance != MISS)
-                    .count()
-            };
-            assert_eq!(
-                count(&offset_alone.run(&scene, &queries)),
-                0,
-                "plane {is_plane}, {distance} m away, offset alone"
-            );
-            assert!(
-                count(&unguarded.run(&scene, &queries)) > 1000,
-                "plane {is_plane}, {distance} m away"
-            );
+            let by_offset = hits(&offset_alone.run(&scene, &queries));
+            assert_eq!(by_offset, 0, "{place}, offset alone");
+            assert!(hits(&unguarded.run(&scene, &queries)) > 1000, "{place}");
         }
     }
 }
@@ -545,12 +508,7 @@ fn normals_of_mirrored_instances_point_outward() {
     ] {
         let center = DVec3::new(5.0, 6.0, 7.0);
         let transform = DAffine3::from_scale_rotation_translation(scale, random.rotation(), center);
-        let scene = TraceScene::new(
-            &context,
-            std::slice::from_ref(&ball),
-            &[(transform, 0)],
-            DVec3::ZERO,
-        );
+        let scene = alone(&context, &ball, transform);
         let queries = departures(&mut random, &scene, 2000);
         for (query, answer) in queries.iter().zip(probe.run(&scene, &queries)) {
             let [a, b, c] = scene.corners(query.instance, query.triangle);
@@ -579,12 +537,8 @@ fn grazing_rays_meet_the_floor_where_they_should() {
         (100.0, -100.0),
     ]
     .map(|(x, z)| Vec3::new(x, 0.0, z));
-    let scene = TraceScene::new(
-        &context,
-        &[mesh_of(&[[a, b, c], [a, c, d]])],
-        &[(DAffine3::from_translation(DVec3::NEG_Y), 0)],
-        DVec3::ZERO,
-    );
+    let floor = mesh_of(&[[a, b, c], [a, c, d]]);
+    let scene = alone(&context, &floor, DAffine3::from_translation(DVec3::NEG_Y));
     let mut random = Random(28);
     let angle = 89.99f64.to_radians();
     let (queries, expected): (Vec<_>, Vec<_>) = (0..10_000)

@@ -362,37 +362,17 @@ fn labels_say_what_was_done() {
     let scene = Scene::builtin("cornell").unwrap();
     let block = node(&scene, "short block");
     let parts = scene.nodes[block].trs();
-    let label = |to: Trs| {
+    let (mut moved, mut turned, mut scaled) = (parts, parts, parts);
+    moved.translation = DVec3::Y;
+    turned.rotation = DQuat::from_rotation_y(0.3) * parts.rotation;
+    scaled.scale = parts.scale * 2.0;
+    for (to, says) in [(moved, "Move"), (turned, "Turn"), (scaled, "Scale")] {
         let to = Placement::Parts(to);
-        Edit::Transform { node: block, to }.label(&scene)
-    };
-    let turned = DQuat::from_rotation_y(0.3) * parts.rotation;
-    let moved = DVec3::Y;
-    assert_eq!(
-        label(Trs {
-            translation: moved,
-            ..parts
-        }),
-        "Move short block"
-    );
-    assert_eq!(
-        label(Trs {
-            rotation: turned,
-            ..parts
-        }),
-        "Turn short block"
-    );
-    assert_eq!(
-        label(Trs {
-            scale: parts.scale * 2.0,
-            ..parts
-        }),
-        "Scale short block"
-    );
-    assert_eq!(
-        Edit::Delete { node: block }.label(&scene),
-        "Delete short block"
-    );
+        let label = Edit::Transform { node: block, to }.label(&scene);
+        assert_eq!(label, format!("{says} short block"));
+    }
+    let deleted = Edit::Delete { node: block }.label(&scene);
+    assert_eq!(deleted, "Delete short block");
 }
 
 #[test]

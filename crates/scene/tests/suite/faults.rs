@@ -3,7 +3,8 @@
 use serde_json::json;
 use stereolux_scene::{Needs, Scene};
 
-use super::import::{Doc, assert_fault, png_1x1, with};
+use super::import::{Doc, assert_fault, png_1x1, set, with};
+use crate::cases::cases;
 use crate::folders::Folder;
 
 #[test]
@@ -38,206 +39,68 @@ fn unsupported_extensions_are_errors_if_required_and_warnings_if_used() {
     );
 }
 
+/// Where the square is changed, to what, and what is said.
+const FAULTS: &str = r#"
+    /nodes/0/mesh | 7 | nodes[0].mesh: index out of range
+    /nodes/0/mesh | 4294967296 | nodes[0].mesh: index out of range
+    /meshes/0/primitives/0/attributes/POSITION | 50 | POSITION: accessor 50 is out of range
+    /meshes/0/primitives/0/indices | 50 | indices
+    /meshes/0/primitives/0/material | 1 | material
+    /meshes/0/primitives/0/mode | 9 | mode
+    /meshes/0/primitives/0/attributes | {} | POSITION
+    /accessors/0/bufferView | 9 | accessors[0].bufferView
+    /accessors/0/count | 5 | accessors[0]
+    /accessors/0/count | 1152921504606846976 | elements need
+    /accessors/0/count | 0 | count is 0
+    /accessors/0/count | -4 | accessors[0]
+    /accessors/0/byteOffset | 18446744073709551615 | elements need
+    /accessors/0/componentType | 1234 | accessors[0].componentType
+    /accessors/0/type | "VEC2" | components per element
+    /accessors/1/componentType | 5122 | indices must be unsigned
+    /bufferViews/0/byteLength | 18446744073709551615 | lie outside buffer 0
+    /bufferViews/0/byteOffset | 1000 | lie outside buffer 0
+    /bufferViews/0/buffer | 3 | bufferViews[0].buffer
+    /bufferViews/0/byteStride | 4 | byteStride 4
+    /buffers | [{ "byteLength": 60 }] | neither a URI nor a binary chunk
+    /buffers | [{ "byteLength": 60, "uri": "data:;base64,AAAA" }] | declares 60 bytes, its data has 3
+    /buffers | [{ "byteLength": 60, "uri": "data:;base64,A*AA" }] | not base64
+    /buffers | [{ "byteLength": 60, "uri": "missing.bin" }] | missing.bin
+    /buffers | [{ "byteLength": 60, "uri": "https://example.com/a.bin" }] | only relative paths
+    /nodes/0/children | [0] | its own child
+    /nodes/0/children | [8] | nodes[0].children[0]
+    /nodes | [{ "children": [1] }, { "name": "b", "children": [2] }, { "children": [1] }] | child of both
+    /nodes | [{}, { "name": "b", "children": [2] }, { "children": [1] }] | cycle
+    /scenes/0/nodes | [0, 0] | listed twice
+    /scenes/0/nodes | [4] | scenes[0].nodes[0]
+    /scene | 2 | scene: index out of range
+    /nodes/0/scale | [1e300, 1, 1] | nodes[0] 'thing'
+    /nodes/0/rotation | [0, 0, 0, 0] | no length
+    /nodes/0/matrix | [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 1] | not affine
+    /materials | [{ "emissiveFactor": [1e300, 0, 0] }] | emissiveFactor
+    /materials | [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }] | baseColorTexture
+    /materials | [{ "pbrMetallicRoughness": { "baseColorFactor": "red" } }] | materials[0]
+    /asset/version | "1.0" | version 1.0
+    /asset/minVersion | "2.1" | version 2.1
+    /asset | {} | asset.version
+"#;
+
 #[test]
 fn every_fault_is_one_clear_line() {
-    let cases: Vec<(Doc, &str)> = vec![
-        (
-            with(|doc| doc.json["nodes"][0]["mesh"] = json!(7)),
-            "nodes[0].mesh: index out of range",
-        ),
-        (
-            with(|doc| doc.json["nodes"][0]["mesh"] = json!(4_294_967_296_u64)),
-            "nodes[0].mesh: index out of range",
-        ),
-        (
-            with(|doc| doc.primitive()["attributes"]["POSITION"] = json!(50)),
-            "POSITION: accessor 50 is out of range",
-        ),
-        (
-            with(|doc| doc.primitive()["indices"] = json!(50)),
-            "indices",
-        ),
-        (
-            with(|doc| doc.primitive()["material"] = json!(1)),
-            "material",
-        ),
-        (with(|doc| doc.primitive()["mode"] = json!(9)), "mode"),
-        (
-            with(|doc| doc.primitive()["attributes"] = json!({})),
-            "POSITION",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["bufferView"] = json!(9)),
-            "accessors[0].bufferView",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["count"] = json!(5)),
-            "accessors[0]",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["count"] = json!(1_u64 << 60)),
-            "elements need",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["count"] = json!(0)),
-            "count is 0",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["count"] = json!(-4)),
-            "accessors[0]",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["byteOffset"] = json!(u64::MAX)),
-            "elements need",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["componentType"] = json!(1234)),
-            "accessors[0].componentType",
-        ),
-        (
-            with(|doc| doc.json["accessors"][0]["type"] = json!("VEC2")),
-            "components per element",
-        ),
-        (
-            with(|doc| {
-                doc.json["accessors"][0]
-                    .as_object_mut()
-                    .unwrap()
-                    .remove("bufferView")
-                    .map_or((), drop)
-            }),
-            "",
-        ),
-        (
-            with(|doc| doc.json["accessors"][1]["componentType"] = json!(5122)),
-            "indices must be unsigned",
-        ),
-        (
-            with(|doc| doc.json["bufferViews"][0]["byteLength"] = json!(u64::MAX)),
-            "lie outside buffer 0",
-        ),
-        (
-            with(|doc| doc.json["bufferViews"][0]["byteOffset"] = json!(1000)),
-            "lie outside buffer 0",
-        ),
-        (
-            with(|doc| doc.json["bufferViews"][0]["buffer"] = json!(3)),
-            "bufferViews[0].buffer",
-        ),
-        (
-            with(|doc| doc.json["bufferViews"][0]["byteStride"] = json!(4)),
-            "byteStride 4",
-        ),
-        (
-            with(|doc| doc.json["buffers"] = json!([{ "byteLength": 60 }])),
-            "neither a URI nor a binary chunk",
-        ),
-        (
-            with(|doc| {
-                doc.json["buffers"] = json!([{ "byteLength": 60, "uri": "data:;base64,AAAA" }])
-            }),
-            "declares 60 bytes, its data has 3",
-        ),
-        (
-            with(|doc| {
-                doc.json["buffers"] = json!([{ "byteLength": 60, "uri": "data:;base64,A*AA" }])
-            }),
-            "not base64",
-        ),
-        (
-            with(|doc| doc.json["buffers"] = json!([{ "byteLength": 60, "uri": "missing.bin" }])),
-            "missing.bin",
-        ),
-        (
-            with(|doc| {
-                doc.json["buffers"] =
-                    json!([{ "byteLength": 60, "uri": "https://example.com/a.bin" }])
-            }),
-            "only relative paths",
-        ),
-        (
-            with(|doc| doc.json["nodes"][0]["children"] = json!([0])),
-            "its own child",
-        ),
-        (
-            with(|doc| doc.json["nodes"][0]["children"] = json!([8])),
-            "nodes[0].children[0]",
-        ),
-        (
-            with(
-                |doc| doc.json["nodes"] = json!([{ "children": [1] }, { "name": "b", "children": [2] }, { "children": [1] }]),
-            ),
-            "child of both",
-        ),
-        (
-            with(|doc| {
-                doc.json["nodes"] =
-                    json!([{}, { "name": "b", "children": [2] }, { "children": [1] }])
-            }),
-            "cycle",
-        ),
-        (
-            with(|doc| doc.json["nodes"] = json!([{ "children": [1] }, {}])).roots(json!([0, 1])),
-            "not a root",
-        ),
-        (with(|_| ()).roots(json!([0, 0])), "listed twice"),
-        (with(|_| ()).roots(json!([4])), "scenes[0].nodes[0]"),
-        (
-            with(|doc| doc.json["scene"] = json!(2)),
-            "scene: index out of range",
-        ),
-        (
-            with(|doc| doc.json["nodes"][0]["scale"] = json!([1e300, 1, 1])),
-            "nodes[0] 'thing'",
-        ),
-        (
-            with(|doc| doc.json["nodes"][0]["rotation"] = json!([0, 0, 0, 0])),
-            "no length",
-        ),
-        (
-            with(|doc| {
-                doc.json["nodes"][0]["matrix"] =
-                    json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 1])
-            }),
-            "not affine",
-        ),
-        (
-            with(|doc| doc.json["materials"] = json!([{ "emissiveFactor": [1e300, 0, 0] }])),
-            "emissiveFactor",
-        ),
-        (
-            with(|doc| {
-                doc.json["materials"] =
-                    json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }])
-            }),
-            "baseColorTexture",
-        ),
-        (
-            with(|doc| {
-                doc.json["materials"] =
-                    json!([{ "pbrMetallicRoughness": { "baseColorFactor": "red" } }])
-            }),
-            "materials[0]",
-        ),
-        (
-            with(|doc| doc.json["asset"]["version"] = json!("1.0")),
-            "version 1.0",
-        ),
-        (
-            with(|doc| doc.json["asset"]["minVersion"] = json!("2.1")),
-            "version 2.1",
-        ),
-        (with(|doc| doc.json["asset"] = json!({})), "asset.version"),
-    ];
-    for (number, (doc, expected)) in cases.into_iter().enumerate() {
-        let result = doc.load();
-        if expected.is_empty() {
-            // An accessor without a view holds zeros (glTF 2.0, section 3.6.2.1): degenerate, not broken.
-            assert!(result.is_ok(), "case {number}: {result:?}");
-        } else {
-            assert_fault(result, expected);
-        }
+    for [at, value, says] in cases(FAULTS) {
+        let doc = with(|doc| set(&mut doc.json, at, value.parse().unwrap()));
+        assert_fault(doc.load(), says);
     }
+    let two = with(|doc| {
+        doc.json["nodes"] = json!([{ "children": [1] }, {}]);
+        doc.json["scenes"][0]["nodes"] = json!([0, 1]);
+    });
+    assert_fault(two.load(), "not a root");
+    // An accessor without a view holds zeros (glTF 2.0, section 3.6.2.1): degenerate, not broken.
+    let mut zeros = Doc::square();
+    let accessor = zeros.json["accessors"][0].as_object_mut().unwrap();
+    accessor.remove("bufferView").unwrap();
+    let result = zeros.load();
+    assert!(result.is_ok(), "{result:?}");
 }
 
 #[test]

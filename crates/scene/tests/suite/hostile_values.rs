@@ -3,79 +3,42 @@
 use serde_json::{Value, json};
 use stereolux_scene::Scene;
 
-use super::import::{Doc, assert_fault, with};
+use super::import::{assert_fault, png_1x1, set, with};
+use crate::cases::cases;
+
+/// Where a textured square is changed, to what, and what is said; 4294967296 is 2^32.
+const FAULTS: &str = r#"
+    /meshes/0/primitives/0/targets | [{ "POSITION": 4294967296 }] | targets[0].POSITION: index out of range
+    /meshes/0/primitives/0/targets | [{ "NORMAL": 4294967297 }] | targets[0].NORMAL: index out of range
+    /meshes/0/primitives/0/attributes/NORMAL | 4294967296 | attributes.NORMAL: index out of range
+    /animations | 5 | animations: must be a list
+    /skins | "x" | skins: must be a list
+    /animations | [{ "channels": 5, "samplers": [] }] | animations[0].channels: must be a list
+    /animations | [{ "channels": [], "samplers": 5 }] | animations[0].samplers: must be a list
+    /skins | [{ "joints": 5 }] | skins[0].joints: must be a list
+    /samplers/0/wrapS | 4295000367 | samplers[0].wrapS
+    /samplers/0/wrapT | 4295000367 | samplers[0].wrapT
+    /samplers/0/magFilter | 4294977024 | samplers[0].magFilter
+    /samplers/0/minFilter | 4294977024 | samplers[0].minFilter
+    /materials/0/normalTexture/extensions | {"KHR_texture_transform": {"offset": ["a", "b"]}} | KHR_texture_transform
+    /materials/0/normalTexture/extensions | {"KHR_texture_transform": {"rotation": "0.5"}} | KHR_texture_transform
+    /materials/0/normalTexture/extensions | {"KHR_texture_transform": {"scale": 2}} | KHR_texture_transform
+    /materials/0/normalTexture/extensions | {"KHR_texture_transform": {"texCoord": "1"}} | KHR_texture_transform
+"#;
 
 #[test]
 fn indices_beyond_32_bits_and_wrong_kinds_are_faults() {
-    const BEYOND: u64 = 1 << 32;
-    let sampler = |key: &str, value: u64| {
-        with(|doc| {
-            doc.json["samplers"] = json!([{ key: value }]);
-            doc.json["textures"] = json!([{ "sampler": 0, "source": 0 }]);
-            doc.json["images"] = json!([{ "uri": "data:image/png;base64,AAAA" }]);
-        })
-    };
-    let transform = |transform: Value| {
-        with(|doc| {
-            doc.json["images"] = json!([{ "uri": "data:image/png;base64,AAAA" }]);
-            doc.json["textures"] = json!([{ "source": 0 }]);
-            doc.json["materials"] = json!([{ "normalTexture": {
-                "index": 0, "extensions": { "KHR_texture_transform": transform }
-            } }]);
-        })
-    };
-    let cases: Vec<(Doc, &str)> = vec![
-        (
-            with(|doc| doc.primitive()["targets"] = json!([{ "POSITION": BEYOND }])),
-            "targets[0].POSITION: index out of range",
-        ),
-        (
-            with(|doc| doc.primitive()["targets"] = json!([{ "NORMAL": BEYOND + 1 }])),
-            "targets[0].NORMAL: index out of range",
-        ),
-        (
-            with(|doc| doc.primitive()["attributes"]["NORMAL"] = json!(BEYOND)),
-            "attributes.NORMAL: index out of range",
-        ),
-        (sampler("wrapS", BEYOND + 33071), "samplers[0].wrapS"),
-        (sampler("wrapT", BEYOND + 33071), "samplers[0].wrapT"),
-        (sampler("magFilter", BEYOND + 9728), "samplers[0].magFilter"),
-        (sampler("minFilter", BEYOND + 9728), "samplers[0].minFilter"),
-        (
-            with(|doc| doc.json["animations"] = json!(5)),
-            "animations: must be a list",
-        ),
-        (
-            with(|doc| doc.json["skins"] = json!("x")),
-            "skins: must be a list",
-        ),
-        (
-            with(|doc| doc.json["animations"] = json!([{ "channels": 5, "samplers": [] }])),
-            "animations[0].channels: must be a list",
-        ),
-        (
-            with(|doc| doc.json["animations"] = json!([{ "channels": [], "samplers": 5 }])),
-            "animations[0].samplers: must be a list",
-        ),
-        (
-            with(|doc| doc.json["skins"] = json!([{ "joints": 5 }])),
-            "skins[0].joints: must be a list",
-        ),
-        (
-            transform(json!({ "offset": ["a", "b"] })),
-            "KHR_texture_transform",
-        ),
-        (
-            transform(json!({ "rotation": "0.5" })),
-            "KHR_texture_transform",
-        ),
-        (transform(json!({ "scale": 2 })), "KHR_texture_transform"),
-        (
-            transform(json!({ "texCoord": "1" })),
-            "KHR_texture_transform",
-        ),
-    ];
-    for (doc, says) in cases {
+    let textured = with(|doc| {
+        let png = doc.view(&png_1x1());
+        doc.json["images"] = json!([{ "bufferView": png }]);
+        doc.json["samplers"] = json!([{}]);
+        doc.json["textures"] = json!([{ "sampler": 0, "source": 0 }]);
+        doc.json["materials"] = json!([{ "normalTexture": { "index": 0 } }]);
+    });
+    textured.load().unwrap();
+    for [at, value, says] in cases(FAULTS) {
+        let mut doc = textured.clone();
+        set(&mut doc.json, at, value.parse().unwrap());
         assert_fault(doc.load(), says);
     }
 }

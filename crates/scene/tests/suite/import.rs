@@ -15,6 +15,7 @@ fn bytes_of(values: &[f32]) -> Vec<u8> {
 }
 
 /// A document under construction: typed data goes into buffer 0.
+#[derive(Clone)]
 pub struct Doc {
     pub json: Value,
     pub bin: Vec<u8>,
@@ -40,21 +41,10 @@ impl Doc {
     /// Accessor 0 is POSITION, accessor 1 the indices.
     pub fn square() -> Self {
         let mut doc = Self::new();
-        let positions = doc.accessor(
-            &bytes_of(&[0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.]),
-            5126,
-            "VEC3",
-            4,
-        );
-        let indices = doc.accessor(
-            &[0_u16, 1, 2, 0, 2, 3]
-                .iter()
-                .flat_map(|i| i.to_le_bytes())
-                .collect::<Vec<_>>(),
-            5123,
-            "SCALAR",
-            6,
-        );
+        let corners = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+        let positions = doc.floats(&corners, "VEC3");
+        let indices = [0_u16, 1, 2, 0, 2, 3].map(u16::to_le_bytes);
+        let indices = doc.accessor(indices.as_flattened(), 5123, "SCALAR", 6);
         *doc.primitive() = json!({ "attributes": { "POSITION": positions }, "indices": indices });
         doc
     }
@@ -80,9 +70,10 @@ impl Doc {
         accessors.len() - 1
     }
 
-    pub fn roots(mut self, roots: Value) -> Self {
-        self.json["scenes"][0]["nodes"] = roots;
-        self
+    /// An accessor of as many vectors as there are numbers for.
+    fn floats(&mut self, values: &[f32], kind: &str) -> usize {
+        let size = kind.trim_start_matches("VEC").parse::<usize>().unwrap();
+        self.accessor(&bytes_of(values), 5126, kind, values.len() / size)
     }
 
     pub fn load(&self) -> Result<Scene, String> {
@@ -102,6 +93,16 @@ pub fn with(change: impl FnOnce(&mut Doc)) -> Doc {
     let mut doc = Doc::square();
     change(&mut doc);
     doc
+}
+
+/// Puts a value at a JSON pointer; its last part may be new.
+pub fn set(json: &mut Value, at: &str, value: Value) {
+    if let Some(place) = json.pointer_mut(at) {
+        *place = value;
+    } else {
+        let (parent, key) = at.rsplit_once('/').unwrap();
+        json.pointer_mut(parent).unwrap()[key] = value;
+    }
 }
 
 #[track_caller]
@@ -149,15 +150,10 @@ fn a_plain_square() {
 #[test]
 fn index_types_and_modes_give_the_same_square() {
     let area = |doc: Doc| doc.load().unwrap().surface_area_m2();
+    let long = [0_u32, 1, 2, 0, 2, 3].map(u32::to_le_bytes);
     for (component, bytes) in [
         (5121, vec![0_u8, 1, 2, 0, 2, 3]),
-        (
-            5125,
-            [0_u32, 1, 2, 0, 2, 3]
-                .iter()
-                .flat_map(|index| index.to_le_bytes())
-                .collect(),
-        ),
+        (5125, long.as_flattened().to_vec()),
     ] {
         let doc = with(|doc| {
             let indices = doc.accessor(&bytes, component, "SCALAR", 6);
@@ -206,7 +202,7 @@ fn interleaved_attributes_are_those_that_lie_packed() {
         [0.0, 0.8, 0.6],
     ];
     let packed = with(|doc| {
-        let normals = doc.accessor(&bytes_of(normals.as_flattened()), 5126, "VEC3", 4);
+        let normals = doc.floats(normals.as_flattened(), "VEC3");
         doc.primitive()["attributes"]["NORMAL"] = json!(normals);
     });
     let interleaved = with(|doc| {
@@ -275,21 +271,10 @@ fn normalised_integers_are_scaled() {
     let doc = with(|doc| {
         let uv = doc.accessor(&[0, 0, 255, 0, 255, 255, 0, 255], 5121, "VEC2", 4);
         doc.json["accessors"][uv]["normalized"] = json!(true);
-        let normals: Vec<u8> = [[0_i16, 0, 32767]; 4]
-            .as_flattened()
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        let normal = doc.accessor(&normals, 5122, "VEC3", 4);
+        let normals = [[0_i16, 0, 32767].map(i16::to_le_bytes); 4];
+        let normal = doc.accessor(normals.as_flattened().as_flattened(), 5122, "VEC3", 4);
         doc.json["accessors"][normal]["normalized"] = json!(true);
-        let colors = doc.accessor(
-            &bytes_of(&[
-                0.5, 0.25, 1.0, 0.5, 0.25, 1.0, 0.5, 0.25, 1.0, 0.5, 0.25, 1.0,
-            ]),
-            5126,
-            "VEC3",
-            4,
-        );
+        let colors = doc.floats([[0.5, 0.25, 1.0]; 4].as_flattened(), "VEC3");
         doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
         doc.primitive()["attributes"]["NORMAL"] = json!(normal);
         doc.primitive()["attributes"]["COLOR_0"] = json!(colors);
@@ -312,13 +297,9 @@ fn normalised_integers_are_scaled() {
 /// A document whose square has normals, upright uvs and a material with the given normal texture slot.
 fn with_normal_texture(uvs: [[f32; 2]; 4]) -> Doc {
     with(|doc| {
-        let normal = doc.accessor(
-            &bytes_of(&[0., 0., 2., 0., 0., 2., 0., 0., 0., 0., 0., 2.]),
-            5126,
-            "VEC3",
-            4,
-        );
-        let uv = doc.accessor(&bytes_of(uvs.as_flattened()), 5126, "VEC2", 4);
+        let normals = [0., 0., 2., 0., 0., 2., 0., 0., 0., 0., 0., 2.];
+        let normal = doc.floats(&normals, "VEC3");
+        let uv = doc.floats(uvs.as_flattened(), "VEC2");
         doc.primitive()["attributes"]["NORMAL"] = json!(normal);
         doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
         doc.primitive()["material"] = json!(0);
@@ -394,12 +375,7 @@ fn materials_are_read_in_full() {
             json!([{ "uri": format!("data:image/png;base64,{png}"), "name": "dot" }]);
         doc.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }]);
         doc.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
-        let uv = doc.accessor(
-            &bytes_of(&[0., 0., 1., 0., 1., 1., 0., 1.]),
-            5126,
-            "VEC2",
-            4,
-        );
+        let uv = doc.floats(&[0., 0., 1., 0., 1., 1., 0., 1.], "VEC2");
         doc.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
         doc.primitive()["attributes"]["TEXCOORD_1"] = json!(uv);
         doc.primitive()["material"] = json!(0);

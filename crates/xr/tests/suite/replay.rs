@@ -37,6 +37,16 @@ fn options() -> ReplayOptions {
     ReplayOptions::new(Headset::load("symmetric").unwrap(), start)
 }
 
+/// A replay with something set.
+fn open(
+    file: &TemporaryFile,
+    set: impl FnOnce(&mut ReplayOptions),
+) -> Result<ReplaySession, XrError> {
+    let mut options = options();
+    set(&mut options);
+    ReplaySession::open(&file.0, options)
+}
+
 #[test]
 fn a_native_trace_replays_frame_by_frame_at_its_own_times() {
     let file = TemporaryFile::with("native.jsonl", &native(4));
@@ -104,14 +114,7 @@ fn head_motion_gets_the_headsets_eyes_and_refresh_times() {
 #[test]
 fn recentring_can_be_left_out_and_frames_named() {
     let file = TemporaryFile::with("as-is.txt", TUM);
-    let mut session = ReplaySession::open(
-        &file.0,
-        ReplayOptions {
-            recenter: Some(false),
-            ..options()
-        },
-    )
-    .unwrap();
+    let mut session = open(&file, |options| options.recenter = Some(false)).unwrap();
     assert!(
         play(&mut session)[0]
             .1
@@ -119,13 +122,12 @@ fn recentring_can_be_left_out_and_frames_named() {
             .distance(DVec3::new(3.0, 1.5, 0.0))
             < 1e-15
     );
-    let named = ReplayOptions {
-        recenter: Some(false),
-        up: Some(TraceUp::Y),
-        body: Some(TraceBody::OpenXr),
-        ..options()
-    };
-    let first = play(&mut ReplaySession::open(&file.0, named).unwrap())[0].1;
+    let named = open(&file, |options| {
+        options.recenter = Some(false);
+        options.up = Some(TraceUp::Y);
+        options.body = Some(TraceBody::OpenXr);
+    });
+    let first = play(&mut named.unwrap())[0].1;
     assert!(
         first
             .midpoint_in_world()
@@ -146,14 +148,7 @@ fn the_headset_sets_the_pace() {
         .unwrap()
         .with_refresh_hz(120.0)
         .unwrap();
-    let session = ReplaySession::open(
-        &file.0,
-        ReplayOptions {
-            headset,
-            ..options()
-        },
-    )
-    .unwrap();
+    let session = open(&file, |options| options.headset = headset).unwrap();
     assert_eq!(session.frame_count(), 61);
     assert_eq!(session.info().headset, "quest3");
 }
@@ -162,14 +157,7 @@ fn the_headset_sets_the_pace() {
 fn frame_limits() {
     let file = TemporaryFile::with("limit.jsonl", &native(5));
     for (limit, expected) in [(0, 0), (2, 2), (5, 5), (99, 5)] {
-        let mut session = ReplaySession::open(
-            &file.0,
-            ReplayOptions {
-                frame_limit: Some(limit),
-                ..options()
-            },
-        )
-        .unwrap();
+        let mut session = open(&file, |options| options.frame_limit = Some(limit)).unwrap();
         assert_eq!(play(&mut session).len(), expected);
     }
 }
@@ -186,42 +174,15 @@ fn one_pose_is_one_frame() {
 #[test]
 fn flags_that_a_native_trace_has_no_use_for() {
     let file = TemporaryFile::with("flags.jsonl", &native(2));
-    let refused = |options| {
-        let error = ReplaySession::open(&file.0, options).unwrap_err();
+    let refused = |set: fn(&mut ReplayOptions)| {
+        let error = open(&file, set).unwrap_err();
         assert!(error.is_unusable_input());
         error.to_string()
     };
-    assert!(
-        refused(ReplayOptions {
-            up: Some(TraceUp::Z),
-            ..options()
-        })
-        .contains("--trace-up")
-    );
-    assert!(
-        refused(ReplayOptions {
-            body: Some(TraceBody::Optical),
-            ..options()
-        })
-        .contains("--trace-body")
-    );
-    assert!(
-        refused(ReplayOptions {
-            recenter: Some(true),
-            ..options()
-        })
-        .contains("--trace-recenter")
-    );
-    assert!(
-        ReplaySession::open(
-            &file.0,
-            ReplayOptions {
-                recenter: Some(false),
-                ..options()
-            }
-        )
-        .is_ok()
-    );
+    assert!(refused(|options| options.up = Some(TraceUp::Z)).contains("--trace-up"));
+    assert!(refused(|options| options.body = Some(TraceBody::Optical)).contains("--trace-body"));
+    assert!(refused(|options| options.recenter = Some(true)).contains("--trace-recenter"));
+    assert!(open(&file, |options| options.recenter = Some(false)).is_ok());
 }
 
 #[test]
@@ -263,15 +224,7 @@ fn unusable_files_are_input_errors_of_one_line() {
 fn real_time_takes_the_time_of_the_recording() {
     let file = TemporaryFile::with("real-time.jsonl", &native(3));
     let start = Instant::now();
-    let mut session = ReplaySession::open(
-        &file.0,
-        ReplayOptions {
-            pacing: Pacing::RealTime,
-            ..options()
-        },
-    )
-    .unwrap();
-    play(&mut session);
+    play(&mut open(&file, |options| options.pacing = Pacing::RealTime).unwrap());
     // From the first frame to the third, 50 ms; how much longer is up to the machine.
     assert!(start.elapsed() >= Duration::from_millis(50));
 }
