@@ -108,12 +108,7 @@ impl MirrorPass {
         let size = view.texture().size();
         let places = rectangles([size.width, size.height], image);
         context.guarded(&passes::mirror.name, || {
-            let mut encoder =
-                context
-                    .device
-                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some(&passes::mirror.name),
-                    });
+            let mut encoder = context.encoder(&passes::mirror.name);
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some(&passes::mirror.name),
                 color_attachments: &[from_black(view)],

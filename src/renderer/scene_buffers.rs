@@ -229,11 +229,7 @@ impl SceneBuffers {
         let Some(mut copies) = self.texels.take() else {
             return Ok(false);
         };
-        let mut encoder = context
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("record texels"),
-            });
+        let mut encoder = context.encoder("record texels");
         let mut replaced = Ok(false);
         for ((name, _), copy) in COPIED.into_iter().zip(&mut copies) {
             if let Some((buffer, bytes)) = self.buffer(name).zip(chosen(name)) {

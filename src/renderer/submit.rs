@@ -118,12 +118,7 @@ impl Submitter {
         light: ShownLight,
     ) -> Result<(), GpuError> {
         context.guarded(&passes::xr_submit.name, || {
-            let mut encoder =
-                context
-                    .device
-                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some(&passes::xr_submit.name),
-                    });
+            let mut encoder = context.encoder(&passes::xr_submit.name);
             for (index, eye) in self.eyes.iter().enumerate() {
                 let uniform = Submit {
                     scale: light.scale,

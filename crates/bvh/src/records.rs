@@ -3,8 +3,6 @@
 //! Layouts are those of WGSL storage buffers: a `vec3f` is followed by a scalar that fills its
 //! 16 bytes, so none of these types has padding.
 
-use bytemuck::{Pod, Zeroable};
-
 /// Where the fields of a struct lie that host and shaders share.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordLayout {
@@ -16,17 +14,16 @@ pub struct RecordLayout {
     pub fields: &'static [(&'static str, usize)],
 }
 
-/// Declares a struct of plain values that host and shaders share, laid out as C does, with a constant `LAYOUT`
-/// ([`RecordLayout`](crate::records::RecordLayout)) that tests compare with the shaders' own. `Pod` and `Zeroable` of
-/// `bytemuck` are in scope.
+/// Declares structs of plain values that host and shaders share, laid out as C does, with a constant `LAYOUT` each
+/// ([`RecordLayout`](crate::records::RecordLayout)) that tests compare with the shaders' own.
 #[macro_export]
 macro_rules! shared_record {
-    ($(#[$about:meta])* pub struct $name:ident {
+    ($($(#[$about:meta])* pub struct $name:ident {
         $($(#[$field_about:meta])* pub $field:ident: $kind:ty),+ $(,)?
-    }) => {
+    })+) => {$(
         $(#[$about])*
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+        #[derive(Clone, Copy, Debug, PartialEq, ::bytemuck::Pod, ::bytemuck::Zeroable)]
         pub struct $name {
             $($(#[$field_about])* pub $field: $kind),+
         }
@@ -39,7 +36,7 @@ macro_rules! shared_record {
                 fields: &[$((stringify!($field), ::std::mem::offset_of!($name, $field))),+],
             };
         }
-    };
+    )+};
 }
 
 /// What [`Triangle::emitter`] holds where a triangle does not emit.
@@ -76,9 +73,7 @@ shared_record! {
         /// Primitives in the right child, 0 for an inner node.
         pub right_count: u32,
     }
-}
 
-shared_record! {
     /// A placed mesh: 112 bytes.
     #[derive(Default)]
     pub struct Instance {
@@ -103,9 +98,7 @@ shared_record! {
         /// The scene node that places it.
         pub node: u32,
     }
-}
 
-shared_record! {
     /// Where an instance was in the previous frame: 64 bytes.
     #[derive(Default)]
     pub struct PreviousInstance {

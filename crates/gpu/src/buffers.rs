@@ -119,11 +119,7 @@ pub fn read_buffer<T: Pod>(
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut encoder = context
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("read-back"),
-            });
+        let mut encoder = context.encoder("read-back");
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, staging.size());
         context.submit(encoder.finish());
         Ok(staging)
@@ -330,12 +326,7 @@ impl ArrayBuffer {
         let roomy = (bytes + bytes / 4).min(context.max_binding_bytes);
         let buffer = storage_buffer(context, self.label, roomy.max(bytes))?;
         context.guarded(self.label, || {
-            let mut encoder =
-                context
-                    .device
-                    .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                        label: Some(self.label),
-                    });
+            let mut encoder = context.encoder(self.label);
             let kept = size.min(buffer.size());
             encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, kept);
             context.submit(encoder.finish());

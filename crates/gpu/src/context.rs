@@ -529,6 +529,14 @@ impl GpuContext {
         }
     }
 
+    /// An empty list of work.
+    #[must_use]
+    pub fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
+        let label = Some(label);
+        self.device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label })
+    }
+
     /// Gives work to the queue, in its turn.
     pub fn submit(&self, commands: wgpu::CommandBuffer) -> wgpu::SubmissionIndex {
         let _turn = self.queue_turn.take();

@@ -155,9 +155,7 @@ impl<'a> FrameRecorder<'a> {
         Self {
             context,
             timer,
-            encoder: context
-                .device
-                .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) }),
+            encoder: context.encoder(label),
             open: None,
             timed: Vec::new(),
             dispatched: Vec::new(),

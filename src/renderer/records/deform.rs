@@ -1,6 +1,5 @@
 //! Records of meshes that change their shape, shared with `shaders/shared/deform_types.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {
@@ -22,9 +21,7 @@ shared_record! {
         /// They sum to 1.
         pub weights: [f32; 4],
     }
-}
 
-shared_record! {
     /// A deforming mesh: 32 bytes.
     #[derive(Default)]
     pub struct DeformMesh {

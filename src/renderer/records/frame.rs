@@ -1,6 +1,5 @@
 //! The frame uniform: `shaders/shared/frame.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {
@@ -23,9 +22,7 @@ shared_record! {
         /// Tangent of the lower edge.
         pub tan_down: f32,
     }
-}
 
-shared_record! {
     /// Uniform block of one frame.
     pub struct Frame {
         /// Left eye.

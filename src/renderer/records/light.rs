@@ -1,6 +1,5 @@
 //! Lights and the table they are picked by: `shaders/shared/material_types.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 /// [`Light::kind`]: an emissive triangle.
@@ -42,9 +41,7 @@ shared_record! {
         /// See `spot_scale`.
         pub spot_offset: f32,
     }
-}
 
-shared_record! {
     /// Entry of Vose's alias table. Entry 0 is a header: its `alias_index` is the number of lights n; light i has entry
     /// i + 1. The count lies here because a buffer may be longer than what it holds.
     #[derive(Default)]

@@ -1,6 +1,5 @@
 //! Materials, textures and vertices: `shaders/shared/material_types.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 /// [`Material::flags`]: emission on both sides.
@@ -106,9 +105,7 @@ shared_record! {
         /// Linear, share in red.
         pub transmission_map: TextureSlot,
     }
-}
 
-shared_record! {
     /// Where a level of a texture's image lies in the pool of texels, and how it is sampled.
     #[derive(Default, Eq)]
     pub struct TextureInfo {
@@ -122,9 +119,7 @@ shared_record! {
         /// [`TEXTURE_LEVELS_SHIFT`] on the number of coarser levels, which follow.
         pub flags: u32,
     }
-}
 
-shared_record! {
     /// What shading reads of a vertex; positions lie in the triangles. 64 bytes.
     #[derive(Default)]
     pub struct Vertex {

@@ -1,6 +1,5 @@
 //! What the pass that draws an eye into a window knows besides the frame: `shaders/passes/mirror.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {

@@ -1,6 +1,5 @@
 //! Records of the photon map that host and shaders share.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {
@@ -20,9 +19,7 @@ shared_record! {
         /// Unused.
         pub padding: [u32; 3],
     }
-}
 
-shared_record! {
     /// Twin of `Photon` in `shaders/shared/photon.wesl`.
     #[derive(Default)]
     pub struct Photon {
@@ -35,9 +32,7 @@ shared_record! {
         /// Normal (11 and 10 bits), whether on a blended surface (1 bit), halvings of the radius and trials that missed (2 bits each), segments from the light (6 bits).
         pub normal_depth: u32,
     }
-}
 
-shared_record! {
     /// Twin of `SortedPhoton` in `shaders/shared/photon.wesl`.
     #[derive(Default)]
     pub struct SortedPhoton {
@@ -58,9 +53,7 @@ shared_record! {
         /// Share of it that is for what its disc loses over edges.
         pub edge_share: f32,
     }
-}
 
-shared_record! {
     /// Twin of `PhotonGrid` in `shaders/shared/grid.wesl`.
     #[derive(Default)]
     pub struct PhotonGrid {

@@ -1,6 +1,5 @@
 //! What the reconstruction passes know besides the frame: `shaders/shared/reconstruction.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 use super::frame::Eye;

@@ -1,6 +1,5 @@
 //! What stereo reuse says of itself: `shaders/shared/stereo.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 /// Where the right eye's pixels came from.

@@ -1,6 +1,5 @@
 //! What the pass that averages frames of a still view knows besides the frame: `shaders/passes/still_picture.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {

@@ -1,6 +1,5 @@
 //! What the passes that hand an image to a runtime know besides the frame: `shaders/shared/submit.wesl`.
 
-use bytemuck::{Pod, Zeroable};
 use stereolux_bvh::shared_record;
 
 shared_record! {
